@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Self
 
 import logs
-from hardware import SimulatedClock, load_robot, simulated_link
+from hardware import SimulatedClock, load_robot
 from skills import Question
 from skills.motion import Pool
 from trees.compile.port_types import known_skills
@@ -114,7 +114,7 @@ class SimulatedArm:
         Raises:
             UnknownTask: No task has that name.
         """
-        link = simulated_link(self._setup.load_robot(), self.clock)
+        link = self._setup.load_robot().simulated_link(self.clock)
         with (
             self.clock.working(),
             open_executive(

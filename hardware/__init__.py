@@ -51,14 +51,13 @@ if typing.TYPE_CHECKING:
     from .arm.arm import Arm as Arm
     from .arm.streamer import Playback as Playback, PlaybackState as PlaybackState
     from .description.robot_file import load_robot as load_robot
-    from .drivers.arduino.virtual.link import BoardLink as BoardLink
+    from .drivers.virtual.link import BoardLink as BoardLink
     from .link.serial_link import SerialLink as SerialLink
     from .link.serial_ports import (
         Check as Check,
         check_port as check_port,
         serial_ports as serial_ports,
     )
-    from .simulation import simulated_link as simulated_link, virtual_board as virtual_board
 
 # Loaded at their first use, because their libraries are slow to import.
 _LAZY = {
@@ -66,13 +65,11 @@ _LAZY = {
     "Playback": "arm.streamer",
     "PlaybackState": "arm.streamer",
     "load_robot": "description.robot_file",
-    "BoardLink": "drivers.arduino.virtual.link",
+    "BoardLink": "drivers.virtual.link",
     "SerialLink": "link.serial_link",
     "Check": "link.serial_ports",
     "check_port": "link.serial_ports",
     "serial_ports": "link.serial_ports",
-    "simulated_link": "simulation",
-    "virtual_board": "simulation",
 }
 
 

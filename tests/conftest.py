@@ -17,9 +17,10 @@ from executive.cli.support.run_tasks import TaskSequence
 from executive.executive import Executive
 from executive.setup import Setup
 from executive.testing import SharedPool
-from hardware import Arm, BoardLink, Robot, SimulatedClock, load_robot, virtual_board
+from hardware import Arm, BoardLink, Robot, SimulatedClock, load_robot
 from skills import Context, Operator, Skill, SkillEvent
 from skills.motion import Plan, Pool, Query, Request, Result
+from tests.support.arms.virtual_boards import virtual_board
 from trees import Library
 from trees.compile.arguments import read_arguments
 

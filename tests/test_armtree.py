@@ -19,8 +19,9 @@ from executive.arm import Arm
 from executive.executive import Executive
 from executive.session import open_executive
 from executive.setup import Setup
-from hardware import BoardLink, Robot, SimulatedClock, virtual_board
+from hardware import BoardLink, Robot, SimulatedClock
 from skills.motion import Pool
+from tests.support.arms.virtual_boards import virtual_board
 from tests.support.paths import EXAMPLES, ROOT
 from trees import Library
 

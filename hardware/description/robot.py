@@ -5,13 +5,16 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+from hardware.clock import Clock, RealClock
 from hardware.drivers.board_protocol import BoardProtocol
 from hardware.drivers.driver import Driver
 from hardware.drivers.firmware_profile import Firmware
 from hardware.drivers.null_driver import NullDriver
+from hardware.drivers.virtual.link import BoardLink, NullLink
+from hardware.drivers.virtual.model import BoardModel
 from hardware.drivers.wire_format import WireFormat
 from hardware.joints import Joint
-from hardware.link.link import Link
+from hardware.link.link import VIRTUAL, Link
 
 from .kinematics import reach
 
@@ -126,13 +129,28 @@ class Robot:
         """Return the protocol of a connection to the board that is about to be opened."""
         return self.driver.protocol(self.actuated, self.firmware, self.path)
 
+    def model(self) -> BoardModel | None:
+        """Return a model of the board in the start pose of the arm, or None if there is none."""
+        return self.driver.model(self.actuated, self.firmware, self.serial.baud)
+
     def link(self, port: str) -> Link:
-        """Return a link to the board on a port.
+        """Return a link to the board on a port, or to a virtual board on the port `virtual`.
 
         Raises:
             NoDriver: The robot file names no driver, and the port is not `virtual`.
         """
-        return self.driver.link(self.actuated, self.firmware, self.serial.baud, port)
+        baud = self.serial.baud
+        if port != VIRTUAL:
+            return self.driver.link(self.actuated, self.firmware, baud, port)
+        from hardware.drivers.virtual.board_process import VirtualLink  # slow to import
+
+        model = self.model()
+        return VirtualLink(model, baud) if model else NullLink(RealClock())
+
+    def simulated_link(self, clock: Clock) -> Link:
+        """Return a link to a virtual board in this process, on a clock that may be simulated."""
+        model = self.model()
+        return BoardLink(model, clock) if model else NullLink(clock)
 
     @property
     def reach(self) -> float:

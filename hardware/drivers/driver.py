@@ -17,6 +17,7 @@ from hardware.toml_table import TomlTable
 
 from .board_protocol import BoardProtocol
 from .firmware_profile import Firmware
+from .virtual.model import BoardModel
 from .wire_format import WireFormat
 
 GROUP = "armtree.hardware"
@@ -68,13 +69,24 @@ class Driver(Protocol):
         """
 
     def link(self, joints: Sequence[Joint], firmware: Firmware, baud: int, port: str) -> Link:
-        """Return a link to a board that drives the actuated joints.
+        """Return a link to a real board that drives the actuated joints.
 
         Args:
             joints: The actuated joints.
             firmware: Firmware of the board.
             baud: Speed of the line [bit/s].
-            port: Name of the port; `virtual` needs no hardware.
+            port: Name of the port. It is not `virtual`.
+        """
+
+    def model(self, joints: Sequence[Joint], firmware: Firmware, baud: int) -> BoardModel | None:
+        """Return a model of the board in the start pose of the arm, for the port `virtual`.
+
+        None if there is no model: that port then accepts all bytes and never answers.
+
+        Args:
+            joints: The actuated joints.
+            firmware: Firmware of the board.
+            baud: Speed of the line [bit/s].
         """
 
 

@@ -7,11 +7,10 @@ for, moved and recorded before its board is known.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NoReturn
 
-from hardware.clock import Clock, RealClock
 from hardware.errors import NoDriver
 from hardware.joints import Joint, check_positions
-from hardware.link.link import VIRTUAL
 from hardware.toml_table import TomlTable
 
 from .board_protocol import BoardProtocol
@@ -54,39 +53,6 @@ class NullWireFormat:
         )
 
 
-class NullLink:
-    """A link without a board: it accepts all bytes and never answers.
-
-    Args:
-        clock: Time source.
-    """
-
-    port = VIRTUAL
-
-    def __init__(self, clock: Clock) -> None:
-        self._changed, self._open = clock.signal(), False
-
-    def open(self) -> None:
-        """Open the link."""
-        self._open = True
-
-    def write(self, data: bytes) -> None:
-        """Drop the bytes."""
-
-    def read(self) -> bytes:
-        """Wait until the link is closed."""
-        with self._changed:
-            while self._open:
-                self._changed.wait(None)
-        return b""
-
-    def close(self, discard: bool = False) -> None:
-        """Close the link. A waiting `read` returns."""
-        with self._changed:
-            self._open = False
-            self._changed.notify()
-
-
 @dataclass(frozen=True)
 class NullDriver:
     """A driver that moves nothing real.
@@ -120,12 +86,9 @@ class NullDriver:
         """Return the protocol of a board that sends nothing."""
         return BoardProtocol()
 
-    def link(self, joints: Sequence[Joint], firmware: Firmware, baud: int, port: str) -> NullLink:
-        """Return a link to nothing.
+    def link(self, joints: Sequence[Joint], firmware: Firmware, baud: int, port: str) -> NoReturn:
+        """Raise NoDriver."""
+        raise NoDriver(self.path, port)
 
-        Raises:
-            NoDriver: The port is not `virtual`.
-        """
-        if port != VIRTUAL:
-            raise NoDriver(self.path, port)
-        return NullLink(RealClock())
+    def model(self, joints: Sequence[Joint], firmware: Firmware, baud: int) -> None:
+        """Return None: there is no board."""

@@ -224,7 +224,7 @@ MakeBoard = Callable[..., AvrBoard]
 
 
 class AvrArduino(_Host):
-    """A board in real time behind a pseudo-terminal, as `VirtualArduino`.
+    """A board in real time behind a pseudo-terminal, as `BoardProcess`.
 
     Attributes:
         port: The pseudo-terminal to open.

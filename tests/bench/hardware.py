@@ -39,13 +39,13 @@ from hardware import (
     SerialLink,
     compile_schedule,
     load_robot,
-    virtual_board,
 )
 from hardware.drivers.arduino.firmware_profile import ARMTREE, FIRMWARES
 from logs import Recorder, Sent
 from skills.motion import Pool, Query
 from tests.avr import rig
 from tests.bench.table import Row, arguments, show
+from tests.support.arms.virtual_boards import virtual_board
 
 HOME, PICK = (0.0, 0.0, 0.0, 0.0), (-1.4, -0.6, -0.07, -0.7)
 

@@ -44,12 +44,13 @@ from hardware import (
     Robot,
     SimulatedClock,
     load_robot,
-    virtual_board,
 )
 from hardware.drivers.arduino.firmware_profile import ARMTREE, FIRMWARES
+from hardware.drivers.arduino.virtual.board import Board
 from skills import Cancel, Skill, skill
 from skills.motion import Pool
 from tests.bench.table import Row, arguments, show
+from tests.support.arms.virtual_boards import virtual_board
 from tests.support.recordings.finished import at_rest, finished, rest, sweep
 from tests.support.resources import descriptors_used, memory_used, threads_used
 from tests.support.servers.network_ports import in_a_flood, over_http, rosbridge_results, served
@@ -239,7 +240,7 @@ class _NotedRun(Run):
         self.trees[:] = [tree]
 
 
-class _TappedLink(BoardLink):
+class _TappedLink(BoardLink[Board]):
     """A link that keeps what is written to it."""
 
     written = 0

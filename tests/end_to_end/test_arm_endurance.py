@@ -10,7 +10,8 @@ from contextlib import closing
 import pytest
 
 from hardware import Arm, ArmEvent, Faulted, FrameSent, RealClock, SerialLink, State, load_robot
-from hardware.drivers.arduino.virtual.arduino import VirtualArduino
+from hardware.drivers.arduino.virtual.board import Board
+from hardware.drivers.virtual.board_process import BoardProcess
 from hardware.errors import PortLost
 from tests.support.arms.hardware_rigs import left, motion, nothing, open_files, settled_for, threads
 
@@ -63,7 +64,7 @@ def test_a_cable_pulled_at_any_instant_is_a_fault_and_no_frame_follows() -> None
 
 
 def test_a_thousand_activations_leave_nothing_behind() -> None:
-    with closing(VirtualArduino("bseg", (90, 90, 90, 0), QUICK, 115200)) as arduino:
+    with closing(BoardProcess(Board("bseg", (90, 90, 90, 0), QUICK, 115200))) as arduino:
         with Arm(ROBOT, SerialLink(arduino.port, 115200), RealClock()) as arm:
             arm.configure()
             files, before = open_files(), threads()

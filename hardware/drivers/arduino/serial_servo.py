@@ -8,14 +8,14 @@ from pathlib import Path
 from hardware.drivers.firmware_profile import Firmware
 from hardware.drivers.pacing import unread_bytes
 from hardware.joints import Joint
-from hardware.link.link import VIRTUAL, Link
+from hardware.link.link import Link
 from hardware.link.serial_link import SerialLink
 from hardware.toml_table import TomlTable
 
 from .acknowledgements import Acknowledgements
 from .firmware_profile import FIRMWARES, ArduinoFirmware
 from .frames import ANGLE_MAX, Codec, WireField, servo_angle
-from .virtual.arduino import VirtualLink
+from .virtual.board import Board
 
 
 @dataclass(frozen=True)
@@ -75,13 +75,14 @@ class SerialServo:
         return Acknowledgements(Codec(joints), firmware, FIRMWARES.values(), robot_file)
 
     def link(self, joints: Sequence[Joint], firmware: Firmware, baud: int, port: str) -> Link:
-        """Return a serial port, or the virtual Arduino."""
-        if port != VIRTUAL:
-            return SerialLink(port, baud)
-        assert isinstance(firmware, ArduinoFirmware)
+        """Return a serial port."""
+        return SerialLink(port, baud)
+
+    def model(self, joints: Sequence[Joint], firmware: Firmware, baud: int) -> Board:
+        """Return an Arduino with its program."""
         codec = Codec(joints)
         boot_angles = codec.encode([joint.boot for joint in joints]).servos
-        return VirtualLink(codec.letters, boot_angles, firmware, baud)
+        return Board(codec.letters, boot_angles, firmware, baud)
 
 
 def _is_servo_angle(field: WireField, limit: float) -> bool:

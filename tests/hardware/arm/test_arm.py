@@ -17,11 +17,11 @@ from hardware import (
     SimulatedClock,
     State,
     StateChanged,
-    virtual_board,
 )
 from hardware.drivers.arduino.firmware_profile import FIRMWARES
 from hardware.errors import InterfaceClaimed, TooFast
 from tests.support.arms.hardware_rigs import HOME, PICK, ROBOT, Rig, motion, nothing, settled
+from tests.support.arms.virtual_boards import virtual_board
 
 
 @pytest.fixture

@@ -28,13 +28,14 @@ from hardware import (
     State,
     TransitionRefused,
     load_robot,
-    virtual_board,
 )
 from hardware.drivers.arduino.acknowledgements import ANSWER_TIMEOUT
 from hardware.drivers.arduino.firmware_profile import FIRMWARES
 from hardware.drivers.arduino.frames import Codec
+from hardware.drivers.arduino.virtual.board import Board
 from hardware.errors import BoardReset, BoardSilent, FrameLost, PoseOutsideLimits, WrongFirmware
 from tests.support.arms.hardware_rigs import HOME, PICK, motion
+from tests.support.arms.virtual_boards import virtual_board
 from tests.support.paths import ROOT
 
 OURS = FIRMWARES["armtree"]
@@ -77,7 +78,7 @@ class Rig:
         return sum(isinstance(event, FrameSent) for event in self.events)
 
 
-class Noisy(BoardLink):
+class Noisy(BoardLink[Board]):
     """Loses one byte of the line."""
 
     writes = 0

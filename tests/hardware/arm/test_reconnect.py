@@ -21,7 +21,8 @@ from hardware import (
     load_robot,
 )
 from hardware.arm.reconnect import ReconnectWatcher
-from hardware.drivers.arduino.virtual.arduino import VirtualArduino
+from hardware.drivers.arduino.virtual.board import Board
+from hardware.drivers.virtual.board_process import BoardProcess
 from hardware.errors import PortMissing
 from hardware.link import serial_ports as ports_module
 from tests.support.arms.hardware_rigs import settled_for
@@ -65,7 +66,7 @@ class Watch:
 def lost(by_id: Path) -> Iterator[tuple[Arm, Watch]]:
     """An arm whose board has just hung up; udev has not taken its name away yet."""
     robot = dataclasses.replace(ROBOT, serial=dataclasses.replace(ROBOT.serial, boot_wait=0.0))
-    watch, board = Watch(), VirtualArduino(*BOARD)
+    watch, board = Watch(), BoardProcess(Board(*BOARD))
     by_id.symlink_to(board.port)
     with Arm(robot, SerialLink(board.port, 115200), RealClock(), watch) as arm:
         arm.configure()
@@ -84,7 +85,7 @@ def test_a_board_that_comes_back_under_another_name_is_reported(
     assert watch.returned(0.3) == []  # its name is still there, but not its board
     port = os.readlink(by_id)
     by_id.unlink()
-    with closing(VirtualArduino(*BOARD)) as second:
+    with closing(BoardProcess(Board(*BOARD))) as second:
         assert watch.returned(0.3) == []
         with caplog.at_level(logging.WARNING):
             by_id.symlink_to(second.port)
@@ -101,7 +102,7 @@ def test_the_return_is_reported_even_if_activation_was_refused(
     with pytest.raises(TransitionRefused):
         arm.activate()
     by_id.unlink()
-    with closing(VirtualArduino(*BOARD)) as second:
+    with closing(BoardProcess(Board(*BOARD))) as second:
         assert watch.returned(0.3) == []
         by_id.symlink_to(second.port)
         assert watch.returned() == [second.port]
@@ -123,7 +124,7 @@ def test_configuring_stops_the_reconnect_watcher(
 
 @pytest.mark.usefixtures("by_id")
 def test_a_port_without_a_persistent_name_is_not_watched() -> None:
-    with closing(VirtualArduino(*BOARD)) as arduino:
+    with closing(BoardProcess(Board(*BOARD))) as arduino:
         assert ReconnectWatcher(arduino.port, RealClock(), Watch()).start() is None
 
 

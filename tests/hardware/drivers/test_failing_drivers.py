@@ -17,10 +17,11 @@ from hardware import (
     RealClock,
     State,
     TransitionRefused,
-    virtual_board,
 )
+from hardware.drivers.arduino.virtual.board import Board
 from hardware.errors import DriverFailed, PortLost, PortStalled, StaleGeneration
 from tests.support.arms.hardware_rigs import HOME, PICK, ROBOT, Rig, motion, nothing, settled
+from tests.support.arms.virtual_boards import virtual_board
 
 
 @pytest.fixture
@@ -29,7 +30,7 @@ def rig() -> Iterator[Rig]:
         yield rig
 
 
-class Foreign(BoardLink):
+class Foreign(BoardLink[Board]):
     """A link that raises other exceptions."""
 
     error: Exception
@@ -125,7 +126,7 @@ def test_a_driver_that_fails_to_open_leaves_the_arm_inactive(
     rig.arm.activate()
 
 
-class Stuck(BoardLink):
+class Stuck(BoardLink[Board]):
     """A link with a write that returns when the test lets it, and then fails."""
 
     def __init__(self) -> None:

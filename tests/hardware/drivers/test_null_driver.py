@@ -15,7 +15,6 @@ from hardware import (
     RealClock,
     SimulatedClock,
     load_robot,
-    simulated_link,
 )
 from tests.support.arms.robots import ARMS, foreign
 from tests.support.paths import DATA
@@ -58,7 +57,7 @@ def test_frames_are_positions_in_millionths(data: DataObject) -> None:
 
 @pytest.mark.parametrize("clock", [RealClock(), SimulatedClock()], ids=["real", "simulated"])
 def test_a_closed_link_ends_its_reader(clock: Clock) -> None:
-    link = simulated_link(foreign("endless"), clock)
+    link = foreign("endless").simulated_link(clock)
     link.open()
     read = list[bytes]()
     reader = clock.spawn(lambda: read.append(link.read()), "reader")

@@ -21,8 +21,8 @@ from hardware import (
     State,
     compile_schedule,
     load_robot,
-    virtual_board,
 )
+from tests.support.arms.virtual_boards import virtual_board
 
 ROBOT = load_robot()
 HOME = (0.0, 0.0, 0.0, 0.0)

@@ -11,7 +11,6 @@ from hardware import (
     FrameSent,
     SimulatedClock,
     load_robot,
-    virtual_board,
 )
 from hardware.arm.board_session import BoardSession
 from hardware.arm.events import Observer
@@ -19,6 +18,7 @@ from hardware.arm.interfaces import Claim
 from hardware.arm.write_guard import WriteGuard
 from hardware.drivers.arduino.virtual.board import Board
 from hardware.drivers.driver import Driver
+from tests.support.arms.virtual_boards import virtual_board
 
 ROBOT = load_robot()
 HOME = (0.0, 0.0, 0.0, 0.0)
@@ -29,7 +29,7 @@ def degrees(*base: float) -> tuple[float, ...]:
     return (math.radians(base[0] + 0.5), 0.0, 0.0, 0.0)
 
 
-class Slow(BoardLink):
+class Slow(BoardLink[Board]):
     """A link on which a test may act before the bytes are sent."""
 
     def __init__(self, board: Board, clock: SimulatedClock) -> None:

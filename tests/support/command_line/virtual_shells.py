@@ -6,8 +6,8 @@ from threading import Thread
 
 from hardware import BoardLink, Clock, Firmware, Link, RealClock, SerialLink, SimulatedClock
 from hardware.drivers.arduino.firmware_profile import FIRMWARES
-from hardware.drivers.arduino.virtual.arduino import VirtualArduino, VirtualLink
 from hardware.drivers.arduino.virtual.board import Board, BoardState
+from hardware.drivers.virtual.board_process import BoardProcess, VirtualLink
 from tests.avr.rig import AvrArduino, Built
 
 BOOT = (90, 90, 90, 0)
@@ -118,15 +118,16 @@ class Process(Shell):
 
     def __init__(self, firmware: Firmware) -> None:
         self.clock = RealClock()
-        self.link = self.virtual = VirtualLink("bseg", BOOT, firmware, BAUD)
+        self.link = self.virtual = VirtualLink(Board("bseg", BOOT, firmware, BAUD), BAUD)
 
     def state(self) -> BoardState:
-        assert self.virtual.arduino
-        return self.virtual.arduino.state()
+        assert self.virtual.board
+        state: BoardState = self.virtual.board.state()
+        return state
 
     def unplug(self) -> None:
-        assert self.virtual.arduino
-        self.virtual.arduino.close()
+        assert self.virtual.board
+        self.virtual.board.close()
 
 
 class Port(Shell):
@@ -134,12 +135,13 @@ class Port(Shell):
 
     def __init__(self, firmware: Firmware) -> None:
         self.clock = RealClock()
-        self.arduino = VirtualArduino("bseg", BOOT, firmware, BAUD)
+        self.arduino = BoardProcess(Board("bseg", BOOT, firmware, BAUD))
         self.link = SerialLink(self.arduino.port, BAUD)
 
     def state(self) -> BoardState:
         self.arduino.state()
-        return self.arduino.state()  # a round later it has seen who came and went
+        state: BoardState = self.arduino.state()  # a round later it has seen who came and went
+        return state
 
     def close(self) -> None:
         super().close()

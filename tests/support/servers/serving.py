@@ -16,8 +16,9 @@ from executive.executive import Executive
 from executive.goals.questions import Questions
 from executive.server.server import ListenOptions, Server
 from executive.setup import Setup
-from hardware import BoardLink, RealClock, Robot, virtual_board
+from hardware import BoardLink, RealClock, Robot
 from skills.motion import Pool
+from tests.support.arms.virtual_boards import virtual_board
 from trees.live_library import LiveLibrary
 
 TASKS = {

@@ -1,1 +1,1 @@
-"""The virtual Arduino: a model of the board, behind a pseudo-terminal or in this process."""
+"""Models of an Arduino with its program."""

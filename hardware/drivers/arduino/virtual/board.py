@@ -1,8 +1,8 @@
 """The virtual board: a pure model from bytes and time to servo angles and bytes.
 
 This file models its serial line and its boot. Its program is in `stock` (the published sketch) or
-`armtree` (the firmware of armtree). The model has no clock and does no I/O: `arduino` puts it
-behind a pseudo-terminal, and `link` behind a link in this process.
+`armtree` (the firmware of armtree). The model has no clock and does no I/O: `drivers/virtual`
+puts it behind a pseudo-terminal, or behind a link in this process.
 """
 
 from collections import deque
@@ -91,6 +91,11 @@ class Board:
         self._line, self._line_free = deque[tuple[float, int]](), 0.0
         self._angles_at_reset = tuple(map(float, boot_angles))
         self._start(0.0, None)
+
+    def open(self, now: float) -> None:
+        """A program has opened the port: reset the board. Bytes from before are lost."""
+        self.reset(now)
+        self.read_output(now)
 
     def reset(self, now: float) -> None:
         """Reset the board. Unread bytes are lost, and the servos do not move until it has booted.

@@ -1,21 +1,19 @@
-"""The process of a virtual Arduino.
+"""The process of a virtual board.
 
 It serves a pseudo-terminal that it inherits. It answers every line on its standard input with its
-state as one line of JSON, and ends when its standard input ends. As with an Uno, opening the port
-resets the board.
+state, pickled in one line of base64, and ends when its standard input ends.
 """
 
+import base64
 import contextlib
-import json
 import os
+import pickle
 import select
 import sys
-from dataclasses import asdict
 
 from hardware.clock import RealClock
-from hardware.drivers.arduino.firmware_profile import ArduinoFirmware
 
-from .board import Board
+from .model import BoardModel
 
 # While the port is not open a poll on it returns at once, so the process sleeps between polls.
 _SLEEP_MS = 5
@@ -24,7 +22,7 @@ _SLEEP_MS = 5
 class _Server:
     """Runs a board in real time: transfers bytes between the pseudo-terminal and the board."""
 
-    def __init__(self, board: Board, master: int) -> None:
+    def __init__(self, board: BoardModel, master: int) -> None:
         self._board, self._clock = board, RealClock()
         self._master, self._opened = master, False
         os.set_blocking(master, False)
@@ -53,8 +51,7 @@ class _Server:
         if self._opened is hung_up:
             self._opened = not hung_up
             if self._opened:
-                self._board.reset(self._clock.now())
-                self._board.read_output(self._clock.now())  # bytes from before the reset are lost
+                self._board.open(self._clock.now())
                 self._read()
 
     def _events(self) -> int:
@@ -87,19 +84,16 @@ class _Server:
     def _answer(self) -> bool:
         if not sys.stdin.readline():
             return False
-        state = asdict(self._board.state(self._clock.now()))
-        sys.stdout.write(json.dumps(state) + "\n")
+        state = pickle.dumps(self._board.state(self._clock.now()))
+        sys.stdout.write(base64.b64encode(state).decode() + "\n")
         sys.stdout.flush()
         return True
 
 
 def main() -> None:
-    """Run a board. The program arguments are those of `VirtualArduino`, as JSON."""
-    master, board = sys.argv[1:]
-    letters, angles, firmware, baud = json.loads(board)
-    firmware["banner"] = firmware["banner"].encode("latin-1")
-    profile = ArduinoFirmware(**firmware)
-    _Server(Board(letters, angles, profile, baud), int(master)).run()
+    """Run a board. The arguments are its pseudo-terminal, and its model in base64."""
+    master, model = sys.argv[1:]
+    _Server(pickle.loads(base64.b64decode(model)), int(master)).run()
 
 
 if __name__ == "__main__":

@@ -1,50 +1,42 @@
-"""The virtual Arduino: a virtual board in its own process, behind a pseudo-terminal."""
+"""A virtual board in its own process, behind a pseudo-terminal."""
 
-import json
+import base64
 import os
+import pickle
 import pty
 import subprocess
 import sys
 import threading
 import tty
-from dataclasses import asdict
 from typing import Any
 
-from hardware.drivers.arduino.firmware_profile import ArduinoFirmware
-from hardware.drivers.firmware_profile import Firmware
 from hardware.errors import LinkError, PortLost
+from hardware.link.link import VIRTUAL
 from hardware.link.serial_link import SerialLink
 
-from .board import BoardState
+from .model import BoardModel
 
-_PROGRAM = f"{__package__}.process"
+_PROGRAM = f"{__package__}.program"
 
 
-class VirtualArduino:
+class BoardProcess:
     """The process of a virtual board. Its port can be opened at once, while the process starts.
 
     Args:
-        letters: Letters of the fields of a frame, in order.
-        boot_angles: Servo angles after a reset [deg].
-        firmware: Firmware of the board.
-        baud: Speed of the line [bit/s].
+        model: The board. The process has its own copy of it.
 
     Attributes:
         port: Name of the pseudo-terminal.
         pid: Process id.
     """
 
-    def __init__(
-        self, letters: str, boot_angles: tuple[int, ...], firmware: Firmware, baud: int
-    ) -> None:
+    def __init__(self, model: BoardModel) -> None:
         master, slave = pty.openpty()
         tty.setraw(slave)
         self.port = os.ttyname(slave)
         # The master can detect a client only while no slave is open here.
         os.close(slave)
-        assert isinstance(firmware, ArduinoFirmware)
-        profile = {**asdict(firmware), "banner": firmware.banner.decode("latin-1")}
-        board = json.dumps([letters, boot_angles, profile, baud])
+        board = base64.b64encode(pickle.dumps(model)).decode()
         # In its own session, so that Ctrl-C at the terminal does not reach it.
         self._process = subprocess.Popen(
             [sys.executable, "-P", "-m", _PROGRAM, str(master), board],
@@ -58,8 +50,8 @@ class VirtualArduino:
         self.pid = self._process.pid
         self._closing = threading.Lock()
 
-    def state(self) -> BoardState:
-        """Return the state of the board.
+    def state(self) -> Any:
+        """Return the state of the board, as its model does.
 
         Raises:
             LinkError: The process has ended.
@@ -69,10 +61,9 @@ class VirtualArduino:
         try:
             self._process.stdin.write("state\n")
             self._process.stdin.flush()
-            answer: dict[str, Any] = json.loads(self._process.stdout.readline())
-        except (OSError, ValueError):  # a broken or closed pipe, or no answer
-            raise LinkError(self.port, "the virtual Arduino has ended") from None
-        return BoardState(**{**answer, "servos": tuple(answer["servos"])})
+            return pickle.loads(base64.b64decode(self._process.stdout.readline()))
+        except (OSError, ValueError, EOFError):  # a broken or closed pipe, or no answer
+            raise LinkError(self.port, "the virtual board has ended") from None
 
     def close(self) -> None:
         """End the process, as if the cable was disconnected. Does nothing if it has ended."""
@@ -82,26 +73,21 @@ class VirtualArduino:
 
 
 class VirtualLink:
-    """A serial link to a virtual Arduino, which is started when the link opens.
+    """A serial link to a virtual board, whose process is started when the link opens.
 
     Args:
-        letters: Letters of the fields of a frame, in order.
-        boot_angles: Servo angles after a reset [deg].
-        firmware: Firmware of the board.
+        model: The board when it is switched on.
         baud: Speed of the line [bit/s].
 
     Attributes:
-        arduino: The virtual Arduino while the link is open.
+        board: The process of the board while the link is open.
     """
 
-    port = "virtual"
+    port = VIRTUAL
 
-    def __init__(
-        self, letters: str, boot_angles: tuple[int, ...], firmware: Firmware, baud: int
-    ) -> None:
-        self._board = (letters, boot_angles, firmware, baud)
-        self._baud = baud
-        self.arduino: VirtualArduino | None = None
+    def __init__(self, model: BoardModel, baud: int) -> None:
+        self._model, self._baud = model, baud
+        self.board: BoardProcess | None = None
         self._serial: SerialLink | None = None
 
     def open(self) -> None:
@@ -110,8 +96,8 @@ class VirtualLink:
         Raises:
             LinkError: The port cannot be opened.
         """
-        self.arduino = VirtualArduino(*self._board)
-        link = SerialLink(self.arduino.port, self._baud)
+        self.board = BoardProcess(self._model)
+        link = SerialLink(self.board.port, self._baud)
         try:
             link.open()
         except LinkError:
@@ -123,7 +109,7 @@ class VirtualLink:
         """Send bytes. Raises what `SerialLink.write` raises."""
         link = self._serial
         if link is None:
-            raise PortLost(self.port, "The virtual Arduino is not open")
+            raise PortLost(self.port, "The virtual board is not open")
         link.write(data)
 
     def read(self) -> bytes:
@@ -134,10 +120,10 @@ class VirtualLink:
     def close(self, discard: bool = False) -> None:
         """Close the port as `SerialLink.close` does, and end the process."""
         link, self._serial = self._serial, None
-        arduino, self.arduino = self.arduino, None
+        board, self.board = self.board, None
         try:
             if link:
                 link.close(discard)
         finally:
-            if arduino:
-                arduino.close()
+            if board:
+                board.close()

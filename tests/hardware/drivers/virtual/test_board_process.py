@@ -1,4 +1,4 @@
-"""Processes of virtual Arduinos: none spins, leaks or outlives its owner."""
+"""Processes of virtual boards: none spins, leaks or outlives its owner."""
 
 import dataclasses
 import os
@@ -16,8 +16,8 @@ import pytest
 
 from hardware import Arm, ArmEvent, Faulted, LinkError, RealClock, SerialLink, State, StateChanged
 from hardware.drivers.arduino.firmware_profile import FIRMWARES
-from hardware.drivers.arduino.virtual.arduino import VirtualArduino, VirtualLink
-from hardware.drivers.arduino.virtual.board import BoardState
+from hardware.drivers.arduino.virtual.board import Board, BoardState
+from hardware.drivers.virtual.board_process import BoardProcess, VirtualLink
 from hardware.errors import PortMissing
 from tests.support.arms.hardware_rigs import ROBOT, left, open_files, threads
 from tests.support.paths import ROOT
@@ -38,30 +38,30 @@ def test_a_virtual_port_that_does_not_open_ends_its_process(
     pids: list[int] = []
 
     def missing(self: SerialLink) -> None:
-        assert link.arduino
-        pids.append(link.arduino.pid)
+        assert link.board
+        pids.append(link.board.pid)
         raise PortMissing("virtual", [])
 
     monkeypatch.setattr(SerialLink, "open", missing)
     with pytest.raises(PortMissing):
         link.open()
-    assert link.arduino is None
+    assert link.board is None
     with pytest.raises(ProcessLookupError):
         os.kill(pids[0], 0)
 
 
-def test_the_state_of_an_ended_virtual_arduino_is_an_error() -> None:
-    arduino = VirtualArduino("bseg", (90, 90, 90, 0), ROBOT.firmware, BAUD)
+def test_the_state_of_an_ended_virtual_board_is_an_error() -> None:
+    arduino = BoardProcess(Board("bseg", (90, 90, 90, 0), ROBOT.firmware, BAUD))
     os.kill(arduino.pid, signal.SIGKILL)
     for _ in range(2):
-        with pytest.raises(LinkError, match="the virtual Arduino has ended"):
+        with pytest.raises(LinkError, match="the virtual board has ended"):
             arduino.state()
         arduino.close()
 
 
 def test_an_idle_board_costs_next_to_nothing() -> None:
     """The process does not spin, neither with a client nor after one has closed the port."""
-    arduino = VirtualArduino("bseg", (90, 90, 90, 0), FIRMWARES["armtree"], BAUD)
+    arduino = BoardProcess(Board("bseg", (90, 90, 90, 0), FIRMWARES["armtree"], BAUD))
     link, clock = SerialLink(arduino.port, BAUD), RealClock()
     link.open()
     for opened in (True, False):
@@ -81,7 +81,7 @@ def test_a_client_that_never_reads_stops_nothing() -> None:
     """Bytes without room in the kernel are lost, as on a real line, and the board continues."""
     asked = 1000
     ours = dataclasses.replace(FIRMWARES["armtree"], boot_time=0.0)
-    arduino = VirtualArduino("bseg", (90, 90, 90, 0), ours, 4_000_000)
+    arduino = BoardProcess(Board("bseg", (90, 90, 90, 0), ours, 4_000_000))
     port = os.open(arduino.port, os.O_RDWR | os.O_NOCTTY)
     until(arduino, lambda state: state.resets == 1)
     for _ in range(asked):
@@ -101,7 +101,7 @@ def test_a_client_that_never_reads_stops_nothing() -> None:
     arduino.close()
 
 
-def until(arduino: VirtualArduino, so: Callable[[BoardState], bool]) -> None:
+def until(arduino: BoardProcess, so: Callable[[BoardState], bool]) -> None:
     """Reads the state of the board until a condition holds."""
     deadline = time.monotonic() + PATIENCE
     while not so(state := arduino.state()):
@@ -114,14 +114,15 @@ def cpu_seconds(pid: int) -> float:
 
 
 def test_a_hundred_activations_leak_nothing() -> None:
-    arduino = VirtualArduino("bseg", (90, 90, 90, 0), ROBOT.firmware, BAUD)
+    arduino = BoardProcess(Board("bseg", (90, 90, 90, 0), ROBOT.firmware, BAUD))
     arduino.state()
     with Arm(EAGER, SerialLink(arduino.port, BAUD), RealClock()) as arm:
         arm.configure()
         files, before = open_files(), threads()
         for _ in range(100):
             arm.activate()
-            assert len(threads() - before) == 3
+            started = {each.name for each in threads() - before} - {"releaser"}
+            assert started == {"listener", "streamer", "writer"}
             arm.deactivate()
             assert not left(before)
         assert open_files() <= files
@@ -145,8 +146,8 @@ def test_an_arm_whose_port_is_lost_leaves_active() -> None:
         with Arm(EAGER, link, RealClock(), see) as arm:
             arm.configure()
             arm.activate()
-            assert link.arduino
-            link.arduino.close()
+            assert link.board
+            link.board.close()
             assert left.wait(5)
             assert arm.state is State.UNCONFIGURED
         assert len(faults) == 1
@@ -174,7 +175,7 @@ link = robot.link("virtual")
 arm = Arm(robot, link, RealClock(), lambda event: print(event, flush=True))
 arm.configure()
 arm.activate()
-print(link.arduino.pid)
+print(link.board.pid)
 """
     done = subprocess.run(
         [sys.executable, "-c", program],
@@ -197,8 +198,8 @@ from hardware import load_robot
 robot = load_robot()
 link = robot.link("virtual")
 link.open()
-link.arduino.state()
-print(link.arduino.pid, flush=True)
+link.board.state()
+print(link.board.pid, flush=True)
 sys.stdin.read()
 """
     with subprocess.Popen(

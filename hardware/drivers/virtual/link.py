@@ -1,13 +1,18 @@
-"""A link to a virtual board in this process, on the injected clock."""
+"""Links without a port, on the injected clock: to a virtual board in this process, and to none."""
+
+from typing import Generic, TypeVar
 
 from hardware.clock import Clock
 from hardware.errors import PortLost
+from hardware.link.link import VIRTUAL
 from hardware.printable import wire_text
 
-from .board import Board
+from .model import BoardModel
+
+Model = TypeVar("Model", bound=BoardModel)
 
 
-class BoardLink:
+class BoardLink(Generic[Model]):
     """A link to a virtual board in this process.
 
     Args:
@@ -17,7 +22,7 @@ class BoardLink:
 
     port = "board"
 
-    def __init__(self, board: Board, clock: Clock) -> None:
+    def __init__(self, board: Model, clock: Clock) -> None:
         self.board = board
         self._clock = clock
         self._changed = clock.signal()
@@ -25,11 +30,10 @@ class BoardLink:
         self._lost = False
 
     def open(self) -> None:
-        """Open the link, which resets the board."""
+        """Open the link, which resets most boards."""
         with self._changed:
             self._open, self._lost = True, False
-            self.board.reset(self._clock.now())
-            self.board.read_output(self._clock.now())  # bytes from before the reset are lost
+            self.board.open(self._clock.now())
 
     def write(self, data: bytes) -> None:
         """Send bytes.
@@ -76,4 +80,37 @@ class BoardLink:
         """Disconnect the cable."""
         with self._changed:
             self._lost = True
+            self._changed.notify()
+
+
+class NullLink:
+    """A link without a board: it accepts all bytes and never answers.
+
+    Args:
+        clock: Time source.
+    """
+
+    port = VIRTUAL
+
+    def __init__(self, clock: Clock) -> None:
+        self._changed, self._open = clock.signal(), False
+
+    def open(self) -> None:
+        """Open the link."""
+        self._open = True
+
+    def write(self, data: bytes) -> None:
+        """Drop the bytes."""
+
+    def read(self) -> bytes:
+        """Wait until the link is closed."""
+        with self._changed:
+            while self._open:
+                self._changed.wait(None)
+        return b""
+
+    def close(self, discard: bool = False) -> None:
+        """Close the link. A waiting `read` returns."""
+        with self._changed:
+            self._open = False
             self._changed.notify()
