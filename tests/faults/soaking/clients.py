@@ -12,8 +12,9 @@ from websockets.exceptions import WebSocketException
 from websockets.sync.client import connect
 
 from tests.faults.process import kill
+from tests.faults.row import TASKS
 
-from .site import OWN_TASKS, Site
+from .site import Site
 
 _TASKS = (0, 1, 2, 20, 21, 21, 22, 23, 24, 25, 26, 27)
 _TYPE = "arduinobot_msgs/action/ArduinobotTask"
@@ -181,7 +182,7 @@ def commands(site: Site, random: random.Random) -> None:
 def edit(site: Site, random: random.Random) -> None:
     """Break a task file while it may be read, and mend it."""
     path = site.folder / "trees" / "23_nothing.yaml"
-    good = (OWN_TASKS / path.name).read_text()  # another edit may have broken the copy
+    good = (TASKS / path.name).read_text()  # another edit may have broken the copy
     path.write_text(random.choice(["", "task: 23\ntree: [", "\0", good[: len(good) // 2]]))
     try:
         site.send(21)

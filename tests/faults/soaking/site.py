@@ -13,7 +13,7 @@ from tests.faults.process import HANG_S, Command, Hang, Server, until
 from tests.faults.row import TASKS, Scene, compare, frames_of
 from tests.faults.wrong_calls import WrongCalls
 
-OWN_TASKS = Path(__file__).with_name("tasks")
+_OWN_TASKS = Path(__file__).with_name("tasks")
 RESULTS_S = 120  # the server keeps results for longer than a round takes, but not for long
 # No fault of a soak excuses a code that begins like this.
 WRONG = (
@@ -52,7 +52,7 @@ class Site:
         self._read = self._server_frames = self._errors_read = 0
         self._seen: dict[Path, int] = {}
         shutil.copytree(TASKS, folder / "trees")
-        shutil.copytree(OWN_TASKS, folder / "trees", dirs_exist_ok=True)
+        shutil.copytree(_OWN_TASKS, folder / "trees", dirs_exist_ok=True)
         firmware = random.choice(["stock", "armtree"])
         self.policy = random.choice(["reject", "queue", "preempt"])
         if firmware == "armtree":
