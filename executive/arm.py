@@ -14,6 +14,8 @@ from hardware import VIRTUAL, SerialLink, load_robot
 from skills import Operator
 
 from .api.codes import OK
+from .api.events import Where
+from .api.move import HOME, Move
 from .api.outcome import Outcome
 from .errors import GoalFailed
 from .session import load_own_skills, open_executive, run_task
@@ -96,11 +98,11 @@ class Arm:
         """
         self._close()
 
-    def run(self, task: int | str, /, **arguments: Any) -> Outcome:
+    def run(self, task: int | str | Move, /, **arguments: Any) -> Outcome:
         """Run a task and wait for its end. Ctrl-C cancels it and stops the arm.
 
         Args:
-            task: Number or name of the task.
+            task: Number or name of the task, or a move.
             arguments: Values of its parameters, such as `swing="30 deg"`.
 
         Raises:
@@ -114,10 +116,34 @@ class Arm:
             raise GoalFailed(outcome)
         return outcome
 
-    def attempt(self, task: int | str, /, **arguments: Any) -> Outcome:
+    def attempt(self, task: int | str | Move, /, **arguments: Any) -> Outcome:
         """Run a task as `run` does, but return the outcome of one that fails, too."""
         with self._lock:
             return run_task(self.executive, task, arguments)
+
+    def move(
+        self, *to: str | float, relative: bool = False, speed: float = 1.0, **joints: str | float
+    ) -> Outcome:
+        """Move, and wait for the end. Ctrl-C stops the arm.
+
+        Args:
+            to: The target: names of poses, `joint_1=70deg`, or x, y, z of the tool [m].
+            relative: True if the target is a change: distances of joints, or x, y, z from the tool.
+            speed: Share of the robot's speed, 0.01 to 1.
+            joints: Targets of joints, such as `joint_1="70 deg"`, or a number [rad].
+
+        Raises:
+            GoalFailed, KeyboardInterrupt: As `run`.
+        """
+        return self.run(Move.of(to, joints, relative, speed))
+
+    def home(self, speed: float = 1.0) -> Outcome:
+        """Move to the home of the robot, as `move` does: the pose `home`, or the robot file's."""
+        return self.move(HOME, speed=speed)
+
+    def where(self) -> Where:
+        """Return where the arm is."""
+        return self.executive.where()
 
     def stop(self) -> None:
         """Stop the arm and cancel the task that runs. Any thread may call."""

@@ -44,6 +44,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from hardware import HardwareError, WriteRefused
+from logs import goal_title
 from trees import FileError
 
 from .api.outcome import Cause, Outcome
@@ -142,8 +143,8 @@ class ExecutorBlocked(GoalError):
 
     def __init__(self, identity: str, task: int, node: str) -> None:
         super().__init__(
-            f"the code of {node or 'a skill'} of goal {identity} for task {task} does not return, "
-            "so no other goal can be executed; start the server again"
+            f"the code of {node or 'a skill'} of goal {identity} for {goal_title(task)} does not "
+            "return, so no other goal can be executed; start the server again"
         )
 
 
@@ -447,4 +448,4 @@ class GoalFailed(ClientError):
     def __init__(self, outcome: Outcome) -> None:
         self.code, self.outcome = outcome.code, outcome
         self.cause = outcome.cause or Cause(outcome.code, outcome.message)
-        super().__init__(f"task {outcome.task} {outcome.state.name}: {outcome.message}")
+        super().__init__(f"{goal_title(outcome.task)} {outcome.state.name}: {outcome.message}")

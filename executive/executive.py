@@ -22,12 +22,14 @@ from hardware import (
     StateChanged,
     TransitionRefused,
 )
-from skills import Context, NoOperator, Operator
+from logs import MOVE, goal_title
+from skills import Context, NoOperator, Operator, SkillError
 from skills.motion import Pool
-from trees import Library, Located
+from trees import Library, Located, TreeError
 from trees.live_library import LiveLibrary
 
-from .api.events import Event, Policy, Status
+from .api.events import Event, Policy, Status, Where
+from .api.move import Move
 from .api.outcome import Acceptance, CancelResult, GoalState, GoalStatus, Outcome, cause_of
 from .errors import NotExecuting, NotPaused, TooManyBreakpoints
 from .goals.event_subscribers import EventSubscribers
@@ -37,6 +39,7 @@ from .goals.mailbox import Mailbox
 from .goals.queue import GoalQueue
 from .goals.start_pose import StartPose
 from .goals.stop import GoalStopper
+from .planning.move_task import move_text
 from .recording.recorded_link import RecordedLink
 from .recording.recordings import Recordings
 from .setup import Setup
@@ -140,13 +143,14 @@ class Executive:
         self._executor.start()
 
     def find_invalid(
-        self, tasks: Sequence[int], arguments: Mapping[str, str | Located]
+        self, tasks: Sequence[int | Move], arguments: Mapping[str, str | Located]
     ) -> int | None:
         """Return the first task with an invalid goal, as far as this is known without the arm.
 
         Call it only before `start`.
         """
-        return next((task for task in tasks if self._executor.validate(task, arguments)), None)
+        numbers = (task for task in tasks if not isinstance(task, Move))
+        return next((task for task in numbers if self._executor.validate(task, arguments)), None)
 
     def close(self) -> None:
         """Accept no more goals, cancel all, wait for their ends, and shut the arm down.
@@ -164,7 +168,7 @@ class Executive:
 
     def send(
         self,
-        task: int,
+        task: int | Move,
         arguments: Mapping[str, str | Located] = MappingProxyType({}),
         identity: str = "",
         strict: bool = False,
@@ -172,23 +176,21 @@ class Executive:
         """Send a goal. Returns at once.
 
         Args:
-            task: Task number.
+            task: Task number, or a move.
             arguments: Values of the task's parameters, by name. Text is read as in a task file.
             identity: 32 hexadecimal digits; empty for a new identity.
             strict: True to refuse a goal for an unknown task or with wrong arguments. Otherwise
-                the goal is accepted, and aborted.
+                the goal is accepted, and aborted. An invalid move is always refused.
         """
+        if isinstance(task, Move):
+            return self._accept(MOVE, {}, identity, *self._read_move(task))
         preempts = self._queue.policy is Policy.PREEMPT
         validate = self._executor.validate if preempts else self._executor.validate_request
         invalid = validate(task, arguments) if preempts or strict else None
-        acceptance, preempted = self._queue.send(task, arguments, identity, invalid)
-        self._stopper.stop(preempted)
-        answer = "accepted" if acceptance.accepted else f"refused: {acceptance.message}"
-        logger.info("Received a goal for task %d (%s): %s", task, acceptance.identity, answer)
-        return acceptance
+        return self._accept(task, arguments, identity, invalid)
 
     def send_and_record(
-        self, task: int, arguments: Mapping[str, str | Located], identity: str
+        self, task: int | Move, arguments: Mapping[str, str | Located], identity: str
     ) -> Acceptance:
         """Send a goal strictly, and wait until it is recorded.
 
@@ -344,6 +346,17 @@ class Executive:
             uptime=self.clock.now() - self._started,
         )
 
+    def where(self) -> Where:
+        """Return where the arm is."""
+        commanded = self._commanded()
+        return Where(
+            arm=self._arm.state,
+            units={joint.name: joint.unit for joint in self.robot.actuated},
+            commanded=commanded,
+            measured=None,
+            tool=self.robot.tool_position(commanded) if commanded else None,
+        )
+
     def record(self, record: logs.Record) -> None:
         """Record something from outside, such as a line of the log."""
         self._recordings.record(record)
@@ -355,6 +368,28 @@ class Executive:
             LogError: Something is missing from it.
         """
         self._recordings.close()
+
+    def _read_move(self, move: Move) -> tuple[Exception | None, str]:
+        """Return why a move is invalid, or None; and its text."""
+        try:
+            return None, move_text(move, self.robot, self.library.latest.poses()[0])
+        except (SkillError, TreeError) as error:
+            return error, ""
+
+    def _accept(
+        self,
+        task: int,
+        arguments: Mapping[str, str | Located],
+        identity: str,
+        invalid: Exception | None,
+        text: str = "",
+    ) -> Acceptance:
+        acceptance, preempted = self._queue.send(task, arguments, identity, invalid, text)
+        self._stopper.stop(preempted)
+        answer = "accepted" if acceptance.accepted else f"refused: {acceptance.message}"
+        title = goal_title(task)
+        logger.info("Received a goal for %s (%s): %s", title, acceptance.identity, answer)
+        return acceptance
 
     def _executing(self, identity: str) -> Mailbox:
         goal = self._queue.find(identity)

@@ -19,6 +19,7 @@ from trees.compile.plugins import load_skills
 from trees.live_library import LiveLibrary
 
 from .api.events import Event
+from .api.move import Move, number_of
 from .api.outcome import GoalState, Outcome
 from .errors import ResultTimeout, UnknownGoal
 from .executive import Executive
@@ -81,12 +82,12 @@ def open_executive(
             yield executive
 
 
-def run_task(executive: Executive, task: int | str, arguments: Mapping[str, Any]) -> Outcome:
-    """Run a task, wait for its end, and finish its recording. Ctrl-C cancels it.
+def run_task(executive: Executive, task: int | str | Move, arguments: Mapping[str, Any]) -> Outcome:
+    """Run a task or a move, wait for its end, and finish its recording. Ctrl-C cancels it.
 
     Args:
         executive: A started executive with a single user.
-        task: Number or name of the task.
+        task: Number or name of the task, or a move.
         arguments: Values of its parameters, by name.
 
     Returns:
@@ -97,7 +98,7 @@ def run_task(executive: Executive, task: int | str, arguments: Mapping[str, Any]
         TypeError: A value is of a type that no parameter has.
         KeyboardInterrupt: Ctrl-C was pressed. The goal has ended, and the arm has stopped.
     """
-    number = executive.library.number(task)
+    number = task if isinstance(task, Move) else executive.library.number(task)
     texts = {name: _text(name, value) for name, value in arguments.items()}
     goal = uuid.uuid4().hex
     try:
@@ -110,10 +111,12 @@ def run_task(executive: Executive, task: int | str, arguments: Mapping[str, Any]
     return finish_recording(executive, outcome)
 
 
-def _outcome(executive: Executive, task: int, texts: Mapping[str, str], goal: str) -> Outcome:
+def _outcome(
+    executive: Executive, task: int | Move, texts: Mapping[str, str], goal: str
+) -> Outcome:
     answer = executive.send(task, texts, goal)
     if answer.cause:
-        return Outcome.of(task, GoalState.ABORTED, answer.cause)
+        return Outcome.of(number_of(task), GoalState.ABORTED, answer.cause)
     while True:
         # A Ctrl-C just before the wait does not end the wait: the next slice raises it.
         with suppress(ResultTimeout):

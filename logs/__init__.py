@@ -22,6 +22,7 @@ from .reading.find import find_recording as find_recording
 from .reading.reader import Message as Message, read as read
 from .reading.recording import Recording as Recording
 from .records.records import (
+    MOVE as MOVE,
     Attachment as Attachment,
     Description as Description,
     Feedback as Feedback,
@@ -37,6 +38,7 @@ from .records.records import (
     Schedule as Schedule,
     Sent as Sent,
     Transition as Transition,
+    goal_title as goal_title,
 )
 from .views.plot import plot as plot
 from .views.table import table as table

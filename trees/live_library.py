@@ -136,6 +136,16 @@ class LiveLibrary:
             warning += "because its changed files are wrong: "
             return last.library, f"{warning}{error}"
 
+    @property
+    def latest(self) -> Library:
+        """The current files.
+
+        Raises:
+            FileError: The folder cannot be read.
+        """
+        with self._lock:
+            return self._updated()[0].library
+
     def number(self, task: int | str) -> int:
         """Return the number of a task that is given by its number or name.
 
@@ -143,8 +153,7 @@ class LiveLibrary:
             UnknownTask: No task has that number or name.
             FileError: The folder cannot be read.
         """
-        with self._lock:
-            return self._updated()[0].library.number(task)
+        return self.latest.number(task)
 
     def names(self) -> dict[str, int]:
         """Return the numbers of the current tasks by their names, in the order of the numbers.
@@ -152,8 +161,7 @@ class LiveLibrary:
         Raises:
             FileError: The folder cannot be read.
         """
-        with self._lock:
-            return self._updated()[0].library.names()
+        return self.latest.names()
 
     def listed(self) -> list[dict[str, Any]]:
         """Return the current tasks as JSON objects.

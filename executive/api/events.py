@@ -134,6 +134,40 @@ class Status:
         return from_fields(cls, values)
 
 
+@dataclass(frozen=True, slots=True)
+class Where:
+    """Where the arm is.
+
+    Attributes:
+        arm: State of the hardware.
+        units: Unit of each actuated joint, `rad` or `m`, by name.
+        commanded: Last commanded position by joint [rad]; None if the arm is not active.
+        measured: Measured position by joint [rad]; None if the driver measures none.
+        tool: x, y, z of the tool at the commanded position, in the frame of the robot's root [m];
+            None if the arm is not active, or its robot file names no tool.
+    """
+
+    arm: State
+    units: Mapping[str, str]
+    commanded: Mapping[str, float] | None
+    measured: Mapping[str, float] | None
+    tool: tuple[float, float, float] | None
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it as a JSON object."""
+        return dataclasses.asdict(self)
+
+    @classmethod
+    def from_json(cls, plain: Mapping[str, Any]) -> "Where":
+        """Return it from what `to_json` returned.
+
+        Raises:
+            KeyError: A key is missing.
+        """
+        tool = plain["tool"] and tuple(plain["tool"])
+        return from_fields(cls, {**plain, "arm": State(plain["arm"]), "tool": tool})
+
+
 def kind_of(event: Event) -> str:
     """Return the name of an event; empty if the event is recorded but not published."""
     return STATUS if isinstance(event, GoalStatus) else EVENTS.get(type(event), "")

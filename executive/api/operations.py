@@ -111,6 +111,15 @@ _TRANSITION = {"type": "string", "enum": list(TRANSITIONS)}
 _PAUSE_ERRORS = ("goal.unknown", "goal.not_executing")
 _RESUME_ERRORS = (*_PAUSE_ERRORS, "goal.not_paused")
 
+_ACCEPTED = s.answer("Accepted", goal_id=s.GOAL_ID, stamp_ns=s.COUNT)
+_NEW_GOAL = {
+    "goal_id": {**s.GOAL_ID, "description": "Id of the new goal; default a random one."},
+    "deadman": {
+        **s.BOOLEAN,
+        "description": "True to cancel the goal when its hold ends; hold it first.",
+    },
+}
+
 _change_goal = partial(_change, answer=s.GOAL, parameters=_GOAL, body=s.EMPTY)
 
 _ROWS = (
@@ -121,6 +130,7 @@ _ROWS = (
         s.answer("Health", ok=s.BOOLEAN, version=s.TEXT),
     ),
     _read("/api/status", "status", "Return the state of the arm and of the goals.", s.STATUS),
+    _read("/api/where", "where", "Return where the arm is, joints and tool.", s.WHERE),
     _read("/api/tasks", "tasks", "List the tasks.", s.answer("Tasks", tasks=s.array(s.TASK))),
     _read(
         "/api/goals",
@@ -139,16 +149,22 @@ _ROWS = (
         "/api/goals",
         "send",
         "Run a task.",
-        s.answer("Accepted", goal_id=s.GOAL_ID, stamp_ns=s.COUNT),
+        _ACCEPTED,
+        body=s.body("task", task=s.TASK_OR_NAME, arguments=s.ARGUMENTS, **_NEW_GOAL),
+        errors=("goal", "file", "log", "server"),
+        status=201,
+    ),
+    _change(
+        "/api/move",
+        "move",
+        "Move joints, or the tool to a point. The move is a goal like that of a task.",
+        _ACCEPTED,
         body=s.body(
-            "task",
-            task=s.TASK_OR_NAME,
-            arguments=s.ARGUMENTS,
-            goal_id={**s.GOAL_ID, "description": "Id of the new goal; default a random one."},
-            deadman={
-                **s.BOOLEAN,
-                "description": "True to cancel the goal when its hold ends; hold it first.",
-            },
+            "to",
+            to=s.TARGET,
+            relative={**s.BOOLEAN, "description": "True if the target is a change; default false."},
+            speed=s.SPEED,
+            **_NEW_GOAL,
         ),
         errors=("goal", "file", "log", "server"),
         status=201,

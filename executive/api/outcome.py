@@ -127,7 +127,8 @@ class Outcome:
     def text(self) -> str:
         """Return the outcome in words, with its hint and its recording on further lines."""
         spent = f"{self.duration:.2f} s, {self.frames} frames"
-        text = f"task {self.task} {self.state.name} ({spent}): {self.cause or self.message}"
+        title = f"{logs.goal_title(self.task)} {self.state.name}"
+        text = f"{title} ({spent}): {self.cause or self.message}"
         text += f"\n  -> {self.cause.hint}" if self.cause and self.cause.hint else ""
         return f"{text}\n  recording {self.recording}" if self.recording else text
 

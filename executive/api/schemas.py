@@ -5,6 +5,7 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 from hardware import State
+from hardware.joints import DISPLAY_UNITS
 
 from .events import UNITS, Policy
 from .outcome import CancelCode, Cause, GoalState, Outcome
@@ -123,6 +124,19 @@ ARGUMENTS = {
     "additionalProperties": {"type": ["string", "number", "boolean", "array", "object"]},
     "description": "Values of the task's parameters. A text is read as in a task file.",
 }
+TARGET = {
+    "type": "array",
+    "minItems": 1,
+    "maxItems": 64,
+    "items": {"anyOf": [{"type": "string", "maxLength": 64, "minLength": 1}, NUMBER]},
+    "description": "Words of `armtree move`: `joint_1=70deg`, poses, or x, y, z of the tool [m].",
+}
+SPEED = {
+    "type": "number",
+    "minimum": 0.01,
+    "maximum": 1,
+    "description": "Share of the robot's speed; default 1.",
+}
 START_POSE = {
     "type": "string",
     "enum": ["boot", "last"],
@@ -180,6 +194,7 @@ CANCELED = answer(
     },
     goals=array(GOAL_ID),
 )
+_BY_JOINT = {"type": "object", "additionalProperties": NUMBER}
 STATUS = answer(
     "Status",
     arm=ARM_STATE,
@@ -188,7 +203,7 @@ STATUS = answer(
         "description": "The fault that deactivated the arm; null after the next activation.",
     },
     port=TEXT,
-    commanded=_or_null({"type": "object", "additionalProperties": NUMBER}),
+    commanded=_or_null(_BY_JOINT),
     goal=_or_null(GOAL),
     percentage=_or_null({"type": "integer", "minimum": 0, "maximum": 100}),
     phase=TEXT,
@@ -199,6 +214,27 @@ STATUS = answer(
     paused=BOOLEAN,
     breakpoints=array(TEXT),
     uptime_s=NUMBER,
+)
+WHERE = answer(
+    "Where",
+    arm=ARM_STATE,
+    units={
+        "type": "object",
+        "additionalProperties": {"type": "string", "enum": list(DISPLAY_UNITS)},
+        "description": "Unit of the position of each joint.",
+    },
+    commanded={
+        **_or_null(_BY_JOINT),
+        "description": "Commanded position by joint; null if the arm is not active.",
+    },
+    measured={
+        **_or_null(_BY_JOINT),
+        "description": "Measured position by joint; null if the driver measures none.",
+    },
+    tool={
+        **_or_null({**array(NUMBER), "minItems": 3, "maxItems": 3}),
+        "description": "x, y, z of the tool at the commanded position [m].",
+    },
 )
 TASK = answer(
     "Task",

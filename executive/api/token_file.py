@@ -86,6 +86,12 @@ def read(port: int) -> ServerInfo | None:
     return found if found and found.is_running else None
 
 
+def running() -> list[ServerInfo]:
+    """Return the running servers of this user, in the order of their files."""
+    found = map(_read, sorted(_folder().glob("server-*.json")))
+    return [info for info in found if info and info.is_running]
+
+
 def _read(file: Path) -> ServerInfo | None:
     try:
         handle = os.open(file, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)  # may be a pipe

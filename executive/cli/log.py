@@ -42,7 +42,7 @@ def ls(folder: Path) -> None:
 
     The default of FOLDER is the setting `recordings`, which is ./recordings by default.
     """
-    from logs import LogError
+    from logs import LogError, goal_title
     from logs.views.narrative import overview
     from logs.writing.retention import pinned
 
@@ -57,7 +57,8 @@ def ls(folder: Path) -> None:
         end = "" if found.complete else "being written" if found.written else "UNFINISHED"
         queued = f"{found.waited:.2f} s in the queue" if found.waited else ""
         marks = ("pinned" if pinned(path) else "", end, queued)
-        task = f"{found.goal.task} {found.goal.name}" if found.goal else "-"
+        task = goal_title(found.goal.task, found.goal.name) if found.goal else "-"
+        task = task.removeprefix("task ")
         spent = f"{found.result.duration:.2f} s" if found.result else "-"
         frames = f"{found.frames:>6} {'frame' if found.frames == 1 else 'frames'}"
         row = f"{path.name:<{width}}{task:<18} {found.outcome:<11}{spent:>9}{frames:<13}"
@@ -89,6 +90,7 @@ def info(recording: Path) -> None:
 def _facts(found: "Overview") -> list[tuple[str, str]]:
     from statistics import median_low
 
+    from logs import goal_title
     from logs.records.file_format import RECOVERED
 
     end = "complete" if found.complete else "cut off or damaged: armtree log recover"
@@ -98,7 +100,7 @@ def _facts(found: "Overview") -> list[tuple[str, str]]:
         bytes_ = f" {torn} bytes were damaged" if torn != "0" else ""
         facts.append(("recovered", f"the file was cut off or damaged;{bytes_}".rstrip(";")))
     if goal := found.goal:
-        facts.append(("goal", f"task {goal.task} {goal.name}, seed {goal.seed}"))
+        facts.append(("goal", f"{goal_title(goal.task, goal.name)}, seed {goal.seed}"))
     facts.append(("outcome", found.outcome))
     if result := found.result:
         facts.append(("cause", f"{result.code}: {result.message}"))

@@ -13,6 +13,7 @@ from .completion import VARIABLE, completion
 from .config import config
 from .doctor import doctor
 from .log import log
+from .move import COMMANDS as MOVE_COMMANDS
 from .plan import plan
 from .replay import replay
 from .run import run
@@ -25,7 +26,7 @@ from .tasks import COMMANDS as TASK_COMMANDS
 from .terminal.streams import discard, echo, open_closed_streams
 
 SECTIONS = {
-    "Run and move": (run, plan),
+    "Run and move": (run, *MOVE_COMMANDS, plan),
     "Tasks": TASK_COMMANDS,
     "Server": (serve, *SERVER_COMMANDS),
     "Recordings": (replay, log),
@@ -48,6 +49,7 @@ def cli() -> None:
       armtree doctor           check what a run needs
       armtree tasks            list the tasks
       armtree run 0            run task 0
+      armtree move folded      move to a pose
 
     \b
     Exit status:

@@ -155,12 +155,13 @@ def arm(client: "Client", as_json: bool, transition: str, pose: str | None) -> N
 def _change_goal(client: "Client", change: str, goal_id: str, as_json: bool) -> None:
     """Call a method of the client with a goal, or with the running one."""
     from executive.errors import Refused
+    from logs import goal_title
 
     running = client.status().goal
     if not goal_id and running is None:
         raise Refused({"code": "goal.not_executing", "message": "no goal is being executed"})
     goal = getattr(client, change)(goal_id or (running and running.identity))
-    echo(json.dumps(goal.to_json()) if as_json else f"task {goal.task} ({goal.identity})")
+    echo(json.dumps(goal.to_json()) if as_json else f"{goal_title(goal.task)} ({goal.identity})")
 
 
 @click.command()

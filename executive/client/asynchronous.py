@@ -5,10 +5,12 @@
 
 import uuid
 from collections.abc import AsyncIterator, Callable, Mapping
-from contextlib import asynccontextmanager, suppress
+from contextlib import asynccontextmanager, nullcontext, suppress
+from functools import partial
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
-from executive.api.events import Event, Status
+from executive.api.events import Event, Status, Where
+from executive.api.move import HOME, Move
 from executive.api.operations import OPERATIONS
 from executive.api.outcome import CancelResult, GoalStatus, Outcome, cause_of
 from executive.api.token_file import KEEPALIVE
@@ -67,16 +69,58 @@ class AsyncClient:
         Raises:
             GoalFailed: The goal did not succeed; `outcome` says why.
         """
-        if deadman:
-            goal_id = uuid.uuid4().hex
-            async with self.hold(goal_id):
-                await self.send(task, arguments, goal_id, deadman=True)
-                outcome = await self.result(goal_id)
-        else:
-            outcome = await self.result(await self.send(task, arguments))
-        if not outcome.success:
-            raise GoalFailed(outcome)
-        return outcome
+        return await self._run(partial(self.send, task, arguments), deadman)
+
+    async def move(
+        self,
+        *to: str | float,
+        relative: bool = False,
+        speed: float = 1.0,
+        deadman: bool = False,
+        **joints: str | float,
+    ) -> Outcome:
+        """Move, and wait for the end.
+
+        Args:
+            to: The target: names of poses, `joint_1=70deg`, or x, y, z of the tool [m].
+            relative: True if the target is a change: distances of joints, or x, y, z from the tool.
+            speed: Share of the robot's speed, 0.01 to 1.
+            deadman: As of `run`.
+            joints: Targets of joints, such as `joint_1="70 deg"`, or a number [rad].
+
+        Returns:
+            The outcome of a goal that succeeded.
+
+        Raises:
+            GoalFailed: The goal did not succeed; `outcome` says why.
+        """
+        move = Move.of(to, joints, relative, speed)
+        return await self._run(partial(self.send_move, move), deadman)
+
+    async def home(self, speed: float = 1.0) -> Outcome:
+        """Move to the home of the robot, as `move` does: the pose `home`, or the robot file's."""
+        return await self.move(HOME, speed=speed)
+
+    async def send_move(self, move: Move, goal_id: str = "", deadman: bool = False) -> str:
+        """Send a move, without waiting for its end.
+
+        Args:
+            move: The move.
+            goal_id: As of `send`.
+            deadman: As of `send`.
+
+        Returns:
+            The id of the goal.
+        """
+        return await self._call(
+            "move",
+            lambda answer: str(answer["goal_id"]),
+            to=move.words,
+            relative=move.relative,
+            speed=move.speed,
+            goal_id=goal_id or None,
+            deadman=deadman,
+        )
 
     async def send(
         self,
@@ -229,6 +273,10 @@ class AsyncClient:
         """Return the state of the arm and of the goals."""
         return await self._call("status", Status.from_json)
 
+    async def where(self) -> Where:
+        """Return where the arm is."""
+        return await self._call("where", Where.from_json)
+
     async def tasks(self) -> tuple[Task, ...]:
         """Return the tasks."""
         return await self._call("tasks", lambda answer: tuple(map(Task.from_json, answer["tasks"])))
@@ -267,6 +315,21 @@ class AsyncClient:
 
         async with transport.async_posted(post):
             yield
+
+    async def _run(self, send: Callable[..., Any], deadman: bool) -> Outcome:
+        """Send a goal, and wait for its end.
+
+        Args:
+            send: `send` or `send_move`, without the identity of the goal.
+            deadman: As of `run`.
+        """
+        goal_id = uuid.uuid4().hex
+        async with self.hold(goal_id) if deadman else nullcontext():
+            await send(goal_id=goal_id, deadman=deadman)
+            outcome = await self.result(goal_id)
+        if not outcome.success:
+            raise GoalFailed(outcome)
+        return outcome
 
     async def _read_events(self, piece: bytes, more: AsyncIterator[bytes]) -> AsyncIterator[Event]:
         events = EventReader(self.url)

@@ -9,6 +9,7 @@ from threading import Lock, Thread
 
 import logs
 from executive.errors import GoalError
+from executive.planning.move_task import draft_move
 from executive.recording.recordings import Recordings
 from hardware import ActivationStopped, HardwareError, State
 from skills import Context, SkillError
@@ -167,8 +168,11 @@ class GoalExecutor:
     def _build(self, attempt: _Attempt) -> None:
         """Validate a goal and build its tree, without the arm."""
         goal = attempt.goal
-        library, attempt.warning = self._library.for_task(goal.task)
-        draft = library.draft(goal.task)
+        if goal.text:
+            library, draft = self._library.latest, draft_move(goal.text)
+        else:
+            library, attempt.warning = self._library.for_task(goal.task)
+            draft = library.draft(goal.task)
         attempt.task = draft[0]
         mailbox, breakpoints = goal.mailbox, Breakpoints(self._breakpoints, goal.mailbox)
         context = dataclasses.replace(
@@ -189,7 +193,7 @@ class GoalExecutor:
         goal, name = attempt.goal, attempt.task.name if attempt.task else ""
         self._recordings.open(goal.status, name, self._context.seed, attempt.tree)
         # After that, so that the lines are in its recording and follow its first event.
-        logger.info("Executing the goal for task %d (%s)", *goal.name)
+        logger.info("Executing the goal for %s (%s)", *goal.name)
         if attempt.warning:
             logger.warning("%s", attempt.warning)
 

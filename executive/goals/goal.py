@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from executive.api.outcome import GoalState, GoalStatus, Outcome
+from logs import goal_title
 from trees import Located
 
 from .mailbox import Mailbox
@@ -26,7 +27,7 @@ class Goal:
 
     Attributes:
         identity: 32 hexadecimal digits.
-        task: Task number.
+        task: Task number; `MOVE` for a move.
         arguments: Values of the task's parameters, by name.
         accepted: Time of acceptance [s].
         stamp_ns: The same time, UTC [ns since 1970].
@@ -34,6 +35,7 @@ class Goal:
         state: State of the goal.
         outcome: How the goal ended; None until then.
         ended: Time of the end [s].
+        text: Text of a move; empty for a task.
         stops: Number of pending stops of the arm; the goal does not end before they are done.
     """
 
@@ -43,15 +45,16 @@ class Goal:
     accepted: float
     stamp_ns: int
     mailbox: Mailbox
+    text: str = ""
     state: GoalState = GoalState.ACCEPTED
     outcome: Outcome | None = None
     ended: float = 0.0
     stops: int = 0
 
     @property
-    def name(self) -> tuple[int, str]:
-        """Task number and identity, for the log."""
-        return self.task, self.identity
+    def name(self) -> tuple[str, str]:
+        """Title and identity, for the log."""
+        return goal_title(self.task), self.identity
 
     @property
     def cancelable(self) -> bool:

@@ -23,6 +23,7 @@ from executive.api.outcome import (
 )
 from executive.errors import ExecutorBlocked, GoalPreempted, ResultTimeout, UnknownGoal
 from hardware import Clock
+from logs import goal_title
 from trees import Located
 
 from .goal import Goal
@@ -72,14 +73,16 @@ class GoalQueue:
         arguments: Mapping[str, str | Located],
         identity: str,
         invalid: Exception | None = None,
+        text: str = "",
     ) -> tuple[Acceptance, Goal | None]:
         """Accept or refuse a goal.
 
         Args:
-            task: Task number.
+            task: Task number; `MOVE` for a move.
             arguments: Values of the task's parameters.
             identity: 32 hexadecimal digits; empty for a new identity.
             invalid: Why the goal can never be executed; None if that is not known.
+            text: Text of a move; empty for a task.
 
         Returns:
             The answer; and the goal that it preempts, or None. The caller stops the arm for the
@@ -92,7 +95,7 @@ class GoalQueue:
                 return Acceptance(identity, 0, refusal), None
             preempted = self._preempt(identity) if self.policy is Policy.PREEMPT else None
             now, mailbox = self._clock.now(), Mailbox(self._clock)
-            goal = Goal(identity, task, arguments, now, self._stamp(now), mailbox)
+            goal = Goal(identity, task, arguments, now, self._stamp(now), mailbox, text)
             self._goals[identity] = goal
             self._waiting.append(goal)
             self._changed(goal.status)
@@ -265,7 +268,9 @@ class GoalQueue:
         if invalid:  # checked first, because waiting would not help
             return cause_of(invalid)
         if busy and self.policy is Policy.REJECT:
-            words = f"goal {busy.identity} for task {busy.task} is under way; wait, or cancel it"
+            words = (
+                f"goal {busy.identity} for {goal_title(busy.task)} is under way; wait, or cancel it"
+            )
             return cause_for(BUSY, words)
         if self.policy is Policy.QUEUE and len(self._waiting) >= WAITING:
             words = f"{WAITING} goals are waiting, which is the limit; wait, or cancel some"
@@ -309,7 +314,7 @@ class GoalQueue:
 
     def _end(self, goal: Goal, outcome: Outcome) -> None:
         goal.outcome, goal.ended = outcome, self._clock.now()
-        goal.arguments = {}  # frees memory: a sender may send large ones
+        goal.arguments, goal.text = {}, ""  # frees memory: a sender may send large ones
         self._ended.append(goal)
         self._enter(goal, outcome.state)
         self.signal.notify()

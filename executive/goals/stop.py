@@ -14,6 +14,7 @@ from executive.api.outcome import CancelResult, Cause, GoalState, Outcome, cause
 from executive.errors import ExecutorBlocked
 from executive.recording.recordings import Recordings
 from hardware import Arm, CancelTimeout, Clock
+from logs import goal_title
 from trees.compile.node_paths import paths
 
 from .goal import Goal
@@ -100,7 +101,7 @@ class GoalStopper:
             if goal:
                 self._arm.stop()
             for each in canceled:
-                logger.info("Received a cancel of the goal for task %d (%s)", *each.name)
+                logger.info("Received a cancel of the goal for %s (%s)", *each.name)
         finally:
             if goal:
                 self._queue.stopped(goal)
@@ -157,7 +158,7 @@ class GoalStopper:
         if code and code.goal is goal and code.root:
             node = code.node
             words = f": the code of {node or 'a skill'} does not return"
-            late = self._time_out(f"the tree of task {goal.task}", words)
+            late = self._time_out(f"the tree of {goal_title(goal.task)}", words)
             self._abort(goal, cause_of(late, node), recorded=True)
             return
         if self._is_built(goal):
@@ -203,4 +204,4 @@ def _log_end(goal: Goal, state: GoalState, cause: Cause | None) -> None:
     words = state.name
     if cause:
         words += f": {cause} -> {cause.hint}" if cause.hint else f": {cause}"
-    logger.info("The goal for task %d (%s) ended %s", *goal.name, words)
+    logger.info("The goal for %s (%s) ended %s", *goal.name, words)

@@ -1,10 +1,8 @@
 """What the arguments of `armtree plan` mean: joints, a pose, a point for the tool, or a task."""
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
-from typing import Any
 
 from hardware import Robot
 from skills import (
@@ -12,16 +10,17 @@ from skills import (
     BadTarget,
     Positions,
     SkillError,
-    check_distances,
     check_targets,
     check_tool,
     tool_query,
 )
 from skills.motion import MotionError, Query, Reached, ToolQuery, World
 from skills.motion.planner import Planner
-from trees import UNITS, Declaration, FileError, Library, Place, fit, parse_value
+from trees import Library
 from trees.check import motions_of
 from trees.compile.port_types import declaration
+
+from .goal_words import TASK, Poses, is_point, read_value, read_words
 
 _PORTS = {name: declaration(port) for name, port in TOOL_PORTS.items()}
 
@@ -87,7 +86,7 @@ class PlanRequest:
         reader = _Reader(planner, self.robot, poses, "arm", self.seed, world)
         with _errors_name("--start"):
             start = boot | reader.positions(self.start, boot, {}, goal=False)
-        if self.tool and not reader.is_point(self.words):
+        if self.tool and not is_point(self.words, reader.poses):
             options = ", ".join(f"--{port}" for port in self.tool)
             raise BadTarget(f"{options} needs a point for the tool; give x y z")
         word = self.words[0] if len(self.words) == 1 else ""
@@ -166,14 +165,10 @@ class _Reader:
 
     planner: Planner
     robot: Robot
-    poses: Mapping[str, Mapping[str, float]]
+    poses: Poses
     group: str
     seed: int
     world: World
-
-    def is_point(self, words: Sequence[str]) -> bool:
-        """Return True if the words are x, y, z."""
-        return len(words) == 3 and not any("=" in word or word in self.poses for word in words)
 
     def positions(
         self,
@@ -191,61 +186,27 @@ class _Reader:
             tool: Further inputs for a point of the tool.
             goal: True if the words are the goal, False if they are the value of an option.
         """
-        _check_words(words, goal, next(joint.name for joint in self.robot.actuated))
-        if self.is_point(words):
-            return self._reach(words, start, tool)
-        units = {joint.name: joint.unit for joint in self.robot.actuated}
-        named, once = dict[str, float](), set[str]()
-        for word in words:
-            name, equals, text = word.partition("=")
-            joint = name.removesuffix("+")
-            if equals:
-                _check_names((joint,), units)
-                if joint in once:
-                    raise BadTarget(f"{joint} is given twice; give it once, with its whole change")
-                once.add(joint)
-                kind = "length" if units[joint] == "m" else "angle"
-                value: float = _read(joint, text, Declaration(kind))
-                if joint != name:
-                    check_distances(self.robot, {joint: value})
-                    value += (start | named)[joint]
-                named[joint] = value
-            elif word in self.poses:
-                named |= self.poses[word]
-            else:
-                raise BadTarget(_no_pose(word, self.poses, goal))
-        _check_names(named, units)
-        return named
+        also = [TASK] if goal else []
+        read = read_words(words, self.robot, self.poses, also, quoted=not goal)
+        if read.point is not None:
+            return self._reach(read.point, start, tool)
+        return {**read.joints, **{name: start[name] + by for name, by in read.changes.items()}}
 
     def _reach(
-        self, words: Sequence[str], start: Mapping[str, float], tool: Mapping[str, str]
+        self, point: tuple[float, float, float], start: Mapping[str, float], tool: Mapping[str, str]
     ) -> dict[str, float]:
         """Return the joint positions that bring the tool to a point."""
-        given = {port: _read(f"--{port}", text, _PORTS[port]) for port, text in tool.items()}
+        given = {port: read_value(f"--{port}", text, _PORTS[port]) for port, text in tool.items()}
         for port, value in given.items():
             try:
                 check_tool(self.robot, {port: value})
             except BadTarget as error:
                 raise BadTarget(f"--{port}: {error}") from error
-        given["point"] = _read("point", f"[{', '.join(words)}]", _PORTS["point"])
-        query = tool_query(self.robot, {**given, "start": start, "group": self.group})
+        inputs = {**given, "point": point, "start": start, "group": self.group}
+        query = tool_query(self.robot, inputs)
         query = replace(query, seed=self.seed, world=self.world)
         names = (joint.name for joint in self.robot.actuated_in(self.group))
         return dict(zip(names, self.planner.reach(query).positions, strict=True))
-
-
-def _read(name: str, text: str, wanted: Declaration) -> Any:
-    """Return a value that is written as in a task file."""
-    if not text:
-        raise BadTarget(f"{name} has no value")
-
-    def wrong(place: Place, why: str) -> None:
-        raise BadTarget(f"{name}: {why}")
-
-    try:
-        return fit(parse_value(text, name), wanted, {}, wrong)
-    except FileError as error:
-        raise BadTarget(f"{name}: {error.mistakes[0].message}") from error
 
 
 @contextmanager
@@ -256,43 +217,3 @@ def _errors_name(option: str) -> Iterator[None]:
     except (SkillError, MotionError) as error:
         error.args = (f"{option}: {error}",)
         raise
-
-
-def _check_words(words: Sequence[str], goal: bool, joint: str) -> None:
-    """Check that each value is one word.
-
-    Args:
-        words: The words.
-        goal: True if they are the goal.
-        joint: Name of a joint, for an example.
-    """
-    for word in words:
-        name, equals, value = word.partition("=")
-        sign = "+=" if name.endswith("+") else "="
-        name = name.removesuffix("+")
-        if equals and not name.strip():
-            raise BadTarget(f"{word!r} names no joint; write one word, such as {joint}=0.5")
-        if equals and name != name.strip():
-            right = f"{name.strip()}{sign}{value.strip()}"
-            raise BadTarget(f"{word!r} contains spaces; write {right}")
-    for before, word in pairwise(words):
-        if any(word in units for units in UNITS.values()):
-            why = f"{word!r} is separated from its number; write {before}{word} as one word"
-            raise BadTarget(f"{why}, or both in quotes" if goal else why)
-
-
-def _no_pose(word: str, poses: Mapping[str, object], goal: bool) -> str:
-    """Return the message for a word that is not a pose. Only a goal may be a task."""
-    if goal and word.isdecimal():
-        why = f"{word!r} is the number of a task, which must be the only word"
-        return f"{why}; plan one task at a time, or give x y z of the tool"
-    why = f"{word!r} is no pose; there are {', '.join(poses)}. Or give JOINT=VALUE or JOINT+=CHANGE"
-    if goal:
-        return f"{why}, x y z of the tool, or the number or name of a task"
-    return f"{why} or x y z of the tool, all of it in one pair of quotes"
-
-
-def _check_names(names: Collection[str], actuated: Collection[str]) -> None:
-    for name in names:
-        if name not in actuated:
-            raise BadTarget(f"{name} is not an actuated joint; there are {', '.join(actuated)}")

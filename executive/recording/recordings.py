@@ -102,7 +102,7 @@ class Recordings:
         Raises:
             LogError: It cannot be created.
         """
-        recorder = self._create(goal.task)
+        recorder = self._create("move" if goal.task == logs.MOVE else goal.task)
         with self._counting:
             self._recorder, self.path, self.frames = recorder, str(recorder.path), 0
         self._meshes.clear()

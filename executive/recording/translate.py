@@ -70,8 +70,10 @@ def _plan_record(event: Planned, robot: Robot, now: float) -> logs.Plan:
         via=query.via,
         world=archive_world(query.world)[0],
         seed=query.seed,
-        velocity_limits=tuple(joint.velocity for joint in joints),
-        acceleration_limits=tuple(joint.acceleration for joint in joints),
+        velocity_limits=tuple(query.speed * joint.velocity for joint in joints),
+        acceleration_limits=tuple(
+            query.speed * query.speed * joint.acceleration for joint in joints
+        ),
         waypoints=_rows(plan.waypoints) if plan else (),
         times=tuple(times.tolist()),
         positions=_rows(plan.sample(times)) if plan else (),
@@ -80,6 +82,7 @@ def _plan_record(event: Planned, robot: Robot, now: float) -> logs.Plan:
         code=error.code if error else "",
         message=str(error) if error else "",
         spare=query.spare,
+        speed=query.speed,
     )
 
 

@@ -62,10 +62,11 @@ def _limits(plan: Plan, robot: Robot) -> str:
     joints = robot.actuated_in(plan.group) if plan.group in robot.groups else ()
     limits = zip(joints, plan.velocity_limits, plan.acceleration_limits, strict=False)
     for joint, velocity, acceleration in limits:
-        if (velocity, acceleration) != (joint.velocity, joint.acceleration):
+        own = plan.speed * joint.velocity, plan.speed * plan.speed * joint.acceleration
+        if (velocity, acceleration) != own:
             return (
                 f"limits: the plan limited {joint.name} to {velocity:g} rad/s and {acceleration:g} "
-                f"rad/s2, the robot has {joint.velocity:g} and {joint.acceleration:g}"
+                f"rad/s2, the robot has {own[0]:g} and {own[1]:g}"
             )
     return ""
 

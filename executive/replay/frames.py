@@ -10,7 +10,7 @@ from executive.api.codes import CANCELED, OK
 from executive.api.outcome import GoalState
 from hardware import HardwareError, Robot, Schedule as Compiled, compile_schedule
 from hardware.printable import wire_text
-from logs import Goal, NodeStatus, Record, Result, Schedule, Sent
+from logs import Goal, NodeStatus, Record, Result, Schedule, Sent, goal_title
 
 # Rounding of a clock that has run for months [s].
 _TOLERANCE = 1e-6
@@ -240,7 +240,9 @@ def result_difference(records: Sequence[Record]) -> str:
             case Result():
                 goal = goals.get((record.goal_id, record.task))
                 if goal is None:
-                    return f"the result is of task {record.task}, but its goal is not recorded"
+                    return (
+                        f"the result is of {goal_title(record.task)}, but its goal is not recorded"
+                    )
                 words = _state_difference(record, status)
                 words = words or ("" if goal.elsewhere else _count_difference(record, sent))
                 if words:

@@ -96,6 +96,7 @@ def _plan(
             via=recorded.via,
             world=restore_world(recorded.world, files),
             spare=recorded.spare,
+            speed=recorded.speed,
         )
         return planner.plan(query)
     except MotionError as error:

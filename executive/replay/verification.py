@@ -28,6 +28,7 @@ from logs import (
     Result,
     Schedule,
     Sent,
+    goal_title,
 )
 from logs.reading.consistency import inconsistency
 from logs.reading.file_state import why_incomplete
@@ -189,7 +190,7 @@ def _goal_difference(recording: Recording, records: Sequence[Record]) -> str:
     ended = {record.goal_id for record in records if isinstance(record, Result)}
     goals = (record for record in records if isinstance(record, Goal) and not record.elsewhere)
     if goal := next((goal for goal in goals if goal.goal_id not in ended), None):
-        return f"the goal of task {goal.task} has no result"
+        return f"the goal of {goal_title(goal.task)} has no result"
     return ""
 
 

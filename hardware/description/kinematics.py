@@ -63,6 +63,21 @@ class ForwardKinematics:
             for joint, rotation, axis, mimic in self._joints
         ]
 
+    def locate(self, link: str, offset: Vector, positions: Mapping[str, float]) -> Vector:
+        """Return where a point of a link is in the root frame [m].
+
+        Args:
+            link: Name of the link.
+            offset: The point in the frame of the link [m].
+            positions: As in `transforms`.
+        """
+        above = {each.child: each for each in self.transforms(positions)}
+        while each := above.get(link):
+            x, y, z = _rotated(each.rotation, offset)
+            a, b, c = each.position
+            link, offset = each.parent, (a + x, b + y, c + z)
+        return offset
+
 
 @cache
 def reach(urdf: Path) -> float:

@@ -16,7 +16,7 @@ from hardware.drivers.wire_format import WireFormat
 from hardware.joints import Joint
 from hardware.link.link import VIRTUAL, Link
 
-from .kinematics import reach
+from .kinematics import ForwardKinematics, reach
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +85,7 @@ class Robot:
         tool: The tool, or None if the robot file has none.
         brake: How long a stop slows the motion down before it holds [s]; 0 to hold at once.
         links: Names of all links.
+        home: Target of `armtree home`: poses and JOINT=VALUE; empty for the boot pose.
     """
 
     name: str
@@ -99,6 +100,7 @@ class Robot:
     tool: Tool | None = None
     brake: float = 0.0
     links: tuple[str, ...] = ()
+    home: tuple[str, ...] = ()
 
     @property
     def actuated(self) -> tuple[Joint, ...]:
@@ -156,6 +158,20 @@ class Robot:
     def reach(self) -> float:
         """A length that no link is farther from the root [m]."""
         return reach(self.urdf)
+
+    @cached_property
+    def _kinematics(self) -> ForwardKinematics:
+        return ForwardKinematics(self.urdf.read_text())
+
+    def tool_position(self, positions: Mapping[str, float]) -> tuple[float, float, float] | None:
+        """Return where the tool is in the root frame [m]; None if the robot file names no tool.
+
+        Args:
+            positions: Position of every actuated joint [rad], by name.
+        """
+        if self.tool is None:
+            return None
+        return self._kinematics.locate(self.tool.link, self.tool.offset, positions)
 
     def joint(self, name: str) -> Joint:
         """Return the joint of that name.

@@ -50,6 +50,7 @@ def load_robot(path: Path | None = None) -> Robot:
         collision=_collision(root.table("collision"), urdf.links),
         tool=_tool(root.table("tool"), urdf.links) if "tool" in root else None,
         links=urdf.links,
+        home=tuple(root.text("home", default="").split()),
         brake=root.number("brake_s", least=0, most=MAX_BRAKE) if "brake_s" in root else 0.0,
     )
     root.done()

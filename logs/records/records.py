@@ -10,7 +10,13 @@ from typing import Any
 
 from hardware.printable import wire_text
 
+MOVE = -1  # task number of a move, which has no task file
 _AT_ONCE = 0.1  # a goal that starts within this time did not wait [s]
+
+
+def goal_title(task: int, name: str = "") -> str:
+    """Return how people call a goal: `move`, or its task with number and name."""
+    return "move" if task == MOVE else f"task {task} {name}".rstrip()
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +86,7 @@ class Goal:
     Attributes:
         time: When it started to execute; in a server's own recording, when it was accepted [s].
         goal_id: UUID, 32 hexadecimal digits.
-        task: Number of the requested task.
+        task: Number of the requested task; -1 for a move.
         name: Name of the task; empty if there is no such task.
         seed: Seed of the planners; 0 if the goal has a recording of its own.
     """
@@ -212,6 +218,8 @@ class Plan:
         code: Stable code of a failure; empty if a motion was found.
         message: The failure in words.
         spare: Distance kept between the ends of the path, beyond the robot's margin [m].
+        speed: Share of the robot's speed; it scales the velocity limits, and its square the
+            acceleration limits.
     """
 
     time: float
@@ -232,6 +240,7 @@ class Plan:
     code: str
     message: str
     spare: float = 0.0
+    speed: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,6 +22,7 @@ from logs.records.records import (
     Schedule,
     Sent,
     Transition,
+    goal_title,
 )
 
 
@@ -152,9 +153,9 @@ def line(record: RunRecord) -> str:  # noqa: C901, a table of words
     """Return one record as a line."""
     match record:
         case Goal() if record.elsewhere:
-            return f"goal: task {record.task}"
+            return f"goal: {goal_title(record.task)}"
         case Goal():
-            return f"goal: task {record.task} {record.name}, seed {record.seed}"
+            return f"goal: {goal_title(record.task, record.name)}, seed {record.seed}"
         case Result():
             return f"result: {record.state} ({record.code}) {record.message}"
         case Transition(label=""):

@@ -20,9 +20,9 @@ from skills.motion.errors import (
     StartInCollision,
 )
 from skills.motion.plan import Plan
-from skills.motion.query import Query, Result, Verify
+from skills.motion.query import MIN_SPEED, Query, Result, Verify
 from skills.planning_skill import PlanningSkill
-from skills.ports import Positions
+from skills.ports import Port, Positions
 
 # Extra distances from obstacles for further plans. Each is used if the frames of the plan before it
 # come too near. With much larger distances there is often no path at all (measured) [m].
@@ -45,6 +45,13 @@ class _PlanGroup(PlanningSkill, register=False):
             list[Positions],
             default_value=[],
             description="positions of the group's joints to pass on the way, in order [rad]",
+        ),
+        "speed": Port(
+            float,
+            default_value=1.0,
+            description="share of the robot's speed; the motion takes 1 / speed times as long",
+            least=MIN_SPEED,
+            most=1.0,
         ),
     }
     OUTPUT_PORTS = {"plan": PortInformation(Plan, description="the motion of this group")}
@@ -80,6 +87,7 @@ class _PlanGroup(PlanningSkill, register=False):
             timeout=self.context.timeout,
             via=tuple(tuple(point[joint.name] for joint in joints) for point in via),
             world=self.context.scene.world,
+            speed=self.get_input("speed"),
         )
         self._first = self._checked = None
         return self.request(self._query)

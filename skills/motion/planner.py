@@ -128,7 +128,8 @@ class Planner:
         )
         with checker.within(deadline):
             paths = _paths(validator, planning.search, points, query.seed, watch)
-            waypoints, curve, profile = _first_timed(paths, group, watch)
+            limits = group.limits_at(query.speed)
+            waypoints, curve, profile = _first_timed(paths, *limits, watch)
         with watch.stage("time"):
             plan = Plan(
                 group=query.group,
@@ -137,8 +138,8 @@ class Planner:
                 origin=points[0],
                 goal=waypoints[-1],
                 seed=query.seed,
-                velocity=group.velocity,
-                acceleration=group.acceleration,
+                velocity=limits[0],
+                acceleration=limits[1],
                 waypoints=waypoints,
                 curve=curve,
                 profile=profile,
@@ -310,12 +311,12 @@ def _leg_paths(
 
 
 def _first_timed(
-    paths: Iterator[tuple[Array, Curve]], group: JointGroup, watch: Stopwatch
+    paths: Iterator[tuple[Array, Curve]], velocity: Array, acceleration: Array, watch: Stopwatch
 ) -> tuple[Array, Curve, TimeLaw]:
     """Return the first path that can be timed, and its time law."""
     for waypoints, curve in paths:
         with watch.stage("time"):
-            profile = time_curve(curve, group.velocity, group.acceleration)
+            profile = time_curve(curve, velocity, acceleration)
         if profile:
             return waypoints, curve, profile
     raise AssertionError("a path that stops at every waypoint can be timed")
@@ -330,10 +331,11 @@ def _check_duration(plan: Plan, group: JointGroup) -> None:
     if plan.duration <= MAX_DURATION:
         return
     travels = abs(np.diff(plan.waypoints, axis=0)).sum(axis=0)
-    slowest = int(np.argmax(travels / group.velocity + np.sqrt(travels / group.acceleration)))
+    slowest = int(np.argmax(travels / plan.velocity + np.sqrt(travels / plan.acceleration)))
     joint = group.joints[slowest]
     scale, unit = DISPLAY_UNITS[joint.unit]
-    rates = f"{scale * joint.velocity:.4g} {unit}/s and {scale * joint.acceleration:.4g} {unit}/s2"
+    limits = scale * plan.velocity[slowest], scale * plan.acceleration[slowest]
+    rates = f"{limits[0]:.4g} {unit}/s and {limits[1]:.4g} {unit}/s2"
     raise TooLong(joint.name, plan.duration, MAX_DURATION, rates)
 
 

@@ -11,6 +11,8 @@ from .errors import BadQuery, MotionError, shown
 from .plan import Plan
 from .world import EMPTY, Body, Vector, World
 
+MIN_SPEED = 0.01  # least share of the robot's speed
+
 
 @dataclass(frozen=True, slots=True)
 class Query:
@@ -29,6 +31,8 @@ class Query:
             it can be blended. No part of the arm is then further off than `blend.VIA_TOLERANCE`.
         world: Bodies around the arm and attached to it.
         spare: Distance to keep between the ends, in addition to the robot's margin [m].
+        speed: Share of the robot's speed, `MIN_SPEED` to 1. The motion takes 1 / speed times as
+            long: velocity limits are scaled by it, acceleration limits by its square.
     """
 
     group: str
@@ -39,6 +43,7 @@ class Query:
     via: tuple[tuple[float, ...], ...] = ()
     world: World = EMPTY
     spare: float = 0.0
+    speed: float = 1.0
 
 
 def _numbers(what: str, values: ArrayLike, unit: str) -> NDArray[np.float64]:

@@ -169,6 +169,11 @@ class Library:
         except FileError:
             return ""
 
+    @property
+    def latest(self) -> "Library":
+        """This library. A `LiveLibrary` has this property, too."""
+        return self
+
     def for_task(self, number: int) -> "tuple[Library, str]":
         """Return this library and no warning. A `LiveLibrary` has this method, too."""
         return self, ""

@@ -1,6 +1,7 @@
 """Options of several commands."""
 
 import os
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,8 @@ from executive.cli.terminal.streams import echo
 
 from .names import complete_port
 from .settings import F, option
+
+_NUMBER = re.compile(r"-\.?[0-9]")
 
 
 class Drawing(click.Path):
@@ -55,6 +58,16 @@ set_option = click.option(
     multiple=True,
     help="Value of a parameter of the task. May be repeated.",
 )
+
+
+def words_of_goal(
+    _context: click.Context, _argument: click.Parameter, words: tuple[str, ...]
+) -> tuple[str, ...]:
+    """Reject what looks like an option, but is no negative number."""
+    for word in words:
+        if word.startswith("-") and not _NUMBER.match(word):
+            raise click.NoSuchOption(word)
+    return words
 
 
 def _load(context: click.Context, _option: click.Parameter, folder: Path | None) -> None:

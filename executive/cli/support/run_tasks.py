@@ -7,6 +7,7 @@ from functools import partial
 
 from executive.api.codes import OK
 from executive.api.events import Event
+from executive.api.move import Move, number_of
 from executive.api.outcome import CANCELED_CAUSE, GoalState, GoalStatus, Outcome, cause_of
 from executive.cli.terminal.operator import Terminal
 from executive.cli.terminal.streams import LastingStream
@@ -24,16 +25,16 @@ from .log_handler import recorded_log
 
 def execute(
     setup: Setup,
-    numbers: Sequence[int],
+    tasks: Sequence[int | Move],
     settings: Sequence[str] = (),
     as_json: bool = False,
     verbose: bool = False,
 ) -> list[Outcome]:
-    """Run tasks from the command line.
+    """Run tasks or moves from the command line.
 
     Args:
         setup: Set-up of the executive.
-        numbers: Numbers of the tasks.
+        tasks: Numbers of the tasks, or moves.
         settings: Parameters of the tasks, each as NAME=VALUE.
         as_json: True to print JSON.
         verbose: True if the log is printed, so that lines are printed instead of a live picture.
@@ -43,7 +44,7 @@ def execute(
     """
     with Interrupts() as interrupts, view_for(as_json, verbose) as view, ExitStack() as stack:
         try:
-            arguments = read_arguments(settings, numbers)
+            arguments = read_arguments(settings, [number_of(task) for task in tasks])
             executive = stack.enter_context(
                 open_executive(
                     setup,
@@ -53,14 +54,14 @@ def execute(
                 )
             )
         except (HardwareError, TreeError) as error:
-            outcome = Outcome.of(numbers[0], GoalState.ABORTED, cause_of(error))
+            outcome = Outcome.of(number_of(tasks[0]), GoalState.ABORTED, cause_of(error))
             view.report(outcome)
             return [outcome]
         view.say(port_line(executive))
         sequence = TaskSequence(executive)
         interrupts.on_cancel(sequence.stop)
         with recorded_log(executive):
-            return interrupts.run(lambda: sequence.run(numbers, view.report, arguments))
+            return interrupts.run(lambda: sequence.run(tasks, view.report, arguments))
 
 
 def _show(view: View, event: Event) -> None:
@@ -91,7 +92,7 @@ class TaskSequence:
 
     def run(
         self,
-        tasks: Sequence[int],
+        tasks: Sequence[int | Move],
         report: Callable[[Outcome], None],
         arguments: Mapping[str, str | Located],
     ) -> list[Outcome]:
@@ -101,7 +102,7 @@ class TaskSequence:
         down before the last recording ends, so that the recording shows it.
 
         Args:
-            tasks: Numbers of the tasks.
+            tasks: Numbers of the tasks, or moves.
             report: Receives each outcome when its recording is complete.
             arguments: Values of the parameters, by name.
 
@@ -110,7 +111,7 @@ class TaskSequence:
         """
         executive = self._executive
         rejected = executive.find_invalid(tasks, arguments) if len(tasks) > 1 else None
-        remaining = list(tasks) if rejected is None else [rejected]
+        remaining: list[int | Move] = list(tasks) if rejected is None else [rejected]
         outcomes: list[Outcome] = []
         try:
             executive.start()
@@ -125,12 +126,12 @@ class TaskSequence:
             executive.close()
         return outcomes
 
-    def _outcome(self, task: int, arguments: Mapping[str, str | Located]) -> Outcome:
+    def _outcome(self, task: int | Move, arguments: Mapping[str, str | Located]) -> Outcome:
         if self._canceled:
-            return Outcome.of(task, GoalState.CANCELED, CANCELED_CAUSE)
+            return Outcome.of(number_of(task), GoalState.CANCELED, CANCELED_CAUSE)
         answer = self._executive.send(task, arguments)
         if answer.cause:
-            return Outcome.of(task, GoalState.ABORTED, answer.cause)
+            return Outcome.of(number_of(task), GoalState.ABORTED, answer.cause)
         if self._canceled:  # canceled before the goal was sent
             self._executive.cancel(answer.identity)
         return self._executive.result(answer.identity)

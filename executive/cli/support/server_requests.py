@@ -6,14 +6,17 @@ import logging
 import re
 import uuid
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager, nullcontext, suppress
+from functools import partial
 
 import click
 
 import logs
 from executive.api.codes import CLOSING
 from executive.api.events import Event, QuestionStatus, Status
-from executive.api.outcome import CancelCode, GoalState, GoalStatus, Outcome, cause_of
+from executive.api.move import Move, number_of
+from executive.api.outcome import CancelCode, CancelResult, GoalState, GoalStatus, Outcome, cause_of
 from executive.cli.terminal.streams import echo
 from executive.cli.terminal.view import View, view_for
 from executive.client.synchronous import Client
@@ -21,6 +24,7 @@ from executive.errors import ClientError, Refused
 from trees import TreeError
 from trees.compile.arguments import read_arguments
 
+from .failures import print_error
 from .interrupts import Interrupts
 
 _QUESTION_ID = re.compile("[0-9a-f]{8}")
@@ -31,17 +35,17 @@ logger = logging.getLogger(__name__)
 
 def send_and_wait(
     client: Client,
-    task: int | str,
+    task: int | str | Move,
     settings: Sequence[str],
     deadman: bool,
     as_json: bool,
     verbose: bool,
 ) -> Outcome:
-    """Run a task on a server, and show it as `armtree run` does. Ctrl-C cancels it.
+    """Run a task or a move on a server, and show it as `armtree run` does. Ctrl-C cancels it.
 
     Args:
         client: Client of the server.
-        task: Number or name of the task.
+        task: Number or name of the task, or a move.
         settings: Values of its parameters, each as NAME=VALUE.
         deadman: True to cancel the goal if this process dies.
         as_json: True to print JSON. A rejected goal is then an outcome, as in `armtree run`.
@@ -50,21 +54,25 @@ def send_and_wait(
     Raises:
         ClientError: The server cannot be reached, or it rejects the goal and `as_json` is false.
     """
-    arguments, goal_id = parameters(settings), uuid.uuid4().hex
+    goal_id = uuid.uuid4().hex
+    if isinstance(task, Move):
+        send = partial(client.send_move, task)
+    else:
+        send = partial(client.send, task, parameters(settings))
     with Interrupts() as interrupts, view_for(as_json, verbose) as view:
 
         def work() -> Outcome:
             hold = client.hold(goal_id) if deadman else nullcontext()
             with client.events() as events, hold:
                 try:
-                    client.send(task, arguments, goal_id, deadman)
+                    send(goal_id=goal_id, deadman=deadman)
                 except Refused as error:
                     if not as_json:
                         raise
                     numbers = {each.name: each.number for each in client.tasks()}
                     if isinstance(task, str) and task not in numbers:
                         raise
-                    number = numbers[task] if isinstance(task, str) else task
+                    number = numbers[task] if isinstance(task, str) else number_of(task)
                     outcome = Outcome.of(number, GoalState.ABORTED, error.cause)
                     view.report(outcome)
                     return outcome
@@ -72,6 +80,40 @@ def send_and_wait(
                 return _show_goal(events, goal_id, view)
 
         return interrupts.run(work)
+
+
+def stop_all(urls: Sequence[str], as_json: bool) -> int:
+    """Stop the arms of servers, all at the same time, and print what became of each.
+
+    Args:
+        urls: URLs of the servers; empty for the one that clients use by default.
+        as_json: True to print JSON.
+
+    Returns:
+        The exit status: 0 if all have stopped.
+    """
+
+    def stop(url: str | None) -> tuple[str, CancelResult | ClientError]:
+        with Client(url) as client:
+            try:
+                return client.url, client.stop()
+            except ClientError as error:
+                return client.url, error
+
+    status = 0
+    with ThreadPoolExecutor(len(urls) or 1, "stop") as threads:
+        for url, answer in threads.map(stop, urls or [None]):
+            if isinstance(answer, ClientError):
+                with suppress(ClientError), errors_as_json(as_json):
+                    raise answer
+                status = print_error(answer)
+            elif as_json:
+                echo(json.dumps({"server": url, **answer.to_json()}))
+            else:
+                canceled = ", ".join(answer.goals)
+                done = f"canceled {canceled}" if canceled else "no goal was under way"
+                echo(f"Stopped the arm of {url}; {done}")
+    return status
 
 
 @contextmanager
@@ -191,7 +233,7 @@ def status_lines(status: Status) -> Iterator[str]:
     if status.goal:
         percentage = "" if status.percentage is None else f", {status.percentage} %"
         phase = " ".join(filter(None, ("PAUSED" if status.paused else status.phase, status.node)))
-        goal = f"task {status.goal.task}, {status.goal.state.name}{percentage}"
+        goal = f"{logs.goal_title(status.goal.task)}, {status.goal.state.name}{percentage}"
         yield f"Goal      {goal}  {phase}".rstrip()
         yield f"          {status.goal.identity}"
     else:

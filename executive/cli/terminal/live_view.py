@@ -65,7 +65,7 @@ class LiveView:
             match record:
                 case logs.Goal():
                     self._clear()
-                    self._title = printable(f"task {record.task} {record.name}")
+                    self._title = printable(logs.goal_title(record.task, record.name))
                 case logs.NodeStatus():
                     self._update(record)
                 case logs.Feedback():

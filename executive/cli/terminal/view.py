@@ -94,7 +94,7 @@ def _text_line(item: _Item) -> str:
         case QuestionStatus(open=True):
             return item.text_with_command()
         case logs.Goal():
-            return f"task {item.task} {item.name}".rstrip()
+            return logs.goal_title(item.task, item.name)
         case logs.NodeStatus(status="SUCCESS" | "FAILURE") if item.message:
             return f"  {item.name:<12} {item.status.lower()}  {item.message}"
     return ""

@@ -1,7 +1,7 @@
 """The endpoints of the HTTP interface: one method per row of `operations`, with the row's name."""
 
 import asyncio
-from collections.abc import AsyncIterator, Callable, Mapping
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from importlib.metadata import version
 from json import dumps
 from types import MappingProxyType
@@ -11,6 +11,7 @@ from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, Response, StreamingResponse
 
 from executive.api.events import KINDS, Event
+from executive.api.move import Move
 from executive.api.operations import OPERATIONS
 from executive.api.outcome import GoalStatus, Outcome
 from executive.api.schemas import MAX_LISTED
@@ -74,6 +75,10 @@ class Endpoints:
         """Return the state of the arm and of the goals."""
         return self._executive.status().to_json()
 
+    async def where(self) -> Json:
+        """Return where the arm is."""
+        return self._executive.where().to_json()
+
     async def tasks(self) -> Json:
         """List the tasks."""
         async with self._listing:
@@ -95,14 +100,28 @@ class Endpoints:
         deadman: bool = False,
     ) -> Json | Response:
         """Accept or refuse a goal."""
-        if deadman and not await self._is_held(goal_id):
-            raise NotHeld(goal_id)
         texts = {name: _as_text(value) for name, value in arguments.items()}
         if isinstance(task, str):
             task = await asyncio.to_thread(self._library.number, task)
-        acceptance = await asyncio.to_thread(
-            self._executive.send_and_record, int(task), texts, goal_id
-        )
+        return await self._accept(int(task), texts, goal_id, deadman)
+
+    async def move(
+        self,
+        to: Sequence[str | float],
+        relative: bool = False,
+        speed: float = 1.0,
+        goal_id: str = "",
+        deadman: bool = False,
+    ) -> Json | Response:
+        """Accept or refuse a move."""
+        return await self._accept(Move.of(to, {}, relative, speed), {}, goal_id, deadman)
+
+    async def _accept(
+        self, task: int | Move, texts: Mapping[str, str], goal_id: str, deadman: bool
+    ) -> Json | Response:
+        if deadman and not await self._is_held(goal_id):
+            raise NotHeld(goal_id)
+        acceptance = await asyncio.to_thread(self._executive.send_and_record, task, texts, goal_id)
         if acceptance.cause:
             return JSONResponse(acceptance.cause.to_json(), http_status(acceptance.code))
         held = self._held.get(goal_id)

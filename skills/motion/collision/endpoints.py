@@ -16,7 +16,7 @@ from skills.motion.errors import (
     shown,
 )
 from skills.motion.kinematics.joint_group import JointGroup
-from skills.motion.query import Query
+from skills.motion.query import MIN_SPEED, Query
 from skills.motion.validation import MAX_MAGNITUDE, check_seed, is_number, joint_positions
 
 from .checker import CollisionChecker
@@ -62,6 +62,8 @@ class EndpointChecker:
         check_seed(query.seed)
         if not is_number(query.spare, 0.0, _MAX_SPARE):
             raise BadQuery(f"The spare is {shown(query.spare)} m; give 0 to {_MAX_SPARE:g}")
+        if not is_number(query.speed, MIN_SPEED, 1.0):
+            raise BadQuery(f"The speed is {shown(query.speed)}; give {MIN_SPEED:g} to 1")
         start = joint_positions("start", query.start, self._actuated)
         names = ["", *(f"via point {i + 1}" for i in range(len(query.via))), ""]
         points = [start[group.columns]]

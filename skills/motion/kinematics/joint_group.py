@@ -49,6 +49,13 @@ class JointGroup:
         self.velocity = readonly([joint.velocity for joint in self.joints])
         self.acceleration = readonly([joint.acceleration for joint in self.joints])
 
+    def limits_at(self, speed: float) -> tuple[Array, Array]:
+        """Return the velocity and acceleration limits at a share of the robot's speed.
+
+        A motion at its limits then takes 1 / speed times as long.
+        """
+        return speed * self.velocity, speed * speed * self.acceleration
+
     def _limits(self, robot: Robot) -> tuple[Array, Array]:
         limits = {joint.name: (joint.lower, joint.upper) for joint in self.joints}
         for joint in robot.joints:

@@ -73,9 +73,13 @@ class AnswerChecker:
         joints, all_joints = group.joints, self._robot.actuated
         start = joint_positions("start", request.start, all_joints)
         goal = group.nearest_turn(plan.goal, joint_positions("goal", asked.goal, joints))
+        if isinstance(request, Query):
+            velocity, acceleration = group.limits_at(request.speed)
+        else:
+            velocity, acceleration = request.plan.velocity, request.plan.acceleration
         for limits, own, per in (
-            (plan.velocity, group.velocity, "/s"),
-            (plan.acceleration, group.acceleration, "/s2"),
+            (plan.velocity, velocity, "/s"),
+            (plan.acceleration, acceleration, "/s2"),
         ):
             _check_within("a plan with the limit of", limits, own, own, joints, per)
         _check_within("a plan that starts with", plan.start, start, start, all_joints)
@@ -219,12 +223,12 @@ def _check_limits(plan: Plan, group: JointGroup) -> None:
     speeds = np.array((law.speeds[:-1], law.speeds[1:]))[:, :, None]
     accelerations = slopes * law.accelerations[:-1, None] + second * speeds * speeds
     for values, limits, per in (
-        (slopes * speeds, group.velocity, "/s"),
-        (accelerations, group.acceleration, "/s2"),
+        (slopes * speeds, plan.velocity, "/s"),
+        (accelerations, plan.acceleration, "/s2"),
     ):
         _check_within("a plan with", values, -limits, limits, group.joints, per, _ROUNDING * limits)
     turns = abs(upper[:-1] - lower[1:]) * law.speeds[1:-1, None]
-    if not (turns <= _ROUNDING * group.velocity).all():
+    if not (turns <= _ROUNDING * plan.velocity).all():
         raise InvalidMessage("a plan that does not stop at a corner of its path")
 
 

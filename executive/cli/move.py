@@ -1,0 +1,224 @@
+"""The commands that move the arm without a task: move, home, where and stop."""
+
+import json
+import sys
+from collections.abc import Callable, Sequence
+from functools import wraps
+from typing import TYPE_CHECKING, Any
+
+import click
+from click.core import ParameterSource
+
+from executive.api.codes import look_up
+
+from .support.command_group import diagnostics
+from .support.options import (
+    recordings_option,
+    robot_option,
+    run_options,
+    source_options,
+    words_of_goal,
+)
+from .support.settings import ABOVE_0, option
+from .terminal.streams import echo
+
+if TYPE_CHECKING:
+    from executive.api.events import Where
+    from executive.api.move import Move
+    from hardware import Robot
+
+
+def find_server(server: str | None) -> str | None:
+    """Return the URL of the server that holds the arm, or None for an arm of this command.
+
+    It is the server that the command names, else the one that runs on this machine, unless the
+    command names a port.
+
+    Raises:
+        UsageError: Several servers run on this machine.
+    """
+    from executive.api.token_file import running
+
+    context = click.get_current_context()
+    if server or context.get_parameter_source("port") is ParameterSource.COMMANDLINE:
+        return server
+    found = [info.url for info in running()]
+    if len(found) > 1:
+        raise click.UsageError(f"several servers run; give --server URL: {', '.join(found)}")
+    return found[0] if found else None
+
+
+def _moving(function: Callable[..., "Move"]) -> Callable[..., None]:
+    """Add the options of a move to a command; execute the move that it returns."""
+
+    @click.option(
+        "--speed",
+        type=ABOVE_0,
+        default=1.0,
+        show_default=True,
+        help="Share of the robot's speed, 0.01 to 1.",
+    )
+    @option("server", show_envvar=True)
+    @source_options
+    @run_options
+    @click.option("--json", "as_json", is_flag=True, help="Print one JSON object per event.")
+    @wraps(function)
+    def command(server: str | None, as_json: bool, **options: Any) -> None:
+        own = {
+            name: options.pop(name) for name in ("words", "relative", "speed") if name in options
+        }
+        verbose = diagnostics().verbose
+        sys.exit(_execute(function(**own), find_server(server), options, as_json, verbose))
+
+    return command
+
+
+def _execute(
+    move: "Move", server: str | None, options: dict[str, Any], as_json: bool, verbose: bool
+) -> int:
+    """Execute a move on a server, or on an arm of this command; return the exit status."""
+    if server is None:
+        from executive.setup import Setup
+
+        from .support.run_tasks import execute
+
+        setup = Setup(**options, reload=False, single_user=True)
+        outcome = execute(setup, [move], as_json=as_json, verbose=verbose)[-1]
+        return look_up(outcome.code).exit_status
+    from executive.client.synchronous import Client
+
+    from .support.server_requests import errors_as_json, send_and_wait
+
+    with errors_as_json(as_json), Client(server) as client:
+        if not as_json:
+            echo(f"Server {client.url}")
+        outcome = send_and_wait(client, move, (), False, as_json, verbose)
+    return look_up(outcome.code).exit_status
+
+
+@click.command(context_settings={"ignore_unknown_options": True})  # -0.1 is a number
+@click.argument("words", metavar="TARGET...", nargs=-1, required=True, callback=words_of_goal)
+@click.option(
+    "--by", "relative", is_flag=True, help="TARGET is a change: of joints, or x y z from the tool."
+)
+@_moving
+def move(words: tuple[str, ...], relative: bool, speed: float) -> "Move":
+    """Move joints, or the tool to a point, and record it.
+
+    The motion is planned and checked like that of a task. Ctrl-C stops the arm. If a server runs on
+    this machine, it moves its arm, unless --port is given. TARGET is one of:
+
+    \b
+      JOINT=VALUE, JOINT+=CHANGE  joints; the others stay
+      POSE                        a saved pose, or home
+      X Y Z                       a point for the tool
+
+    Numbers without a unit are in rad and m. Joints and poses can be combined.
+
+    \b
+    Examples:
+      armtree move joint_1=70deg joint_2=-10deg --speed 0.2
+      armtree move --by joint_1=5deg
+      armtree move folded
+      armtree move open
+      armtree move 0.1 0.05 8cm
+    """  # noqa: D301
+    from executive.api.move import Move
+
+    return Move(words, relative, speed)
+
+
+@click.command()
+@_moving
+def home(speed: float) -> "Move":
+    """Move to the home of the robot.
+
+    That is the pose `home` of your poses.yaml. Without one, the robot file says which pose, and
+    without that it is the boot pose.
+    """
+    from executive.api.move import HOME, Move
+
+    return Move((HOME,), speed=speed)
+
+
+@click.command()
+@option("server", show_envvar=True)
+@robot_option
+@recordings_option
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def where(server: str | None, as_json: bool, **options: Any) -> None:
+    """Print where the arm is: joints in degrees, the tool in mm.
+
+    Asks the server on this machine. Without one, prints the last pose that a recording in this
+    folder holds.
+    """
+    from executive.client.synchronous import Client
+
+    from .support.server_requests import errors_as_json
+
+    with errors_as_json(as_json):
+        if url := find_server(server):
+            with Client(url) as client:
+                found, source = client.where(), f"server {client.url}"
+        else:
+            found, source = _recorded(**options)
+    echo(json.dumps(found.to_json()) if as_json else "\n".join(_where_lines(found, source)))
+
+
+def _recorded(robot: Any, recordings: Any) -> "tuple[Where, str]":
+    """Return the last recorded pose, and its source.
+
+    Raises:
+        ServerUnreachable: There is none.
+    """
+    from executive.api.events import Where
+    from executive.errors import ServerUnreachable
+    from executive.goals.start_pose import last_command
+    from hardware import State, load_robot
+
+    arm: Robot = load_robot(robot)
+    last = last_command(arm, recordings)
+    if last is None:
+        why = f"no server runs on this machine, and no recording in {recordings} holds a pose"
+        raise ServerUnreachable("localhost", why)
+    names = [joint.name for joint in arm.actuated]
+    commanded = dict(zip(names, last.positions, strict=True))
+    units = {joint.name: joint.unit for joint in arm.actuated}
+    found = Where(State.UNCONFIGURED, units, commanded, None, arm.tool_position(commanded))
+    return found, f"{last.source}; the arm may have moved since"
+
+
+def _where_lines(found: "Where", source: str) -> Sequence[str]:
+    from hardware.joints import DISPLAY_UNITS
+
+    lines = [f"{'arm':<12}{found.arm}, by {source}"]
+    if not found.commanded:
+        return [*lines, "The pose is known only of an active arm: `armtree arm activate`"]
+    for name, q in found.commanded.items():
+        scale, unit = DISPLAY_UNITS[found.units[name]]
+        measured = found.measured and f", measured {scale * found.measured[name]:.1f} {unit}"
+        lines.append(f"{name:<12}{scale * q + 0.0:8.1f} {unit}{measured or ''}")
+    if found.tool:
+        x, y, z = (f"{1e3 * value + 0.0:.1f}" for value in found.tool)
+        lines.append(f"{'tool':<12}{x}, {y}, {z} mm")
+    return lines
+
+
+@click.command()
+@option("server", show_envvar=True)
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def stop(server: str | None, as_json: bool) -> None:
+    """Stop the arm at once, and cancel all goals.
+
+    Without --server, stops the arms of all your servers on this machine. This is no emergency stop:
+    keep a switch for the power within reach. A task of `armtree run` is stopped by Ctrl-C.
+    """
+    from executive.api.token_file import running
+
+    from .support.server_requests import stop_all
+
+    urls = [server] if server else [info.url for info in running()]
+    sys.exit(stop_all(urls, as_json))
+
+
+COMMANDS = (move, home, where, stop)

@@ -1,0 +1,151 @@
+"""The words of a goal, as `armtree move` and `armtree plan` take them: joints, poses, a point."""
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+from hardware import Robot
+from hardware.suggestions import choices
+from skills import TOOL_PORTS, BadTarget, check_distances
+from trees import UNITS, Declaration, FileError, Place, fit, parse_value
+from trees.compile.port_types import declaration
+
+Poses = Mapping[str, Mapping[str, float]]
+
+TASK = "the number or name of a task"  # what the words of a goal may be, too
+
+
+@dataclass(frozen=True, slots=True)
+class Words:
+    """What words mean.
+
+    Attributes:
+        joints: Positions by joint [rad].
+        changes: Distances from the start by joint, for joints without a position [rad].
+        point: x, y, z of the tool [m]; None if the words are joints.
+    """
+
+    joints: Mapping[str, float]
+    changes: Mapping[str, float]
+    point: tuple[float, float, float] | None = None
+
+
+def is_point(words: Sequence[str], poses: Poses) -> bool:
+    """Return True if the words are x, y, z."""
+    return len(words) == 3 and not any("=" in word or word in poses for word in words)
+
+
+def read_words(
+    words: Sequence[str], robot: Robot, poses: Poses, also: Sequence[str] = (), quoted: bool = False
+) -> Words:
+    """Read the words of a goal.
+
+    Args:
+        words: Either x, y, z; or `JOINT=VALUE`, `JOINT+=CHANGE` and names of poses, applied in
+            order, each joint at most once. Values are written as in task files.
+        robot: Description of the robot.
+        poses: The poses.
+        also: What else the words may be, for messages.
+        quoted: True if the words are the value of an option, and so in quotes.
+
+    Raises:
+        BadTarget: The words cannot be read.
+        OutOfBounds: A change is larger than the range of its joint.
+    """
+    units = {joint.name: joint.unit for joint in robot.actuated}
+    _check_spelling(words, next(iter(units)), quoted)
+    if is_point(words, poses):
+        x, y, z = read_value("point", f"[{', '.join(words)}]", declaration(TOOL_PORTS["point"]))
+        return Words({}, {}, (x, y, z))
+    joints, changes, once = dict[str, float](), dict[str, float](), set[str]()
+    for word in words:
+        name, equals, text = word.partition("=")
+        joint = name.removesuffix("+")
+        if not equals:
+            if word not in poses:
+                raise BadTarget(_no_pose(word, poses, also, quoted))
+            joints |= poses[word]
+            _check_names(poses[word], units)
+            continue
+        _check_names((joint,), units)
+        if joint in once:
+            raise BadTarget(f"{joint} is given twice; give it once, with its whole change")
+        once.add(joint)
+        value: float = read_value(
+            joint, text, Declaration("length" if units[joint] == "m" else "angle")
+        )
+        if joint == name:
+            joints[joint] = value
+            continue
+        check_distances(robot, {joint: value})
+        if joint in joints:
+            joints[joint] += value
+        else:
+            changes[joint] = value
+    return Words(joints, {name: by for name, by in changes.items() if name not in joints})
+
+
+def read_value(name: str, text: str, wanted: Declaration) -> Any:
+    """Return a value that is written as in a task file.
+
+    Args:
+        name: What has the value, for messages.
+        text: The value.
+        wanted: Its type.
+
+    Raises:
+        BadTarget: The text is no such value.
+    """
+    if not text:
+        raise BadTarget(f"{name} has no value")
+
+    def wrong(place: Place, why: str) -> None:
+        raise BadTarget(f"{name}: {why}")
+
+    try:
+        return fit(parse_value(text, name), wanted, {}, wrong)
+    except FileError as error:
+        raise BadTarget(f"{name}: {error.mistakes[0].message}") from error
+
+
+def _check_spelling(words: Sequence[str], joint: str, quoted: bool) -> None:
+    """Check that each value is one word.
+
+    Args:
+        words: The words.
+        joint: Name of a joint, for an example.
+        quoted: True if the words are in quotes already.
+    """
+    for word in words:
+        name, equals, value = word.partition("=")
+        sign = "+=" if name.endswith("+") else "="
+        name = name.removesuffix("+")
+        if equals and not name.strip():
+            raise BadTarget(f"{word!r} names no joint; write one word, such as {joint}=0.5")
+        if equals and name != name.strip():
+            right = f"{name.strip()}{sign}{value.strip()}"
+            raise BadTarget(f"{word!r} contains spaces; write {right}")
+    for before, word in pairwise(words):
+        if any(word in units for units in UNITS.values()):
+            why = f"{word!r} is separated from its number; write {before}{word} as one word"
+            raise BadTarget(why if quoted else f"{why}, or both in quotes")
+
+
+def _no_pose(word: str, poses: Poses, also: Sequence[str], quoted: bool) -> str:
+    """Return the message for a word that is not a pose."""
+    if TASK in also and word.isdecimal():
+        why = f"{word!r} is the number of a task, which must be the only word"
+        return f"{why}; plan one task at a time, or give x y z of the tool"
+    others = ["JOINT=VALUE", "JOINT+=CHANGE", "x y z of the tool", *also]
+    instead = f"{', '.join(others[:-1])} or {others[-1]}"
+    instead += ", all of it in one pair of quotes" if quoted else ""
+    there = choices(word, poses)
+    stop = "" if there.endswith("?") else "."
+    return f"{word!r} is no pose; there are {there}{stop} Or give {instead}"
+
+
+def _check_names(names: Collection[str], actuated: Collection[str]) -> None:
+    for name in names:
+        if name not in actuated:
+            raise BadTarget(f"{name} is not an actuated joint; there are {choices(name, actuated)}")

@@ -1,0 +1,116 @@
+"""From a move to a task: its words become the text of a subtree file."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+
+from executive.api.move import HOME, Move
+from hardware import Robot
+from logs import MOVE
+from skills import BadTarget, Positions, check_joints, combine_errors, known_errors
+from skills.motion.query import MIN_SPEED
+from trees.build import Draft
+from trees.reading.grammar import TaskFile, draft_subtree
+
+from .goal_words import Poses, Words, read_words
+
+FILE = Path("move.yaml")  # in the recording of a move
+
+_EXAMPLE = "`armtree move joint_1=70deg`"
+
+
+def move_text(move: Move, robot: Robot, poses: Poses) -> str:
+    """Return the move as the text of a subtree file.
+
+    Args:
+        move: The move.
+        robot: Description of the robot.
+        poses: Poses of the library.
+
+    Raises:
+        BadTarget: The words cannot be read, or name no target.
+        OutOfBounds: A target is outside the limits.
+    """
+    if not MIN_SPEED <= move.speed <= 1.0:  # False for NaN
+        why = f"speed {move.speed:g} is not between {MIN_SPEED:g} and 1"
+        raise BadTarget(f"{why}; it is a share of the limits of the robot file")
+    if not move.words:
+        raise BadTarget(f"a move needs a target, such as {_EXAMPLE}, a pose, or x y z")
+    known = poses_with_home(robot, poses)
+    words = _changes(move.words, known) if move.relative else move.words
+    read = read_words(words, robot, known)
+    try:
+        check_joints(robot, Positions(read.joints))
+    except ExceptionGroup as group:
+        raise combine_errors(known_errors(group)) from group
+    tree = _tree(read, move.relative, move.speed)
+    description = f"{'by ' * move.relative}{' '.join(move.words)}"
+    head = {"subtree": FILE.stem, "description": f"Move {description}.", "ports": {}}
+    lines = [f"{key}: {json.dumps(value)}" for key, value in head.items()]
+    return "\n".join([*lines, f"tree: {json.dumps(tree)}\n"])
+
+
+def draft_move(text: str) -> Draft:
+    """Return what `move_text` returned as a task.
+
+    Raises:
+        FileError: The text is not YAML.
+    """
+    subtree, mistakes = draft_subtree(FILE, text)
+    task = TaskFile(
+        path=subtree.path,
+        text=subtree.text,
+        number=MOVE,
+        name=subtree.name,
+        description=subtree.description,
+        parameters={},
+        replaces="",
+        tree=subtree.tree,
+    )
+    return task, mistakes
+
+
+def poses_with_home(robot: Robot, poses: Poses) -> Mapping[str, Mapping[str, float]]:
+    """Return the poses with the pose `home`, if none of them has that name.
+
+    It is what the robot file names as its home, or else the boot pose.
+
+    Raises:
+        BadTarget: The robot file names poses that do not exist.
+    """
+    if HOME in poses:
+        return poses
+    if not robot.home:
+        boot = {joint.name: joint.boot for joint in robot.actuated}
+        return {**poses, HOME: boot}
+    try:
+        joints = read_words(robot.home, robot, poses).joints
+    except BadTarget as error:
+        error.args = (f"{robot.path}: home: {error}",)
+        raise
+    if not joints:
+        raise BadTarget(f"{robot.path}: home names no position; give poses or JOINT=VALUE")
+    return {**poses, HOME: joints}
+
+
+def _changes(words: tuple[str, ...], poses: Poses) -> tuple[str, ...]:
+    """Return words as changes of joints; x, y, z stay as they are."""
+    if wrong := next((word for word in words if word in poses), None):
+        raise BadTarget(f"{wrong} is a pose, not a change; give JOINT=CHANGE or x y z")
+    changed = (word.replace("=", "+=", 1) if "+=" not in word else word for word in words)
+    return tuple(changed)
+
+
+def _tree(read: Words, relative: bool, speed: float) -> dict[str, object]:
+    """Return the tree of a move."""
+    ports: dict[str, object] = {}
+    if read.point is not None:
+        subtree, ports = "move_tool", {"point": list(read.point), "relative": relative}
+    elif not read.changes:
+        subtree, ports = "move_joints", {"joints": dict(read.joints)}
+    elif not read.joints:
+        subtree, ports = "move_relative", {"by": dict(read.changes)}
+    else:
+        ports = {"joints": dict(read.joints), "by": dict(read.changes)}
+        subtree = "move_mixed"
+    return {"subtree": subtree, "with": {**ports, "speed": speed}}

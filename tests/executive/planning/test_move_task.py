@@ -1,0 +1,144 @@
+"""Moves: from words to goals, their recordings, and what is wrong with them."""
+
+import math
+from pathlib import Path
+
+import pytest
+
+import logs
+from executive.api.move import Move
+from executive.api.outcome import GoalState
+from executive.replay.verification import verify
+from executive.session import run_task
+from hardware import SimulatedClock, load_robot
+from tests.conftest import RigMaker
+from tests.support.servers.server_acts import at_frame
+
+UPRIGHT = {"joint_1": 0.0, "joint_2": 0.0, "joint_3": 0.0, "joint_4": 0.0}
+
+
+@pytest.mark.parametrize(
+    ("words", "relative", "changed"),
+    [
+        (("joint_1=40deg",), False, {"joint_1": math.radians(40)}),
+        (("joint_1=0.3", "joint_2+=0.1", "open"), False, {"joint_1": 0.3, "joint_2": 0.1}),
+        (("folded", "joint_3+=0.2"), False, {"joint_1": -1.57, "joint_3": -0.7}),
+        (("joint_1=5deg",), True, {"joint_1": math.radians(5)}),
+        (("home",), False, {}),
+    ],
+)
+def test_a_move_ends_where_its_words_say(
+    server: RigMaker, words: tuple[str, ...], relative: bool, changed: dict[str, float]
+) -> None:
+    arm = server()
+    sent = arm.executive.send(Move(words, relative))
+    outcome = arm.executive.result(sent.identity)
+    assert outcome.success
+    opened = {"joint_4": -0.7} if {"open", "home"} & {*words} else {}
+    found = arm.executive.where()
+    assert found.commanded == pytest.approx({**UPRIGHT, **changed, **opened})
+
+
+def test_the_tool_moves_to_a_point_and_by_a_distance(server: RigMaker) -> None:
+    arm = server()
+    for words, relative in ((("0.1", "0.1", "10cm"), False), (("0", "0", "5mm"), True)):
+        sent = arm.executive.send(Move(words, relative))
+        assert arm.executive.result(sent.identity).success
+    assert arm.executive.where().tool == pytest.approx((0.1, 0.1, 0.105), abs=1e-5)
+
+
+def test_a_slow_move_takes_longer_and_is_verified(
+    rig: RigMaker, shared_clock: SimulatedClock
+) -> None:
+    arm, durations = rig(), list[float]()
+    with shared_clock.working():
+        arm.executive.start()
+        for target, speed in ((0.8, 1.0), (0.0, 0.5)):
+            outcome = run_task(arm.executive, Move((f"joint_1={target}",), speed=speed), {})
+            assert Path(outcome.recording).name.endswith("-move.mcap")
+            assert verify(Path(outcome.recording)).holds
+            plan = [each for each in arm.recorded(logs.Plan) if each.group == "arm"][-1]
+            durations.append(plan.duration)
+            assert plan.velocity_limits[0] == speed * arm.robot.joint("joint_1").velocity
+        arm.executive.close()
+    assert durations[1] == pytest.approx(2 * durations[0])
+
+
+def test_a_move_is_canceled_like_any_goal(rig: RigMaker, shared_clock: SimulatedClock) -> None:
+    arm = rig()
+    at_frame(arm, 5, arm.executive.cancel)
+    with shared_clock.working():
+        arm.executive.start()
+        outcome = run_task(arm.executive, Move(("folded",)), {})
+        arm.executive.close()
+    assert outcome.state is GoalState.CANCELED
+    assert verify(Path(outcome.recording)).holds
+
+
+@pytest.mark.parametrize(
+    ("words", "relative", "speed", "code", "why"),
+    [
+        (("joint_9=1",), False, 1.0, "goal.bad_target", "joint_9 is not an actuated joint"),
+        (("joint_1=70dg",), False, 1.0, "goal.bad_target", "did you mean 70 deg?"),
+        (("joint_1=",), False, 1.0, "goal.bad_target", "joint_1 has no value"),
+        (("joint_1=.nan",), False, 1.0, "goal.bad_target", "is not finite"),
+        (("joint_1=91deg",), False, 1.0, "goal.out_of_bounds", "-90 deg to 90 deg"),
+        (("joint_1=2", "joint_2=2"), False, 1.0, "goal.out_of_bounds", "; joint_2"),
+        (("joint_1=200deg",), True, 1.0, "goal.out_of_bounds", "more than its range, 180 deg"),
+        (("foldd",), False, 1.0, "goal.bad_target", "did you mean folded?"),
+        (("folded",), True, 1.0, "goal.bad_target", "folded is a pose, not a change"),
+        (("0.1", "0.1"), False, 1.0, "goal.bad_target", "'0.1' is no pose"),
+        (("0.1", "0.1", "x"), False, 1.0, "goal.bad_target", "point"),
+        ((), False, 1.0, "goal.bad_target", "needs a target"),
+        (("folded",), False, 1.01, "goal.bad_target", "not between 0.01 and 1"),
+        (("folded",), False, math.nan, "goal.bad_target", "not between 0.01 and 1"),
+    ],
+)
+def test_a_wrong_move_is_refused(
+    server: RigMaker, words: tuple[str, ...], relative: bool, speed: float, code: str, why: str
+) -> None:
+    arm = server()
+    answer = arm.executive.send(Move(words, relative, speed))
+    assert (answer.accepted, answer.code) == (False, code)
+    assert why in answer.message
+    assert not arm.frames
+
+
+def test_a_change_out_of_bounds_is_known_from_the_start(server: RigMaker) -> None:
+    arm = server()
+    for code in ("ok", "goal.out_of_bounds"):
+        answer = arm.executive.send(Move(("joint_1=50deg",), relative=True))
+        outcome = arm.executive.result(answer.identity)
+        assert outcome.code == code
+    assert "joint_1 = 100 deg is outside its limits, -90 deg to 90 deg" in outcome.message
+
+
+def test_a_robot_names_its_home(server: RigMaker, tmp_path: Path) -> None:
+    shipped = load_robot()
+    assert shipped.home == ("upright", "open")
+    for home, code in (("nowhere", "goal.bad_target"), ("joint_2=0.1", "ok"), ("", "ok")):
+        robot = tmp_path / "robot.toml"
+        text = shipped.path.read_text().replace('"upright open"', f'"{home}"')
+        robot.write_text(text.replace('"arduinobot.urdf"', f'"{shipped.urdf}"'))
+        arm = server(robot=load_robot(robot))
+        answer = arm.executive.send(Move(("home",)))
+        assert answer.code == code
+        if code == "ok":
+            assert arm.executive.result(answer.identity).success
+            commanded = arm.executive.where().commanded
+            assert commanded == {**UPRIGHT, "joint_2": 0.1 if home else 0.0}
+        else:
+            assert f"{robot}: home: 'nowhere' is no pose" in answer.message
+
+
+def test_a_pose_of_ones_own_is_home(server: RigMaker, tmp_path: Path) -> None:
+    (tmp_path / "poses.yaml").write_text("poses: {home: {joint_1: 0.4}}\n")
+    arm = server(tasks=tmp_path)
+    assert arm.executive.result(arm.executive.send(Move(("home",))).identity).success
+    assert arm.executive.where().commanded == {**UPRIGHT, "joint_1": 0.4}
+
+
+def test_where_an_arm_is_that_is_not_active(server: RigMaker) -> None:
+    found = server(active=False).executive.where()
+    assert (found.commanded, found.tool, found.measured) == (None, None, None)
+    assert found.units == dict.fromkeys(UPRIGHT, "rad")
