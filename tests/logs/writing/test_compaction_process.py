@@ -22,7 +22,7 @@ from tests.support.paths import ROOT
 
 
 @pytest.fixture
-def shared_process() -> Iterator[CompactionProcess]:
+def compaction() -> Iterator[CompactionProcess]:
     made = CompactionProcess()
     yield made
     made.close()
