@@ -10,7 +10,7 @@ from click.core import ParameterSource
 
 from executive.api.codes import look_up
 
-from .support.names import load_library
+from .support.names import first_motion, load_library
 from .support.options import (
     port_option,
     recordings_option,
@@ -63,12 +63,9 @@ def doctor(
         echo("\nFix what says NO.")
         sys.exit(look_up(failures[0]).exit_status)
     loaded, library = load_library(trees, robot)
-    if numbers := library.numbers():
-        command = ["run", f"{numbers[0]}", *_given(context, "port", "robot", "trees", "recordings")]
-    else:
-        joint = loaded.actuated[0]
-        command = ["plan", f"{joint.name}+={joint.words(0.05)}", *_given(context, "robot", "trees")]
-    command.insert(0, "armtree")
+    numbers = library.numbers()
+    first = ["run", f"{numbers[0]}"] if numbers else first_motion(loaded)
+    command = ["armtree", *first, *_given(context, "port", "robot", "trees", "recordings")]
     echo(f"\nNext, type: {shlex.join(command)}")
 
 

@@ -39,7 +39,7 @@ def run(
     from .support.run_tasks import execute
 
     robot, library = load_library(options["trees"], options.pop("robot"))
-    numbers = [library.number(task) for task in tasks]
+    numbers = [task if isinstance(task, int) else library.number(task) for task in tasks]
     setup = Setup(**options, robot=robot, reload=False, single_user=True)
     outcomes = execute(setup, numbers, settings, as_json, diagnostics().verbose)
     sys.exit(look_up(outcomes[-1].code).exit_status)

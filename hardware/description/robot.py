@@ -1,7 +1,7 @@
 """The robot as data: joints, groups, limits, and its board."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
@@ -17,6 +17,7 @@ from hardware.joints import Joint
 from hardware.link.link import VIRTUAL, Link
 
 from .kinematics import ForwardKinematics, reach
+from .meshes import find_mesh
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +87,8 @@ class Robot:
         brake: How long a stop slows the motion down before it holds [s]; 0 to hold at once.
         links: Names of all links.
         home: Target of `armtree home`: poses and JOINT=VALUE; empty for the boot pose.
+        meshes: Files of meshes by their names in the URDF, if they are in another place than beside
+            it, as those of a recording.
     """
 
     name: str
@@ -101,6 +104,7 @@ class Robot:
     brake: float = 0.0
     links: tuple[str, ...] = ()
     home: tuple[str, ...] = ()
+    meshes: Mapping[str, Path] = field(default_factory=dict)
 
     @property
     def actuated(self) -> tuple[Joint, ...]:
@@ -153,6 +157,14 @@ class Robot:
         """Return a link to a virtual board in this process, on a clock that may be simulated."""
         model = self.model()
         return BoardLink(model, clock) if model else NullLink(clock)
+
+    def mesh(self, name: str) -> Path:
+        """Return the file of a mesh, by its name in the URDF.
+
+        Raises:
+            UrdfError: It is not found, or unusable.
+        """
+        return self.meshes.get(name) or find_mesh(self.urdf, name)
 
     @property
     def reach(self) -> float:

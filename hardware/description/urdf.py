@@ -7,7 +7,8 @@ link or joint, the key and the value.
 import math
 import re
 import reprlib
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from io import BytesIO, StringIO
 from pathlib import Path
@@ -21,6 +22,7 @@ from hardware.joints import Mimic
 Vector = tuple[float, float, float]
 
 _MAX_BYTES = 2**20
+_XACRO = "{http://www.ros.org/wiki/xacro}"  # namespace of its elements
 _MOVING = ("revolute", "continuous", "prismatic")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)  # float() accepts more
 _MAX_LINKS = 1000  # pinocchio takes a minute for 4000 shapes
@@ -114,6 +116,27 @@ def parse_urdf(text: str) -> Urdf:
     return _links_and_joints(_root(StringIO(text)))
 
 
+def urdf_mistakes(path: Path, largest: float) -> list[UrdfError]:
+    """Return everything that is wrong with a file: its links, joints and collision shapes.
+
+    Args:
+        path: The URDF file.
+        largest: As for `count_collision_shapes`.
+
+    Raises:
+        OSError: The file cannot be read.
+        LookupError: Its encoding is unknown.
+        ValueError: Its path is invalid.
+    """
+    try:
+        root = _root(BytesIO(read_file(path, _MAX_BYTES)))
+    except UrdfError as error:
+        return [error]
+    if any(element.tag.startswith(_XACRO) for element in root.iter()):
+        return [UrdfError(f"is a xacro file; convert it first: xacro {path.name} > arm.urdf")]
+    return [*_mistakes(root), *_shape_mistakes(root, largest)]
+
+
 def count_collision_shapes(path: Path, largest: float) -> dict[str, int]:
     """Count the collision shapes of each link, after checking all of them.
 
@@ -125,13 +148,45 @@ def count_collision_shapes(path: Path, largest: float) -> dict[str, int]:
         OSError: The file cannot be read.
         UrdfError: It is not XML, or a shape or its origin is invalid.
     """
-    counts = {}
-    for link in _root(BytesIO(read_file(path, _MAX_BYTES))).findall("link"):
-        name, collisions = link.get("name", ""), link.findall("collision")
-        for collision in collisions:
-            _check_collision(name, collision, largest)
-        counts[name] = len(collisions)
-    return counts
+    root = _root(BytesIO(read_file(path, _MAX_BYTES)))
+    for mistake in _shape_mistakes(root, largest):
+        raise mistake
+    return {link.get("name", ""): len(link.findall("collision")) for link in root.findall("link")}
+
+
+def mesh_names(path: Path) -> dict[str, bool]:
+    """Return the names of the mesh files, each with whether a collision shape uses it.
+
+    Raises:
+        OSError: The file cannot be read.
+        UrdfError: It is not XML.
+    """
+    root, names = _root(BytesIO(read_file(path, _MAX_BYTES))), dict[str, bool]()
+    for kind in ("collision", "visual"):
+        for mesh in root.findall(f"link/{kind}/geometry/mesh"):
+            names.setdefault(mesh.get("filename", ""), kind == "collision")
+    return names
+
+
+def with_meshes(path: Path, find: Callable[[str], Path]) -> str:
+    """Return the text of a URDF, with the path of a file for each mesh of a collision shape.
+
+    Args:
+        path: The URDF file.
+        find: Returns the file of a mesh, by its name in the URDF.
+
+    Raises:
+        OSError: The file cannot be read.
+        UrdfError: It is not XML, or a mesh is not found. The message names the link.
+    """
+    root = _root(BytesIO(read_file(path, _MAX_BYTES)))
+    for link in root.findall("link"):
+        for mesh in link.findall("collision/geometry/mesh"):
+            try:
+                mesh.set("filename", str(find(mesh.get("filename", ""))))
+            except UrdfError as error:
+                raise UrdfError(f"link {link.get('name')}: {error}") from error
+    return ElementTree.tostring(root, encoding="unicode")
 
 
 def _root(source: BytesIO | StringIO) -> Element:
@@ -145,36 +200,49 @@ def _root(source: BytesIO | StringIO) -> Element:
 
 
 def _links_and_joints(root: Element) -> Urdf:
+    for mistake in _mistakes(root):
+        raise mistake
+    links = tuple(link.get("name", "") for link in root.findall("link"))
+    return Urdf(links, tuple(map(_joint, root.findall("joint"))))
+
+
+def _mistakes(root: Element) -> Iterator[UrdfError]:
+    """Yield what is wrong with links and joints."""
     if root.tag != "robot":
-        raise UrdfError(f"is no URDF: its root element is <{root.tag}>, not <robot>")
+        yield UrdfError(f"is no URDF: its root element is <{root.tag}>, not <robot>")
+        return
     joints = root.findall("joint")
     links = tuple(link.get("name", "") for link in root.findall("link"))
     if len(links) > _MAX_LINKS:
-        raise UrdfError(f"has {len(links)} links; the limit is {_MAX_LINKS}")
-    _check_names("link", links)
-    _check_names("joint", [joint.get("name", "") for joint in joints])
-    _check_types(joints)
-    _check_tree(joints, links)
-    return Urdf(links, tuple(map(_joint, joints)))
-
-
-def _check_names(kind: str, names: Sequence[str]) -> None:
-    if "" in names:
-        raise UrdfError(f"{kind} {names.index('') + 1} of {len(names)} has no name; give it one")
-    if len(set(names)) < len(names):
-        name = next(name for name in names if names.count(name) > 1)
-        raise UrdfError(f"two {kind}s are called {name}; give each a name of its own")
-
-
-def _check_types(joints: list[Element]) -> None:
+        yield UrdfError(f"has {len(links)} links; the limit is {_MAX_LINKS}")
+        return
+    yield from _name_mistakes("link", links)
+    yield from _name_mistakes("joint", [joint.get("name", "") for joint in joints])
+    known = []
     for joint in joints:
-        if joint.get("type") not in (*_MOVING, "fixed"):
+        if joint.get("type") in (*_MOVING, "fixed"):
+            known.append(joint)
+        else:
             why = f"joint {joint.get('name')} is {joint.get('type')}"
-            raise UrdfError(f"{why}; it must be {', '.join(_MOVING)} or fixed")
+            yield UrdfError(f"{why}; it must be {', '.join(_MOVING)} or fixed")
+    yield from _tree_mistakes(joints, links)
+    for joint in known:
+        try:
+            _joint(joint)
+        except UrdfError as error:
+            yield error
 
 
-def _check_tree(joints: list[Element], links: tuple[str, ...]) -> None:
-    """Check that the joints connect all links to one tree."""
+def _name_mistakes(kind: str, names: Sequence[str]) -> Iterator[UrdfError]:
+    if "" in names:
+        yield UrdfError(f"{kind} {names.index('') + 1} of {len(names)} has no name; give it one")
+    for name, count in Counter(names).items():
+        if name and count > 1:
+            yield UrdfError(f"two {kind}s are called {name}; give each a name of its own")
+
+
+def _tree_mistakes(joints: list[Element], links: tuple[str, ...]) -> Iterator[UrdfError]:
+    """Yield why the joints do not connect all links to one tree."""
     ends = {
         joint.get("name", ""): (_link(joint, "parent"), _link(joint, "child")) for joint in joints
     }
@@ -183,23 +251,24 @@ def _check_tree(joints: list[Element], links: tuple[str, ...]) -> None:
         for link in (parent, child):
             if link not in links:
                 there = f"there is no link {link!r}; there are {', '.join(links)}"
-                raise UrdfError(f"joint {name}: {there}")
+                yield UrdfError(f"joint {name}: {there}")
         if child in above:
-            raise UrdfError(
-                f"joint {name}: its child {child} is the child of {above[child]} already"
-            )
+            what = f"its child {child} is the child of {above[child]} already"
+            yield UrdfError(f"joint {name}: {what}; let one of the two move another link")
         above[child] = name
-    _check_loops(ends, above)
+    yield from _loop_mistakes(ends, above)
     roots = [link for link in links if link not in above]
-    if not roots:
-        raise UrdfError("has no links; give it at least one")
+    if not links:
+        yield UrdfError("has no links; give it at least one")
     if len(roots) > 1:
         why = f"links {' and '.join(roots)} have no parent joint, which only one link may lack"
-        raise UrdfError(f"{why}; let each other one be the child of a joint")
+        yield UrdfError(f"{why}; let each other one be the child of a joint")
 
 
-def _check_loops(ends: Mapping[str, tuple[str, str]], above: Mapping[str, str]) -> None:
-    """Check that no joint is its own ancestor.
+def _loop_mistakes(
+    ends: Mapping[str, tuple[str, str]], above: Mapping[str, str]
+) -> Iterator[UrdfError]:
+    """Yield a joint that is its own ancestor.
 
     Args:
         ends: Parent and child of each joint.
@@ -213,9 +282,10 @@ def _check_loops(ends: Mapping[str, tuple[str, str]], above: Mapping[str, str]) 
             end, _ = ends[above[end]]
         if end == child:
             loop = f"by way of {', '.join(path)}" if path else "as its child is its parent"
-            raise UrdfError(
+            yield UrdfError(
                 f"joint {name} is its own ancestor, {loop}; let its child be another link"
             )
+            return
         if end in connected or end not in above:
             connected.update((parent, *(ends[each][0] for each in path)))
 
@@ -328,6 +398,15 @@ def _number(
 # For each kind of shape, the attributes that hold sizes, and the count of numbers in each.
 _SIZES = {"box": {"size": 3}, "sphere": {"radius": 1}, "cylinder": {"radius": 1, "length": 1}}
 _SHAPES = (*_SIZES, "mesh")
+
+
+def _shape_mistakes(root: Element, largest: float) -> Iterator[UrdfError]:
+    for link in root.findall("link"):
+        for collision in link.findall("collision"):
+            try:
+                _check_collision(link.get("name", ""), collision, largest)
+            except UrdfError as error:
+                yield error
 
 
 def _check_collision(link: str, collision: Element, largest: float) -> None:

@@ -57,6 +57,14 @@ def load_library(trees: Path | None, robot: Path | None) -> "tuple[Robot, Librar
     return loaded, Library(trees, loaded.name)
 
 
+def first_motion(robot: "Robot") -> list[str]:
+    """Return a command that works without a task: the first joint moves by a little."""
+    joint = robot.actuated[0]
+    step, unit = (0.005, "5mm") if joint.unit == "m" else (0.0873, "5deg")
+    sign = "" if joint.boot + step <= joint.upper else "-"
+    return ["move", f"{joint.name}+={sign}{unit}"]
+
+
 def _chosen(context: click.Context) -> "tuple[Robot, Library]":
     """Return what `load_library` does for the options before the word, or the settings."""
     trees, robot = (

@@ -13,6 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from hardware import CollisionRules, Robot
+from hardware.description.meshes import MAX_MESH_BYTES
 from skills.motion.arrays import Array
 from skills.motion.errors import BadWorld
 from skills.motion.kinematics.geometry import EnclosedVolume, convex_hull
@@ -23,7 +24,6 @@ from skills.motion.world import EMPTY, Body, Box, Cylinder, Mesh, Shape, Sphere,
 FLOOR = "floor"
 # Most pairs of links' hulls, and of their exact shapes. At both limits a planner needs 1 GB.
 MAX_HULL_PAIRS, MAX_EXACT_PAIRS = 10_000, 40_000
-MAX_MESH_BYTES = 2**26
 
 
 class PlanningScene:

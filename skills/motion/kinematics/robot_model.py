@@ -5,13 +5,12 @@ import re
 import sys
 from collections import Counter
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 
 from hardware import Robot
-from hardware.description.urdf import count_collision_shapes
+from hardware.description.urdf import count_collision_shapes, with_meshes
 from skills.motion.arrays import Array
 from skills.motion.errors import BadWorld, ModelUnusable, shown
 from skills.motion.validation import MAX_MAGNITUDE, is_number
@@ -56,8 +55,8 @@ class RobotModel:
             self._free = pin.buildModelFromUrdf(urdf)  # mimic joints have coordinates of their own
             _check_placements(robot, self._free)
             self.kinematics = _with_mimic_joints(robot, self._free)
-            kind, folders = pin.GeometryType.COLLISION, mesh_folders(robot.urdf)
-            geometry = pin.buildGeomFromUrdf(self.kinematics, urdf, kind, None, folders)
+            text, kind = with_meshes(robot.urdf, robot.mesh), pin.GeometryType.COLLISION
+            geometry = pin.buildGeomFromUrdfString(self.kinematics, text, kind)
             self.exact: list[pin.GeometryObject] = list(geometry.geometryObjects)
             self._check_counts(counts)
             self.hulls = self._link_hulls()
@@ -122,11 +121,6 @@ class RobotModel:
         except ValueError as error:
             raise ValueError(f"{name}: {error}") from error
         return pin.GeometryObject(name, joint, frame, pin.SE3.Identity(), hull)
-
-
-def mesh_folders(urdf: Path) -> list[str]:
-    """Return the folders in which pinocchio looks for `package://` meshes: all above the URDF."""
-    return [str(folder) for folder in urdf.resolve().parents]
 
 
 def _cause(error: Exception) -> str:

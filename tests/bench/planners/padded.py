@@ -16,9 +16,9 @@ import numpy as np
 import pinocchio as pin
 
 from hardware import Robot
+from hardware.description.meshes import find_mesh
 from skills.motion import Body, Box, Cylinder, Sphere, World
 from skills.motion.collision.scene import FLOOR, PlanningScene, placement
-from skills.motion.kinematics.robot_model import mesh_folders
 
 
 @dataclass(frozen=True)
@@ -84,9 +84,7 @@ def _grow(geometry: Xml.Element, urdf: Path, grow: float) -> None:
 
 def _box_around(name: str, urdf: Path, geometry: Xml.Element) -> Xml.Element:
     """Return the bounding box of a mesh that is aligned with its link's frame."""
-    relative = name.removeprefix("package://")
-    path = next(Path(f) / relative for f in mesh_folders(urdf) if (Path(f) / relative).exists())
-    mesh = coal.MeshLoader().load(str(path), np.ones(3))
+    mesh = coal.MeshLoader().load(str(find_mesh(urdf, name)), np.ones(3))
     mesh.computeLocalAABB()
     sizes = mesh.aabb_local.max_ - mesh.aabb_local.min_
     return Xml.SubElement(geometry, "box", size=" ".join(map(repr, sizes.tolist())))

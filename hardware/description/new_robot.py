@@ -1,0 +1,268 @@
+"""Makes a robot file from a URDF."""
+
+import json
+import math
+import os
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from hardware.drivers.null_driver import NO_BAUD, NO_FIRMWARE, NullDriver
+from hardware.errors import DescriptionError
+from hardware.joints import Joint
+from hardware.link.link import VIRTUAL
+
+from .groups import Tree, guess_gripper, guess_tool
+from .meshes import find_mesh
+from .robot import CollisionRules, Robot, Serial, Tool
+from .urdf import Urdf, UrdfError, UrdfJoint, mesh_names, read_urdf, urdf_mistakes
+
+_MARGIN = 0.005  # [m]
+# A URDF with a larger velocity limit has a placeholder: then the cautious one is used.
+_PLAUSIBLE = {"rad": 3.5, "m": 1.0}  # [rad/s], [m/s]
+_CAUTIOUS = {"rad": 1.0, "m": 0.1}  # [rad/s], [m/s]
+_TIME_TO_SPEED = 0.5  # [s]
+_BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
+
+_HEAD = """\
+# {name}, made from a URDF by `armtree new-arm`. hardware/README.md explains the keys.
+# Without a driver the arm moves on the port `virtual` only, and nothing real moves. For a real
+# board, fill in `driver`, [serial] and every `wire`, and remove their `# `.
+
+name = {name}
+urdf = {urdf}
+# driver = "serial_servo"     # driver of the board: this one, or one of an installed package
+
+# [serial]
+# port = "/dev/ttyACM0"       # `armtree doctor` lists the ports
+# baud = 115200               # speed of the line
+# boot_wait_s = 2.0           # time from opening the port until the board reads from it
+# firmware = "stock"          # stock (the published sketch) or armtree
+
+[groups]
+arm = {arm}
+gripper = {gripper}
+"""
+_JOINT = """
+[joints.{key}]{pad}# {limits}
+velocity = {velocity:<19g}# [{unit}/s]{note}
+acceleration = {acceleration:<15g}# [{unit}/s2]; a URDF has none
+boot = {boot:<23}# position when the board has booted [{unit}]
+# wire = {{ letter = "{letter}", sign = 1, offset_deg = 90, span_deg = 180, reversed = false }}
+"""
+_TAIL = """
+[tool]                        # tool center point: what `armtree move X Y Z` moves
+link = {link}
+offset_m = [0.0, 0.0, 0.0]    # its position in the frame of that link
+axis = [0.0, 0.0, 1.0]        # its direction in that frame
+
+[collision]
+margin_m = {margin:<19g}# least distance that planning keeps
+# floor_m = 0.0               # height of the table; remove the `# ` if there is one
+floor_ignores = [{root}]
+allowed = [                   # pairs of links that are not checked, each with its reason
+{pairs}]
+"""
+
+
+class UrdfUnusable(DescriptionError):
+    """A URDF cannot become a robot file. The message lists everything that is wrong with it."""
+
+    def __init__(self, path: Path, mistakes: Sequence[UrdfError]) -> None:
+        words = [str(each) for each in mistakes]
+        if len(words) > 1:
+            words.insert(0, f"{len(words)} mistakes")
+        super().__init__(path, mistakes[0].line, "\n".join(words))
+
+
+def draft_robot(
+    path: Path, largest: float, gripper: Sequence[str] | None = None, tool: str | None = None
+) -> Robot:
+    """Return a robot with the joints, groups and limits of a URDF, without a driver.
+
+    Positions at boot are 0, or the nearest limit. All pairs of links are checked for collisions.
+
+    Args:
+        path: The URDF file.
+        largest: Largest size of a collision shape, and distance from the origin of its link [m].
+        gripper: Names of the joints of the gripper; None to guess.
+        tool: Name of the link that carries the tool; None to guess.
+
+    Raises:
+        UrdfUnusable: The URDF has mistakes, or a given name is not in it.
+    """
+    try:
+        mistakes, urdf = urdf_mistakes(path, largest), None
+        with suppress(UrdfError):  # it is among the mistakes
+            mistakes += _mesh_mistakes(path)
+            urdf = read_urdf(path)
+    except (OSError, ValueError, LookupError) as error:
+        words = f"cannot be read: {getattr(error, 'strerror', None) or error}; check the path"
+        raise UrdfUnusable(path, [UrdfError(words)]) from error
+    names, link = tuple[str, ...](), ""
+    if urdf:
+        mistakes += _joint_mistakes(urdf)
+        try:
+            names = _checked(gripper, urdf) if gripper is not None else guess_gripper(urdf)
+            link = guess_tool(urdf, names) if tool is None else tool
+            if link not in urdf.links:
+                there = ", ".join(urdf.links)
+                mistakes.append(UrdfError(f"there is no link {link} for the tool; give {there}"))
+        except UrdfError as error:
+            mistakes.append(error)
+    if mistakes or urdf is None:
+        raise UrdfUnusable(path, mistakes)
+    return _robot(path, urdf, names, link)
+
+
+def robot_text(robot: Robot, folder: Path, allowed: Mapping[tuple[str, str], str]) -> str:
+    """Return a robot file.
+
+    Args:
+        robot: A robot of `draft_robot`.
+        folder: Folder of the robot file. The path of the URDF is written relative to it.
+        allowed: Pairs of links that are not checked, and why.
+    """
+    urdf = read_urdf(robot.urdf)
+    assert robot.tool
+    head = _HEAD.format(
+        name=json.dumps(robot.name),
+        urdf=json.dumps(_path(robot.urdf.absolute(), folder.absolute())),
+        **{group: json.dumps(names) for group, names in robot.groups.items()},
+    )
+    tail = _TAIL.format(
+        link=json.dumps(robot.tool.link),
+        margin=robot.collision.margin,
+        root=json.dumps(Tree(urdf).root),
+        pairs="".join(f"    {json.dumps(pair)},  # {why}\n" for pair, why in allowed.items()),
+    )
+    joints = "".join(
+        _joint_text(joint, urdf.moving[joint.name], chr(ord("a") + number % 26))
+        for number, joint in enumerate(robot.actuated)
+    )
+    return head + joints + tail
+
+
+def _path(urdf: Path, folder: Path) -> str:
+    """Return the path of a URDF in a robot file: relative if it is near."""
+    relative = os.path.relpath(urdf, folder)
+    return str(urdf) if relative.startswith(os.path.join("..", "..", "..")) else relative
+
+
+def _joint_text(joint: Joint, described: UrdfJoint, letter: str) -> str:
+    limits = f"{joint.words(joint.lower)} to {joint.words(joint.upper)}"
+    said = "has none" if math.isinf(described.velocity) else f"says {described.velocity:g}"
+    boot = round(joint.boot, 4)
+    key = joint.name if _BARE_KEY.fullmatch(joint.name) else json.dumps(joint.name)
+    return _JOINT.format(
+        key=key,
+        pad=" " * max(1, 21 - len(key)),
+        limits="turns without limits" if joint.continuous else limits,
+        velocity=joint.velocity,
+        note="" if joint.velocity == described.velocity else f"; the URDF {said}",
+        acceleration=joint.acceleration,
+        boot=boot if joint.lower <= boot <= joint.upper else joint.boot,
+        unit=joint.unit,
+        letter=letter,
+    )
+
+
+def _mesh_mistakes(path: Path) -> Iterator[UrdfError]:
+    for name, collides in mesh_names(path).items():
+        try:
+            if name and collides:
+                find_mesh(path, name)
+        except UrdfError as error:
+            yield error
+
+
+def _joint_mistakes(urdf: Urdf) -> Iterator[UrdfError]:
+    moving = urdf.moving
+    leaders = [joint.name for joint in moving.values() if joint.mimic is None]
+    for name, joint in moving.items():
+        if not joint.velocity:
+            why = f"joint {name}: its velocity limit is 0, so it cannot move"
+            yield UrdfError(f"{why}; give a velocity above 0, or the type fixed")
+        if joint.mimic and joint.mimic.leader not in leaders:
+            why = f"joint {name} mimics {joint.mimic.leader}, which does not move by itself"
+            yield UrdfError(f"{why}; let it mimic one of {', '.join(leaders) or 'others'}")
+        if joint.mimic and not joint.mimic.multiplier:
+            why = f"joint {name} mimics {joint.mimic.leader} with multiplier 0"
+            yield UrdfError(f"{why}; give another multiplier, or the type fixed")
+
+
+def _checked(gripper: Sequence[str], urdf: Urdf) -> tuple[str, ...]:
+    """Return the joints of a gripper that a user named."""
+    independent = [joint.name for joint in urdf.moving.values() if joint.mimic is None]
+    for name in gripper:
+        if name not in independent:
+            there = ", ".join(independent)
+            raise UrdfError(f"{name} is no joint that moves by itself; --gripper is one of {there}")
+    if set(independent) <= set(gripper):
+        raise UrdfError("all joints are in the gripper; leave at least one for the arm")
+    return tuple(gripper)
+
+
+def _robot(path: Path, urdf: Urdf, gripper: Sequence[str], tool: str) -> Robot:
+    tree, followers = Tree(urdf), dict[str, list[UrdfJoint]]()
+    chain = [joint for joint in tree.moving_below(tree.root) if joint.mimic is None]
+    chain.sort(key=lambda joint: joint.name in gripper)  # stable: the arm comes first
+    for joint in urdf.moving.values():
+        if joint.mimic:
+            followers.setdefault(joint.mimic.leader, []).append(joint)
+    groups = {"arm": list[str](), "gripper": list[str]()}
+    for joint in chain:
+        own = [joint.name, *(each.name for each in followers.get(joint.name, ()))]
+        groups["gripper" if joint.name in gripper else "arm"] += own
+    leaders = {joint.name: _leader(joint, followers.get(joint.name, ())) for joint in chain}
+    mimics = [_follower(joint, leaders) for joints in followers.values() for joint in joints]
+    return Robot(
+        name=re.sub(r"[^A-Za-z0-9_-]+", "_", path.stem),
+        path=path,
+        urdf=path,
+        joints=(*leaders.values(), *mimics),
+        groups={group: tuple(names) for group, names in groups.items()},
+        serial=Serial(VIRTUAL, NO_BAUD, 0.0),
+        driver=NullDriver(path),
+        firmware=NO_FIRMWARE,
+        collision=CollisionRules(_MARGIN, frozenset(), None, frozenset()),
+        tool=Tool(tool, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
+        links=urdf.links,
+    )
+
+
+def _leader(joint: UrdfJoint, followers: Sequence[UrdfJoint]) -> Joint:
+    velocity = joint.velocity
+    if velocity > _PLAUSIBLE[joint.unit]:
+        velocity = _CAUTIOUS[joint.unit]
+    for each in followers:
+        assert each.mimic
+        velocity = min(velocity, each.velocity / abs(each.mimic.multiplier))
+    return Joint(
+        name=joint.name,
+        lower=joint.lower,
+        upper=joint.upper,
+        velocity=velocity,
+        acceleration=velocity / _TIME_TO_SPEED,
+        boot=min(max(0.0, joint.lower), joint.upper),
+        mimic=None,
+        wire=None,
+        unit=joint.unit,
+    )
+
+
+def _follower(joint: UrdfJoint, leaders: Mapping[str, Joint]) -> Joint:
+    assert joint.mimic
+    leader, scale = leaders[joint.mimic.leader], abs(joint.mimic.multiplier)
+    return Joint(
+        name=joint.name,
+        lower=joint.lower,
+        upper=joint.upper,
+        velocity=leader.velocity * scale,
+        acceleration=leader.acceleration * scale,
+        boot=joint.mimic.value(leader.boot),
+        mimic=joint.mimic,
+        wire=None,
+        unit=joint.unit,
+    )

@@ -1,0 +1,134 @@
+"""Finds the pairs of links that need no collision check, by sampling, as MoveIt's Setup Assistant.
+
+The reasons are those of its `collision_default`: neighbours touch by design, some pairs touch in
+every configuration, some in none, and some where the arm starts.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+
+from hardware import Joint, Robot
+from hardware.description.urdf import Urdf, read_urdf
+from skills.motion.arrays import Array, Mask
+
+from .checker import BATCH, CollisionChecker, Contact
+from .scene import PlanningScene
+
+_SAMPLES = 10_000
+_EXACT = 200  # samples in which the exact shapes of a pair are checked
+_ALWAYS = 0.95  # share of samples in contact from which a pair counts as always in contact
+# Hulls that never come closer than the margin and this, in any sample, never touch [m]: between two
+# of the samples they may come closer than in both.
+_RESERVE = 0.01
+
+
+@dataclass(frozen=True, slots=True)
+class AllowedPairs:
+    """The result of sampling.
+
+    Attributes:
+        reasons: `adjacent`, `always`, `never` or `default`, by the pair of links.
+        count: Number of pairs of links that move against each other.
+        boot: Configuration in which the arm may start [rad].
+        nearest: The closest links there that are checked, or None if none are.
+    """
+
+    reasons: Mapping[tuple[str, str], str]
+    count: int
+    boot: tuple[float, ...]
+    nearest: Contact | None
+
+
+def find_allowed_pairs(robot: Robot, seed: int = 1) -> AllowedPairs:
+    """Find the pairs of links of a robot that need no check, and a free configuration to start in.
+
+    Adjacent: no other link with a shape is between them. Always: closer than the margin in 95 % of
+    the samples. Never: their convex hulls are farther apart than the margin and 10 mm in all
+    10,000 samples. Default: closer than the margin at the boot positions, if the arm is free
+    neither there nor in the middle of its limits.
+
+    Args:
+        robot: The robot. Its margin and its boot positions are used, its allowed pairs are not.
+        seed: Seed of the samples.
+
+    Raises:
+        ModelUnusable: The robot cannot be loaded.
+        BadWorld: There are too many pairs of shapes.
+    """
+    margin, samples = robot.collision.margin, _random(robot, seed)
+    scene = _scene(robot, frozenset())
+    pairs = scene.hulls.collisionPairs
+    names = [_names(scene, pair.first, pair.second) for pair in pairs]
+    adjacent = _adjacent(read_urdf(robot.urdf), {link for pair in names for link in pair})
+    checker, reasons = CollisionChecker(scene), dict[tuple[str, str], str]()
+    for k, pair in enumerate(names):
+        if frozenset(pair) in adjacent:
+            reasons[pair] = "adjacent"
+        elif not _near(checker, samples, margin + _RESERVE, k).any():
+            reasons[pair] = "never"
+        elif _near(checker, samples[:BATCH], margin, k).mean() >= _ALWAYS:
+            rows = samples[:_EXACT]
+            hits = [checker.first_collision(q[None, :], margin, frozenset((k,))) == 0 for q in rows]
+            if np.mean(hits) >= _ALWAYS:
+                reasons[pair] = "always"
+    checker = CollisionChecker(_scene(robot, frozenset(map(frozenset, reasons))))
+    boot = robot.boot_pose
+    if not _free(checker, boot, margin):
+        middle = tuple(0.5 * sum(_range(joint)) for joint in robot.actuated)
+        boot = middle if _free(checker, middle, margin) else boot
+    while not _free(checker, boot, margin):
+        contact = checker.nearest(boot)
+        assert contact
+        reasons[contact.first, contact.second] = "default"
+        checker = CollisionChecker(_scene(robot, frozenset(map(frozenset, reasons))))
+    return AllowedPairs(reasons, len(pairs), boot, checker.nearest(boot))
+
+
+def _scene(robot: Robot, allowed: frozenset[frozenset[str]]) -> PlanningScene:
+    return PlanningScene(replace(robot, collision=replace(robot.collision, allowed=allowed)))
+
+
+def _names(scene: PlanningScene, first: int, second: int) -> tuple[str, str]:
+    return scene.link(scene.hulls, first), scene.link(scene.hulls, second)
+
+
+def _near(checker: CollisionChecker, rows: Array, margin: float, pair: int) -> Mask:
+    """Return for each configuration whether the hulls of a pair are closer than a margin (N,)."""
+    parts = [rows[begin : begin + BATCH] for begin in range(0, len(rows), BATCH)]
+    return np.concatenate([checker.hulls_near(part, margin, frozenset((pair,))) for part in parts])
+
+
+def _free(checker: CollisionChecker, configuration: tuple[float, ...], margin: float) -> bool:
+    return checker.first_invalid(np.array([configuration]), margin) is None
+
+
+def _random(robot: Robot, seed: int) -> Array:
+    """Return random configurations within the limits (N, A) [rad]."""
+    lower, upper = zip(*map(_range, robot.actuated), strict=True)
+    samples: Array = np.random.default_rng(seed).uniform(lower, upper, (_SAMPLES, len(lower)))
+    return samples
+
+
+def _range(joint: Joint) -> tuple[float, float]:
+    return (-np.pi, np.pi) if joint.continuous else (joint.lower, joint.upper)
+
+
+def _adjacent(urdf: Urdf, shaped: set[str]) -> set[frozenset[str]]:
+    """Return the pairs of links with shapes that only joints and links without shapes connect."""
+    neighbours: dict[str, list[str]] = {link: [] for link in urdf.links}
+    for joint in urdf.joints:
+        neighbours[joint.parent].append(joint.child)
+    found = set[frozenset[str]]()
+    for link in urdf.links:
+        reached = list(neighbours[link])
+        for each in reached:  # grows
+            if each not in shaped:
+                reached += neighbours[each]
+        ends = [each for each in reached if each in shaped]
+        group = [link, *ends] if link in shaped else ends
+        pairs = combinations(group, 2) if link not in shaped else ((link, end) for end in ends)
+        found |= set(map(frozenset, pairs))
+    return found

@@ -1,0 +1,105 @@
+"""`armtree new-arm`: from a maker's URDF to an arm that moves."""
+
+import dataclasses
+import os
+import pty
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from executive.cli.main import cli
+from executive.testing import SimulatedArm
+from hardware import DescriptionError, load_robot
+from tests.support.arms.real_arms import ROBOTS
+from tests.support.arms.urdfs import urdf
+
+ARM = ["base -> a: revolute shoulder", "a -> b: revolute elbow", "b -> c: prismatic gripper"]
+# The arm, the gripper and the tool of the makers' URDFs.
+MADE = {
+    "so_arm_description/urdf/so101.urdf": ("wrist_roll", ["gripper"], "gripper_frame_link"),
+    "panda_description/urdf/panda.urdf": (
+        "panda_joint7",
+        ["panda_finger_joint1", "panda_finger_joint2"],
+        "panda_hand_tcp",
+    ),
+    "ur_description/urdf/ur5_robot.urdf": ("wrist_3_joint", [], "tool0"),
+    "xarm_description/urdf/xarm7.urdf": ("joint7", [], "link_eef"),
+    "z1_description/urdf/z1.urdf": ("joint6", ["jointGripper"], "link06"),
+}
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "arm.urdf").write_text(urdf(ARM))
+    return tmp_path
+
+
+def armtree(*arguments: str) -> Result:
+    return CliRunner().invoke(cli, arguments)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("file", MADE, ids=lambda file: Path(file).stem)
+def test_two_commands_from_a_makers_urdf_to_a_motion(folder: Path, file: str) -> None:
+    last, gripper, tool = MADE[file]
+    result = armtree("new-arm", str(ROBOTS / file))
+    assert result.exit_code == 0, result.exception
+    command = result.output.splitlines()[-1].removeprefix("Next, type: armtree ").split()
+    robot = load_robot(folder / f"{Path(file).stem}.toml")
+    assert robot.tool
+    assert (robot.groups["arm"][-1], robot.tool.link) == (last, tool)
+    assert list(robot.groups["gripper"]) == gripper
+    moved = armtree(*command)
+    assert moved.exit_code == 0, moved.output
+    assert "SUCCEEDED" in moved.output
+
+
+def test_a_task_of_a_new_arm_runs_without_a_board(folder: Path) -> None:
+    assert armtree("new-arm", "arm.urdf").exit_code == 0
+    assert armtree("new", "3", "wave", "--robot", "arm.toml").exit_code == 0
+    with SimulatedArm(trees=folder / "trees", robot=folder / "arm.toml") as arm:
+        assert arm.run("wave").success
+
+
+def test_what_was_guessed_is_said_and_can_be_given(folder: Path) -> None:
+    said = armtree("new-arm", "arm.urdf").output
+    assert "  arm        shoulder, elbow\n  gripper    gripper\n  tool       b\n" in said
+    assert "  boot pose  all joints at 0; no links are checked there\n" in said
+    given = ("--gripper", "none", "--tool", "a", "-o", "other.toml")
+    assert armtree("new-arm", "arm.urdf", *given).exit_code == 0
+    robot = load_robot(folder / "other.toml")
+    assert (robot.name, robot.groups["gripper"]) == ("other", ())
+    assert robot.tool == dataclasses.replace(robot.tool, link="a")  # type: ignore[type-var]
+
+
+def test_at_a_terminal_it_asks_for_the_tool(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    master, slave = pty.openpty()
+    with open(slave, closefd=False) as terminal, open(master, "wb", buffering=0) as person:
+        monkeypatch.setattr("sys.stdin", terminal)
+        person.write(b"elbow\nc\n")
+        cli.main(["new-arm", "arm.urdf"], standalone_mode=False)
+        monkeypatch.undo()
+    os.close(slave)
+    tool = load_robot(folder / "arm.toml").tool
+    assert tool
+    assert tool.link == "c"
+
+
+def test_no_file_is_overwritten(folder: Path) -> None:
+    (folder / "arm.toml").write_text("mine")
+    result = armtree("new-arm", "arm.urdf")
+    assert result.exit_code == 2
+    assert "arm.toml exists; delete it, or give another file with -o" in result.output
+    assert "no folder no" in armtree("new-arm", "arm.urdf", "-o", "no/arm.toml").output
+    assert (folder / "arm.toml").read_text() == "mine"
+
+
+def test_a_urdf_that_is_wrong_leaves_no_file(folder: Path) -> None:
+    (folder / "wrong.urdf").write_text(urdf([*ARM, "c -> d: screw thread"]))
+    for name, why in (("wrong.urdf", "thread is screw"), ("none.urdf", "No such file"), (".", "")):
+        result = armtree("new-arm", name, "-o", "wrong.toml")
+        assert isinstance(result.exception, DescriptionError)
+        assert why in str(result.exception)
+    assert not (folder / "wrong.toml").exists()

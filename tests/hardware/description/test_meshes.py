@@ -1,0 +1,65 @@
+"""Where the mesh files of a URDF are found."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from hardware.description.meshes import MAX_MESH_BYTES, find_mesh
+from hardware.description.urdf import UrdfError
+
+FOUND = {
+    "beside": ("a/b/m.stl", "m.stl"),
+    "in a folder": ("a/b/meshes/m.stl", "meshes/m.stl"),
+    "above": ("a/meshes/m.stl", "../meshes/m.stl"),
+    "from the package's root": ("a/meshes/m.stl", "meshes/m.stl"),
+    "a package above": ("pack/meshes/m.stl", "package://pack/meshes/m.stl"),
+    "a package of another folder's name": ("a/meshes/m.stl", "package://pack/meshes/m.stl"),
+    "a package of ROS": ("ros/share/pack/m.stl", "package://pack/m.stl"),
+    "a package of ROS 1": ("ros/src/pack/m.stl", "package://pack/m.stl"),
+    "a URL": ("my%20folder/m.stl", "file://{root}/my%2520folder/m.stl"),
+    "an absolute path": ("c/m.stl", "{root}/c/m.stl"),
+}
+
+
+@pytest.fixture
+def urdf(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("AMENT_PREFIX_PATH", f"/nowhere:{tmp_path / 'ros'}")
+    monkeypatch.setenv("ROS_PACKAGE_PATH", f"{tmp_path / 'ros' / 'src'}:")
+    (tmp_path / "a" / "b").mkdir(parents=True)
+    return tmp_path / "a" / "b" / "arm.urdf"
+
+
+@pytest.mark.parametrize(("file", "name"), FOUND.values(), ids=FOUND)
+def test_a_mesh_is_found(urdf: Path, tmp_path: Path, file: str, name: str) -> None:
+    path = tmp_path / file
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(b"mesh")
+    assert find_mesh(urdf, name.format(root=tmp_path)).read_bytes() == b"mesh"
+
+
+MISSING = {
+    "package://pack/m.stl": "put the folder pack beside arm.urdf or above it",
+    "meshes/m.stl": r"copy it there, or correct its path in arm\.urdf",
+    "http://example.org/m.stl": "opens package:// and file:// only",
+    "a\0b.stl": "is not found",
+    "package://": "is not found",
+    "": "is not found",
+}
+
+
+@pytest.mark.parametrize(("name", "why"), MISSING.items())
+def test_a_mesh_that_is_missing_is_reported_with_what_to_do(
+    urdf: Path, name: str, why: str
+) -> None:
+    with pytest.raises(UrdfError, match=why):
+        find_mesh(urdf, name)
+
+
+def test_a_mesh_is_an_ordinary_file_of_bounded_size(urdf: Path) -> None:
+    os.mkfifo(urdf.with_name("pipe.stl"))
+    with pytest.raises(UrdfError, match=r"pipe\.stl is no ordinary file"):
+        find_mesh(urdf, "pipe.stl")
+    os.truncate(os.open(urdf.with_name("big.stl"), os.O_CREAT | os.O_WRONLY), MAX_MESH_BYTES + 1)
+    with pytest.raises(UrdfError, match=r"big\.stl has 64\.0 MiB; give one with at most 64\.0"):
+        find_mesh(urdf, "big.stl")

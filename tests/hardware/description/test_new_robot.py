@@ -1,0 +1,125 @@
+"""Robot files that are made from URDFs."""
+
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from hardware import load_robot
+from hardware.description.new_robot import UrdfUnusable, draft_robot, robot_text
+from tests.support.arms.urdfs import urdf
+from tests.support.paths import DATA
+
+LARGEST = 1e6
+ARM = ["base -> a: revolute shoulder", "a -> b: continuous elbow", "b -> c: prismatic lift"]
+
+
+def written(folder: Path, text: str) -> Path:
+    path = folder / "arm.urdf"
+    path.write_text(text)
+    return path
+
+
+def made(path: Path) -> Path:
+    output = path.with_suffix(".toml")
+    output.write_text(robot_text(draft_robot(path, LARGEST), path.parent, {}))
+    return output
+
+
+@pytest.mark.parametrize("name", ["three_axes", "seven_axes", "endless"])
+def test_what_is_written_is_read_as_the_draft(tmp_path: Path, name: str) -> None:
+    path = written(tmp_path, (DATA / f"{name}.urdf").read_text())
+    draft, robot = draft_robot(path, LARGEST), load_robot(made(path))
+    assert robot.groups == draft.groups
+    assert {joint.name: joint for joint in robot.joints} == {j.name: j for j in draft.joints}
+    assert (robot.tool, robot.links, robot.has_driver) == (draft.tool, draft.links, False)
+
+
+def test_limits_are_those_of_the_urdf_unless_they_are_placeholders(tmp_path: Path) -> None:
+    limits = '<limit lower="0.5" upper="1" velocity="{}" effort="1"/>'
+    joints = [f"base -> a: revolute slow {limits.format(0.7)}"]
+    joints += [f"a -> b: revolute fast {limits.format(100)}", "b -> c: continuous free"]
+    by_name = {j.name: j for j in load_robot(made(written(tmp_path, urdf(joints)))).joints}
+    velocities = {name: joint.velocity for name, joint in by_name.items()}
+    assert velocities == {"slow": 0.7, "fast": 1.0, "free": 1.0}
+    assert (by_name["slow"].boot, by_name["free"].boot) == (0.5, 0.0)
+
+
+def test_a_leader_is_no_faster_than_its_follower_may_be(tmp_path: Path) -> None:
+    mimic = '<mimic joint="shoulder" multiplier="-4"/>'
+    path = written(tmp_path, urdf([*ARM, f"base -> d: revolute rod {mimic}"]))
+    assert load_robot(made(path)).joint("shoulder").velocity == 0.5
+
+
+def test_the_comments_are_a_board_that_only_wants_its_values(tmp_path: Path) -> None:
+    text = made(written(tmp_path, urdf(ARM))).read_text()
+    filled = tomllib.loads(re.sub(r"(?m)^# (?=driver|\[|port|baud|boot|firm|wire|floor)", "", text))
+    assert filled["driver"] == "serial_servo"
+    assert filled["serial"].keys() == {"port", "baud", "boot_wait_s", "firmware"}
+    assert [joint["wire"]["letter"] for joint in filled["joints"].values()] == ["a", "b", "c"]
+    assert filled["collision"]["floor_m"] == 0.0
+
+
+def test_names_that_toml_must_quote(tmp_path: Path) -> None:
+    path = written(tmp_path, urdf(ARM).replace("shoulder", "the shoulder.1"))
+    assert load_robot(made(path)).actuated[0].name == "the shoulder.1"
+
+
+def test_everything_that_is_wrong_is_reported_at_once(tmp_path: Path) -> None:
+    shapes = '<collision><geometry><mesh filename="package://p/m.stl"/></geometry></collision>'
+    shapes += '<collision><geometry><box size="0 1 1"/></geometry></collision>'
+    joints = [ARM[0].replace("revolute", "screw"), "a -> b: prismatic lift <limit/>"]
+    with pytest.raises(UrdfUnusable) as caught:
+        draft_robot(written(tmp_path, urdf(joints, shapes)), LARGEST)
+    words = str(caught.value).splitlines()
+    assert words[0].endswith("arm.urdf: 6 mistakes")
+    assert words[1].startswith("joint shoulder is screw; it must be revolute")
+    assert words[2].startswith("joint lift: the lower of its limit is missing; give a finite")
+    assert [line.partition("; give")[0] for line in words[3:6]] == [
+        f"the size of the box of {link} is '0 1 1'" for link in ("base", "a", "b")
+    ]
+    assert words[6].startswith("the mesh package://p/m.stl is not found; put the folder p")
+
+
+WRONG = {
+    "no XML": ("<robot", ":1: is not XML"),
+    "other XML": ("<sdf/>", "is no URDF: its root element is <sdf>"),
+    "xacro": (
+        '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:include filename="x"/></robot>',
+        "convert it first: xacro arm.urdf > arm.urdf",
+    ),
+    "a loop": (urdf(["a -> b: fixed j", "b -> a: fixed k"]), "joint j is its own ancestor"),
+    "no links": ("<robot/>", "has no links"),
+    "two roots": (urdf([ARM[0], "x -> y: fixed j"]), "links base and x have no parent joint"),
+    "follows nothing": (
+        urdf([*ARM, 'c -> d: revolute rod <mimic joint="none"/>']),
+        "joint rod mimics none, which does not move by itself; let it mimic one of shoulder",
+    ),
+    "follows with 0": (
+        urdf([*ARM, 'c -> d: revolute rod <mimic joint="lift" multiplier="0"/>']),
+        "with multiplier 0; give another multiplier",
+    ),
+    "cannot move": (
+        urdf([*ARM, 'c -> d: revolute stuck <limit lower="0" upper="1" velocity="0" effort="1"/>']),
+        "joint stuck: its velocity limit is 0, so it cannot move; give a velocity above 0",
+    ),
+}
+
+
+@pytest.mark.parametrize(("text", "why"), WRONG.values(), ids=WRONG)
+def test_a_urdf_that_is_wrong(tmp_path: Path, text: str, why: str) -> None:
+    with pytest.raises(UrdfUnusable, match=re.escape(why)):
+        draft_robot(written(tmp_path, text), LARGEST)
+
+
+def test_names_that_the_urdf_does_not_have(tmp_path: Path) -> None:
+    path = written(tmp_path, urdf(ARM))
+    assert draft_robot(path, LARGEST, ["lift"], "a").groups["gripper"] == ("lift",)
+    for gripper, tool, why in (
+        (["left"], "a", "left is no joint that moves by itself; --gripper is one of shoulder"),
+        (["shoulder", "elbow", "lift"], "a", "leave at least one for the arm"),
+        ([], "hand", "there is no link hand for the tool; give base, a, b, c"),
+    ):
+        with pytest.raises(UrdfUnusable, match=why):
+            draft_robot(path, LARGEST, gripper, tool)

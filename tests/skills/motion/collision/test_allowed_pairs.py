@@ -1,0 +1,106 @@
+"""Which pairs of links need no check."""
+
+from pathlib import Path
+
+import pytest
+
+from hardware import Robot, load_robot
+from hardware.description.new_robot import draft_robot
+from skills.motion.collision.allowed_pairs import AllowedPairs, find_allowed_pairs
+from tests.support.arms.urdfs import LIMIT
+
+
+def link(name: str, size: str, at: str = "0 0 0") -> str:
+    shape = f'<origin xyz="{at}"/><geometry><box size="{size}"/></geometry>'
+    return f'<link name="{name}"><collision>{shape}</collision></link>'
+
+
+def joint(name: str, parent: str, child: str, at: str, limit: str = LIMIT) -> str:
+    ends = f'<parent link="{parent}"/><child link="{child}"/><origin xyz="{at}"/>'
+    return f'<joint name="{name}" type="revolute">{ends}<axis xyz="0 1 0"/>{limit}</joint>'
+
+
+def arm(folder: Path, *elements: str) -> Robot:
+    path = folder / "arm.urdf"
+    path.write_text(f'<robot name="r">{"".join(elements)}</robot>')
+    return draft_robot(path, 1e6)
+
+
+def chain(folder: Path, *more: str, reach: str = "-1") -> Robot:
+    """A base, an upper and a lower arm, which folds onto the base at less than the reach."""
+    limit = LIMIT.replace('"-1"', f'"{reach}"')
+    return arm(
+        folder,
+        *(link("base", "0.4 0.1 0.04"), link("upper", "0.04 0.04 0.4", "0 0 0.25")),
+        *(link("lower", "0.04 0.04 0.4", "0 0 0.25"), *more),
+        joint("shoulder", "base", "upper", "0 0 0"),
+        joint("elbow", "upper", "lower", "0 0 0.5", limit),
+    )
+
+
+def reasons(found: AllowedPairs) -> dict[tuple[str, str], str]:
+    return dict(found.reasons)
+
+
+def test_neighbours_and_links_that_never_meet(tmp_path: Path) -> None:
+    found = find_allowed_pairs(chain(tmp_path))
+    assert reasons(found) == {
+        ("base", "upper"): "adjacent",
+        ("upper", "lower"): "adjacent",
+        ("base", "lower"): "never",
+    }
+    assert (found.count, found.boot, found.nearest) == (3, (0.0, 0.0), None)
+
+
+def test_a_pair_that_may_meet_is_checked(tmp_path: Path) -> None:
+    found = find_allowed_pairs(chain(tmp_path, reach="-3.1"))
+    assert ("base", "lower") not in found.reasons
+    assert found.nearest
+    assert {found.nearest.first, found.nearest.second} == {"base", "lower"}
+
+
+def test_links_that_always_overlap(tmp_path: Path) -> None:
+    rod = link("rod", "0.3 0.1 0.3")
+    hinge = joint("hinge", "lower", "rod", "0 0 -0.1")
+    found = reasons(find_allowed_pairs(chain(tmp_path, rod, hinge, reach="-0.1")))
+    assert found["upper", "rod"] == "always"
+
+
+def test_a_link_without_a_shape_does_not_separate_neighbours(tmp_path: Path) -> None:
+    bare = '<link name="bare"/>'
+    top = [link("top", "0.1 0.1 0.1"), joint("roll", "lower", "bare", "0 0 0.5")]
+    top += [joint("pitch", "bare", "top", "0 0 0")]
+    assert reasons(find_allowed_pairs(chain(tmp_path, bare, *top)))["lower", "top"] == "adjacent"
+
+
+FOLDED = '<limit lower="{}" upper="3" velocity="2" effort="1"/>'
+
+
+def folding(folder: Path, lower: str) -> Robot:
+    """An arm whose last link is inside the base if all joints are at 0."""
+    return arm(
+        folder,
+        *(link("base", "0.1 0.1 0.1"), link("upper", "0.1 0.02 0.02", "0.2 0 0")),
+        *(link("lower", "0.1 0.02 0.02", "-0.3 0 0"), joint("a", "base", "upper", "0 0 0")),
+        joint("b", "upper", "lower", "0.3 0 0", FOLDED.format(lower)),
+    )
+
+
+def test_the_arm_starts_in_the_middle_if_it_collides_at_zero(tmp_path: Path) -> None:
+    found = find_allowed_pairs(folding(tmp_path, "-0.2"))
+    assert found.boot == pytest.approx((0.0, 1.4))
+    assert "default" not in found.reasons.values()
+
+
+def test_where_no_start_is_free_what_touches_there_is_not_checked(tmp_path: Path) -> None:
+    found = find_allowed_pairs(folding(tmp_path, "-3"))
+    assert found.boot == (0.0, 0.0)
+    assert found.reasons["base", "lower"] == "default"
+
+
+def test_the_shipped_pairs_of_the_arduinobot_are_found_again() -> None:
+    robot = load_robot()
+    found = find_allowed_pairs(draft_robot(robot.urdf, 1e6))
+    touching = {frozenset(pair) for pair, why in found.reasons.items() if why != "never"}
+    assert touching <= robot.collision.allowed
+    assert found.boot == (0.0,) * 4
