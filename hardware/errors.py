@@ -11,7 +11,7 @@
     │   ├── PortLost              the port disappeared, or a write failed
     │   └── PortStalled           the other end accepts no more bytes
     ├── BoardError                the board misbehaves
-    │   ├── BoardSilent           it did not report that it has booted
+    │   ├── BoardSilent           it did not report what it must before the arm may move
     │   ├── WrongFirmware         it runs another firmware than the robot file names
     │   ├── PoseOutsideLimits     it holds a servo outside the limits of its joint
     │   ├── BoardReset            it restarted while the arm was active
@@ -196,16 +196,14 @@ class BoardError(HardwareError):
 
 
 class BoardSilent(BoardError):
-    """The board did not report that it has booted."""
+    """The board did not report what it must report before the arm may move."""
 
     code = "hw.board_silent"
-    hint = "flash the firmware, or name the right one in the robot file"
+    hint = "check its power and cable, and the firmware that the robot file names"
 
-    def __init__(self, port: str, firmware: str, seconds: float) -> None:
+    def __init__(self, port: str, seconds: float, what: str, advice: str) -> None:
         super().__init__(
-            f"The board on port {port} did not report within {seconds:g} s that it runs the "
-            f"firmware {firmware}. Flash it, or name the board's firmware in the robot file; "
-            "opening the port must reset the board"
+            f"The board on port {port} did not report within {seconds:g} s {what}. {advice}"
         )
 
 

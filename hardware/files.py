@@ -1,4 +1,4 @@
-"""The only place that opens files of users: ordinary ones, up to a size."""
+"""The only place that opens files of users: ordinary ones, up to a size; and that replaces them."""
 
 import errno
 import os
@@ -28,6 +28,31 @@ def read_file(path: Path, most: int) -> bytes:
     if len(data) > most:
         raise OSError(errno.EFBIG, f"it is larger than {most} bytes", str(path))
     return data
+
+
+def write_file(path: Path, data: bytes) -> None:
+    """Replace the content of a file at once: it is the old one or the new one, also after a crash.
+
+    Args:
+        path: The file; it need not exist. A link stays, and the file that it names is replaced.
+        data: The new content.
+
+    Raises:
+        OSError: The file cannot be written; it has not changed.
+    """
+    path = path.resolve()
+    new = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        with new.open("wb") as stream:
+            stream.write(data)
+            stream.flush()
+            if path.exists():
+                os.fchmod(stream.fileno(), stat.S_IMODE(path.stat().st_mode))
+            os.fsync(stream.fileno())
+        os.replace(new, path)
+    except BaseException:
+        new.unlink(missing_ok=True)
+        raise
 
 
 def _check_ordinary(found: os.stat_result, path: Path) -> None:

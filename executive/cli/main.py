@@ -16,6 +16,7 @@ from .log import log
 from .move import COMMANDS as MOVE_COMMANDS
 from .new_arm import new_arm
 from .plan import plan
+from .pose import pose
 from .replay import replay
 from .run import run
 from .serve import serve
@@ -27,7 +28,7 @@ from .tasks import COMMANDS as TASK_COMMANDS
 from .terminal.streams import discard, echo, open_closed_streams
 
 SECTIONS = {
-    "Run and move": (run, *MOVE_COMMANDS, plan),
+    "Run and move": (run, *MOVE_COMMANDS, pose, plan),
     "Tasks": TASK_COMMANDS,
     "Server": (serve, *SERVER_COMMANDS),
     "Recordings": (replay, log),

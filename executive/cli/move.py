@@ -4,6 +4,7 @@ import json
 import sys
 from collections.abc import Callable, Sequence
 from functools import wraps
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -12,6 +13,7 @@ from click.core import ParameterSource
 from executive.api.codes import look_up
 
 from .support.command_group import diagnostics
+from .support.names import complete_pose
 from .support.options import (
     recordings_option,
     robot_option,
@@ -97,7 +99,14 @@ def _execute(
 
 
 @click.command(context_settings={"ignore_unknown_options": True})  # -0.1 is a number
-@click.argument("words", metavar="TARGET...", nargs=-1, required=True, callback=words_of_goal)
+@click.argument(
+    "words",
+    metavar="TARGET...",
+    nargs=-1,
+    required=True,
+    callback=words_of_goal,
+    shell_complete=complete_pose,
+)
 @click.option(
     "--by", "relative", is_flag=True, help="TARGET is a change: of joints, or x y z from the tool."
 )
@@ -152,17 +161,26 @@ def where(server: str | None, as_json: bool, **options: Any) -> None:
     Asks the server on this machine. Without one, prints the last pose that a recording in this
     folder holds.
     """
-    from executive.client.synchronous import Client
-
     from .support.server_requests import errors_as_json
 
     with errors_as_json(as_json):
-        if url := find_server(server):
-            with Client(url) as client:
-                found, source = client.where(), f"server {client.url}"
-        else:
-            found, source = _recorded(**options)
+        found, source = find_arm(server, **options)
     echo(json.dumps(found.to_json()) if as_json else "\n".join(_where_lines(found, source)))
+
+
+def find_arm(server: str | None, robot: Path | None, recordings: Path) -> "tuple[Where, str]":
+    """Return where the arm is, and who says so: a server, or else the newest recording with a pose.
+
+    Raises:
+        UsageError: Several servers run on this machine.
+        ClientError: The server does not answer; or there is none, and no such recording.
+    """
+    from executive.client.synchronous import Client
+
+    if url := find_server(server):
+        with Client(url) as client:
+            return client.where(), f"server {client.url}"
+    return _recorded(robot, recordings)
 
 
 def _recorded(robot: Any, recordings: Any) -> "tuple[Where, str]":

@@ -1,11 +1,12 @@
 """Files of users: ordinary ones up to a size are read, all others are refused at once."""
 
+import errno
 import os
 from pathlib import Path
 
 import pytest
 
-from hardware.files import read_file
+from hardware.files import read_file, write_file
 
 
 def test_an_ordinary_file_up_to_the_size_is_read(tmp_path: Path) -> None:
@@ -46,3 +47,21 @@ def test_the_operating_systems_words_are_kept(path: str, words: str, tmp_path: P
     (tmp_path / "file").touch()
     with pytest.raises(OSError, match=words):
         read_file(tmp_path / path, 10)
+
+
+def test_a_file_is_replaced_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (file := tmp_path / "file").write_bytes(b"old")
+    file.chmod(0o640)
+    (link := tmp_path / "link").symlink_to(file)
+    write_file(link, b"new")
+    assert (link.is_symlink(), file.read_bytes()) == (True, b"new")
+    assert file.stat().st_mode & 0o777 == 0o640
+
+    def full(_: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(OSError, match="No space left"):
+        write_file(file, b"newer")
+    assert file.read_bytes() == b"new"
+    assert sorted(os.listdir(tmp_path)) == ["file", "link"]

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from hardware import Robot
 from hardware.joints import DISPLAY_UNITS
-from trees.errors import SHIPPED_ROBOT, FileError, Mistake, Place
-from trees.reading.library import Library
+from trees.errors import FileError, Mistake, Place
+from trees.reading.library import Library, own_folder
 
 from .schema import NAME, schema_text
 
@@ -41,7 +41,17 @@ _MOST = 60.0  # largest swing [deg or mm]
 
 
 def write_task(robot: Robot, folder: Path, number: int, name: str) -> Path:
-    """Write a task file, and the JSON Schema that editors use to complete it.
+    """Write a task file; see `prepare_file`. Returns its path."""
+    path = prepare_file(robot, folder, number, name)
+    try:
+        path.write_text(_TEXT.format(number=number, name=name, schema=NAME, **_values(robot)))
+    except OSError as error:
+        raise _wrong(path, f"cannot be written: {error.strerror}") from error
+    return path
+
+
+def prepare_file(robot: Robot, folder: Path, number: int, name: str) -> Path:
+    """Check number and name of a new task, and write the JSON Schema that editors use beside it.
 
     A task of another robot than the shipped one is written to the folder of its name.
 
@@ -52,24 +62,23 @@ def write_task(robot: Robot, folder: Path, number: int, name: str) -> Path:
         name: Name of the task.
 
     Returns:
-        The path of the task file.
+        The path for the task file.
 
     Raises:
-        FileError: The number is in use, the name is invalid, or the file cannot be written.
+        FileError: Number or name are in use, the name is invalid, or the schema cannot be written.
     """
-    own = folder if robot.name == SHIPPED_ROBOT else folder / robot.name
+    own = own_folder(folder, robot.name)
     path = own / f"{number}_{name}.yaml"
+    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", name):
+        raise _wrong(path, f"{name!r} is not a name; use a letter, then letters, digits, _ or -")
     try:
         own.mkdir(parents=True, exist_ok=True)
         library = Library(folder, robot.name)
         if number in library.numbers():
             raise _wrong(path, f"task {number} is in {library.path(number)} already")
-        if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", name):
-            raise _wrong(
-                path, f"{name!r} is not a name; use a letter, then letters, digits, _ or -"
-            )
+        if name in (names := library.names()):
+            raise _wrong(path, f"task {names[name]} is called {name} already; give another name")
         (own / NAME).write_text(schema_text(library))
-        path.write_text(_TEXT.format(number=number, name=name, schema=NAME, **_values(robot)))
     except OSError as error:
         raise _wrong(path, f"cannot be written: {error.strerror}") from error
     return path

@@ -33,13 +33,18 @@ from .grammar import (
 _TASK = re.compile(r"([0-9]+)_.+\.yaml")
 _SUBTREE = re.compile(r"(?!poses)[A-Za-z].*\.yaml")
 _ALMOST_TASK = re.compile(r"[0-9].*\.ya?ml")
-_POSES = "poses.yaml"
+POSES = "poses.yaml"
 
 
 def with_robot(folder: Path, robot: str) -> tuple[Path, ...]:
     """Return a folder of task files, and the folder in it for a robot, if there is one."""
     own = folder / robot
     return (folder, own) if own.parent == folder and os.path.isdir(own) else (folder,)
+
+
+def own_folder(folder: Path, robot: str) -> Path:
+    """Return where files for a robot are written: the folder itself for the shipped robot."""
+    return folder if robot == SHIPPED_ROBOT else folder / robot
 
 
 class Library:
@@ -110,7 +115,7 @@ class Library:
             place = _top(path, self._text(path), "task")
             wrong = "a task's file is named like 3_wave.yaml; rename this one"
             raise FileError([Mistake(place, wrong)])
-        elif name == _POSES:
+        elif name == POSES:
             self._poses.append(path)
         else:
             self._add_subtree(path.stem, path)
@@ -333,7 +338,7 @@ class Library:
     def _shown(self, file: PosesFile) -> str:
         """Return the name of a file of poses in a recording."""
         first = file.path == self._poses[0]
-        return file.path.name if first else f"{file.path.parent.name}_{_POSES}"
+        return file.path.name if first else f"{file.path.parent.name}_{POSES}"
 
 
 def poses_of(files: Iterable[PosesFile]) -> dict[str, Mapping[str, float]]:

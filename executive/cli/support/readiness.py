@@ -59,7 +59,7 @@ def check_readiness(
 
 
 def _resets(robot: Robot, port: str) -> bool:
-    return robot.serial.resets or port == VIRTUAL
+    return robot.firmware.resets and (robot.serial.resets or port == VIRTUAL)
 
 
 def _pose(robot: Robot, port: str) -> Check:

@@ -60,7 +60,10 @@ class Acknowledgements(BoardProtocol):
     def check_booted(self, port: str, waited: float) -> None:
         """Check that the banner came."""
         if self._banner and not self.boot_frame:
-            raise BoardSilent(port, self._firmware.name, waited)
+            what = f"that it runs the firmware {self._firmware.name}"
+            advice = "Flash it, or name the board's firmware in the robot file"
+            resets = "opening the port must reset the board"
+            raise BoardSilent(port, waited, what, f"{advice}; {resets}")
 
     def start_commands(self) -> bytes:
         """Return the command that makes a booted board acknowledge frames."""

@@ -95,7 +95,7 @@ def test_what_stands_in_the_environment_need_not_be_typed(tmp_path: Path, robot:
         ),
         (
             "armtree",
-            "the board reports its pose, and a reset does not change it",
+            "the board reports the pose of the arm",
             "it resets the board, and the arm stays where it is",
         ),
     ],

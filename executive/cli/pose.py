@@ -1,0 +1,163 @@
+"""`armtree pose`: save, list, show and remove poses."""
+
+import json
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from .move import find_arm
+from .support.names import complete_pose, load_library
+from .support.options import recordings_option, robot_option, trees_option
+from .support.settings import option
+from .terminal.streams import echo
+
+if TYPE_CHECKING:
+    from hardware import Robot
+    from trees import Library
+
+_name = click.argument("name", shell_complete=complete_pose)
+_own_trees = option(
+    "trees",
+    default=Path("trees"),
+    show_default=True,
+    help="Folder with your own files. It is created if it does not exist.",
+)
+
+
+@click.group()
+def pose() -> None:
+    """Save, list, show and remove poses.
+
+    Your poses are in the file poses.yaml in your folder of tasks; those of another robot than the
+    Arduinobot are in the folder of its name in there. Tasks, `armtree move` and `armtree plan` take
+    the names of poses.
+    """
+
+
+@pose.command()
+@_name
+@click.option(
+    "--group",
+    default="arm",
+    show_default=True,
+    help="Joints to save: a group of the robot, or `all`.",
+)
+@click.option("--replace", is_flag=True, help="Replace a pose of that name.")
+@option("server", show_envvar=True)
+@robot_option
+@recordings_option
+@_own_trees
+def save(
+    name: str,
+    group: str,
+    replace: bool,
+    server: str | None,
+    robot: Path | None,
+    recordings: Path,
+    trees: Path,
+) -> None:
+    """Save the commanded pose of the arm, as `armtree where` shows it.
+
+    A pose that ships is not changed: with --replace, your file says that its own pose replaces it.
+
+    \b
+    Examples:
+      armtree pose save left
+      armtree pose save half_open --group gripper
+    """  # noqa: D301
+    from hardware import NotActive, load_robot
+    from hardware.suggestions import choices
+    from trees.export.saved_poses import save_pose
+
+    loaded = load_robot(robot)
+    if group not in (*loaded.groups, "all"):
+        known = choices(group, (*loaded.groups, "all"))
+        raise click.UsageError(f"--group {group}: the robot has no such group; there are {known}")
+    found, source = find_arm(server, robot, recordings)
+    if not found.commanded:
+        raise NotActive(
+            f"The pose of an inactive arm is not known ({source}): armtree arm activate"
+        )
+    joints = loaded.actuated if group == "all" else loaded.actuated_in(group)
+    positions = {joint.name: found.commanded[joint.name] for joint in joints}
+    path = save_pose(loaded, trees, name, positions, replace)
+    echo(f"{path}\n{name:<12} {_words(loaded, positions)}\n{'':<12} by {source}")
+
+
+@pose.command()
+@robot_option
+@trees_option
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object per pose.")
+def ls(robot: Path | None, trees: Path | None, as_json: bool) -> None:
+    """List the poses, their joints, and where they are from."""
+    loaded, library = load_library(trees, robot)
+    for name, positions, source in _poses(library):
+        if as_json:
+            echo(json.dumps({"pose": name, "positions": positions, "source": source}))
+        else:
+            echo(f"{name:<12} {_words(loaded, positions)}\n{'':<12} {source}")
+
+
+@pose.command()
+@_name
+@robot_option
+@trees_option
+@click.option("--json", "as_json", is_flag=True, help="Print a JSON object.")
+def show(name: str, robot: Path | None, trees: Path | None, as_json: bool) -> None:
+    """Print the joints of a pose, the point of the tool, and where the pose is from."""
+    from hardware.suggestions import choices
+    from trees import FileError, Mistake, Place
+
+    loaded, library = load_library(trees, robot)
+    poses = {each: (positions, source) for each, positions, source in _poses(library)}
+    if name not in poses:
+        folder = trees or library.shipped[-1]
+        why = f"no pose {name} is here; there are {choices(name, poses)}"
+        raise FileError([Mistake(Place(folder, 0, 0), why)])
+    positions, source = poses[name]
+    moves_tool = all(joint.name in positions for joint in loaded.actuated_in("arm"))
+    boot = {joint.name: joint.boot for joint in loaded.actuated}
+    tool = loaded.tool_position(boot | dict(positions)) if moves_tool else None
+    if as_json:
+        row = {"pose": name, "positions": positions, "tool": tool, "source": source}
+        echo(json.dumps(row))
+        return
+    for joint in positions:
+        echo(f"{joint:<12} {_words(loaded, {joint: positions[joint]}).partition(' ')[2]}")
+    if tool:
+        echo(f"{'tool':<12} {', '.join(f'{1e3 * value + 0.0:.1f}' for value in tool)} mm")
+    echo(f"{'from':<12} {source}")
+
+
+@pose.command()
+@_name
+@robot_option
+@_own_trees
+def rm(name: str, robot: Path | None, trees: Path) -> None:
+    """Remove a pose from your file. A pose that ships stays."""
+    from hardware import load_robot
+    from trees.export.saved_poses import remove_pose
+
+    path = remove_pose(load_robot(robot), trees, name)
+    echo(f"{path}: pose {name} is removed; `armtree check` finds tasks that used it")
+
+
+def _poses(library: "Library") -> Iterator[tuple[str, Mapping[str, float], str]]:
+    """Yield each pose: its name, its joint positions [rad], and the place of its file."""
+    poses, _ = library.poses()
+    files, _ = library.draft_poses()
+    for name, positions in poses.items():
+        (*_, file) = (file for file in files if name in file.poses)
+        place = file.labels[name].label
+        shipped = file.path.parent in library.shipped
+        yield name, positions, "shipped" if shipped else f"{place.path}:{place.line}"
+
+
+def _words(robot: "Robot", positions: Mapping[str, float]) -> str:
+    """Return positions in words. A pose may name joints of other robots."""
+    known = {joint.name: joint for joint in robot.joints}
+    return ", ".join(
+        f"{name} {known[name].words(q, 4) if name in known else q}" for name, q in positions.items()
+    )

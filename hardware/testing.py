@@ -1,0 +1,331 @@
+"""The contracts of drivers and links, as classes of tests to subclass with pytest.
+
+class TestMyBus(DriverContract):
+    robot_file = Path("my_arm.toml")
+"""
+
+import math
+import pickle
+import random
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from threading import Thread
+
+from .arm.arm import Arm
+from .arm.events import ArmEvent, Faulted
+from .arm.lifecycle import State
+from .arm.schedule import compile_schedule
+from .arm.streamer import Playback, PlaybackState
+from .clock import RealClock, SimulatedClock
+from .description.robot import Robot
+from .description.robot_file import load_robot
+from .drivers.virtual.link import BoardLink
+from .drivers.virtual.model import BoardModel
+from .errors import BadPosition, BoardError, HardwareError, PortLost
+from .link.link import Link
+
+_SAMPLES = 50
+_RANGE = 10.0  # a joint without limits is tried from minus this to this [rad]
+_PATIENCE = 10.0  # longest wait for a thread [s]
+
+
+class DriverContract:
+    """What every driver must do. A test class names a robot file that uses the driver.
+
+    With a model of the board, motions are played on it in simulated time.
+    """
+
+    robot_file: Path
+
+    @property
+    def robot(self) -> Robot:
+        """The robot of the robot file."""
+        return load_robot(self.robot_file)
+
+    # Frames ----------------------------------------------------------------------------------
+
+    def test_a_frame_decodes_to_positions_that_encode_to_it(self) -> None:
+        """Positions within the limits, at them, and in between."""
+        robot, wire = self.robot, self.robot.wire_format
+        for positions in _poses(robot):
+            frame = wire.encode(positions)
+            decoded = wire.decode(frame)
+            assert frame.data, f"the frame of {positions} is empty"
+            assert len(frame.servos) == len(robot.actuated), f"{frame} has other joints"
+            assert wire.frame(frame.servos) == frame, f"frame({frame.servos}) is not {frame}"
+            assert wire.encode(decoded) == frame, f"{frame} decodes to {decoded}, another frame"
+            for joint, q in zip(robot.actuated, decoded, strict=True):
+                assert joint.lower <= q <= joint.upper, f"{frame} has {joint.name} at {q} rad"
+
+    def test_bad_positions_are_refused(self) -> None:
+        """Missing, not finite, and outside the limits."""
+        robot = self.robot
+        start = robot.boot_pose
+        bad = [(), start + start[:1], (math.nan, *start[1:]), (math.inf, *start[1:])]
+        bad += [(joint.upper + 1.0, *start[1:]) for joint in robot.actuated[:1]]
+        for positions in bad:
+            error = _raised(partial(robot.wire_format.encode, positions))
+            assert isinstance(error, BadPosition), f"encode({positions}) raised {error!r}"
+
+    def test_robots_of_one_file_have_equal_drivers(self) -> None:
+        """Otherwise a worker process and a recording have another robot."""
+        driver = self.robot.driver
+        assert driver == self.robot.driver, f"two objects of {type(driver).__name__} differ"
+        assert pickle.loads(pickle.dumps(self.robot)) == self.robot
+
+    # The protocol ----------------------------------------------------------------------------
+
+    def test_noise_is_ignored_or_a_board_error(self) -> None:
+        """Random bytes in random pieces."""
+        dice = random.Random(1)
+        for _ in range(_SAMPLES):
+            protocol = self.robot.protocol()
+            noise = dice.randbytes(dice.randrange(300))
+            error = _raised(partial(protocol.receive, noise, 0.0))
+            assert error is None or isinstance(error, BoardError), f"{noise!r} raised {error!r}"
+
+    # Motions on the model --------------------------------------------------------------------
+
+    def test_the_model_can_be_pickled(self) -> None:
+        """It is sent to the process behind the port `virtual`."""
+        pickle.loads(pickle.dumps(self.robot.model()))
+
+    def test_motions_are_played_to_their_end(self) -> None:
+        """From the start pose and back, twice, with a new activation in between."""
+        with self._rig() as rig:
+            for _ in range(2):
+                rig.activate()
+                start = rig.arm.commanded
+                for goal in (rig.goal(start), start):
+                    playback = rig.play(goal)
+                    assert playback.state is PlaybackState.DONE, f"it ended with {playback.error}"
+                    assert rig.arm.commanded == goal
+                rig.arm.deactivate()
+            assert not rig.faults, f"the arm had the fault {rig.faults[0]}"
+
+    def test_a_stop_ends_a_motion_and_the_next_one_plays(self) -> None:
+        """The arm stays active."""
+        with self._rig() as rig:
+            rig.activate()
+            start = rig.arm.commanded
+            playback = rig.play(rig.goal(start), stop_after=0.5)
+            assert playback.state is PlaybackState.STOPPED, f"it ended with {playback.error}"
+            assert rig.play(start).state is PlaybackState.DONE
+            assert not rig.faults, f"the arm had the fault {rig.faults[0]}"
+
+    def test_a_board_that_vanishes_is_a_fault(self) -> None:
+        """While a motion is played."""
+        with self._rig() as rig:
+            rig.activate()
+            playback = rig.play(rig.goal(rig.arm.commanded), unplug_after=0.5)
+            assert isinstance(playback.error, PortLost), f"it ended with {playback.error!r}"
+
+    def test_a_board_that_is_silent_is_refused_if_it_must_report_its_pose(self) -> None:
+        """Otherwise the first frame could make the arm jump."""
+        if self.robot.firmware.reports_pose:
+            with self._rig(deaf=True) as rig:
+                error = _raised(rig.activate)
+                assert isinstance(error, BoardError), f"activate raised {error!r}"
+                assert rig.arm.state is State.INACTIVE, f"the arm is {rig.arm.state.value}"
+
+    @contextmanager
+    def _rig(self, deaf: bool = False) -> Iterator["_Rig"]:
+        model = self.robot.model()
+        assert model is not None, "this driver has no model, so its motions are not tested"
+        rig = _Rig(self.robot, model, deaf)
+        with rig.clock.working(), rig.arm:
+            rig.arm.configure()
+            yield rig
+
+
+class _Line(BoardLink[BoardModel]):
+    """A link to a model. A deaf one loses all bytes from the board."""
+
+    deaf = False
+
+    def read(self) -> bytes:
+        while data := super().read():
+            if not self.deaf:
+                return data
+        return b""
+
+
+class _Rig:
+    """An arm on a model of its board, in simulated time."""
+
+    def __init__(self, robot: Robot, model: BoardModel, deaf: bool) -> None:
+        self.clock = SimulatedClock()
+        self.link = _Line(model, self.clock)
+        self.link.deaf = deaf
+        self.faults: list[HardwareError] = []
+        self.arm = Arm(robot, self.link, self.clock, self._observe)
+        self.activate = self.arm.activate
+        self._changed = self.clock.signal()
+
+    def _observe(self, event: ArmEvent) -> None:
+        if isinstance(event, Faulted):
+            self.faults.append(event.error)
+
+    def goal(self, start: tuple[float, ...]) -> tuple[float, ...]:
+        """Return a pose a fifth of the range of every joint away, at most 0.5 rad."""
+        joints = zip(self.arm.robot.actuated, start, strict=True)
+        return tuple(_moved(*_limits(joint.lower, joint.upper), q) for joint, q in joints)
+
+    def play(
+        self,
+        goal: tuple[float, ...],
+        stop_after: float = math.inf,
+        unplug_after: float = math.inf,
+    ) -> Playback:
+        """Play a straight motion at half of the velocity limits until it ends."""
+        start, robot = self.arm.commanded, self.arm.robot
+        moves = zip(robot.actuated, start, goal, strict=True)
+        duration = max(2 * abs(b - a) / joint.velocity for joint, a, b in moves)
+
+        def sample(times: object) -> list[list[float]]:
+            assert isinstance(times, list)
+            parts = [time / duration for time in times]
+            return [[a + (b - a) * s for a, b in zip(start, goal, strict=True)] for s in parts]
+
+        schedule = compile_schedule(robot, start, sample, duration)
+        playback = self.arm.play(schedule, self._notify, "contract", self.arm.generation)
+        began = self.clock.now()
+        self._wait(playback, began + min(stop_after, unplug_after) * duration)
+        if playback.state is PlaybackState.PLAYING:
+            self.arm.stop() if stop_after < math.inf else self.link.unplug()
+        self._wait(playback, math.inf)
+        return playback
+
+    def _wait(self, playback: Playback, until: float) -> None:
+        with self._changed:
+            while playback.state is PlaybackState.PLAYING and self.clock.now() < until:
+                self._changed.wait(None if until == math.inf else until)
+
+    def _notify(self) -> None:
+        with self._changed:
+            self._changed.notify()
+
+
+class LinkContract:
+    """What every link must do. A test class makes a link, and acts at its other end.
+
+    `open_link` is called once per test. The other methods then act on the other end of that link.
+    """
+
+    def make_link(self) -> Link:
+        """Return a link that is not open."""
+        raise NotImplementedError
+
+    def send(self, data: bytes) -> None:
+        """Send bytes from the other end."""
+        raise NotImplementedError
+
+    def received(self, count: int) -> bytes:
+        """Wait for this many bytes at the other end, and return them."""
+        raise NotImplementedError
+
+    def unplug(self) -> None:
+        """Disconnect the other end."""
+        raise NotImplementedError
+
+    def close(self) -> None:
+        """Release what `make_link` made besides the link."""
+
+    def test_bytes_arrive_in_both_directions(self) -> None:
+        """All values of a byte, in order. The link is opened twice."""
+        with self._link() as link:
+            for _ in range(2):
+                link.open()
+                link.write(bytes(range(256)))
+                link.write(b"end")
+                assert self.received(259) == bytes(range(256)) + b"end"
+                self.send(bytes(range(256)))
+                heard = b""
+                while len(heard) < 256:
+                    heard += link.read()
+                assert heard == bytes(range(256))
+                link.close()
+
+    def test_a_closed_link_reads_nothing_and_refuses_bytes(self) -> None:
+        """Before it is opened, and after it is closed."""
+        with self._link() as link:
+            for _ in range(2):
+                assert link.read() == b""
+                error = _raised(partial(link.write, b"lost"))
+                assert isinstance(error, PortLost), f"write raised {error!r}"
+                link.open()
+                link.close()
+                link.close()
+
+    def test_closing_ends_a_read(self) -> None:
+        """It returns no bytes."""
+        with self._link() as link:
+            link.open()
+            heard, reader = _reading(link)
+            link.close()
+            reader.join(_PATIENCE)
+            assert heard == [b""], f"the read ended with {heard}"
+
+    def test_a_link_that_is_unplugged_is_lost(self) -> None:
+        """Reads and writes raise PortLost, closing does not."""
+        with self._link() as link:
+            link.open()
+            heard, reader = _reading(link)
+            self.unplug()
+            reader.join(_PATIENCE)
+            assert [type(each) for each in heard] == [PortLost], f"the read ended with {heard}"
+            error = _raised(partial(link.write, b"lost"))
+            assert isinstance(error, PortLost), f"write raised {error!r}"
+            link.close()
+
+    @contextmanager
+    def _link(self) -> Iterator[Link]:
+        link = self.make_link()
+        try:
+            yield link
+        finally:
+            link.close()
+            self.close()
+
+
+def _reading(link: Link) -> tuple[list[bytes | BaseException], Thread]:
+    """Read once on another thread. Return what the read returns or raises, and the thread."""
+    heard: list[bytes | BaseException] = []
+
+    def read() -> None:
+        try:
+            heard.append(link.read())
+        except Exception as error:  # the test checks it
+            heard.append(error)
+
+    return heard, RealClock().spawn(read, "reader")
+
+
+def _poses(robot: Robot) -> Iterator[tuple[float, ...]]:
+    dice, limits = random.Random(1), [_limits(j.lower, j.upper) for j in robot.actuated]
+    yield robot.boot_pose
+    yield tuple(lower for lower, _ in limits)
+    yield tuple(upper for _, upper in limits)
+    for _ in range(_SAMPLES):
+        yield tuple(dice.uniform(*each) for each in limits)
+
+
+def _limits(lower: float, upper: float) -> tuple[float, float]:
+    return max(lower, -_RANGE), min(upper, _RANGE)
+
+
+def _moved(lower: float, upper: float, start: float) -> float:
+    """Return a position a fifth of the range away, at most 0.5 rad, towards the farther limit."""
+    step = min((upper - lower) / 5, 0.5)
+    return start + step if upper - start > start - lower else start - step
+
+
+def _raised(call: Callable[[], object]) -> Exception | None:
+    """Return the exception that a call raises, or None."""
+    try:
+        call()
+    except Exception as error:  # the test checks its class
+        return error
+    return None

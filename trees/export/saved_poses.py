@@ -1,0 +1,218 @@
+"""Saves poses to the poses file of the user, and removes them; not a byte of the rest changes."""
+
+import io
+import math
+import re
+from collections.abc import Collection, Mapping
+from pathlib import Path
+
+from ruamel.yaml import YAML
+from ruamel.yaml.nodes import CollectionNode, Node
+
+from hardware import Robot
+from hardware.files import write_file
+from hardware.joints import Joint
+from hardware.suggestions import choices
+from trees.declarations import UNITS
+from trees.errors import FileError, Mistake, Place
+from trees.reading.document import read_text
+from trees.reading.grammar import PosesFile, draft_poses
+from trees.reading.library import POSES, Library, own_folder
+
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
+_NEW = "# Poses of the {}. A pose can replace joint values in any task.\nposes: {{}}\n"
+
+
+def save_pose(
+    robot: Robot,
+    folder: Path,
+    name: str,
+    positions: Mapping[str, float],
+    replace: bool = False,
+) -> Path:
+    """Save a pose to the poses file in a folder of tasks.
+
+    Poses of another robot than the shipped one are saved to the folder of its name.
+
+    Args:
+        robot: The robot.
+        folder: Folder of the user's files. It is created if it does not exist.
+        name: Name of the pose.
+        positions: Joint positions by joint name [rad], [m].
+        replace: True to replace a pose of that name. A shipped pose is not changed: the file then
+            says that its own pose replaces it.
+
+    Returns:
+        The file.
+
+    Raises:
+        FileError: The name is invalid or in use, or the file is wrong or cannot be written.
+    """
+    own = own_folder(folder, robot.name)
+    path = own / POSES
+    units = {unit for names in UNITS.values() for unit in names}
+    if not _NAME.fullmatch(name) or name in units or name in {each.name for each in robot.joints}:
+        rule = "use a letter, then letters, digits, _ or -, and no name of a joint or a unit"
+        raise _wrong(path, f"{name!r} cannot be the name of a pose; {rule}")
+    try:
+        own.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise _wrong(own, f"cannot be created: {error.strerror}") from error
+    shipped, files = _poses(robot, folder)
+    path = next((file.path for file in files if name in file.poses), path)
+    if not replace and any(name in file.poses for file in files):
+        raise _wrong(path, f"has a pose {name} already; give --replace, or another name")
+    if not replace and name in shipped:
+        why = f"pose {name} ships with armtree; give another name, or --replace to use yours"
+        raise _wrong(path, why)
+    joints = (joint for joint in robot.actuated if joint.name in positions)
+    values = ", ".join(f"{each.name}: {written(each, positions[each.name])}" for each in joints)
+    text = read_text(path) if path.exists() else _NEW.format(robot.name)
+    new = _with_pose(text, name, f"{{{values}}}")
+    replaced = {each for file in files if file.path == path for each in file.replaces}
+    if name in shipped - replaced:
+        new = _with_replaces(new, sorted({*replaced, name}))
+    _rewrite(path, text, new, name)
+    return path
+
+
+def remove_pose(robot: Robot, folder: Path, name: str) -> Path:
+    """Remove a pose from the poses file in a folder of tasks; return the file.
+
+    Args:
+        robot: The robot.
+        folder: Folder of the user's files.
+        name: Name of the pose.
+
+    Raises:
+        FileError: No file of the user has it, or the file is wrong or cannot be written.
+    """
+    shipped, files = _poses(robot, folder)
+    file = next((file for file in files if name in file.poses), None)
+    if file is None:
+        own = [each for file in files for each in file.poses]
+        why = f"no pose {name} is here; there are {choices(name, own)}"
+        if name in shipped:
+            why = f"pose {name} ships with armtree and stays; `armtree pose save` can replace it"
+        raise _wrong(folder, why)
+    new = _without_pose(file.text, name)
+    if name in file.replaces:
+        new = _with_replaces(new, [each for each in file.replaces if each != name])
+    _rewrite(file.path, file.text, new, name)
+    return file.path
+
+
+def _poses(robot: Robot, folder: Path) -> tuple[set[str], list[PosesFile]]:
+    """Return the names of the shipped poses, and the files of the user.
+
+    Raises:
+        FileError: A file has mistakes.
+    """
+    library = Library(folder, robot.name)
+    files, mistakes = library.draft_poses()
+    if mistakes:
+        raise FileError(mistakes)
+    own = [file for file in files if file.path.parent not in library.shipped]
+    return {name for file in files if file not in own for name in file.poses}, own
+
+
+def written(joint: Joint, q: float) -> str:
+    """Return a position as people write it, or the number itself if that is beyond a limit."""
+    words = joint.words(q)
+    near = math.radians(float(words.partition(" ")[0]))
+    return words if joint.unit == "rad" and joint.lower <= near <= joint.upper else repr(q)
+
+
+def _rewrite(path: Path, text: str, new: str, name: str) -> None:
+    """Write a file of poses, of which one pose changes.
+
+    Raises:
+        FileError: Another pose would change, too, or the file cannot be written.
+    """
+    before, _ = draft_poses(path, text)
+    try:
+        after, mistakes = draft_poses(path, new)
+    except FileError:
+        after, mistakes = before, [Mistake(Place(path, 0, 0), "")]
+    others = [{n: p for n, p in each.poses.items() if n != name} for each in (before, after)]
+    if mistakes or others[0] != others[1]:
+        raise _wrong(path, f"pose {name} cannot be changed without other lines; edit it by hand")
+    try:
+        write_file(path, new.encode())
+    except OSError as error:
+        raise _wrong(path, f"cannot be written: {error.strerror}; nothing has changed") from error
+
+
+def _with_pose(text: str, name: str, value: str) -> str:
+    """Return the text of a file with a pose; a new one follows the last."""
+    label, poses = _pair(text, "poses")
+    assert isinstance(poses, CollectionNode)  # a draft without mistakes
+    for key, old in poses.value:
+        if key.value == name:
+            return _spliced(text, key.end_mark.index, _end(old), f": {value}")
+    if not poses.value:
+        return _spliced(text, label.end_mark.index, _end(poses), f":\n  {name}: {value}")
+    if poses.flow_style:
+        return _spliced(text, _end(poses) - 1, _end(poses) - 1, f", {name}: {value}")
+    first, last = poses.value[0][0], poses.value[-1][1]
+    at = _line_end(text, _end(last))
+    return _spliced(text, at, at, f"\n{' ' * first.start_mark.column}{name}: {value}")
+
+
+def _without_pose(text: str, name: str) -> str:
+    """Return the text of a file without a pose. The comments around it stay."""
+    label, poses = _pair(text, "poses")
+    assert isinstance(poses, CollectionNode)  # a draft without mistakes
+    names = [key.value for key, _ in poses.value]
+    if names == [name]:
+        return _spliced(text, label.end_mark.index, _end(poses), ": {}")
+    number = names.index(name)
+    key, value = poses.value[number]
+    if not poses.flow_style:
+        return _without_lines(text, key, value)
+    if number:
+        return _spliced(text, _end(poses.value[number - 1][1]), _end(value), "")
+    return _spliced(text, key.start_mark.index, poses.value[1][0].start_mark.index, "")
+
+
+def _with_replaces(text: str, names: Collection[str]) -> str:
+    """Return the text of a file whose `replaces` lists these names."""
+    key, value = _pair(text, "replaces")
+    listed = f"[{', '.join(names)}]"
+    if key is value:
+        return f"{text.rstrip()}\nreplaces: {listed}\n"
+    if not names:
+        return _without_lines(text, key, value)
+    return _spliced(text, key.end_mark.index, _end(value), f": {listed}")
+
+
+def _without_lines(text: str, key: Node, value: Node) -> str:
+    begin = text.rfind("\n", 0, key.start_mark.index) + 1
+    return _spliced(text, begin, _line_end(text, _end(value)) + 1, "")
+
+
+def _pair(text: str, name: str) -> tuple[Node, Node]:
+    """Return the key and the value of a top-level key; the whole document twice if it is absent."""
+    root = YAML(typ="safe", pure=True).compose(io.StringIO(text))
+    return next((pair for pair in root.value if pair[0].value == name), (root, root))
+
+
+def _end(node: Node) -> int:
+    """Return where a node ends. The parser ends a block at the next token, after comments."""
+    if not isinstance(node, CollectionNode) or node.flow_style or not node.value:
+        return int(node.end_mark.index)
+    last = node.value[-1]
+    return _end(last[1] if isinstance(last, tuple) else last)
+
+
+def _line_end(text: str, at: int) -> int:
+    end = text.find("\n", at)
+    return len(text) if end < 0 else end
+
+
+def _spliced(text: str, begin: int, end: int, new: str) -> str:
+    return text[:begin] + new + text[end:]
+
+
+def _wrong(path: Path, message: str) -> FileError:
+    return FileError([Mistake(Place(path, 0, 0), message)])

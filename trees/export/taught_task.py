@@ -1,0 +1,130 @@
+"""A task that is taught step by step. Its file holds all steps at any moment."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from hardware import Robot
+from hardware.files import write_file
+from hardware.suggestions import plural
+from trees.errors import FileError, Mistake, Place
+from trees.reading.library import Library
+
+from .new_task import prepare_file
+from .saved_poses import written
+from .schema import NAME
+
+_HEAD = """\
+# yaml-language-server: $schema={schema}
+task: {number}
+name: {name}
+description: Taught in {steps}.
+tree:
+  sequence:
+"""
+_SAME = 1e-3  # positions that differ by less are the same [rad], [m]
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One step of a task.
+
+    Attributes:
+        words: The step, for people.
+        nodes: Its nodes, as they are in the file.
+        positions: Position of every joint after it [rad], [m]; empty for a wait.
+    """
+
+    words: str
+    nodes: tuple[str, ...]
+    positions: Mapping[str, float]
+
+
+class TaughtTask:
+    """A task file that grows by a step at a time. It is written anew at every change.
+
+    Args:
+        robot: The robot.
+        folder: Folder of the user's files. It is created if it does not exist.
+        number: Number of the task.
+        name: Name of the task.
+
+    Attributes:
+        path: The file. It exists as long as there is a step.
+        steps: The steps.
+
+    Raises:
+        FileError: Number or name are in use or invalid, or the file cannot be written; also from
+            every method that changes the steps, which are then as before.
+    """
+
+    def __init__(self, robot: Robot, folder: Path, number: int, name: str) -> None:
+        self.path = prepare_file(robot, folder, number, name)
+        self.steps: tuple[Step, ...] = ()
+        self._robot, self._folder = robot, folder
+        self._number, self._name = number, name
+
+    def move(self, positions: Mapping[str, float]) -> Step | None:
+        """Add the moves from the last pose to this one; return them, or None if it is the same.
+
+        The first step moves every joint, so that the task can begin anywhere.
+
+        Args:
+            positions: Position of every actuated joint [rad], [m].
+        """
+        before = next((step.positions for step in reversed(self.steps) if step.positions), {})
+        poses, _ = Library(self._folder, self._robot.name).poses()
+        words, nodes = list[str](), list[str]()
+        for group in self._robot.groups:
+            joints = self._robot.actuated_in(group)
+            target = {joint.name: positions[joint.name] for joint in joints}
+            if not target or _same(target, {name: before.get(name) for name in target}):
+                continue
+            values = {joint.name: written(joint, target[joint.name]) for joint in joints}
+            full = f"{{{', '.join(f'{name}: {value}' for name, value in values.items())}}}"
+            known = (name for name, pose in poses.items() if _same(target, pose))
+            nodes.append(
+                "    - subtree: move_joints\n"
+                f"      with: {{joints: {(pose := next(known, full))}}}\n"
+            )
+            words.append(pose.strip("{}"))
+        if not nodes:
+            return None
+        return self._add(Step(f"move to {', '.join(words)}", tuple(nodes), dict(positions)))
+
+    def wait(self, seconds: float) -> Step:
+        """Add a wait [s]; return it."""
+        node = f"    - Wait: {{duration: {seconds:g} s}}\n"
+        return self._add(Step(f"wait {seconds:g} s", (node,), {}))
+
+    def undo(self) -> Step | None:
+        """Remove the last step; return it, or None if there is none."""
+        if not self.steps:
+            return None
+        last = self.steps[-1]
+        self._write(self.steps[:-1])
+        return last
+
+    def _add(self, step: Step) -> Step:
+        self._write((*self.steps, step))
+        return step
+
+    def _write(self, steps: tuple[Step, ...]) -> None:
+        count = plural(len(steps), "step")
+        text = _HEAD.format(schema=NAME, number=self._number, name=self._name, steps=count)
+        text += "".join(node for step in steps for node in step.nodes)
+        try:
+            if steps:
+                write_file(self.path, text.encode())
+            else:
+                self.path.unlink(missing_ok=True)
+        except OSError as error:
+            why = f"cannot be written: {error.strerror}; make room, then repeat the step"
+            raise FileError([Mistake(Place(self.path, 0, 0), why)]) from error
+        self.steps = steps
+
+
+def _same(one: Mapping[str, float], other: Mapping[str, float | None]) -> bool:
+    return one.keys() == other.keys() and all(
+        q is not None and abs(one[name] - q) < _SAME for name, q in other.items()
+    )
