@@ -2,6 +2,7 @@
 
 import logging
 import threading
+from collections.abc import Sequence
 from itertools import pairwise
 
 import pytest
@@ -70,14 +71,16 @@ def test_a_stop_waits_only_briefly(rig: RigMaker) -> None:
         link.close()
 
 
-def delayed(arm: Rig, monkeypatch: pytest.MonkeyPatch, seconds: float, frame: int = 3) -> None:
-    """The recording is late once by so long, after a frame."""
+def delayed(
+    arm: Rig, monkeypatch: pytest.MonkeyPatch, seconds: float, frames: Sequence[int] = (3,)
+) -> None:
+    """The recording is late once by so long, after each of these frames."""
     recordings = arm.executive._recordings
-    caught_up, left = recordings.caught_up, [seconds]
+    caught_up, left = recordings.caught_up, dict.fromkeys(frames, seconds)
 
     def late(timeout: float) -> bool:
-        if recordings.frames == frame and left[0] > 0:
-            left[0] -= timeout
+        if left.get(recordings.frames, 0.0) > 0:
+            left[recordings.frames] -= timeout
             if threading.current_thread().name == "streamer":  # a stop writes on another one
                 arm.rest(timeout)
             return False
@@ -99,6 +102,20 @@ def test_a_motion_waits_for_its_recording_and_goes_on(
     assert gaps[2] >= 2.0
     assert min(gaps) > 0.09  # no burst after it
     assert any("A frame waited 2.0" in line for line in caplog.messages)
+
+
+def test_a_disk_with_stalls_of_300_ms(rig: RigMaker, monkeypatch: pytest.MonkeyPatch) -> None:
+    stalls = (3, 8, 14, 20)
+    arm, impatient = rig(), rig(recording_timeout=0.2)
+    delayed(arm, monkeypatch, 0.3, stalls)
+    (outcome,) = arm.run(1)
+    assert outcome.success, outcome.message
+    frames = [frame.time for frame in arm.recorded(logs.Sent)]
+    late = [n for n, (one, next_one) in enumerate(pairwise(frames), 1) if next_one - one >= 0.3]
+    assert tuple(late) == stalls
+    delayed(impatient, monkeypatch, 0.3, stalls)
+    (outcome,) = impatient.run(1)
+    assert (outcome.code, outcome.frames) == ("log.behind", 3)
 
 
 def test_the_arm_stays_active_if_the_recording_is_too_late(
