@@ -3,12 +3,16 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NoReturn
 
 from hardware import Robot
 from hardware.files import write_file
 from hardware.suggestions import plural
+from trees.declarations import Declaration
 from trees.errors import FileError, Mistake, Place
+from trees.reading.grammar import parse_value
 from trees.reading.library import Library
+from trees.reading.values import fit
 
 from .new_task import prepare_file
 from .saved_poses import written
@@ -72,6 +76,10 @@ class TaughtTask:
         Args:
             positions: Position of every actuated joint [rad], [m].
         """
+        names = [joint.name for joint in self._robot.actuated]
+        if {*names} != positions.keys():
+            why = f"names the joints {', '.join(names)}, but the arm has {', '.join(positions)}"
+            raise FileError([Mistake(Place(self._robot.path, 0, 0), f"{why}; give --robot")])
         before = next((step.positions for step in reversed(self.steps) if step.positions), {})
         poses, _ = Library(self._folder, self._robot.name).poses()
         words, nodes = list[str](), list[str]()
@@ -92,8 +100,14 @@ class TaughtTask:
             return None
         return self._add(Step(f"move to {', '.join(words)}", tuple(nodes), dict(positions)))
 
-    def wait(self, seconds: float) -> Step:
-        """Add a wait [s]; return it."""
+    def wait(self, duration: str) -> Step:
+        """Add a wait, such as `500 ms`; return it."""
+
+        def wrong(place: Place, why: str, _instead: str = "") -> NoReturn:
+            raise FileError([Mistake(place, why)])
+
+        longest = Declaration("duration", least=0.0)
+        seconds = fit(parse_value(duration, "wait"), longest, {}, wrong)
         node = f"    - Wait: {{duration: {seconds:g} s}}\n"
         return self._add(Step(f"wait {seconds:g} s", (node,), {}))
 

@@ -23,7 +23,7 @@ def test_a_task_is_taught_and_runs(robot: Robot, tmp_path: Path) -> None:
     save_pose(robot, tmp_path, "lifted", {name: LIFTED[name] for name in list(LIFTED)[:3]})
     task = TaughtTask(robot, tmp_path, 5, "fetch")
     assert not task.path.exists()
-    taught = [task.move(HERE), task.wait(0.25), task.move(LIFTED), task.move(CLOSED)]
+    taught = [task.move(HERE), task.wait("250 ms"), task.move(LIFTED), task.move(CLOSED)]
     assert [step.words for step in taught if step] == [
         "move to joint_1: 20 deg, joint_2: 5.7296 deg, joint_3: 0 deg, open",
         "wait 0.25 s",
@@ -62,7 +62,7 @@ def test_the_last_step_is_undone(robot: Robot, tmp_path: Path) -> None:
     task.move(HERE)
     before = task.path.read_text()
     assert task.move(HERE) is None
-    task.wait(1.0)
+    task.wait("1")
     last = task.move(CLOSED)
     assert task.undo() is last
     task.undo()
@@ -82,10 +82,34 @@ def test_what_exists_is_refused(robot: Robot, tmp_path: Path) -> None:
     ):
         with pytest.raises(FileError, match=why):
             TaughtTask(robot, tmp_path, number, name)
-    TaughtTask(robot, tmp_path, 5, "fetch").wait(1.0)
+    TaughtTask(robot, tmp_path, 5, "fetch").wait("1")
     with pytest.raises(FileError, match=r"task 5 is in .*5_fetch.yaml already"):
         TaughtTask(robot, tmp_path, 5, "other")
     assert Library(tmp_path).mistakes == []
+
+
+@pytest.mark.parametrize(
+    ("duration", "why"),
+    [
+        ("x", "'x' is not a duration"),
+        ("-1", "-1 s is less than 0 s"),
+        ("", "empty"),
+        ("{", "brackets"),
+        ("5 deg", "5 deg"),
+        ("true", "true|True"),
+    ],
+)
+def test_a_wrong_wait_is_refused(robot: Robot, tmp_path: Path, duration: str, why: str) -> None:
+    task = TaughtTask(robot, tmp_path, 5, "fetch")
+    with pytest.raises(FileError, match=why):
+        task.wait(duration)
+    assert not task.path.exists()
+
+
+def test_an_arm_with_other_joints_is_refused(robot: Robot, tmp_path: Path) -> None:
+    task = TaughtTask(robot, tmp_path, 5, "fetch")
+    with pytest.raises(FileError, match="but the arm has joint_1, elbow; give --robot"):
+        task.move({"joint_1": 0.0, "elbow": 0.0})
 
 
 def test_a_step_that_cannot_be_written_is_not_taken(
@@ -102,6 +126,6 @@ def test_a_step_that_cannot_be_written_is_not_taken(
     with pytest.raises(
         FileError, match=r"5_fetch.yaml: cannot be written: No space left on device"
     ):
-        task.wait(1.0)
+        task.wait("1")
     assert len(task.steps) == 1
     assert task.path.read_text() == before
