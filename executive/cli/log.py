@@ -150,6 +150,24 @@ def export(recording: Path, output: Path) -> None:
 
 
 @log.command()
+@_FILE
+@click.option(
+    "-o",
+    "--output",
+    type=PATH,
+    default=Path(),
+    help="Folder for the files. Default: the working directory.",
+)
+def robot(recording: Path, output: Path) -> None:
+    """Write the robot file, the URDF and its meshes, for viewers and for other commands."""
+    from executive.recording.archive import extract_robot
+    from logs import Recording
+
+    for path in extract_robot(Recording(recording), output):
+        echo(path)
+
+
+@log.command()
 @click.argument("one", type=RECORDING)
 @click.argument("other", type=RECORDING)
 @click.option("-o", "--output", type=DRAWING, help="Drawing to write: PNG, SVG or PDF.")

@@ -1,26 +1,73 @@
 """The robot and the world of a run: saved in a recording as notes and files, and restored.
 
-The attachments hold the robot's files and the meshes of bodies; notes hold values that are in no
-file. A recording restores both without any file of the machine it was made on.
+The attachments hold the robot's files and all meshes; notes hold values that are in no file. A
+recording restores both without any file of the machine it was made on.
 """
 
 import json
+import re
 import tempfile
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, replace
+from contextlib import suppress
+from dataclasses import asdict, dataclass, replace
 from functools import cache, lru_cache
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
 from hardware import Robot, load_robot
+from hardware.description.meshes import MAX_MESH_BYTES
+from hardware.description.urdf import UrdfError, mesh_names, with_meshes
+from hardware.files import read_file
 from logs import Recording, RecordingError
 from skills.motion import World
 
 _NOTE = "robot"
+MAX_MESHES = 2**26  # most bytes of the meshes of a robot in one recording
 
 
-def robot_note(robot: Robot) -> dict[str, str]:
+@dataclass(frozen=True, slots=True)
+class RobotMeshes:
+    """The meshes of a robot, for a recording.
+
+    Attributes:
+        names: Name of the attachment by the name in the URDF.
+        files: Content by the name of the attachment. The meshes that only a viewer needs are left
+            out if they would exceed `MAX_MESHES`.
+        left_out: Why the meshes of collision shapes are left out; empty if they are not.
+    """
+
+    names: Mapping[str, str]
+    files: Mapping[str, bytes]
+    left_out: str = ""
+
+
+def archive_meshes(robot: Robot) -> RobotMeshes:
+    """Return the meshes that the URDF of a robot names, each once. Missing ones are left out."""
+    names, files, size = dict[str, str](), dict[str, bytes](), 0
+    for name, collides in mesh_names(robot.urdf).items():
+        with suppress(UrdfError, OSError):  # the planner reports it
+            path = robot.mesh(name)
+            data = read_file(path, MAX_MESH_BYTES)
+            attached = _mesh_name(path, data)
+            new = 0 if attached in files else len(data)
+            if size + new > MAX_MESHES and collides:
+                return RobotMeshes({}, {}, _too_large(robot))
+            if size + new <= MAX_MESHES:
+                names[name], files[attached], size = attached, data, size + new
+    return RobotMeshes(names, files)
+
+
+def _too_large(robot: Robot) -> str:
+    words = f"the meshes of {robot.urdf.name} are not attached, because they have more than "
+    return f"{words}{MAX_MESHES >> 20} MiB; `replay --verify` needs meshes with fewer triangles"
+
+
+def _mesh_name(path: Path, data: bytes) -> str:
+    return f"{sha256(data).hexdigest()[:12]}_{path.name}"
+
+
+def robot_note(robot: Robot, meshes: RobotMeshes) -> dict[str, str]:
     """Return which attachments describe the robot, and the firmware's values."""
     figures = {name: _plain(value) for name, value in asdict(robot.firmware).items()}
     return {
@@ -28,6 +75,8 @@ def robot_note(robot: Robot) -> dict[str, str]:
         "urdf": robot.urdf.name,
         "sha256": _digest(robot.path.read_bytes(), robot.urdf.read_bytes()),
         "firmware": json.dumps(figures),
+        "meshes": json.dumps(dict(meshes.names)),
+        "meshes_left_out": meshes.left_out,
     }
 
 
@@ -40,14 +89,54 @@ def restore_robot(recording: Recording) -> Robot:
     """
     try:
         note = recording.notes[_NOTE]
-        files = ((note[key], recording.files[note[key]]) for key in ("file", "urdf"))
-        return _load(tuple(files), note["firmware"])
+        if left_out := note.get("meshes_left_out"):
+            raise RecordingError(recording.path, f"cannot be verified: {left_out}")
+        files = tuple((note[key], recording.files[note[key]]) for key in ("file", "urdf"))
+        paths = {
+            name: _restored_mesh(file, recording.files)
+            for name, file in _attached_meshes(recording).items()
+        }
+        return _load(files, note["firmware"], tuple((n, p) for n, p in paths.items() if p))
     except KeyError as missing:
         what = f"lacks {missing}, so its robot is unknown; another armtree recorded it"
         raise RecordingError(recording.path, what) from missing
     except (ValueError, RecursionError) as cause:
-        what = f"holds an invalid firmware ({cause}); another program wrote it"
+        what = f"holds an invalid robot ({cause}); another program wrote it"
         raise RecordingError(recording.path, what) from cause
+
+
+def extract_robot(recording: Recording, folder: Path) -> list[Path]:
+    """Write the robot file, the URDF and the meshes of a recording to a folder; return the files.
+
+    The URDF names the meshes beside it, so viewers find them.
+
+    Raises:
+        RecordingError: The recording does not hold the robot.
+        OSError: A file cannot be written.
+    """
+    robot, meshes = restore_robot(recording), _attached_meshes(recording)
+    folder.mkdir(parents=True, exist_ok=True)
+    file, urdf = folder / robot.path.name, folder / robot.urdf.name
+    text = robot.path.read_text()
+    file.write_text(re.sub(r"(?m)^urdf\s*=.*$", lambda _: f"urdf = {json.dumps(urdf.name)}", text))
+    kinds = ("collision", "visual")
+    urdf.write_text(with_meshes(robot.urdf, lambda name: meshes.get(name, name), kinds))
+    written = {name: folder / name for name in set(meshes.values()) & recording.files.keys()}
+    for name, path in written.items():
+        path.write_bytes(recording.files[name])
+    return [file, urdf, *sorted(written.values())]
+
+
+def _attached_meshes(recording: Recording) -> dict[str, str]:
+    """Return the name of the attachment of each mesh, by its name in the URDF.
+
+    Raises:
+        ValueError: The note is invalid.
+    """
+    values = json.loads(recording.notes[_NOTE].get("meshes", "{}"))
+    if not isinstance(values, dict) or any(Path(str(v)).name != v for v in values.values()):
+        raise ValueError("its meshes are no names of attachments")
+    return values
 
 
 def robot_files_changed(recording: Recording) -> bool:
@@ -68,7 +157,7 @@ def archive_world(world: World) -> tuple[tuple[dict[str, Any], ...], Mapping[str
         mesh = body.get("mesh")
         if mesh and (path := Path(mesh["path"])).is_file():
             data = path.read_bytes()
-            mesh["path"] = f"{sha256(data).hexdigest()[:12]}_{path.name}"
+            mesh["path"] = _mesh_name(path, data)
             files[mesh["path"]] = data
     return tuple(bodies), files
 
@@ -88,20 +177,31 @@ def restore_world(bodies: Iterable[Mapping[str, Any]], files: Mapping[str, bytes
 
 def _with_mesh(body: Mapping[str, Any], files: Mapping[str, bytes]) -> Mapping[str, Any]:
     mesh = body.get("mesh")
-    if not mesh or mesh["path"] not in files:
-        return body
-    path = Path(_restored_files().name) / Path(mesh["path"]).name
-    path.write_bytes(files[mesh["path"]])
-    return {**body, "mesh": {**mesh, "path": str(path)}}
+    path = _restored_mesh(mesh["path"], files) if mesh else None
+    return {**body, "mesh": {**mesh, "path": str(path)}} if mesh and path else body
+
+
+def _restored_mesh(name: str, files: Mapping[str, bytes]) -> Path | None:
+    """Return a file with the content of an attachment, or None if there is none of that name."""
+    if name not in files:
+        return None
+    path = Path(_restored_files().name) / Path(name).name
+    path.write_bytes(files[name])
+    return path
 
 
 @lru_cache(maxsize=8)
-def _load(files: tuple[tuple[str, bytes], ...], firmware: str) -> Robot:
-    folder = Path(_restored_files().name) / _digest(*(data for _, data in files))
+def _load(
+    files: tuple[tuple[str, bytes], ...], firmware: str, meshes: tuple[tuple[str, Path], ...]
+) -> Robot:
+    named = (str(path).encode() for _, path in meshes)  # the name holds a digest
+    folder = Path(_restored_files().name) / _digest(*(data for _, data in files), *named)
     folder.mkdir(exist_ok=True)
     for name, data in files:
         (folder / Path(name).name).write_bytes(data)
-    robot = load_robot(folder / Path(files[0][0]).name)
+    file, urdf = (folder / Path(name).name for name, _ in files)
+    robot = load_robot(file, urdf)
+    robot = replace(robot, meshes=dict(meshes))
     return replace(robot, firmware=replace(robot.firmware, **_firmware_values(robot, firmware)))
 
 

@@ -16,7 +16,7 @@ from logs.writing.compaction_process import CompactionProcess, shared_process
 from skills import Planned, SkillEvent
 from trees.build import Tree
 
-from .archive import archive_world, robot_note
+from .archive import RobotMeshes, archive_meshes, archive_world, robot_note
 from .translate import arm_record, skill_record
 from .versions import versions
 
@@ -229,7 +229,7 @@ class Recordings:
     def on_skill_event(self, event: SkillEvent) -> None:
         """Record an event of a skill."""
         if isinstance(event, Planned):
-            self._attach_meshes(archive_world(event.query.world)[1])
+            self._attach_meshes({**self._robot_meshes.files, **archive_world(event.query.world)[1]})
         self.record(skill_record(event, self._robot, self._clock.now()))
 
     def _arm_state(self, time: float) -> logs.Transition:
@@ -255,6 +255,14 @@ class Recordings:
         ]
 
     @cached_property
+    def _robot_meshes(self) -> RobotMeshes:
+        """The meshes of the robot, which are read once."""
+        meshes = archive_meshes(self._robot)
+        if meshes.left_out:
+            logger.warning("%s", meshes.left_out)
+        return meshes
+
+    @cached_property
     def _robot_items(self) -> tuple[str, list[logs.Attachment], list[logs.Note]]:
         """Return the URDF, the robot's files and the notes, which are read once."""
         robot = self._robot
@@ -263,7 +271,7 @@ class Recordings:
             for path in (robot.path, robot.urdf)
         ]
         notes = [
-            logs.Note("robot", robot_note(robot)),
+            logs.Note("robot", robot_note(robot, self._robot_meshes)),
             logs.Note("configuration", dict(self._configuration)),
             logs.Note("versions", versions()),
         ]

@@ -3,7 +3,7 @@
 Each function returns the first difference in words, or an empty string if there is none.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import zip_longest
 
 from executive.recording.archive import restore_world
@@ -46,12 +46,16 @@ def joints_difference(robot: Robot, records: Iterable[Record]) -> str:
 
 
 def plans_difference(
-    planner: Planner, robot: Robot, records: Sequence[Record], files: Mapping[str, bytes]
+    planner: Callable[[], Planner],
+    robot: Robot,
+    records: Sequence[Record],
+    files: Mapping[str, bytes],
 ) -> str:
     """Plan every recorded query again, and merge the plans of each schedule again.
 
     Args:
-        planner: Planner for the robot.
+        planner: Returns the planner for the robot. A recording without a plan needs none, and may
+            lack the meshes for it.
         robot: The robot as it was recorded.
         records: The records, in file order.
         files: Attachments of the recording, by name.
@@ -63,11 +67,11 @@ def plans_difference(
         words = ""
         if isinstance(record, Plan):
             number += 1
-            words = _plan_difference(record, _plan(planner, robot, record, files), planned)
+            words = _plan_difference(record, _plan(planner(), robot, record, files), planned)
             words = words and f"plan {number} ({record.group}): {words}"
         elif isinstance(record, Schedule) and record.groups:
             if before and record.resumed is not None:
-                planned |= _remaining(planner, robot, record, before, record.resumed)
+                planned |= _remaining(planner(), robot, record, before, record.resumed)
             if missing := [group for group in record.groups if group not in planned]:
                 return f"a schedule moves the group {missing[0]}, but no plan for it is recorded"
             start = tuple(record.start[joint.name] for joint in robot.actuated)

@@ -10,6 +10,7 @@ import signal
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
+from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -196,7 +197,8 @@ def _goal_difference(recording: Recording, records: Sequence[Record]) -> str:
 
 def _plans(recording: Recording, robot: Robot, records: Sequence[Record], wrong: str) -> Check:
     words = joints_difference(robot, records)
-    words = words or plans_difference(_planner(robot), robot, records, recording.files) or wrong
+    planner = partial(_planner, robot)
+    words = words or plans_difference(planner, robot, records, recording.files) or wrong
     if words:
         return Check(_PLANS, False, words, source(recording, robot, records, PLANNING))
     if cause := contradiction(recording, robot, records):

@@ -19,11 +19,12 @@ MAX_BRAKE = 10.0  # [s]
 _ROUNDING = 1.0 + 1e-9  # factor of a velocity limit, for rounding errors of a multiplier
 
 
-def load_robot(path: Path | None = None) -> Robot:
+def load_robot(path: Path | None = None, urdf: Path | None = None) -> Robot:
     """Load a robot.
 
     Args:
         path: The robot file. Default: that of the shipped Arduinobot.
+        urdf: The URDF file. Default: the one that the robot file names.
 
     Raises:
         DescriptionError: The file or its URDF is wrong. The message names file, line, key and valid
@@ -32,10 +33,11 @@ def load_robot(path: Path | None = None) -> Robot:
     if path is None:
         path = Path(__file__).parents[1] / "robots" / "arduinobot" / "arduinobot.toml"
     root = TomlTable.read(path)
-    urdf_path = path.parent / root.text("urdf")
-    urdf = _urdf(root, urdf_path)
+    named = path.parent / root.text("urdf")
+    urdf_path = urdf or named
+    described = _urdf(root, urdf_path)
     driver = load_driver(root) if "driver" in root or "serial" in root else NullDriver(path)
-    joints = _joints(root, urdf, driver)
+    joints = _joints(root, described, driver)
     groups = _groups(root, joints)
     serial, firmware = _board(root, driver)
     robot = Robot(
@@ -47,9 +49,9 @@ def load_robot(path: Path | None = None) -> Robot:
         serial=serial,
         driver=driver,
         firmware=firmware,
-        collision=_collision(root.table("collision"), urdf.links),
-        tool=_tool(root.table("tool"), urdf.links) if "tool" in root else None,
-        links=urdf.links,
+        collision=_collision(root.table("collision"), described.links),
+        tool=_tool(root.table("tool"), described.links) if "tool" in root else None,
+        links=described.links,
         home=tuple(root.text("home", default="").split()),
         brake=root.number("brake_s", least=0, most=MAX_BRAKE) if "brake_s" in root else 0.0,
     )

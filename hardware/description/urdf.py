@@ -168,12 +168,15 @@ def mesh_names(path: Path) -> dict[str, bool]:
     return names
 
 
-def with_meshes(path: Path, find: Callable[[str], Path]) -> str:
-    """Return the text of a URDF, with the path of a file for each mesh of a collision shape.
+def with_meshes(
+    path: Path, find: Callable[[str], Path | str], kinds: Sequence[str] = ("collision",)
+) -> str:
+    """Return the text of a URDF, with other names of its meshes.
 
     Args:
         path: The URDF file.
-        find: Returns the file of a mesh, by its name in the URDF.
+        find: Returns the new name of a mesh, by its name in the URDF.
+        kinds: Elements with the meshes to rename: `collision`, `visual`.
 
     Raises:
         OSError: The file cannot be read.
@@ -181,7 +184,7 @@ def with_meshes(path: Path, find: Callable[[str], Path]) -> str:
     """
     root = _root(BytesIO(read_file(path, _MAX_BYTES)))
     for link in root.findall("link"):
-        for mesh in link.findall("collision/geometry/mesh"):
+        for mesh in (mesh for kind in kinds for mesh in link.findall(f"{kind}/geometry/mesh")):
             try:
                 mesh.set("filename", str(find(mesh.get("filename", ""))))
             except UrdfError as error:

@@ -222,7 +222,7 @@ def test_a_firmware_value_of_the_wrong_type_is_refused(rig: RigMaker) -> None:
 
         verification = verify(altered(picked(rig()), change))
         assert (checks(verification), verification.code) == ([], "log.unreadable")
-        assert "holds an invalid firmware" in verification.error
+        assert "holds an invalid robot" in verification.error
 
 
 def test_a_change_after_the_run_is_named(rig: RigMaker, tmp_path: Path) -> None:
