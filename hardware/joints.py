@@ -72,6 +72,12 @@ class Joint:
         return f"{scale * position + 0.0:.{digits}g} {unit}"  # no -0
 
 
+def rounded(position: float, unit: str = "rad") -> str:
+    """Return a position in a unit of `Joint` for people, to a tenth of a degree or of a mm."""
+    scale, name = DISPLAY_UNITS[unit]
+    return f"{round(scale * position, 1) + 0.0:.1f} {name}"  # no -0
+
+
 def check_position(joint: Joint, q: object) -> float:
     """Check that a joint position may be sent.
 

@@ -88,9 +88,8 @@ def replay(
         raise click.UsageError("--watch and --on need exactly one recording")
     if port is None:
         from .terminal.player import play
-        from .terminal.view import view_for
 
-        play(recordings[0], speed, at, view_for(as_json, diagnostics().verbose))
+        play(recordings[0], speed, at, as_json, diagnostics().verbose)
         sys.exit(print_incomplete(recordings[0]))
     if speed > 1:
         why = "the motion was timed to the limits of the joints; at most 1, or faster with --watch"

@@ -13,7 +13,7 @@ from hardware.drivers.null_driver import NullDriver
 from hardware.drivers.virtual.link import BoardLink, NullLink
 from hardware.drivers.virtual.model import BoardModel
 from hardware.drivers.wire_format import WireFormat
-from hardware.joints import Joint
+from hardware.joints import Joint, rounded
 from hardware.link.link import VIRTUAL, Link
 
 from .kinematics import ForwardKinematics, reach
@@ -195,6 +195,10 @@ class Robot:
             if joint.name == name:
                 return joint
         raise KeyError(f"no joint {name}; there are {', '.join(j.name for j in self.joints)}")
+
+    def words(self, positions: Mapping[str, float]) -> str:
+        """Return positions by joint [rad] for people, as `joint_1 70.0 deg, joint_2 0.0 deg`."""
+        return ", ".join(f"{k} {rounded(q, self.joint(k).unit)}" for k, q in positions.items())
 
     def actuated_in(self, group: str) -> tuple[Joint, ...]:
         """Return the joints of a group without its mimic joints."""

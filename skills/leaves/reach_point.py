@@ -103,7 +103,7 @@ class ReachPoint(PlanningSkill):
         assert isinstance(answer, Reached)
         target = Positions(zip(self._names, answer.positions, strict=True))
         self._set_output("target", target)
-        self.feedback_message = ", ".join(f"{name} {q:.3f}" for name, q in target.items())
+        self.feedback_message = self.context.robot.words(target)
         return Status.SUCCESS
 
 

@@ -23,5 +23,5 @@ class SetStart(Skill):
         names = [joint.name for joint in self.context.robot.actuated]
         start = Positions(zip(names, self.context.arm.commanded, strict=True))
         self._set_output("start", start)
-        self.feedback_message = ", ".join(f"{name} {q:.3f}" for name, q in start.items())
+        self.feedback_message = self.context.robot.words(start)
         return Status.SUCCESS

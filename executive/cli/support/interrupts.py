@@ -9,6 +9,7 @@ from types import FrameType
 from typing import Any, Self, TypeVar
 
 from executive.api.codes import INTERRUPTED_EXIT
+from executive.cli.terminal.streams import last_words
 from hardware import RealClock
 
 from .process_end import end_process
@@ -16,7 +17,12 @@ from .process_end import end_process
 T = TypeVar("T")
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+CANCELING = "Canceling: the arm stops. Another Ctrl-C ends this command at once."
 _END = 0  # no signal has this number
+_LAST_WORDS = (
+    "Ended at once: no result is printed, and the board may still execute two frames. The next run "
+    "completes the recording."
+)
 
 
 class Interrupts:
@@ -24,9 +30,13 @@ class Interrupts:
 
     A thread reads the signals from a pipe, and another one cancels. So the second signal counts
     even if the cancel or the main thread does not return.
+
+    Args:
+        last: What is printed at the second signal.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, last: str = _LAST_WORDS) -> None:
+        self._last = last
         self._cancel: Callable[[], None] | None = None
         self._canceled = False
         self._lock, self._ended = threading.Lock(), threading.Event()
@@ -83,6 +93,7 @@ class Interrupts:
 
     def _interrupt(self) -> None:
         if self._canceled:
+            last_words(self._last)
             end_process(INTERRUPTED_EXIT)
         with self._lock:
             self._canceled = True

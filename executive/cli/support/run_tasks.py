@@ -5,13 +5,15 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from functools import partial
 
+import logs
 from executive.api.codes import OK
 from executive.api.events import Event
 from executive.api.move import Move, number_of
 from executive.api.outcome import CANCELED_CAUSE, GoalState, GoalStatus, Outcome, cause_of
 from executive.cli.terminal.operator import Terminal
 from executive.cli.terminal.streams import LastingStream
-from executive.cli.terminal.view import View, view_for
+from executive.cli.terminal.view import View
+from executive.cli.terminal.views import view_for
 from executive.executive import Executive
 from executive.session import finish_recording, open_executive, port_line
 from executive.setup import Setup
@@ -19,7 +21,7 @@ from hardware import HardwareError, State
 from trees import Located, TreeError
 from trees.compile.arguments import read_arguments
 
-from .interrupts import Interrupts
+from .interrupts import CANCELING, Interrupts
 from .log_handler import recorded_log
 
 
@@ -57,11 +59,23 @@ def execute(
             outcome = Outcome.of(number_of(tasks[0]), GoalState.ABORTED, cause_of(error))
             view.report(outcome)
             return [outcome]
+        view.describe(executive.robot)
         view.say(port_line(executive))
         sequence = TaskSequence(executive)
-        interrupts.on_cancel(sequence.stop)
+
+        def cancel() -> None:
+            sequence.stop()
+            view.say(CANCELING)
+
+        interrupts.on_cancel(cancel)
         with recorded_log(executive):
-            return interrupts.run(lambda: sequence.run(tasks, view.report, arguments))
+            outcomes = interrupts.run(lambda: sequence.run(tasks, view.report, arguments))
+        remaining = [number_of(task) for task in tasks]
+        for outcome in outcomes:
+            remaining.remove(outcome.task)
+        if remaining:
+            view.say(f"not started: {', '.join(map(logs.goal_title, remaining))}")
+        return outcomes
 
 
 def _show(view: View, event: Event) -> None:

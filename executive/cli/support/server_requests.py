@@ -18,16 +18,18 @@ from executive.api.events import Event, QuestionStatus, Status
 from executive.api.move import Move, number_of
 from executive.api.outcome import CancelCode, CancelResult, GoalState, GoalStatus, Outcome, cause_of
 from executive.cli.terminal.streams import echo
-from executive.cli.terminal.view import View, view_for
+from executive.cli.terminal.view import View
+from executive.cli.terminal.views import view_for
 from executive.client.synchronous import Client
 from executive.errors import ClientError, Refused
 from trees import TreeError
 from trees.compile.arguments import read_arguments
 
 from .failures import print_error
-from .interrupts import Interrupts
+from .interrupts import CANCELING, Interrupts
 
 _QUESTION_ID = re.compile("[0-9a-f]{8}")
+_LAST_WORDS = "Ended at once. The goal may still run on the server: `armtree cancel` cancels it."
 _NO_QUESTION = "there is no open question"
 
 logger = logging.getLogger(__name__)
@@ -59,7 +61,7 @@ def send_and_wait(
         send = partial(client.send_move, task)
     else:
         send = partial(client.send, task, parameters(settings))
-    with Interrupts() as interrupts, view_for(as_json, verbose) as view:
+    with Interrupts(_LAST_WORDS) as interrupts, view_for(as_json, verbose) as view:
 
         def work() -> Outcome:
             hold = client.hold(goal_id) if deadman else nullcontext()
@@ -76,7 +78,7 @@ def send_and_wait(
                     outcome = Outcome.of(number, GoalState.ABORTED, error.cause)
                     view.report(outcome)
                     return outcome
-                interrupts.on_cancel(lambda: _cancel(client, goal_id))
+                interrupts.on_cancel(lambda: _cancel(client, goal_id, view))
                 return _show_goal(events, goal_id, view)
 
         return interrupts.run(work)
@@ -214,9 +216,10 @@ def _ended() -> Refused:
     )
 
 
-def _cancel(client: Client, goal_id: str) -> None:
+def _cancel(client: Client, goal_id: str, view: View) -> None:
     try:
         client.cancel(goal_id)
+        view.say(CANCELING)
     except ClientError as error:
         logger.warning("%s", error)
 

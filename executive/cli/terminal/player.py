@@ -11,11 +11,14 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from executive.api.outcome import Outcome
-from hardware import RealClock
-from logs import Record, Recording, Result
+from executive.recording.archive import restore_robot
+from hardware import HardwareError, RealClock
+from logs import LogError, Record, Recording, Result
 
 from .view import View
+from .views import view_for
 
+_TICK = 0.1  # longest time between two updates of the shown time [s]
 _STEP = 1.0  # move of an arrow key within the recording [s]
 _KEYS = "space pause, <- -> 1 s, up down speed, q quit"
 _MOVES = {"\x1b[D": -_STEP, "\x1b[C": _STEP}
@@ -45,6 +48,11 @@ class Player:
         self.at = 0.0
 
     @property
+    def now(self) -> float:
+        """Current time on the clock of the records [s]."""
+        return self._zero + self.at
+
+    @property
     def over(self) -> bool:
         """True if all records have been shown."""
         return self._next is None
@@ -71,23 +79,26 @@ class Player:
             self._view.report(Outcome.from_record(record, str(self._recording.path)))
 
 
-def play(path: Path, speed: float, at: float | None, view: View) -> None:
-    """Show a recording.
+def play(path: Path, speed: float, at: float | None, as_json: bool, verbose: bool) -> None:
+    """Show a recording on standard output.
 
     Args:
         path: Path of the recording.
         speed: 2 for twice as fast.
         at: Show only this moment [s since the first record]; None to play the recording.
-        view: Shows the records.
+        as_json: True to print JSON.
+        verbose: True to print lines instead of a live picture.
 
     Raises:
         LogError: The recording cannot be read.
     """
     recording = Recording(path)
-    with view, _keys() as keys:
+    with view_for(as_json, verbose, lambda: player.now) as view, _keys() as keys:
+        player = Player(recording, view, speed)
+        with contextlib.suppress(HardwareError, LogError):  # without its robot, no bars are drawn
+            view.describe(restore_robot(recording))
         if keys is not None:
             view.say(_KEYS)
-        player = Player(recording, view, speed)
         if at is not None:
             player.show_until(at)
         else:
@@ -98,7 +109,7 @@ def _play(player: Player, keys: int | None) -> None:
     clock, paused = RealClock(), False
     while not player.over:
         before = clock.now()
-        pressed = _pressed(keys, None if paused else max(0.0, player.due))
+        pressed = _pressed(keys, None if paused else min(_TICK, max(0.0, player.due)))
         passed = 0.0 if paused else (clock.now() - before) * player.speed
         for key in pressed:
             if key == "q":

@@ -3,12 +3,16 @@
 import logging
 import os
 import sys
+import textwrap
+import threading
+from contextlib import suppress
 from typing import Any, TextIO
 
 import click
 
 from hardware.printable import printable
 
+_SHOW_CURSOR = b"\x1b[?25h"
 _STREAMS = (("stdin", "r"), ("stdout", "w"), ("stderr", "w"))
 
 
@@ -30,6 +34,54 @@ def discard(stream: TextIO) -> None:
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, stream.fileno())
     os.close(nowhere)
+
+
+def is_screen(stream: TextIO) -> bool:
+    """Return True for a terminal that can move its cursor and has the characters of a picture."""
+    dumb = os.environ.get("TERM", "").lower() in ("", "dumb", "unknown")
+    return stream.isatty() and not dumb and (stream.encoding or "").lower().startswith("utf")
+
+
+def fold(text: str, width: int) -> str:
+    """Return a text with its lines broken at spaces.
+
+    Lines that continue another are indented. A word that is too long, such as a path, stays whole.
+
+    Args:
+        text: The text.
+        width: Columns of the terminal.
+    """
+    return "\n".join(
+        part for line in text.split("\n") for part in _folded(line, max(width, 20)) or [""]
+    )
+
+
+def _folded(line: str, width: int) -> list[str]:
+    indent = len(line) - len(line.lstrip()) + 4
+    return textwrap.wrap(
+        line,
+        width,
+        subsequent_indent=" " * indent,
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+
+
+def last_words(text: str) -> None:
+    """Print a text to standard error, and show the cursor again, before the process is ended.
+
+    A terminal that does not take it within 0.2 s is left.
+    """
+
+    def write() -> None:
+        with suppress(OSError):
+            if os.isatty(1):
+                os.write(1, _SHOW_CURSOR)
+            os.write(2, f"\n{text}\n".encode())
+
+    thread = threading.Thread(target=write, daemon=True)
+    thread.start()
+    thread.join(0.2)
 
 
 def echo(text: object, err: bool = False, nl: bool = True) -> None:

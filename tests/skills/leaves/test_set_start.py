@@ -12,7 +12,7 @@ def test_the_boot_pose(bench: Bench) -> None:
     assert skill.status is Status.SUCCESS
     names = [joint.name for joint in bench.robot.actuated]
     assert bench.output("start") == dict(zip(names, bench.robot.boot_pose, strict=True))
-    assert "joint_1 0.000" in skill.feedback_message
+    assert "joint_1 0.0 deg" in skill.feedback_message
 
 
 def test_an_arm_that_is_not_active(bench: Bench) -> None:

@@ -1,11 +1,13 @@
 """Signals to a process whose threads do not return."""
 
+import os
 import signal
 import subprocess
 import sys
 
 import pytest
 
+from tests.support.command_line.screen import Screen, on_screen
 from tests.support.paths import ROOT
 
 pytestmark = pytest.mark.slow
@@ -21,7 +23,7 @@ def stick(word):
     for _ in range(2):
         ctypes.CDLL(None).pthread_mutex_lock(mutex)
 
-with Interrupts() as interrupts:
+with Interrupts("last words") as interrupts:
     interrupts.on_cancel(lambda: stick("canceling"))
     stick("running")
 """
@@ -36,3 +38,17 @@ def test_a_second_signal_ends_a_process_that_is_stuck_everywhere() -> None:
         assert process.stdout.readline() == "canceling\n"
         process.send_signal(signal.SIGTERM)
         assert process.wait(60) == 130
+
+
+def test_a_second_signal_leaves_a_terminal_with_its_cursor() -> None:
+    hidden = PROGRAM.replace('stick("running")', r'stick("\x1b[?25lrunning")')
+    screen, signals = Screen(80, 24), {"running": signal.SIGINT, "canceling": signal.SIGINT}
+
+    def react(screen: Screen, process: "subprocess.Popen[bytes]") -> None:
+        for word in [word for word in signals if word in "".join(screen.lines)]:
+            os.kill(process.pid, signals.pop(word))
+
+    program = [sys.executable, "-c", hidden]
+    assert on_screen(program, screen, {"PYTHONPATH": str(ROOT)}, react) == 130
+    assert screen.lines[-2:] == ["last words", ""]
+    assert screen.cursor

@@ -12,7 +12,7 @@ from rich.console import Console
 
 import logs
 from executive.api.outcome import Cause, GoalState, Outcome
-from executive.cli.terminal.live_view import LiveView
+from executive.cli.terminal.live.live_view import LiveView
 from executive.cli.terminal.streams import LogFormatter
 from tests.support.servers.serving import Served, Typed
 

@@ -1,0 +1,109 @@
+"""The joints of an arm as rows of text: angle, place between the limits, and target."""
+
+import math
+from collections.abc import Mapping, Sequence
+
+from rich.text import Text
+
+from hardware import Joint
+from hardware.joints import rounded
+from hardware.printable import printable
+
+_GAP = 3  # columns between two joints
+_NARROWEST, _WIDEST = 8, 32  # columns of a bar
+_AT_REST = 1e-9  # a smaller distance to the target is none [rad]
+
+
+def joint_rows(
+    joints: Mapping[str, Joint],
+    positions: Mapping[str, float],
+    targets: Mapping[str, float],
+    width: int,
+    most: int,
+) -> list[Text]:
+    """Return the rows of the joints of an arm.
+
+    They are set in several columns, and lose their bars, if there are more joints than rows.
+    Joints that do not fit are counted in the last place; those that move come first.
+
+    Args:
+        joints: The joints by name; one that is not known here has no bar.
+        positions: Commanded position by joint [rad].
+        targets: Position at the end of the motion by joint [rad].
+        width: Columns of the terminal.
+        most: Largest number of rows, at least 1.
+    """
+    if not positions:
+        return []
+    cells = [
+        _Cell(name, joints.get(name), q, targets.get(name, q)) for name, q in positions.items()
+    ]
+    name_width = max(len(cell.name) for cell in cells)
+    words_width = max(cell.widest for cell in cells)
+    least = name_width + words_width + 1
+    columns = -(-len(cells) // most)
+    fitting = max(1, (width + _GAP) // (least + _GAP))
+    if columns > fitting:
+        columns, room = fitting, fitting * most - 1
+        cells = sorted(cells, key=lambda cell: not cell.moves)
+        cells, left_out = cells[:room], len(cells) - room
+    else:
+        left_out = 0
+    bar = (width + _GAP) // columns - _GAP - least - 1
+    texts = [cell.text(name_width, words_width, min(bar, _WIDEST)) for cell in cells]
+    texts += [Text(f"… {left_out} more", style="dim")] if left_out else []
+    return _columns(texts, columns)
+
+
+class _Cell:
+    def __init__(self, name: str, joint: Joint | None, position: float, target: float) -> None:
+        self.name, self._joint = printable(name), joint
+        self._position, self._target = position, target
+        unit = joint.unit if joint else "rad"
+        self.words = rounded(position, unit)
+        limits = (joint.lower, joint.upper) if joint and not joint.continuous else ()
+        self.widest = max(len(rounded(q, unit)) for q in (position, target, *limits))
+
+    @property
+    def moves(self) -> bool:
+        return abs(self._target - self._position) > _AT_REST
+
+    def text(self, name_width: int, words_width: int, bar: int) -> Text:
+        """Return name, position and bar, each in a width."""
+        words = f"{self.name:<{name_width}} {self.words:>{words_width}}"
+        text = Text(words, style="" if self.moves else "dim")
+        if bar >= _NARROWEST and self._joint:
+            text.append(" ").append(self._bar(bar - 2))
+        return text
+
+    def _bar(self, width: int) -> Text:
+        track = ["─"] * width
+        track[self._place(self._target, width)] = "○"
+        at = self._place(self._position, width)
+        text = Text.assemble(
+            ("├" + "".join(track[:at]), "dim"), ("●", "cyan" if self.moves else "")
+        )
+        return text.append("".join(track[at + 1 :]) + "┤", style="dim")
+
+    def _place(self, position: float, width: int) -> int:
+        assert self._joint
+        lower, upper = self._joint.lower, self._joint.upper
+        if not math.isfinite(upper - lower):
+            lower, upper = -math.pi, math.pi
+            position = math.remainder(position, 2 * math.pi)
+        share = (position - lower) / (upper - lower) if upper > lower else 0.5
+        return min(width - 1, max(0, round(share * (width - 1))))
+
+
+def _columns(texts: Sequence[Text], columns: int) -> list[Text]:
+    """Return the texts row by row."""
+    width = max(text.cell_len for text in texts)
+    rows = []
+    for start in range(0, len(texts), columns):
+        row = Text(no_wrap=True, overflow="ellipsis")
+        for text in texts[start : start + columns]:
+            row.append(text)
+            row.pad_right(width - text.cell_len + _GAP)
+        row.rstrip()
+        rows.append(row)
+    return rows

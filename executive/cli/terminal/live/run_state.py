@@ -1,0 +1,122 @@
+"""What the live view shows of a run, gathered from its events."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import logs
+from executive.api.outcome import Outcome
+from hardware import Joint
+from hardware.joints import rounded
+from hardware.printable import printable
+
+from .tree_rows import HALTED
+
+
+@dataclass(slots=True)
+class RunState:
+    """A run as it is at one moment. Times are those of the events [s].
+
+    Attributes:
+        goal_id: Identity of the goal.
+        title: Number and name of the task.
+        arm: State of the arm's lifecycle.
+        activated: When the arm began to activate; None if it does not.
+        began: When the goal started; None before.
+        ended: When it ended; None before.
+        percentage: Share of the frames that are done [%]; None if unknown.
+        phase: What the goal does.
+        nodes: The nodes of the tree by path, parents first.
+        positions: Commanded position by joint [rad].
+        targets: Position at the end of the current motion by joint [rad].
+        motion_end: When the current motion ends; None if nothing moves.
+    """
+
+    goal_id: str = ""
+    title: str = ""
+    arm: str = "unconfigured"
+    activated: float | None = None
+    began: float | None = None
+    ended: float | None = None
+    percentage: int | None = None
+    phase: str = ""
+    nodes: dict[str, logs.NodeStatus] = field(default_factory=dict)
+    positions: Mapping[str, float] = field(default_factory=dict)
+    targets: Mapping[str, float] = field(default_factory=dict)
+    motion_end: float | None = None
+    _due: tuple[float, ...] = ()
+    _sent: int = 0
+
+    def begun(self, goal: logs.Goal) -> "RunState":
+        """Return the state at the begin of the next goal of the same arm."""
+        title = printable(logs.goal_title(goal.task, goal.name))
+        return RunState(
+            goal.goal_id,
+            title,
+            self.arm,
+            self.activated,
+            goal.time,
+            positions=self.positions,
+        )
+
+    def update(self, record: logs.Record) -> None:
+        """Take an event of the run."""
+        match record:
+            case logs.NodeStatus():
+                self._node(record)
+            case logs.Feedback():
+                self.percentage, self.phase = record.percentage, printable(record.phase)
+            case logs.Plan():
+                self.positions = self.positions or record.start
+            case logs.Schedule():
+                self._schedule(record)
+            case logs.Sent() if record.joints:
+                self._frame(record)
+            case logs.Transition():
+                self.arm = printable(record.goal)
+                self.activated = record.time if record.goal == "activating" else None
+            case logs.Result():
+                self.end(record.time, record.state)
+
+    def end(self, time: float, state: str) -> None:
+        """Take the end of the run, and its state such as `CANCELED`."""
+        self.ended = self.ended or time
+        self.phase, self.motion_end = state.lower(), None
+        self.percentage = 100 if state == "SUCCEEDED" else self.percentage
+
+    def _node(self, record: logs.NodeStatus) -> None:
+        record = replace(record, name=printable(record.name), message=printable(record.message))
+        before = self.nodes.get(record.path)
+        if record.status == "INVALID" and before and before.status == "RUNNING":
+            record = replace(record, status=HALTED)
+        self.nodes[record.path] = record
+
+    def _schedule(self, record: logs.Schedule) -> None:
+        self.positions = record.start
+        last = record.samples[-1] if record.samples else tuple(record.start.values())
+        self.targets = dict(zip(record.start, last, strict=True))
+        self._due, self._sent = record.times, 0
+        self.motion_end = record.time + record.times[-1] if record.times else None
+
+    def _frame(self, record: logs.Sent) -> None:
+        self.positions = dict(zip(record.joints, record.positions, strict=True))
+        if record.hold or record.scheduled is None or self._sent >= len(self._due):
+            self.motion_end = None
+            return
+        self.motion_end = record.scheduled + self._due[-1] - self._due[self._sent]
+        self._sent += 1
+
+    def stopped(self, outcome: Outcome, joints: Mapping[str, Joint]) -> str:
+        """Return where a goal stopped that did not succeed; empty if it sent no frame.
+
+        Args:
+            outcome: How the goal ended.
+            joints: The joints by name, if they are known.
+        """
+        if outcome.success or not outcome.frames or not self.positions:
+            return ""
+        place = ", ".join(
+            f"{name} {rounded(q, joints[name].unit if name in joints else 'rad')}"
+            for name, q in self.positions.items()
+        )
+        done = f", after {self._sent} of {len(self._due)} frames of its motion" if self._due else ""
+        return printable(f"  stopped at {place}{done}")

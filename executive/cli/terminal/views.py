@@ -1,0 +1,102 @@
+"""Views of a run: a live picture, plain lines, or JSON."""
+
+import json
+import sys
+from collections.abc import Callable, Mapping
+
+import logs
+from executive.api.events import QuestionStatus, event_to_json
+from executive.api.outcome import Outcome
+from hardware import Joint, Robot
+from hardware.printable import printable
+
+from .live.run_state import RunState
+from .streams import LastingStream, is_screen
+from .view import Item, View
+
+
+class _Lines(View):
+    """Prints lines.
+
+    Args:
+        line: Returns the line for an item, or "" for none.
+    """
+
+    def __init__(self, line: Callable[[Item], str]) -> None:
+        super().__init__()
+        self._line, self._stream = line, LastingStream(sys.stdout)
+
+    def show(self, item: Item) -> None:
+        """Print the line for an item."""
+        if line := self._line(item):
+            self._stream.write(printable(line) + "\n")
+            self._stream.flush()
+
+
+def _json_line(item: Item) -> str:
+    """Return an event as JSON. The result is printed when its recording is closed."""
+    if isinstance(item, (str, Robot, logs.Result)):
+        return ""
+    if isinstance(item, Outcome):
+        event = {"event": "result", **item.to_json()}
+    else:
+        event = event_to_json(item)
+    return json.dumps(event, allow_nan=False)
+
+
+class _TextLine:
+    """Returns the line for a goal, an ended node with a message, a question or an outcome.
+
+    Args:
+        verbose: True to return one for each frame, too.
+    """
+
+    def __init__(self, verbose: bool) -> None:
+        self._verbose, self._state = verbose, RunState()
+        self._joints: Mapping[str, Joint] = {}
+
+    def __call__(self, item: Item) -> str:
+        """Return the line for an item, or "" for none."""
+        match item:
+            case str():
+                return item
+            case Robot():
+                self._joints = {joint.name: joint for joint in item.actuated}
+            case Outcome():
+                where = self._state.stopped(item, self._joints)
+                return "\n".join(filter(None, (item.text(), where)))
+            case QuestionStatus():
+                return item.text_with_command() if item.open else ""
+            case logs.Goal():
+                self._state = self._state.begun(item)
+                return self._state.title
+            case _:
+                self._state.update(item)
+                return self._line(item)
+        return ""
+
+    def _line(self, record: logs.Record) -> str:
+        match record:
+            case logs.NodeStatus(status="SUCCESS" | "FAILURE") if record.message:
+                return f"  {record.name:<12} {record.status.lower()}  {record.message}"
+            case logs.Sent() if self._verbose:
+                return f"  {'sent':<12} {record.text}"
+        return ""
+
+
+def view_for(as_json: bool, verbose: bool, now: Callable[[], float] | None = None) -> View:
+    """Return the view for standard output.
+
+    Args:
+        as_json: True for JSON.
+        verbose: True if the log is printed, so that lines are printed instead of a live picture.
+            They include the frames.
+        now: Time source of the events [s]; default: the machine's clock, compared with their times.
+    """
+    if as_json:
+        return _Lines(_json_line)
+    if verbose or not is_screen(sys.stdout):
+        return _Lines(_TextLine(verbose))
+    from .live.live_view import LiveView  # rich is slow to import
+
+    return LiveView(now=now)

@@ -1,0 +1,121 @@
+"""The live view: pictures of real runs, and a run in a terminal."""
+
+import io
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+import logs
+from executive.api.outcome import CANCELED_CAUSE, GoalState, Outcome
+from executive.cli.terminal.live.live_view import LiveView
+from tests.end_to_end.test_command_line import robot
+from tests.support.command_line.screen import Screen, on_screen
+from tests.support.generated import live_pictures
+from tests.support.paths import EXAMPLES
+
+__all__ = ["robot"]
+
+SIZES = [(60, 12), (80, 24), (200, 50)]
+RED, YELLOW, CYAN, COLOURS = "31", "33", "36", {str(k) for k in range(30, 38)}
+
+
+def test_the_pictures() -> None:
+    """After a wanted change: `python -m tests.support.generated.live_pictures`."""
+    assert live_pictures.pictures() == live_pictures.TARGET.read_text()
+
+
+def test_no_line_of_a_picture_is_wider_and_no_picture_higher_than_its_terminal() -> None:
+    for section in live_pictures.TARGET.read_text().split("==== ")[1:]:
+        title, *lines = section.rstrip("\n").split("\n")
+        columns, rows = (int(words.split()[-2]) for words in title.split(",")[-2:])
+        assert max(map(len, lines)) <= columns, title
+        assert len(lines) < rows, title
+
+
+def test_times_of_another_clock() -> None:
+    """A server on another machine counts its seconds from another moment."""
+    now = 5.0
+    console = Console(file=io.StringIO(), width=80, height=24)
+    view = LiveView(console, lambda: now)
+    view.show(logs.Goal(1000.0, "ab" * 16, 1, "pick", 1))
+    now = 8.0
+    view.show(logs.Feedback(1003.0, "ab" * 16, 5, "executing", ""))
+    now = 65.5
+    assert "1 min 00 s elapsed" in live_pictures.drawn(view.picture(), (80, 24))
+    view.show(Outcome.of(1, GoalState.CANCELED, CANCELED_CAUSE))
+    now = 100.0
+    assert "1 min 00 s elapsed" in live_pictures.drawn(view.picture(), (80, 24))
+
+
+def command(folder: Path, robot: Path, *tasks: str) -> list[str]:
+    program = [sys.executable, "-P", "-m", "executive", "run", *tasks, "--port", "virtual"]
+    files = ["--robot", str(robot), "--recordings", str(folder / "recordings")]
+    return [*program, *files, "--trees", str(EXAMPLES)]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("size", SIZES)
+def test_a_run_in_a_terminal(tmp_path: Path, robot: Path, size: tuple[int, int]) -> None:
+    screen = Screen(*size)
+    assert on_screen(command(tmp_path, robot, "1", "4"), screen, {}) == 0
+    for task in "task 1 pick ", "task 4 pick_and_place ":  # each picture replaces the one before
+        assert [line.startswith(task) for line in screen.lines].count(True) == 1
+    assert [line.partition(" (")[0] for line in screen.lines if "SUCCEEDED" in line] == [
+        "task 1 SUCCEEDED",
+        "task 4 SUCCEEDED",
+    ]
+    assert any(line.startswith("joint_1 -80.2 deg") for line in screen.lines)
+    assert "b009" not in "\n".join(screen.lines)
+    assert screen.cursor
+    assert CYAN in screen.styles
+    assert RED not in screen.styles
+
+
+@pytest.mark.slow
+def test_without_colours(tmp_path: Path, robot: Path) -> None:
+    screen = Screen(80, 24)
+    assert on_screen(command(tmp_path, robot, "1"), screen, {"NO_COLOR": "1"}) == 0
+    assert not screen.styles & COLOURS
+    assert any("━━━" in line and "100 %" in line for line in screen.lines)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "environment", [{"TERM": "dumb"}, {"PYTHONUTF8": "0", "PYTHONIOENCODING": "ascii"}]
+)
+def test_a_terminal_that_cannot_show_pictures_gets_lines(
+    tmp_path: Path, robot: Path, environment: dict[str, str]
+) -> None:
+    screen = Screen(80, 24)
+    assert on_screen(command(tmp_path, robot, "1"), screen, environment) == 0
+    assert screen.lines[1] == "task 1 pick"
+    assert not screen.styles
+
+
+@pytest.mark.slow
+def test_after_ctrl_c_it_is_said_what_became_of_the_run(tmp_path: Path, robot: Path) -> None:
+    screen, canceled = Screen(80, 24), False
+
+    def cancel(screen: Screen, process: "subprocess.Popen[bytes]") -> None:
+        nonlocal canceled
+        if not canceled and any(
+            line.startswith("━") and "executing" in line for line in screen.lines
+        ):
+            canceled = True
+            os.kill(process.pid, signal.SIGINT)
+
+    assert on_screen(command(tmp_path, robot, "4", "1"), screen, {}, cancel) == 7
+    shown = "\n".join(screen.lines)
+    assert "Canceling: the arm stops." in shown
+    assert "task 4 CANCELED" in shown
+    assert "  stopped at joint_1 " in shown
+    assert " frames of its motion" in " ".join(shown.split())
+    assert "not started: task 1" in shown
+    assert screen.cursor
+    assert YELLOW in screen.styles
+    assert RED not in screen.styles
