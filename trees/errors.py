@@ -8,7 +8,7 @@ TreeError
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from hardware.suggestions import choices
@@ -198,6 +198,15 @@ class BadArguments(FileError):
     code = "goal.bad_arguments"
     exit_status = 4
     hint = "`armtree tasks` shows what each task takes"
+
+    def __init__(self, mistakes: Iterable[Mistake]) -> None:
+        super().__init__(map(_without_line, mistakes))
+
+
+def _without_line(mistake: Mistake) -> Mistake:
+    """Return a mistake whose place has no line and column if its text has only one line."""
+    place = mistake.place
+    return mistake if len(place.lines) > 1 else replace(mistake, place=Place(place.path, 0, 0))
 
 
 class UnknownTask(TreeError):

@@ -126,9 +126,10 @@ class Outcome:
 
     def text(self) -> str:
         """Return the outcome in words, with its hint and its recording on further lines."""
-        spent = f"{self.duration:.2f} s, {self.frames} frames"
-        title = f"{logs.goal_title(self.task)} {self.state.name}"
-        text = f"{title} ({spent}): {self.cause or self.message}"
+        state = f"{self.state.name} ({self.duration:.2f} s, {self.frames} frames)"
+        if self.state is GoalState.ABORTED and not self.duration:
+            state = "not started"
+        text = f"{logs.goal_title(self.task)} {state}: {self.cause or self.message}"
         text += f"\n  -> {self.cause.hint}" if self.cause and self.cause.hint else ""
         return f"{text}\n  recording {self.recording}" if self.recording else text
 

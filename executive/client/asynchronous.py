@@ -15,6 +15,7 @@ from executive.api.operations import OPERATIONS
 from executive.api.outcome import CancelResult, GoalStatus, Outcome, cause_of
 from executive.api.token_file import KEEPALIVE
 from executive.errors import GoalFailed, Refused, ResultTimeout, ServerUnreachable
+from hardware import Clock, RealClock
 
 from . import transport
 from .responses import EventReader, ResponseBody
@@ -32,16 +33,20 @@ class AsyncClient:
     Args:
         url: URL; default ARMTREE_SERVER, then the server on this machine.
         token: Token; default ARMTREE_TOKEN, then the file that the server wrote for this user.
+        clock: Time source for the deadlines of answers; default: real time.
 
     Every method raises ServerUnreachable if no server answers, WrongAnswer if another program
     answers, and Refused if the server refuses the request.
     """
 
-    def __init__(self, url: str | None = None, token: str | None = None) -> None:
+    def __init__(
+        self, url: str | None = None, token: str | None = None, clock: Clock | None = None
+    ) -> None:
         import httpx  # slow to import, and `--help` does not need it
 
         options = transport.http_options(url, token)
         self.url: str = options["base_url"]
+        self._clock = clock or RealClock()
         keepalive = httpx.AsyncHTTPTransport(trust_env=False, socket_options=KEEPALIVE)
         self._http = httpx.AsyncClient(transport=keepalive, **options)
 
@@ -368,7 +373,7 @@ class AsyncClient:
             name: Name of the operation.
             timeout: Longest time for the body [s].
         """
-        body = ResponseBody(response, timeout)
+        body = ResponseBody(response, timeout, self._clock)
         async for piece in response.aiter_raw():
             body.add(piece)
         return body.value(name)

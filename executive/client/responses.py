@@ -1,6 +1,5 @@
 """What a server sends: bounded, and checked before it is used. Another program may answer."""
 
-import json
 from collections.abc import Iterator
 from functools import cache
 from typing import TYPE_CHECKING, Any
@@ -10,7 +9,7 @@ from executive.api.events import Event, event_from_json
 from executive.api.operations import OPERATIONS
 from executive.api.schemas import ERROR, inlined
 from executive.errors import Refused, WrongAnswer
-from hardware import RealClock
+from hardware import Clock
 from logs.records.field_types import has_type
 
 if TYPE_CHECKING:
@@ -25,13 +24,13 @@ class ResponseBody:
     Args:
         response: The answer, whose body is not read yet.
         timeout: Longest time for the body [s].
+        clock: Time source.
     """
 
-    def __init__(self, response: "httpx.Response", timeout: float) -> None:
+    def __init__(self, response: "httpx.Response", timeout: float, clock: Clock) -> None:
         self._url, self._status = str(response.url), response.status_code
         self._data = bytearray()
-        self._clock = RealClock()
-        self._end = self._clock.now() + timeout
+        self._clock, self._end = clock, clock.now() + timeout
 
     def add(self, piece: bytes) -> None:
         """Add a piece of the body.
@@ -97,7 +96,7 @@ class EventReader:
 
     def _event(self, text: bytes) -> Event:
         try:
-            event = event_from_json(json.loads(text))
+            event = event_from_json(strict_json.parse(text))
         except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
             raise WrongAnswer(self._url, "it sends other events") from error
         if not has_type(event, type(event)):

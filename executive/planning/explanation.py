@@ -60,7 +60,7 @@ def _explain_motions(
         if len(motions) > 1:
             yield f"Motion {number} of {len(motions)}"
         if motion.assumed_start:
-            start = _joints(plan.joints, plan.origin)
+            start = _joints(robot, plan.joints, plan.origin)
             yield f"Start     assumed to be {start}: it is known only in a run"
         yield from _explain_plan(robot, plan, len(query.via), first)
         yield from _bodies(query.world, motion.left_out)
@@ -79,7 +79,7 @@ def _explain_plan(robot: Robot, plan: Plan, via: int, first: float) -> Iterator[
         first: Time that planning took in a new process [ms].
     """
     straight = straight_duration(plan)
-    yield f"Goal      {_joints(plan.joints, plan.goal)}"
+    yield f"Goal      {_joints(robot, plan.joints, plan.goal)}"
     longer = ""
     if len(plan.waypoints) > 2:
         if straight:
@@ -91,9 +91,11 @@ def _explain_plan(robot: Robot, plan: Plan, via: int, first: float) -> Iterator[
     yield f"Duration  {plan.duration:.3f} s; a straight line would take {straight:.3f} s{longer}"
     yield f"Found in  {_times(plan.milliseconds)}; the first time in {first:.2f} ms"
     for limit in limits_met(plan):
-        unit = robot.joint(limit.joint).unit + ("/s" if limit.kind == "speed" else "/s²")
+        value = robot.joint(limit.joint).words(limit.value) + (
+            "/s" if limit.kind == "speed" else "/s²"
+        )
         share = 100.0 * limit.seconds / plan.duration
-        what = f"the {limit.kind} limit of {limit.joint}, {limit.value:g} {unit}"
+        what = f"the {limit.kind} limit of {limit.joint}, {value}"
         yield f"Held by   {what}: {limit.seconds:.2f} s ({share:.0f} %)"
 
 
@@ -102,8 +104,9 @@ def _times(milliseconds: Mapping[str, float]) -> str:
     return f"{sum(milliseconds.values()):.2f} ms ({parts})"
 
 
-def _joints(names: Iterable[str], positions: Iterable[float]) -> str:
-    return ", ".join(f"{name} {q:.3f}" for name, q in zip(names, positions, strict=True))
+def _joints(robot: Robot, names: Iterable[str], positions: Iterable[float]) -> str:
+    pairs = zip(names, positions, strict=True)
+    return ", ".join(f"{name} {robot.joint(name).words(q)}" for name, q in pairs)
 
 
 def _bodies(world: World, left_out: Sequence[str]) -> Iterator[str]:

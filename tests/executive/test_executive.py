@@ -261,7 +261,7 @@ def test_a_wrong_file(rig: RigMaker, tasks: Path) -> None:
     [
         ("", ["far=1"], "ok", ""),
         ("", [], "goal.bad_arguments", "arguments: the parameter far must be given"),
-        ("", ["far=yes"], "goal.bad_arguments", "--set far=yes:1:1: "),
+        ("", ["far=yes"], "goal.bad_arguments", "--set far=yes: far: 'yes' is not a number"),
         (
             "",
             ["far=1", "near=2"],
@@ -282,6 +282,8 @@ def test_who_is_to_blame_for_arguments(
     assert outcome.code == code, outcome.message
     assert words in outcome.message
     assert not outcome.cause or "armtree check" not in outcome.cause.hint or code == "file.task"
+    started = code != "goal.bad_arguments"
+    assert (bool(outcome.recording), "not started" in outcome.text()) == (started, not started)
 
 
 def test_both_planners_fail(rig: RigMaker, tasks: Path) -> None:

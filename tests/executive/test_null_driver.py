@@ -45,7 +45,7 @@ def test_plan(trees: Path) -> None:
     assert (trees / "plan.png").exists()
     arguments = ["finger_1=0.02", "--robot", ARM, "-o", str(trees / "plan.png")]
     result = CliRunner().invoke(cli, ["plan", *arguments])
-    assert "the acceleration limit of finger_1, 2 m/s²:" in result.output
+    assert "the acceleration limit of finger_1, 2000 mm/s²:" in result.output
     assert "rad" not in result.output
     result = CliRunner().invoke(cli, ["plan", "finger_1=1", *arguments[1:]])
     assert "finger_1 = 1000 mm is outside its limits, 0 mm to 40 mm" in str(result.exception)
@@ -90,6 +90,6 @@ def test_doctor_says_so(trees: Path) -> None:
 def test_what_turns_without_end_is_moved_as_the_skill_does(tmp_path: Path) -> None:
     arm = ("--robot", str(DATA / "endless.toml"), "-o", str(tmp_path / "plan.png"))
     result = CliRunner().invoke(cli, ["plan", "turn=-170deg", "--start", "turn=3", *arm])
-    assert "Goal      turn 3.316" in result.output
+    assert "Goal      turn 190 deg" in result.output
     result = CliRunner().invoke(cli, ["plan", "turn+=200deg", *arm])
     assert "more than half a turn" in str(result.exception)

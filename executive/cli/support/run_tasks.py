@@ -143,7 +143,7 @@ class TaskSequence:
     def _outcome(self, task: int | Move, arguments: Mapping[str, str | Located]) -> Outcome:
         if self._canceled:
             return Outcome.of(number_of(task), GoalState.CANCELED, CANCELED_CAUSE)
-        answer = self._executive.send(task, arguments)
+        answer = self._executive.send(task, arguments, strict=True)
         if answer.cause:
             return Outcome.of(number_of(task), GoalState.ABORTED, answer.cause)
         if self._canceled:  # canceled before the goal was sent

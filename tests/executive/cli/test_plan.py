@@ -30,7 +30,7 @@ def test_a_straight_move(tmp_path: Path) -> None:
     assert result.exit_code == 0
     assert "Path      straight" in result.output
     assert "Duration  3.347 s" in result.output
-    assert "the acceleration limit of joint_1, 0.5 rad/s²: 3.35 s (100 %)" in result.output
+    assert "the acceleration limit of joint_1, 28.648 deg/s²: 3.35 s (100 %)" in result.output
     assert imread(tmp_path / "plan.png").shape[:2] == (1640, 1432)
 
 
@@ -81,14 +81,14 @@ def test_round_a_body(tmp_path: Path) -> None:
 def test_a_point_and_a_start(tmp_path: Path) -> None:
     result = plan(tmp_path, "0.1", "0.05", "0.08", "--start", "joint_4=-0.7")
     assert result.exit_code == 0, result.exception
-    assert "Goal      joint_1 -1.242" in result.output
+    assert "Goal      joint_1 -71.1" in result.output
 
 
 @pytest.mark.usefixtures("undrawn")
 def test_a_pose_and_the_group_it_is_of(tmp_path: Path) -> None:
     result = plan(tmp_path, "open", "--start", "right")
     assert result.exit_code == 0, result.exception
-    assert "Goal      joint_4 -0.700" in result.output
+    assert "Goal      joint_4 -40.107 deg" in result.output
     assert "the acceleration limit of joint_4" in result.output
 
 
@@ -96,14 +96,14 @@ def test_a_pose_and_the_group_it_is_of(tmp_path: Path) -> None:
 def test_a_task(tmp_path: Path) -> None:
     result = plan(tmp_path, "1")
     assert result.exit_code == 0, result.exception
-    assert "Goal      joint_1 -1.400, joint_2 -0.600, joint_3 -0.070" in result.output
+    assert "joint_1 -80.214 deg, joint_2 -34.377 deg, joint_3 -4.0107 deg" in result.output
 
 
 @pytest.mark.usefixtures("undrawn")
 def test_a_change_relative_to_the_start(tmp_path: Path) -> None:
     result = plan(tmp_path, "joint_1+=-0.4", "joint_2=0.2", "--start", "joint_1=-1 joint_2=0.1")
     assert result.exit_code == 0, result.exception
-    assert "Goal      joint_1 -1.400, joint_2 0.200, joint_3 0.000" in result.output
+    assert "Goal      joint_1 -80.214 deg, joint_2 11.459 deg, joint_3 0 deg" in result.output
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -127,13 +127,13 @@ def test_a_direction_for_the_tool(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("goal", "found"),
     [
-        (("joint_1=-40deg", "joint_2='20 deg'"), "joint_1 -0.698, joint_2 0.349, joint_3 0.000"),
-        (("right", "joint_1+=10 deg"), "joint_1 -1.225, joint_2 -0.600, joint_3 -0.070"),
-        (("10cm", "50 mm", "0.08"), "joint_1 -1.242"),
-        (("joint_1+=0", "--start", "10cm 50mm 0.08"), "joint_1 -1.242"),
-        (("0", "0", "-1cm", "--relative", "--start", "10cm 50mm 9cm"), "joint_1 -1.242"),
-        (("0", "0", "0", "--relative", "--tool", "claw_support"), "joint_1 0.000"),
-        (("right", "--via", "10cm 50mm 8cm"), "joint_1 -1.400"),
+        (("joint_1=-40deg", "joint_2='20 deg'"), "joint_1 -40 deg, joint_2 20 deg, joint_3 0 deg"),
+        (("right", "joint_1+=10 deg"), "joint_1 -70.214 deg, joint_2 -34.377 deg"),
+        (("10cm", "50 mm", "0.08"), "joint_1 -71.1"),
+        (("joint_1+=0", "--start", "10cm 50mm 0.08"), "joint_1 -71.1"),
+        (("0", "0", "-1cm", "--relative", "--start", "10cm 50mm 9cm"), "joint_1 -71.1"),
+        (("0", "0", "0", "--relative", "--tool", "claw_support"), "joint_1 0 deg"),
+        (("right", "--via", "10cm 50mm 8cm"), "joint_1 -80.214 deg"),
     ],
 )
 def test_goals_are_written_as_in_task_files(

@@ -1,7 +1,6 @@
 """What a task puts around the arm counts before it runs, too: in `armtree check` and `plan`."""
 
 import re
-from math import radians
 from pathlib import Path
 
 import pytest
@@ -104,8 +103,8 @@ def test_plan_shows_a_round_again_only_where_it_differs(tmp_path: Path) -> None:
 
 def goals(reported: list[str]) -> list[float]:
     """Of the first joint, motion by motion [deg]."""
-    found = [re.search(r"Goal +joint_1 (\S+),", motion) for motion in reported]
-    return [round(float(each[1]) / radians(1.0), 1) for each in found if each]
+    found = [re.search(r"Goal +joint_1 (\S+) deg,", motion) for motion in reported]
+    return [round(float(each[1]), 1) for each in found if each]
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -248,7 +247,7 @@ def all_said(folder: Path, *steps: str) -> str:
 def test_a_plan_follows_points_for_the_tool_and_on_the_way(tmp_path: Path) -> None:
     said = all_said(tmp_path, REACH, FOLLOW, COME)
     goals = re.findall("Goal      joint_1 (.*), joint_2", said)
-    assert goals == ["-1.242", "-1.400", "0.000"]
+    assert goals == ["-71.145 deg", "-80.214 deg", "0 deg"]
     assert "Path      through 1 point" in said
     assert "Not seen" not in said
     assert "Start" not in said
@@ -259,6 +258,7 @@ def test_a_plan_names_the_moves_that_it_leaves_out(tmp_path: Path) -> None:
     said = all_said(tmp_path, GO, FAR, TURN, COME, COME)
     assert "Not seen  x/move_tool/Target: The tool cannot reach (1.0000, 0.0500, 0.0800)" in said
     assert "Not seen  x/move_joints/Target: its start or target is known only during a run" in said
-    start = "Start     assumed to be joint_1 -1.400, joint_2 -0.600, joint_3 -0.070"
+    start = "Start     assumed to be joint_1 -80.214 deg, joint_2 -34.377 deg, "
+    start += "joint_3 -4.0107 deg"
     assert said.count("Start     ") == 1
     assert said.index("Motion 2 of 3") < said.index(start) < said.index("Motion 3 of 3")
