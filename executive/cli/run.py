@@ -38,8 +38,10 @@ def run(
 
     from .support.run_tasks import execute
 
-    robot, library = load_library(options["trees"], options.pop("robot"))
-    numbers = [task if isinstance(task, int) else library.number(task) for task in tasks]
-    setup = Setup(**options, robot=robot, reload=False, single_user=True)
+    setup = Setup(**options, reload=False, single_user=True)
+    numbers = [task for task in tasks if isinstance(task, int)]
+    if len(numbers) < len(tasks):
+        _, library = load_library(setup.trees, options["robot"])
+        numbers = [task if isinstance(task, int) else library.number(task) for task in tasks]
     outcomes = execute(setup, numbers, settings, as_json, diagnostics().verbose)
     sys.exit(look_up(outcomes[-1].code).exit_status)

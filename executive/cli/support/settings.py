@@ -7,7 +7,6 @@ default.
 import math
 import os
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -16,7 +15,6 @@ import click
 from click.core import ParameterSource
 
 from executive.api import PORT
-from executive.errors import BadConfiguration
 from hardware import DescriptionError
 from hardware.toml_table import TomlTable
 
@@ -230,8 +228,13 @@ def configured(ctx: click.Context) -> Mapping[str, Configured]:
     if __name__ not in ctx.meta:
         ctx.meta[__name__] = dict[str, Configured]()
         for path in reversed(files()):
-            with suppress(BadConfiguration) if ctx.resilient_parsing else nullcontext():
+            try:
                 ctx.meta[__name__] |= _read(path)
+            except DescriptionError as error:
+                from executive.errors import BadConfiguration  # slow to import
+
+                if not ctx.resilient_parsing:  # a shell completes it
+                    raise BadConfiguration(str(error)) from error
     found: Mapping[str, Configured] = ctx.meta[__name__]
     return found
 
@@ -260,16 +263,13 @@ def _upwards() -> Iterator[Path]:
 
 
 def _read(path: Path) -> dict[str, Configured]:
-    try:
-        _check_owner(path)
-        table, values = TomlTable.read(path), dict[str, Configured]()
-        for name, row in SETTINGS.items():
-            if name in table:
-                value = row.read(table, name, path.parent)
-                values[name] = Configured(value, f"{path}:{table.line(name)}")
-        table.done()
-    except DescriptionError as error:
-        raise BadConfiguration(str(error)) from error
+    _check_owner(path)
+    table, values = TomlTable.read(path), dict[str, Configured]()
+    for name, row in SETTINGS.items():
+        if name in table:
+            value = row.read(table, name, path.parent)
+            values[name] = Configured(value, f"{path}:{table.line(name)}")
+    table.done()
     return values
 
 

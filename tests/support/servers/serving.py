@@ -65,7 +65,7 @@ class Served:
         self.executive.start()
         self.server.start()
         # A test that waits too long fails, because the server ends.
-        self._watchdog = threading.Timer(60.0, self._end)
+        self._watchdog = threading.Timer(300.0, self._end)
         self._watchdog.daemon = True
         self._watchdog.start()
         self.executive.arm_to("configure")
