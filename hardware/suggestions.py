@@ -34,11 +34,13 @@ def _by_similarity(word: str, known: Iterable[str]) -> list[tuple[float, str]]:
     """Return the known names with their similarities to a word, the most similar one first."""
     from difflib import SequenceMatcher  # slow to load, and only error messages need it
 
-    matcher = SequenceMatcher(b=_folded(word))
+    folded = _folded(word)
+    matcher = SequenceMatcher(b=folded)
     found = []
     for name in known:
         matcher.set_seq1(_folded(name))
-        found.append((matcher.ratio(), name))
+        same_letters = sorted(_folded(name)) == sorted(folded)  # such as `=>` for `>=`
+        found.append((max(matcher.ratio(), 0.9 * same_letters), name))
     return sorted(found, key=lambda each: (-each[0], each[1]))
 
 
@@ -61,6 +63,16 @@ def suggestion(word: str, known: Iterable[str], given: Collection[str] = ()) -> 
         given: Names that are used already. They are not suggested.
     """
     return did_you_mean(closest(word, [name for name in known if name not in given]))
+
+
+def there_are(word: str, known: Iterable[str], given: Collection[str] = ()) -> str:
+    """Return `there are NAMES`, or `there is only NAME`, as `choices`."""
+    names = tuple(known)
+    return (
+        f"there is only {names[0]}"
+        if len(names) == 1
+        else f"there are {choices(word, names, given)}"
+    )
 
 
 def choices(word: str, known: Iterable[str], given: Collection[str] = ()) -> str:

@@ -11,7 +11,7 @@ from typing import Any, NoReturn
 
 from .errors import DescriptionError
 from .files import read_file
-from .suggestions import choices, closest, did_you_mean, suggestion
+from .suggestions import closest, did_you_mean, suggestion, there_are
 
 _HEADER = re.compile(r"\s*\[([\w.\-]+)\]\s*(?:#.*)?$")
 _MAX_BYTES = 256 * 1024
@@ -149,7 +149,7 @@ class TomlTable:
         """Reject the keys that were not read."""
         for key in self._values:
             if key not in self._known:
-                self.fail(key, f"unknown key; there are {choices(key, self._known)}")
+                self.fail(key, f"unknown key; {there_are(key, self._known)}")
 
     def _checked_names(self, key: str, values: list[Any], choices: list[str]) -> tuple[str, ...]:
         for value in values:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from hardware import Arm, RealClock, Robot
+from hardware.suggestions import did_you_mean
 from skills import Context, Positions, SkillError, check_joints, known_errors
 from skills.motion import Body, Carry, Pool, Reached, ToolQuery, World
 
@@ -15,12 +16,14 @@ from .analysis.predicted_motion import Motion, predict_motions
 from .analysis.reachability import check_outcomes
 from .build import refusals
 from .compile.compiler import CompiledTree, TreeCompiler
+from .compile.data_flow import short_name
 from .compile.node_paths import paths
 from .compile.skill_hooks import Pose
 from .errors import FileError, Mistake, Place, TreeError
-from .reading.document import StandIn
+from .reading.document import Located, StandIn, nested
 from .reading.grammar import PosesFile
 from .reading.library import Library
+from .reading.values import in_smaller_units
 
 # What a file is in its library: the number of a task, the name of a subtree, None for poses, or
 # the reason why it is none of these.
@@ -34,8 +37,8 @@ class Findings:
     Attributes:
         files: Files that were checked.
         mistakes: Mistakes, ordered by file and line.
-        notes: Files that were ignored, and tasks whose first motion starts in collision if the arm
-            is in its start pose.
+        notes: Files that were ignored, keys that nothing reads, and tasks whose first motion starts
+            in collision if the arm is in its start pose; ordered like the mistakes.
     """
 
     files: list[Path] = field(default_factory=list)
@@ -78,6 +81,12 @@ def check(robot: Robot, folder: Path | None, files: Sequence[Path] = ()) -> Find
         if not any(_names_body(library, name, place.path) for library in libraries)
     ]
     findings.notes += collisions.notes
+    findings.notes += [
+        Mistake(key.place, f"nothing reads ${short_name(key)}; let a node read it, or leave it out")
+        for tree in collisions.trees
+        for key in (() if tree.mistakes.found else tree.unread)
+    ]
+    findings.notes = list(FileError(findings.notes).mistakes)
     findings.mistakes = list(FileError(findings.mistakes).mistakes)
     return findings
 
@@ -251,7 +260,8 @@ class _Checker:
             try:
                 check_joints(robot, known)
             except (SkillError, ExceptionGroup) as error:
-                wrong += [Mistake(place, f"{name}: {why}") for why in known_errors(error)]
+                label = file.labels[name]
+                wrong += [self._refused(label, known, why) for why in known_errors(error)]
                 continue
             leaders = ({joint.name for joint in robot.actuated_in(group)} for group in robot.groups)
             if len(known) < len(joints):
@@ -261,6 +271,21 @@ class _Checker:
                 pose = tuple(joints.get(joint.name, joint.boot) for joint in robot.actuated)
                 self._collisions.poses.append((place, pose))
         return wrong
+
+    def _refused(self, pose: Located, known: Positions, error: Exception) -> Mistake:
+        """Return the mistake of a pose, at the joint, with the unit that it may lack."""
+        location, robot = getattr(error, "location", ()), self._context.robot
+        joint = str(location[-1]) if location else ""
+        item = nested(pose).get(joint)
+        name = pose.label.location.rpartition(".")[2]
+        if not item or joint not in {each.name for each in robot.joints}:
+            return Mistake(pose.label, f"{name}: {error}")
+        for text, factor in in_smaller_units(item.value, robot.joint(joint).unit):
+            with suppress(SkillError, ExceptionGroup):
+                check_joints(robot, Positions({joint: known[joint] * factor}))
+                instead = item.place.replaced(str(item.value), text)
+                return Mistake(item.label, f"{name}: {error}{did_you_mean(text)}", instead)
+        return Mistake(item.label, f"{name}: {error}")
 
 
 def _mistakes(error: TreeError) -> list[Mistake]:

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from hardware.suggestions import choices
+from hardware.suggestions import there_are
 
 SHIPPED_ROBOT = "arduinobot"  # name of the robot that the shipped tasks and examples are for
 EXAMPLES = Path(__file__).with_name("examples")  # folder with example tasks
@@ -227,7 +227,7 @@ class UnknownTask(TreeError):
     ) -> None:
         self.task, self.known, self.robot = task, tuple(known), robot
         if isinstance(task, str):
-            words = f"Invalid task name {task}; there are {choices(task, map(str, self.known))}"
+            words = f"Invalid task name {task}; {there_are(task, map(str, self.known))}"
         else:
             there = ", ".join(map(str, self.known)) or "none"
             words = f"Invalid task number {task}; there are {there}"

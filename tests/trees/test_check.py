@@ -363,7 +363,10 @@ def test_two_files_of_one_number_are_reported_with_a_place(robot: Robot, tmp_pat
 @pytest.mark.parametrize(
     ("pose", "words"),
     [
-        ("{joint_1: 5}", "joint_1 = 286.48 deg is outside its limits"),
+        (
+            "{joint_1: 5}",
+            "joint_1 = 286.48 deg is outside its limits, -90 deg to 90 deg; did you mean",
+        ),
         ("{jint_1: 1}", "jint_1 is no joint"),
     ],
 )
@@ -372,5 +375,5 @@ def test_a_pose_that_the_robot_cannot_take(
 ) -> None:
     (tmp_path / "poses.yaml").write_text(f"poses:\n  right_one: {{joint_1: 1}}\n  far: {pose}\n")
     (mistake,) = check(robot, tmp_path, [tmp_path / "poses.yaml"]).mistakes
-    assert (mistake.place.line, mistake.place.column) == (3, 3)
+    assert mistake.place.line == 3
     assert words in mistake.message

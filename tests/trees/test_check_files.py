@@ -83,7 +83,7 @@ OWN_FILES = [
     (
         "poses.yaml",
         "poses: {opne: {joint_4: 0}}\nreplaces: [open]\n",
-        "2:1 replaces: this file has no pose open; there are opne; did you mean opne?",
+        "2:1 replaces: this file has no pose open; there is only opne",
     ),
     ("3_x.YAML", HEAD, "the name of a file of tasks ends in .yaml"),
     ("look.yml", HEAD, "the name of a file of tasks ends in .yaml"),

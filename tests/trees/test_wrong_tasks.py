@@ -30,9 +30,9 @@ WRONG = [
     ("20 deg", "$swing", "9:32 there is no parameter for $swing; declare it above the tree, with "
      "parameters:, or write a value here", "parameters:\n  swing: {type: angle, default: 0}"),
     ("20 deg", "20 degrees", "9:32 joints: '20 degrees': no unit degrees; there are deg, rad; did "
-     "you mean 20 deg?", ""),
+     "you mean 20 deg?", f"      {MOVE}"),
     ("20 deg", "20\xb0", "9:32 joints: '20\xb0': no unit \xb0; there are deg, rad; did you mean 20 "
-     "deg?", ""),
+     "deg?", f"      {MOVE}"),
     ("20 deg", "upright", "9:22 joints: upright is a pose, not an angle: write upright alone",
      "      with: {joints: upright}"),
     ("joint_1: 20 deg", "upright", "9:22 joints: upright is a pose, not a joint: write upright "
@@ -67,13 +67,13 @@ NODES = [
     ("Compare: 2", "10:16 Compare needs the names of its ports: write Compare: {left: 2, is: …, "
      "right: …}", ""),
     ("Compare: {left: 1, is: =, right: 2}", "10:30 Compare.is: '=' is none of !=, <, <=, ==, >, "
-     ">=; did you mean ==?", ""),
+     ">=; did you mean ==?", '    - Compare: {left: 1, is: "==", right: 2}'),
     ("{subtree: Wait, with: {duration: 2 s}}", "10:7 Wait is a skill, not a subtree: write Wait",
      ""),
     ("subtree: Wait\n      with: {duration: 2 s}",
      "10:7 Wait is a skill, not a subtree: write Wait", "    - Wait: {duration: 2 s}"),
     ("Wait: {duration: 2 seconds}", "10:24 Wait.duration: '2 seconds': no unit seconds; there are "
-     "h, min, ms, s; did you mean 2 s?", ""),
+     "h, min, ms, s; did you mean 2 s?", "    - Wait: {duration: 2 s}"),
     ("wait: {duration: 2 s}", "10:7 no skill wait; there are Wait, ", ""),
     ("Set: {value: 3, key: count}\n    - Say: {text: x, value: $count}", "10:28 Set writes key; "
      "name a key such as $count", "    - Set: {value: 3, key: $count}"),
@@ -95,6 +95,74 @@ NODES = [
 ]  # fmt: skip
 
 
+# Slips of beginners: what is written instead of which part of a right file; the message; the line.
+SLIPS = [
+    ("{joint_1: 20 deg}", "{joint_1: 0,35}", "9:33 a point begins the decimals, not a comma",
+     "      with: {joints: {joint_1: 0.35}}"),
+    ("{joint_1: 20 deg}", "{joint_1: 20,5 deg}", "9:34 a point begins the decimals, not a comma",
+     "      with: {joints: {joint_1: 20.5 deg}}"),
+    (MOVE, "with:\n        joints:\n          joint_1: 0,35", "11:20 joints: '0,35' is not an "
+     "angle in rad or deg; did you mean 0.35?", "          joint_1: 0.35"),
+    ("20 deg", "\u221220 deg", "9:32 joints: '\u221220 deg' is not an angle in rad or deg; did you "
+     "mean -20 deg?", f"      {MOVE.replace('20', '-20')}"),
+    ("20 deg", "20 Grad", "9:32 joints: '20 Grad': no unit Grad; there are deg, rad; did you mean "
+     "20 deg?", f"      {MOVE}"),
+    ("arm: upright", "arm: Upright", "7:19 arm: no pose Upright; there are closed, folded, open, "
+     "right, upright; did you mean upright?", f"      {REACH}"),
+    ("task: 20", "Task: 20", "1:1 unknown key Task; there are task, replaces, parameters, name, "
+     "tree and 2 more; did you mean task?", "task: 20"),
+    ("joint_1: 20 deg", "joint_1: 20 deg, joint_1: 30 deg", "9:40 the key joint_1 is given twice, "
+     "first in line 9, column 23", ""),
+    ("- subtree: move", "\u2013 subtree: move", "8:5 write the plain dash -",
+     "    - subtree: move_joints"),
+    ("  sequence:", "  // all moves\n  sequence:", "5:3 a comment begins with #, not with //",
+     "  # all moves"),
+    (f"  {MOVE}", f"- {MOVE}", "9:5 leave out the `-` before `with`: it begins no item of a list",
+     f"      {MOVE}"),
+    (MOVE, "with:\n        - joints: {joint_1: 20 deg}", "10:9 leave out the `-` before `joints`: "
+     "it begins no item of a list", "          joints: {joint_1: 20 deg}"),
+    (MOVE, "with: [{joints: {joint_1: 20 deg}}]", "9:13 the ports of a node are a mapping, not a "
+     "list: leave out each `-`", ""),
+    (REACH, "with:\n      arm: upright\n      gripper: open", "8:7 `arm` is indented by 6 spaces, "
+     "not 8: it belongs to `with` in line 7; the same in line 9", "        arm: upright"),
+    (MOVE, "joints: {joint_1: 20 deg}", "9:7 the ports of a subtree are below the key with",
+     f"      {MOVE}"),
+    ("joints:", "by:", "9:14 by is no port of subtree move_joints; there are joints, speed",
+     f"      {MOVE}"),
+    (f"- subtree: move_joints\n      {MOVE}", "- move_joints: {joint_1: 20 deg}",
+     "8:7 no skill move_joints, but a subtree move_joints: write subtree: move_joints",
+     f"    - subtree: move_joints\n      {MOVE}"),
+]  # fmt: skip
+SLIPS_OF_NODES = [
+    ("Wait: {within: 2 s}", "10:14 within is no port of Wait; there is only duration",
+     "    - Wait: {duration: 2 s}"),
+    ("Say: {text: item #1}", "10:19 a # after a space begins a comment; put the text in quotes",
+     '    - Say: {text: "item #1"}'),
+    ("Compare: {left: 1, is: =>, right: 2}", "10:30 Compare.is: '=>' is none of !=, <, <=, ==, >, "
+     ">=; did you mean >=?", '    - Compare: {left: 1, is: ">=", right: 2}'),
+    ("subtree: move_tool\n      with: {point: [0, 0, 0], relative: yes}", "11:42 relative: 'yes' "
+     "is not true or false; did you mean true?",
+     "      with: {point: [0, 0, 0], relative: true}"),
+    ("retry:\n        subtree: open_gripper", "10:7 retry needs attempts: largest number of "
+     "attempts; write it below, in the column of retry", "      attempts: 3"),
+    ("repeat:\n        times: 3\n        subtree: open_gripper",
+     "11:9 times belongs to repeat: write it in its column", "      times: 3"),
+    ("sequence:", "10:7 sequence needs a list of nodes: begin each with a `-`, below sequence:",
+     ""),
+    ("if: CheckHardware\n      then: {subtree: open_gripper}", "10:7 there is no if: a sequence "
+     "that begins with a condition runs the rest only if it holds", ""),
+    ("CheckBounds: {arm: upright, gripper: open, goal: $goal}\n    - PlanArm: {goal: $goal}",
+     "11:7 PlanArm needs start: position of every actuated joint [rad]; SetStart before it can "
+     "write it: start: $start", ""),
+    ("Target: {start: $s, joints: {joint_1: 0}, goal: $g}", "10:23 nothing has written $s when "
+     "Target.start reads it; a node before it must write it, such as SetStart, or a parameter or "
+     "port must have this name", ""),
+]  # fmt: skip
+
+
+MISTAKES, IN_NODES = [*WRONG, *SLIPS], [*NODES, *SLIPS_OF_NODES]
+
+
 def one(robot: Robot, folder: Path, text: str) -> tuple[str, str]:
     """Return the only mistake of a task, and the line as it should be."""
     (folder / "20_m.yaml").write_text(text)
@@ -103,7 +171,7 @@ def one(robot: Robot, folder: Path, text: str) -> tuple[str, str]:
     return f"{place.line}:{place.column} {mistake.message}", mistake.instead
 
 
-@pytest.mark.parametrize(("right", "wrong", "said", "instead"), WRONG, ids=range(len(WRONG)))
+@pytest.mark.parametrize(("right", "wrong", "said", "instead"), MISTAKES, ids=range(len(MISTAKES)))
 def test_a_mistake_has_one_message(
     robot: Robot, tmp_path: Path, right: str, wrong: str, said: str, instead: str
 ) -> None:
@@ -111,7 +179,7 @@ def test_a_mistake_has_one_message(
     assert one(robot, tmp_path, TASK.replace(right, wrong)) == (said, instead)
 
 
-@pytest.mark.parametrize(("node", "said", "instead"), NODES, ids=range(len(NODES)))
+@pytest.mark.parametrize(("node", "said", "instead"), IN_NODES, ids=range(len(IN_NODES)))
 def test_a_mistake_of_a_node_has_one_message(
     robot: Robot, tmp_path: Path, node: str, said: str, instead: str
 ) -> None:
@@ -120,11 +188,72 @@ def test_a_mistake_of_a_node_has_one_message(
     assert line == instead
 
 
+FILES = [
+    ("poses.yaml", "left: {joint_1: 20 deg}\n", "1:1 left must be below the key poses",
+     "poses:\n  left:"),
+    ("poses.yaml", "poses: {left: {joint_1: 80}}\n", "1:16 left: joint_1 = 4583.7 deg is outside "
+     "its limits, -90 deg to 90 deg; did you mean 80 deg?", "poses: {left: {joint_1: 80 deg}}"),
+    ("wave.yaml", TASK, "1:1 this is a task, whose file is named like 20_wave.yaml; rename this "
+     "one",
+     ""),
+    ("20_m.yaml", "subtree: m\ndescription: x\ntree: Succeed\n",
+     "1:1 this is a subtree, whose file is named like m.yaml; rename this one", ""),
+    ("20_m.yaml", "", "1:1 the file is empty; `armtree new` writes one that runs", ""),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "text", "said", "instead"), FILES, ids=range(len(FILES)))
+def test_a_mistake_of_a_file_has_one_message(
+    robot: Robot, tmp_path: Path, name: str, text: str, said: str, instead: str
+) -> None:
+    (tmp_path / name).write_text(text)
+    (mistake,) = check(robot, None, [tmp_path / name]).mistakes
+    place = mistake.place
+    assert f"{place.line}:{place.column} {mistake.message}" == said
+    assert mistake.instead == instead
+
+
+@pytest.mark.parametrize("encoding", ["latin-1", "utf-16"])
+def test_a_text_of_another_encoding_is_to_be_saved_as_utf_8(
+    robot: Robot, tmp_path: Path, encoding: str
+) -> None:
+    (tmp_path / "20_m.yaml").write_bytes(TASK.replace("One", "Ein grünes").encode(encoding))
+    (mistake,) = check(robot, None, [tmp_path / "20_m.yaml"]).mistakes
+    assert mistake.message == "is not UTF-8 text; save it as UTF-8 in your editor"
+
+
+@pytest.mark.parametrize(
+    ("nodes", "unread"),
+    [
+        ("    - Set: {value: 3, key: $count}\n", ["count"]),
+        ("    - Set: {value: 3, key: $count}\n    - Say: {text: x, value: $count}\n", []),
+        ("    - Ask: {question: Ready?, answer: $ready}\n", ["ready"]),
+        ("    - repeat:\n        sequence:\n          - Set: {value: 3, key: $n}\n          - Say: "
+         "{text: x, value: $n}\n      times: 2\n", []),
+    ],
+)  # fmt: skip
+def test_a_key_that_nothing_reads_is_a_note(
+    robot: Robot, tmp_path: Path, nodes: str, unread: list[str]
+) -> None:
+    (tmp_path / "20_m.yaml").write_text(TASK + nodes)
+    found = check(robot, None, [tmp_path / "20_m.yaml"])
+    assert not found.mistakes
+    assert [note.message for note in found.notes] == [
+        f"nothing reads ${key}; let a node read it, or leave it out" for key in unread
+    ]
+
+
+def test_no_file_that_ships_has_a_note(robot: Robot) -> None:
+    found = check(robot, None)
+    assert (found.mistakes, found.notes) == ([], [])
+
+
 SWING = [
     ("ports: {swing: angle}", "4:1 a task has parameters, a subtree has ports: write parameters",
      "parameters: {swing: angle}"),
     ("parameters: {swing: {type: angle, default: 40, max: 60 deg}}",
-     "4:44 the default of swing: 40 rad is more than 60 deg; did you mean 40 deg?", ""),
+     "4:44 the default of swing: 40 rad is more than 60 deg; did you mean 40 deg?",
+     "parameters: {swing: {type: angle, default: 40 deg, max: 60 deg}}"),
 ]  # fmt: skip
 
 

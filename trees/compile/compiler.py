@@ -1,13 +1,13 @@
 """The tree compiler: from a task file and skills to a py_trees tree, with every mistake found."""
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from py_trees.behaviour import Behaviour
 from py_trees.behaviours import Dummy
 
-from hardware.suggestions import choices, closest, corrections
+from hardware.suggestions import closest, corrections, there_are
 from skills import Context, Port, Skill
 from trees.declarations import ANY, Declaration, type_fits, words
 from trees.errors import Mistake, Mistakes, Place
@@ -22,11 +22,19 @@ from trees.reading.values import fit
 from .arguments import MISSING
 from .data_flow import Keys
 from .leaf import Leaf
-from .port_types import declaration, declarations, known_skills, port_value, type_of, wanted_at
+from .port_types import (
+    declaration,
+    declarations,
+    known_skills,
+    port_value,
+    type_of,
+    wanted_at,
+    writers_of,
+)
 from .scope import Scope, resolve
 from .skill_hooks import SkillHooks
 from .sources import Source, Sources
-from .values_by_port import as_mapping, by_port
+from .values_by_port import as_mapping, by_port, with_lines
 
 MAX_NODES = 10_000
 MAX_SUBTREES = 8  # nesting depth
@@ -36,7 +44,6 @@ _FIXED = {
     "parameter": "a parameter, which must not be written",
     "port": "an input port; declare it with output: true to write it",
 }
-_WITH = "\0"  # becomes `with:`, below `subtree:`
 
 
 @dataclass(frozen=True)
@@ -53,6 +60,7 @@ class CompiledTree:
         hooks: Calls the code of its skills; knows which nodes are wrong.
         files: Texts of the files that were used, by name.
         mistakes: Mistakes so far.
+        unread: Keys that a node writes and no node reads.
     """
 
     root: Behaviour
@@ -64,6 +72,7 @@ class CompiledTree:
     hooks: SkillHooks
     files: Mapping[str, str]
     mistakes: Mistakes
+    unread: Sequence[Key]
 
 
 class TreeCompiler:
@@ -130,6 +139,7 @@ class TreeCompiler:
             if port.output:
                 key = f"{namespace}/{name}"
                 self._check_output(subtree.tree.place, f"subtree {subtree.name}", name, port, key)
+                self._keys.reads.add(key)
         return self._compiled(root, namespace)
 
     def _compiled(self, root: Behaviour, namespace: str) -> CompiledTree:
@@ -143,6 +153,7 @@ class TreeCompiler:
             self._hooks,
             self._sources.files,
             self._mistakes,
+            self._keys.never_read(),
         )
 
     def _wrong(self, place: Place, message: str, instead: str = "") -> None:
@@ -286,7 +297,7 @@ class TreeCompiler:
     def _check_condition(self, child: "_Child") -> None:
         if name := child.action():
             there = [name for name, kind in self._skills.items() if kind.condition]
-            child.wrong(f"{name} acts, and cannot be a condition; there are {choices(name, there)}")
+            child.wrong(f"{name} acts, and cannot be a condition; {there_are(name, there)}")
 
     # Files
 
@@ -380,18 +391,11 @@ class TreeCompiler:
             known, subtrees = (*self._skills, *KINDS, "subtree", "task"), self._library.subtrees()
             name = closest(spec.skill, (*known, *subtrees))
             if name in subtrees:
-                lines = spec.place.replaced(f"{spec.skill}:", f"subtree: {name}\n{_WITH}")
-                lines = lines.replace(_WITH, " " * (spec.place.column - 1) + "with:")
-                self._wrong(
-                    spec.place,
-                    f"no skill {spec.skill}, but a subtree {name}: write subtree: {name}",
-                    lines or spec.place.replaced(spec.skill, f"subtree: {name}"),
-                )
-                return self._node(SubtreeNode(spec.place, name, spec.ports, shown), scope)
+                return self._node(self._as_subtree(spec, name, shown), scope)
             if spec.skill:  # else a mistake here is reported already
-                there = choices(spec.skill, known)
+                there = there_are(spec.skill, known)
                 own = "" if name else "; --skills DIR adds your own"
-                self._wrong(spec.place, f"no skill {spec.skill}; there are {there}{own}")
+                self._wrong(spec.place, f"no skill {spec.skill}; {there}{own}")
             self._forgive(spec.ports.values(), scope)
             return self._placeholder(spec.skill, spec.place)
         ports = declarations(kind)
@@ -412,12 +416,24 @@ class TreeCompiler:
             self._leaves[skill] = leaf
         return skill
 
+    def _as_subtree(self, spec: SkillNode, name: str, shown: str) -> SubtreeNode:
+        """Report a subtree that is written like a skill; return it, with its values by port."""
+        node = SubtreeNode(spec.place, name, spec.ports, shown)
+        source, mistakes = self._sources.get(node, self._mistakes), Mistakes()
+        ports = by_port(spec.ports, source.declared if source else {}, ("", ""), mistakes.add)
+        right = any(mistake.instead for mistake in mistakes.found)
+        lines = with_lines(spec.place, spec.skill, name, ports if right else None)
+        why = f"no skill {spec.skill}, but a subtree {name}: write subtree: {name}"
+        self._wrong(spec.place, why, lines)
+        return SubtreeNode(spec.place, name, ports if right else spec.ports, shown)
+
     def _forgive(self, values: Iterable[Value], scope: Scope) -> None:
         """Treat keys at unknown ports as read and written, so that nothing else is reported."""
         for value in values:
             if isinstance(key := self._resolve(value, scope), Key):
                 self._keys.written.setdefault(key.name, ANY)
                 self._keys.unread.pop(key.name, None)
+                self._keys.reads.add(key.name)
 
     def _inputs(
         self, spec: SkillNode, kind: type[Skill], wired: Mapping[str, Value | None]
@@ -429,14 +445,17 @@ class TreeCompiler:
             value, what = wired.get(port), f"{spec.skill}.{port}"
             wanted = wanted_at(kind, port, value, types)
             if isinstance(value, Key):
-                types[port] = self._keys.read(value, wanted.type, what, self._mistakes)
+                writers = writers_of(port, wanted)
+                types[port] = self._keys.read(value, wanted.type, what, self._mistakes, writers)
             elif value is not None:
                 fitted = self._fit(value, wanted, what)
                 inputs[port] = REFUSED if fitted is None else port_value(fitted)
                 literal = type_of(inputs[port]) if wanted.type == ANY else wanted.type
                 types[port] = value.declared or literal
             elif wanted.needed:
-                self._wrong(spec.place, f"{spec.skill} needs {port}: {info.description}")
+                by = " or ".join(writers_of(port, wanted))
+                how = f"; {by} before it can write it: {port}: ${port}" if by else ""
+                self._wrong(spec.place, f"{spec.skill} needs {port}: {info.description}{how}")
         if why := kind.mistyped(inputs, types):
             self._wrong(spec.place, f"{spec.skill}: {why}")
         return inputs, types
@@ -497,22 +516,28 @@ class TreeCompiler:
         return fitted
 
     def _named(
-        self, given: Mapping[str, Value], known: Collection[str], what: str, scope: Scope
+        self, given: Mapping[str, Value], known: Mapping[str, Declaration], what: str, scope: Scope
     ) -> dict[str, Value]:
         """Return the values of known ports, including those of misspelt ones.
 
         Args:
             given: Values by port, as the file has them.
-            known: Names of the ports.
+            known: The ports.
             what: Name for a port in messages; empty to report nothing.
             scope: Scope of the values.
         """
         likely = corrections(given, known)
+        unknown = given.keys() - known.keys() - likely.keys()
+        missing = [port for port, each in known.items() if each.needed and port not in given]
+        if len(unknown) == len(missing) == 1:
+            likely[unknown.pop()] = missing[0]
         for port in given:
             if port not in known:
-                there = choices(port, known, given)
+                label = given[port].label
+                there = there_are(port, known, given)
                 if what:
-                    self._wrong(given[port].label, f"{port} is no {what}; there are {there}")
+                    instead = label.replaced(port, likely.get(port, ""))
+                    self._wrong(label, f"{port} is no {what}; {there}", instead)
                 if port not in likely:
                     self._forgive((given[port],), scope)
         named = {likely.get(port, port): value for port, value in given.items()}

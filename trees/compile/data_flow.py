@@ -3,6 +3,7 @@
 A key counts as written if every path through the tree to the node writes it.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from hardware.suggestions import suggestion
@@ -20,16 +21,26 @@ class Keys:
     Attributes:
         written: Type of every key that is certainly written, by full name.
         unread: Keys that were written and not read since, by full name.
+        writes: All keys that any node writes, by full name; the same for all copies.
+        reads: Full names of all keys that any node reads; the same for all copies.
     """
 
     written: dict[str, str] = field(default_factory=dict)
     unread: dict[str, Key] = field(default_factory=dict)
+    writes: dict[str, Key] = field(default_factory=dict)
+    reads: set[str] = field(default_factory=set)
 
     def copy(self) -> "Keys":
         """Return a copy that can be changed independently."""
-        return Keys(dict(self.written), dict(self.unread))
+        return Keys(dict(self.written), dict(self.unread), self.writes, self.reads)
 
-    def read(self, key: Key, wanted: str, what: str, mistakes: Mistakes) -> str:
+    def never_read(self) -> list[Key]:
+        """Return the keys that a node writes and no node reads."""
+        return [key for name, key in self.writes.items() if name not in self.reads]
+
+    def read(
+        self, key: Key, wanted: str, what: str, mistakes: Mistakes, writers: Sequence[str] = ()
+    ) -> str:
         """Check and record that a port reads a key.
 
         Args:
@@ -37,16 +48,20 @@ class Keys:
             wanted: Type that the port accepts.
             what: Name of the port, for messages.
             mistakes: Receives mistakes.
+            writers: Names of skills that can write it, for messages.
 
         Returns:
             The type of the key; empty if it is not written, or if its type is not certain.
         """
         name, written = short_name(key), self.written.get(key.name, "")
         self.unread.pop(key.name, None)
+        self.reads.add(key.name)
         if not written:
             there = [other for other in self.written if other.startswith(key.name[: -len(name)])]
             near = suggestion(name, [other.rpartition("/")[2] for other in there])
-            why = "; a node before it must write it, or a parameter or port must have this name"
+            why = "; a node before it must write it"
+            why += f", such as {' or '.join(writers)}" if writers else ""
+            why += ", or a parameter or port must have this name"
             mistakes.add_last(
                 key.place, f"nothing has written ${name} when {what} reads it{near or why}"
             )
@@ -69,6 +84,7 @@ class Keys:
                 f"${short_name(key)} is written again, but nothing reads what line {line} writes",
             )
         self.written[key.name], self.unread[key.name] = kind, key
+        self.writes.setdefault(key.name, key)
 
     def merge_alternatives(self, branches: list["Keys"]) -> None:
         """Continue after one of several branches. Only keys of all branches are certain."""

@@ -7,7 +7,7 @@ from typing import Any, get_args, get_origin
 from py_trees.ports import PortInformation, get_ports_registry
 
 from skills import Port, Positions, Skill
-from trees.declarations import ANY, LIST, Declaration
+from trees.declarations import ANY, LIST, Declaration, type_fits
 from trees.reading.document import Located
 from trees.reading.specs import Value
 from trees.reading.values import measured
@@ -93,3 +93,15 @@ def port_value(fitted: Any) -> Any:
 def type_of(value: object) -> str:
     """Return the type of a value at a port that accepts several types."""
     return {bool: "boolean", float: "number", str: "text"}.get(type(value), ANY)
+
+
+def writers_of(port: str, wanted: Declaration) -> list[str]:
+    """Return the skills that write a key of a port's name and type, or of its own type."""
+    own_type = wanted.type[:1].isupper()
+    return [
+        name
+        for name, skill in known_skills().items()
+        for output, info in skill.output_ports().items()
+        if (kind := declaration(info).type) not in ("", ANY)
+        if type_fits(kind, wanted.type) and (own_type or output == port)
+    ]

@@ -4,13 +4,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 from trees.declarations import Declaration
-from trees.errors import Mistakes
+from trees.errors import Mistakes, Place
 from trees.reading.document import REFUSED, Located
 from trees.reading.specs import Key, Value
 from trees.reading.values import fit
 
 from .arguments import MISSING
 from .data_flow import short_name
+
+_WITH = "\0"  # becomes `with:`, below `subtree:`
 
 
 def by_port(
@@ -64,6 +66,23 @@ def as_mapping(given: Mapping[str, Value]) -> Located:
     }
     label = next((value.label for value in items.values()), MISSING)
     return Located(label, dict(items), label)
+
+
+def with_lines(place: Place, skill: str, name: str, ports: Mapping[str, Value] | None) -> str:
+    """Return a subtree that is written like a skill as it should be.
+
+    Args:
+        place: Place of the skill.
+        skill: Name of the skill.
+        name: Name of the subtree.
+        ports: Values by port; None for those that are written there.
+    """
+    old, new = f"{skill}:", f"subtree: {name}\n{_WITH}"
+    if ports is not None:
+        old = place.lines[place.line - 1][place.column - 1 :]
+        new += f" {as_mapping(ports).as_yaml()}"
+    lines = place.replaced(old, new).replace(_WITH, " " * (place.column - 1) + "with:")
+    return lines or place.replaced(skill, f"subtree: {name}")
 
 
 def _fits(value: Located, wanted: Declaration) -> bool:

@@ -7,6 +7,7 @@ YAML libraries are not used: they know more types than task files may have, and 
 import io
 import json
 import re
+from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
@@ -149,9 +150,12 @@ def read_text(path: Path) -> str:
     try:
         return data.decode("utf-8")
     except UnicodeDecodeError as error:
+        why = "is not UTF-8 text; save it as UTF-8 in your editor"
+        if data.startswith((BOM_UTF16_LE, BOM_UTF16_BE)):
+            raise FileError([Mistake(start, why)]) from error
         shown = split_lines(data.decode("utf-8", "replace"))
         place = _place_of(path, data[: error.start].decode("utf-8"), shown)
-        raise FileError([Mistake(place, f"is not UTF-8 text: {error.reason}")]) from error
+        raise FileError([Mistake(place, why)]) from error
 
 
 def draft_document(path: Path, text: str) -> tuple[Located, list[Mistake]]:
@@ -253,7 +257,9 @@ class _Reader:
         next(self._events)  # the stream begins
         begin = next(self._events)
         if isinstance(begin, StreamEndEvent):
-            self._end(self._place(begin, ""), "the file is empty")
+            self._end(
+                self._place(begin, ""), "the file is empty; `armtree new` writes one that runs"
+            )
         root = self._value(next(self._events), 0, "")
         next(self._events)  # the document ends
         after = next(self._events)
@@ -302,7 +308,9 @@ class _Reader:
             if not isinstance(name, str):
                 self._wrong(key.place, f"the key {key} is not a text")
             elif name in values:
-                self._wrong(key.place, f"the key {name} is given twice")
+                first = values[name].label
+                there = f"line {first.line}, column {first.column}"
+                self._wrong(key.place, f"the key {name} is given twice, first in {there}")
             label = Place(self._path, key.place.line, key.place.column, below, self._lines)
             value = self._value(next(self._events), depth, below, label)
             if value.value is None and value.place is label and re.search(r"\W\S", written):

@@ -11,7 +11,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar
 
-from hardware.suggestions import choices, corrections, suggestion
+from hardware.suggestions import corrections, suggestion, there_are
 from trees.declarations import LIST, TYPES, Declaration
 from trees.errors import FileError, Mistake, Mistakes
 
@@ -234,11 +234,22 @@ class _Parser:
         if not self._values:
             needed = ", ".join(key for key in keys if key not in _OPTIONAL)
             self._wrong(self.root.place, f"expected the keys {needed}")
+        self._check_kind(path, keys[0])
         self._values = self._corrections(self._with_tree(self._values, keys), keys)
         version = self.get("grammar", needed=False)
         if version and (type(version.value) is not int or version.value != VERSION):
             here = f"this armtree reads grammar {VERSION}"
             self._wrong(version.place, f"grammar: {version} is not supported; {here}")
+
+    def _check_kind(self, path: Path, wanted: str) -> None:
+        """Raise a FileError if the file is a task, and is named like a subtree, or vice versa."""
+        other = {"task": "subtree", "subtree": "task"}.get(wanted, "")
+        if wanted in self._values or other not in self._values:
+            return
+        named = self._values[other].value
+        name = f"{named}.yaml" if other == "subtree" else f"{named}_{path.stem}.yaml"
+        why = f"this is a {other}, whose file is named like {name}; rename this one"
+        raise FileError([Mistake(self._values[other].label, why)])
 
     def get(self, key: str, needed: bool = True) -> Located | None:
         value = self._values.get(key)
@@ -249,17 +260,26 @@ class _Parser:
     def _with_tree(
         self, values: Mapping[str, Located], known: tuple[str, ...]
     ) -> Mapping[str, Located]:
-        """Report nodes that are not below the key tree; return the values with them below it."""
-        if "tree" in values or "tree" not in known or not values.keys() - {*known}:
+        """Report nodes that are not below the key tree, and poses not below poses.
+
+        Return the values with them below it.
+        """
+        head = "poses" if "poses" in known else "tree"
+        if head in values or not values.keys() - {*known}:
             return values
-        nodes = {key: value for key, value in values.items() if self.nodes.is_control(key)}
-        if not nodes:
+        below = {
+            key: value
+            for key, value in values.items()
+            if self.nodes.is_control(key)
+            or (head == "poses" and isinstance(value.value, dict) and key not in known)
+        }
+        if not below or corrections(values, (head,)):
             return values
-        (first, *_) = nodes
-        label = nodes[first].label
-        self._wrong(label, f"{first} must be below the key tree", f"tree:\n  {first}:")
-        rest = {key: value for key, value in values.items() if key not in nodes}
-        return {**rest, "tree": Located(label, nodes, label)}
+        (first, *_) = below
+        label = below[first].label
+        self._wrong(label, f"{first} must be below the key {head}", f"{head}:\n  {first}:")
+        rest = {key: value for key, value in values.items() if key not in below}
+        return {**rest, head: Located(label, below, label)}
 
     def _corrections(
         self, values: Mapping[str, Located], known: tuple[str, ...]
@@ -273,8 +293,9 @@ class _Parser:
                 there = f"a task has parameters, a subtree has ports: write {other}"
                 self._wrong(value.label, there, value.label.replaced(key, other))
             elif key not in known:
-                there = choices(key, known, values)
-                self._wrong(value.label, f"unknown key {key}; there are {there}")
+                there = there_are(key, known, values)
+                instead = value.label.replaced(key, likely.get(key, ""))
+                self._wrong(value.label, f"unknown key {key}; {there}", instead)
         return {likely.get(key, key): value for key, value in values.items()}
 
     def number(self, key: str) -> int:

@@ -15,7 +15,7 @@ from functools import cache
 from importlib import resources
 from pathlib import Path
 
-from hardware.suggestions import choices
+from hardware.suggestions import there_are
 from trees.errors import SHIPPED_ROBOT, DuplicateTask, FileError, Mistake, Place, UnknownTask
 
 from .document import read_text
@@ -282,8 +282,8 @@ class Library:
             FileError: No subtree has that name, or its file is not YAML.
         """
         if name not in self._subtrees:
-            there = choices(name, self._subtrees)
-            raise FileError([Mistake(user, f"no subtree {name}; there are {there}")])
+            there = there_are(name, self._subtrees)
+            raise FileError([Mistake(user, f"no subtree {name}; {there}")])
         if name in self._claimed:
             raise self._claimed[name].with_traceback(None)
         path = self._subtrees[name]
@@ -304,7 +304,7 @@ class Library:
                 for name in _files(folder)
                 if names.fullmatch(name)
             ]
-            message = f"replaces: no {what} ships; there are {choices(file.replaces, stems)}"
+            message = f"replaces: no {what} ships; {there_are(file.replaces, stems)}"
             yield Mistake(_top(file.path, file.text, "replaces"), message)
 
     def poses(self) -> tuple[Mapping[str, Mapping[str, float]], Mapping[str, str]]:
@@ -355,14 +355,12 @@ def _replaced_poses(file: PosesFile, shipped: Mapping[str, object]) -> list[Mist
     ]
     place = _top(file.path, file.text, "replaces")
     mistakes += [
-        Mistake(place, f"replaces: no pose {name} ships; there are {choices(name, shipped)}")
+        Mistake(place, f"replaces: no pose {name} ships; {there_are(name, shipped)}")
         for name in file.replaces
         if name and name not in shipped
     ]
     mistakes += [
-        Mistake(
-            place, f"replaces: this file has no pose {name}; there are {choices(name, file.poses)}"
-        )
+        Mistake(place, f"replaces: this file has no pose {name}; {there_are(name, file.poses)}")
         for name in file.replaces
         if name in shipped and name not in file.poses
     ]

@@ -1,10 +1,11 @@
 """Reading of nodes: from YAML values to the nodes of a tree."""
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, TypeGuard
 
-from hardware.suggestions import choices, corrections, suggestion
+from hardware.suggestions import choices, corrections, suggestion, there_are
 from trees.errors import Mistakes, Place
 
 from .document import Located, names_within, nested
@@ -16,7 +17,11 @@ if TYPE_CHECKING:
 MAX_NUMBER = 2**31 - 1
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
+_EXAMPLES = {"integer": "3", "duration": "1 s"}  # of an option, by type
 _FILES = {"subtree": ("with", "name"), "task": ("with", "name")}
+
+_IF = "there is no if: a sequence that begins with a condition runs the rest only if it holds"
+_OTHER_WORDS = {"if": _IF, "then": _IF, "else": f"{_IF}; a selector has the other case"}
 
 
 class NodeParser:
@@ -129,21 +134,40 @@ class NodeParser:
     def _control(self, place: Place, kind: str, keys: Mapping[str, Located]) -> ControlNode:
         known = _kinds()[kind]
         beside = (*known.options, *filter(None, (known.condition,)), "name")
-        keys = self._beside(kind, keys, beside)
+        keys = self._beside(kind, self._raised(place, kind, keys, beside), beside)
         children = self._children(kind, keys[kind])
         if known.condition:
             children += self._condition(place, kind, known.condition, keys)
         options = {key: self.wired(keys[key]) for key in known.options if key in keys}
         for option, declared in known.options.items():
             if declared.needed and option not in keys:
-                self._wrong(place, f"{kind} needs {option}: {declared.description}")
+                example = _EXAMPLES.get(declared.type, "…")
+                line = f"{' ' * (place.column - 1)}{option}: {example}"
+                why = f"{kind} needs {option}: {declared.description}; write it below, in the"
+                self._wrong(place, f"{why} column of {kind}", line)
         return ControlNode(place, kind, children, options, self._shown(keys))
+
+    def _raised(
+        self, place: Place, kind: str, keys: Mapping[str, Located], own: Collection[str]
+    ) -> Mapping[str, Located]:
+        """Report options that are below a node instead of beside it; return the values right."""
+        inner = nested(keys[kind])
+        heads = [key for key in inner if key in _kinds()]
+        theirs = {"name", *(option for head in heads for option in _kinds()[head].options)}
+        lost = {key: inner[key] for key in inner if key in own and key not in {*theirs, *keys}}
+        for key, value in lost.items():
+            line = " " * (place.column - 1) + f"{key}: {value.as_yaml()}"
+            self._wrong(value.label, f"{key} belongs to {kind}: write it in its column", line)
+        left = {key: value for key, value in inner.items() if key not in lost}
+        return {**keys, **lost, kind: replace(keys[kind], value=left)} if lost else keys
 
     def _children(self, kind: str, inner: Located) -> tuple[TreeNode, ...]:
         if not _kinds()[kind].many:
             return (self.node(inner),)
         if not isinstance(inner.value, list) or not inner.value:
-            self._wrong(inner.place, f"{kind} needs a list of nodes, not {inner}")
+            given = "" if inner.value is None or inner.value == [] else f", not {inner}"
+            why = f"{kind} needs a list of nodes{given}: begin each with a `-`, below {kind}:"
+            self._wrong(inner.place, why)
             keys = nested(inner)
             one = len(keys.keys() & {*_heads()} or keys.keys() - {"name"}) == 1
             return (self.node(inner) if one else self._broken(inner, keys),)
@@ -161,7 +185,7 @@ class NodeParser:
         return ()
 
     def _file(self, place: Place, head: str, keys: Mapping[str, Located]) -> SubtreeNode:
-        keys = self._beside(head, keys, _FILES[head])
+        keys = self._beside(head, self._with(head, keys), _FILES[head])
         source: str | int
         if head == "task":
             number = self.number(keys[head], head)
@@ -171,6 +195,20 @@ class NodeParser:
         values = self._wiring(keys["with"]) if "with" in keys else {}
         return SubtreeNode(place, source, values, self._shown(keys))
 
+    def _with(self, head: str, keys: Mapping[str, Located]) -> Mapping[str, Located]:
+        """Report ports beside a subtree or a task; return the values with them below `with`."""
+        known = (head, *_FILES[head])
+        ports = {key: value for key, value in keys.items() if key not in known}
+        if not ports or "with" in keys or corrections(keys, known):
+            return keys
+        first = next(iter(ports.values()))
+        inner = Located(first.label, ports, first.label)
+        line = first.label.lines[first.label.line - 1][first.label.column - 1 :]
+        instead = first.label.replaced(line, f"with: {inner.as_yaml()}")
+        what = "parameters of a task" if head == "task" else "ports of a subtree"
+        self._wrong(first.label, f"the {what} are below the key with", instead)
+        return {**{key: value for key, value in keys.items() if key in known}, "with": inner}
+
     def _beside(
         self, head: str, keys: Mapping[str, Located], known: tuple[str, ...]
     ) -> Mapping[str, Located]:
@@ -178,8 +216,8 @@ class NodeParser:
         beside = [key for key in keys if key != head]
         for key in beside:
             if key not in known:
-                there = choices(key, known, beside)
-                self._wrong(keys[key].label, f"unknown key {key}; beside {head} there are {there}")
+                there = there_are(key, known, beside)
+                self._wrong(keys[key].label, f"unknown key {key}; beside {head} {there}")
                 self.spare |= {*names_within(keys[key])}
         return _respell(keys, corrections(beside, known))
 
@@ -193,6 +231,12 @@ class NodeParser:
 
     def _wiring(self, value: Located) -> dict[str, Value]:
         """Return the values at ports. A value that is no mapping is at the port ""."""
+        items = value.value if isinstance(value.value, list) else []
+        if items and all(isinstance(item.value, dict) for item in items):
+            why = "the ports of a node are a mapping, not a list: leave out each `-`"
+            self._wrong(value.place, why, value.place.replaced("-", " "))
+            given = {port: each for item in items for port, each in nested(item).items()}
+            value = replace(value, value=given)
         if not isinstance(value.value, dict):
             return {"": self.wired(value)}
         return {port: self.wired(item) for port, item in value.value.items()}
@@ -202,6 +246,11 @@ def _kinds() -> "Mapping[str, ControlNodeKind]":
     from trees.nodes.kind import KINDS  # takes 0.3 s, which a list of tasks does not need
 
     return KINDS
+
+
+def begins_node(key: str) -> bool:
+    """Return whether a key begins a node, or looks like the name of a skill."""
+    return key in _heads() or key[:1].isupper()
 
 
 def _heads() -> tuple[str, ...]:
@@ -231,6 +280,8 @@ def _no_node(value: Located, keys: tuple[str, ...]) -> str:
     if not keys:
         what = "nothing" if value.value is None else str(value)
         return f"a node is a skill, a subtree, or a control node such as sequence, not {what}"
+    if other := next((why for word, why in _OTHER_WORDS.items() if word in keys), ""):
+        return other
     near = "".join(suggestion(key, _heads()) for key in keys if key not in _heads())
     heads = [key for key in keys if key in _heads()]
     if len(heads) > 1:

@@ -15,6 +15,7 @@ from hardware.suggestions import plural
 from trees.errors import FileError, Mistake, Place
 
 from .document import NotYaml, split_lines
+from .node_parser import begins_node
 
 _MAX_EDITS = 4
 _KEPT = 10  # best texts that are edited further
@@ -194,6 +195,7 @@ def _edits(version: _Version) -> Iterator[_Edit]:
             yield _Edit((row, at), "sign", why, _with(lines, row, line))
     for row in rows:
         yield from _dashes(lines, row)
+        yield from _undashed(lines, row)
         yield from _indents(lines, row)
 
 
@@ -208,6 +210,7 @@ _FOREIGN = (
     (re.compile("\xa0"), " ", "this is a non-breaking space; write an ordinary one"),
     (re.compile("[\u201c\u201d\u201e]"), '"', 'write the plain quote "'),
     (re.compile("[\u2018\u2019\u201a]"), "'", "write the plain quote '"),
+    (re.compile(r"(?<!\S)[\u2013\u2014\u2212](?= \w+:)"), "-", "write the plain dash -"),
 )
 
 
@@ -234,7 +237,9 @@ _SLIPS = (
     (r"()(\$\{(\w+)\})", r"$\3", r"write `$\3`, without braces"),
     (r"()(\()([^()]*)\)", r"{\3}", r"write braces, not parentheses"),
     (r"()(\()([^()]*)\)", r"[\3]", r"write brackets, not parentheses"),
+    (r"^(\s*)(//)", r"\1#", r"a comment begins with #, not with //"),
     (r"()(;)", r",", r"a comma separates values, not `;`"),
+    (r"(: *[-+]?\d+)(,)(?=\d)", r"\1.", r"a point begins the decimals, not a comma"),
 )
 
 
@@ -255,6 +260,10 @@ _CLOSERS = {"{": "}", "[": "]", "'": "'", '"': '"'}
 def _closers(lines: tuple[str, ...], row: int, last: int) -> Iterator[_Edit]:
     """Return edits that close what a line opens, up to a later line, or put its text in quotes."""
     content, comment = _split_comment(lines[row])
+    if hidden := re.search(r": ([^'\"{}\[\],]+ #[^'\"{}\[\],]*)(?=[,}\]])", lines[row]):
+        why = "a # after a space begins a comment; put the text in quotes"
+        line = f'{lines[row][: hidden.start(1)]}"{hidden[1]}"{lines[row][hidden.end() :]}'
+        yield _Edit((row, hidden.start(1)), "slip", why, _with(lines, row, line))
     if stack := _unclosed(content):
         column = stack[-1]
         why = f"the {content[column]} of line {row + 1}, column {column + 1} is not closed"
@@ -297,7 +306,7 @@ def _at(line: str, column: int) -> Iterator[_InLine]:
 def _dashes(lines: tuple[str, ...], row: int) -> Iterator[_Edit]:
     """Return edits that begin an item of a list, or one at every line of the same column."""
     found = re.match(r"(\s*)([A-Za-z_][\w-]*)", lines[row])
-    if not found:
+    if not (found and begins_node(found[2])):
         return
     margin = found.end(1)
     why = f"a `-` is missing before `{found[2]}`: every node of a list begins with one"
@@ -308,6 +317,15 @@ def _dashes(lines: tuple[str, ...], row: int) -> Iterator[_Edit]:
         ]
         if left <= margin:
             yield _Edit((row, margin), "dash", why, (*lines[:row], *made, *lines[end:]))
+
+
+def _undashed(lines: tuple[str, ...], row: int) -> Iterator[_Edit]:
+    """Return an edit that lets a line continue the node above it."""
+    found = re.match(r"(\s*)- (\w+)", lines[row])
+    if found and not begins_node(found[2]):
+        why = f"leave out the `-` before `{found[2]}`: it begins no item of a list"
+        line = f"{found[1]}  {lines[row][found.start(2) :]}"
+        yield _Edit((row, found.end(1)), "dash", why, _with(lines, row, line))
 
 
 def _end_of_block(lines: Sequence[str], row: int, column: int) -> int:

@@ -7,20 +7,24 @@ from dataclasses import replace
 from typing import Any
 
 from hardware.joints import DISPLAY_UNITS
-from hardware.suggestions import choices, closest, did_you_mean, plural
+from hardware.suggestions import choices, closest, did_you_mean, plural, there_are
 from trees.declarations import ANY, LIST, UNITS, Declaration, type_fits, words
 
 from .document import REFUSED, Located, StandIn
 
-_QUANTITY = re.compile(
-    r"([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?) ?([A-Za-z\xb0]\S*)"
-)
+_NUMBER = r"([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)"
+_QUANTITY = re.compile(rf"{_NUMBER} ?([A-Za-z\xb0]\S*)")
 _PYTHON: Mapping[str, tuple[type, ...]] = {
     "integer": (int,),
     "boolean": (bool,),
     "text": (str,),
     ANY: (float, bool, str),
 }
+
+# What other programs and languages write, and what it means here.
+_SWITCHES = {"yes": "true", "on": "true", "no": "false", "off": "false", "1": "true", "0": "false"}
+_SIGNS = str.maketrans({",": ".", "\u2212": "-", "\u2013": "-"})
+_UNIT_NAMES = {"grad": "deg", "\xb0": "deg", "milli": "m", "centi": "c", "zenti": "c"}
 
 Wrong = Callable[..., None]  # called with a place, a message, and maybe the right line
 
@@ -77,9 +81,11 @@ def fit(
         smaller = list(in_smaller_units(value.value, wanted.unit))
         near = [text for text, factor in smaller if not _violation(fitted * factor, wanted)]
         meant = did_you_mean(near[0]) if near else ""
-        wrong(
-            value.place, f"{value} {wanted.unit if smaller else ''}".rstrip() + f" {reason}{meant}"
-        )
+        chosen = closest(str(value.plain()), wanted.choices)
+        right = Located(value.place, chosen, value.label).as_yaml() if chosen else "".join(near[:1])
+        instead = value.place.replaced(str(value.plain()), right) if right else ""
+        shown = f"{value} {wanted.unit if smaller else ''}".rstrip()
+        wrong(value.place, f"{shown} {reason}{meant}", instead)
         return None
     return fitted
 
@@ -109,8 +115,16 @@ def _plain(value: Located, kind: str, wrong: Wrong) -> Any:
     if python and isinstance(plain, python) and (kind != "integer" or type(plain) is int):
         return plain
     hint = "" if python else "; name a key that a skill writes, such as $key"
-    wrong(value.place, f"{value} is not {words(kind)}{hint}")
+    near = _SWITCHES.get(str(plain).lower(), "") if kind == "boolean" else ""
+    _not(value, kind, near, wrong, hint)
     return None
+
+
+def _not(value: Located, kind: str, near: str, wrong: Wrong, hint: str = "") -> None:
+    """Report a value that is not of its type, and what it may mean."""
+    hint = did_you_mean(near) or hint
+    instead = value.place.replaced(str(value.plain()), near) if near else ""
+    wrong(value.place, f"{value} is not {words(kind)}{hint}", instead)
 
 
 def _known_type(value: Located, stand_in: StandIn, kind: str, wrong: Wrong) -> StandIn | None:
@@ -131,12 +145,16 @@ def _number(value: Located, kind: str, wrong: Wrong, finite: bool = True) -> flo
     elif isinstance(plain, str) and kind in UNITS and (found := _QUANTITY.fullmatch(plain)):
         if found[2] not in UNITS[kind]:
             there, near = ", ".join(sorted(UNITS[kind])), _unit(found[2], UNITS[kind])
-            meant = did_you_mean(near and f"{found[1]} {near}")
-            wrong(value.place, f"{value}: no unit {found[2]}; there are {there}{meant}")
+            right = near and f"{found[1]} {near}"
+            instead = value.place.replaced(plain, right) if right else ""
+            why = f"{value}: no unit {found[2]}; there are {there}{did_you_mean(right)}"
+            wrong(value.place, why, instead)
             return None
         number = float(found[1]) * UNITS[kind][found[2]]
     else:
-        wrong(value.place, f"{value} is not {words(kind)}")
+        near = str(plain).translate(_SIGNS)
+        amount = re.fullmatch(rf"{_NUMBER}( ?({'|'.join(UNITS.get(kind, ()))}))?", near)
+        _not(value, kind, near if near != plain and amount else "", wrong)
         return None
     if finite and not math.isfinite(number):
         wrong(value.place, f"{value} is not finite")
@@ -146,7 +164,9 @@ def _number(value: Located, kind: str, wrong: Wrong, finite: bool = True) -> flo
 
 def _unit(word: str, units: Iterable[str]) -> str:
     """Return the unit that a word most likely means, such as s for seconds; or an empty text."""
-    short = word.lower().replace("\xb0", "deg").replace("milli", "m").replace("centi", "c")
+    short = word.lower()
+    for name, unit in _UNIT_NAMES.items():
+        short = short.replace(name, unit)
     likely = sorted((unit for unit in units if short.startswith(unit)), key=len)
     return (likely or [closest(word, units)])[-1]
 
@@ -157,7 +177,10 @@ def _positions(
     if isinstance(value.value, str):
         if value.value in poses:
             return dict(poses[value.value]) or None  # an empty pose is wrong, and reported already
-        wrong(value.place, f"no pose {value.value}; there are {choices(value.value, poses)}")
+        near = closest(value.value, poses)
+        instead = value.place.replaced(value.value, near) if near else ""
+        there = f"no pose {value.value}; {there_are(value.value, poses)}"
+        wrong(value.place, there, instead)
         return None
     if not isinstance(value.value, dict):
         wrong(value.place, f"{value} is not {words('positions')}; write {{joint_1: 20 deg}}")

@@ -100,7 +100,7 @@ def test_it_runs(folder: Path) -> None:
 def test_it_is_read(robot: Robot, folder: Path) -> None:
     assert mistakes(robot, folder) == []
     assert mistakes(robot, folder, "      failures: 2\n", "") == [
-        "keep_going needs failures: how often"
+        "keep_going needs failures: how often; write it below, in the column of keep_going"
     ]
     (reported,) = mistakes(robot, folder, "failures", "failuers")
     assert reported.endswith("beside keep_going there are failures, name; did you mean failures?")

@@ -139,7 +139,6 @@ def test_poses_have_slips_too() -> None:
 @pytest.mark.parametrize(
     "text",
     [
-        RIGHT.replace("description", "desription"),
         RIGHT.replace("task: 20", "task: x"),
         RIGHT.replace("subtree: reach", "subtree: [reach]"),
         RIGHT + "    - {subtree: a, task: 3}\n",
