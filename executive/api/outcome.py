@@ -127,7 +127,7 @@ class Outcome:
     def text(self) -> str:
         """Return the outcome in words, with its hint and its recording on further lines."""
         state = f"{self.state.name} ({self.duration:.2f} s, {self.frames} frames)"
-        if self.state is GoalState.ABORTED and not self.duration:
+        if self.state is GoalState.ABORTED and not (self.duration or self.recording):
             state = "not started"
         text = f"{logs.goal_title(self.task)} {state}: {self.cause or self.message}"
         text += f"\n  -> {self.cause.hint}" if self.cause and self.cause.hint else ""
