@@ -28,6 +28,13 @@ _FILE = click.argument("recording", type=RECORDING)
 _FILES = click.argument(
     "recordings", metavar="RECORDING...", nargs=-1, required=True, type=RECORDING
 )
+_OUTPUT = click.option(
+    "-o",
+    "--output",
+    type=PATH,
+    default=Path(),
+    help="Folder for the files. Default: the working directory.",
+)
 
 
 @click.group(cls=CommandGroup)
@@ -133,13 +140,7 @@ def show(recording: Path, everything: bool) -> None:
 
 @log.command()
 @_FILE
-@click.option(
-    "-o",
-    "--output",
-    type=PATH,
-    default=Path(),
-    help="Folder for the CSV files. Default: the working directory.",
-)
+@_OUTPUT
 def export(recording: Path, output: Path) -> None:
     """Write the commanded joint positions and the frames to CSV files."""
     from logs.views.table import export as write
@@ -151,13 +152,7 @@ def export(recording: Path, output: Path) -> None:
 
 @log.command()
 @_FILE
-@click.option(
-    "-o",
-    "--output",
-    type=PATH,
-    default=Path(),
-    help="Folder for the files. Default: the working directory.",
-)
+@_OUTPUT
 def robot(recording: Path, output: Path) -> None:
     """Write the robot file, the URDF and its meshes, for viewers and for other commands."""
     from executive.recording.archive import extract_robot

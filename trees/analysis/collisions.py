@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from queue import SimpleQueue
 
 from hardware import Robot
+from hardware.description.neighbours import advice_for_contact
 from skills.motion import (
     EMPTY,
     BadWorld,
@@ -91,7 +92,10 @@ class CollisionChecks:
         # A subtree may name bodies to touch that only its users add.
         if not isinstance(answer, MotionError) or isinstance(answer, BadWorld):
             return ""
-        return answer.contact if isinstance(answer, MotionCollides) else str(answer)
+        if not isinstance(answer, MotionCollides):
+            return str(answer)
+        advice = advice_for_contact(self.robot, answer.first, answer.second)
+        return f"{answer.contact}; {advice}" if advice else answer.contact
 
     def _bodies(self) -> dict[Body, list[Place]]:
         """Return all bodies that are added, and their places in the files."""

@@ -19,6 +19,7 @@ from hardware import (
     check_port,
     load_robot,
 )
+from hardware.description.neighbours import advice_for_contact
 from logs import LogError, check_space
 from skills.motion import MotionCollides, MotionError, Pool, Result, Verify
 from trees import FileError, Library, TreeError
@@ -94,7 +95,8 @@ def _tasks(trees: Path | None, robot: Robot) -> Check:
 def _planner(robot: Robot) -> Check:
     answer, pose = _boot_pose_verified(robot), robot.firmware.words.start_pose
     if isinstance(answer, MotionCollides):
-        remedy = f"choose another {pose} in the robot file, or correct its URDF"
+        remedy = advice_for_contact(robot, answer.first, answer.second)
+        remedy = remedy or f"choose another {pose} in the robot file, or correct its URDF"
         why = f"in its {pose}, {answer.contact}"
         return Check("planner", False, why, remedy, answer.code)
     if isinstance(answer, MotionError):

@@ -6,12 +6,12 @@ every configuration, some in none, and some where the arm starts.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from itertools import combinations
 
 import numpy as np
 
 from hardware import Joint, Robot
-from hardware.description.urdf import Urdf, read_urdf
+from hardware.description.neighbours import adjacent_links
+from hardware.description.urdf import read_urdf
 from skills.motion.arrays import Array, Mask
 
 from .checker import BATCH, CollisionChecker, Contact
@@ -62,7 +62,7 @@ def find_allowed_pairs(robot: Robot, seed: int = 1) -> AllowedPairs:
     scene = _scene(robot, frozenset())
     pairs = scene.hulls.collisionPairs
     names = [_names(scene, pair.first, pair.second) for pair in pairs]
-    adjacent = _adjacent(read_urdf(robot.urdf), {link for pair in names for link in pair})
+    adjacent = adjacent_links(read_urdf(robot.urdf), {link for pair in names for link in pair})
     checker, reasons = CollisionChecker(scene), dict[tuple[str, str], str]()
     for k, pair in enumerate(names):
         if frozenset(pair) in adjacent:
@@ -114,21 +114,3 @@ def _random(robot: Robot, seed: int) -> Array:
 
 def _range(joint: Joint) -> tuple[float, float]:
     return (-np.pi, np.pi) if joint.continuous else (joint.lower, joint.upper)
-
-
-def _adjacent(urdf: Urdf, shaped: set[str]) -> set[frozenset[str]]:
-    """Return the pairs of links with shapes that only joints and links without shapes connect."""
-    neighbours: dict[str, list[str]] = {link: [] for link in urdf.links}
-    for joint in urdf.joints:
-        neighbours[joint.parent].append(joint.child)
-    found = set[frozenset[str]]()
-    for link in urdf.links:
-        reached = list(neighbours[link])
-        for each in reached:  # grows
-            if each not in shaped:
-                reached += neighbours[each]
-        ends = [each for each in reached if each in shaped]
-        group = [link, *ends] if link in shaped else ends
-        pairs = combinations(group, 2) if link not in shaped else ((link, end) for end in ends)
-        found |= set(map(frozenset, pairs))
-    return found

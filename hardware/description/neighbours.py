@@ -1,0 +1,50 @@
+"""Links that are neighbours: they may touch by design."""
+
+import json
+from collections.abc import Collection
+from itertools import combinations
+
+from .robot import Robot
+from .urdf import Urdf, count_collision_shapes, read_urdf
+
+
+def adjacent_links(urdf: Urdf, shaped: Collection[str]) -> set[frozenset[str]]:
+    """Return the pairs of links with shapes that only joints and links without shapes connect.
+
+    Args:
+        urdf: The URDF.
+        shaped: Names of the links with shapes.
+    """
+    below: dict[str, list[str]] = {link: [] for link in urdf.links}
+    for joint in urdf.joints:
+        below[joint.parent].append(joint.child)
+    found = set[frozenset[str]]()
+    for link in urdf.links:
+        reached = list(below[link])
+        for each in reached:  # grows
+            if each not in shaped:
+                reached += below[each]
+        ends = [each for each in reached if each in shaped]
+        pairs = ((link, end) for end in ends) if link in shaped else combinations(ends, 2)
+        found |= set(map(frozenset, pairs))
+    return found
+
+
+def advice_for_contact(robot: Robot, first: str, second: str) -> str:
+    """Return what to do about two links that touch: allow it, if they are neighbours.
+
+    Args:
+        robot: The robot.
+        first: Name of one link or body.
+        second: Name of the other one.
+
+    Returns:
+        The advice, or an empty text if they are no neighbours.
+    """
+    counts = count_collision_shapes(robot.urdf, float("inf"))
+    shaped = [link for link, count in counts.items() if count]
+    if frozenset((first, second)) not in adjacent_links(read_urdf(robot.urdf), shaped):
+        return ""
+    pair = json.dumps([first, second])
+    where = f"allowed under [collision] in {robot.path.name}"
+    return f"they are neighbours, so add {pair} to {where}"
