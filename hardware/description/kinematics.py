@@ -78,6 +78,15 @@ class ForwardKinematics:
             link, offset = each.parent, (a + x, b + y, c + z)
         return offset
 
+    def joints_above(self, link: str) -> list[str]:
+        """Return the names of the joints between a link and the root, the nearest first."""
+        above = {joint.child: joint for joint, *_ in self._joints}
+        names = []
+        while joint := above.get(link):
+            names.append(joint.name)
+            link = joint.parent
+        return names
+
 
 @cache
 def reach(urdf: Path) -> float:

@@ -45,6 +45,7 @@ CONNECTING: dict[str, Data] = {
     "foreign stops": head("POST /api/stop", host="evil.example"),
     "stops": STOP,
     "pipelined stops": lambda port: STOP(port) * 500,
+    "stops with bodies": lambda port: head("POST /api/stop", "content-length: 9")(port) + b"x",
     "long cancels": head("POST /api/cancel", *MANY),
 }
 # What each client sends on a connection that it keeps, before and then again and again.

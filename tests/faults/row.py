@@ -9,7 +9,7 @@ import shutil
 import signal
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from mcap.exceptions import McapError
 from mcap.records import Channel, Message
@@ -17,9 +17,11 @@ from mcap.stream_reader import StreamReader
 
 from tests.faults.board import Board
 from tests.faults.process import Command, Hang, Server, until
+from tests.faults.wrong_calls import WrongCalls
 from tests.support.paths import ROBOT_FILE
 
 C = TypeVar("C", bound=Command)
+K = TypeVar("K")
 TASKS = Path(__file__).with_name("tasks")
 FRAME = re.compile(rb"b\d{3},s\d{3},e\d{3},g\d{3},")
 _TOKENS = re.compile(FRAME.pattern + rb"|[^b]+|b")
@@ -34,6 +36,7 @@ class Row:
         fault: What is injected.
         promise: What holds then.
         limit: Largest 99th percentile of the figure, in `unit`; None if there is no figure.
+        worst: Largest figure of all; None if only the 99th percentile is limited.
         times: How often it is injected.
         quick: How often in the quick selection; 0 leaves it out.
         alone: Whether no other row runs meanwhile.
@@ -44,6 +47,7 @@ class Row:
     promise: str
     inject: "Callable[[Scene], None]"
     limit: float | None = None
+    worst: float | None = None
     unit: str = ""
     times: int = 5
     quick: int = 0
@@ -51,17 +55,10 @@ class Row:
 
 
 def row(
-    name: str,
-    fault: str,
-    promise: str,
-    limit: float | None = None,
-    unit: str = "",
-    times: int = 5,
-    quick: int = 0,
-    alone: bool = False,
+    name: str, fault: str, promise: str, **more: Any
 ) -> "Callable[[Callable[[Scene], None]], Row]":
-    """Declare a row; the function injects the fault once."""
-    return lambda inject: Row(name, fault, promise, inject, limit, unit, times, quick, alone)
+    """Declare a row; the function injects the fault once. `more` is as of `Row`."""
+    return lambda inject: Row(name, fault, promise, inject, **more)
 
 
 class Scene:
@@ -69,11 +66,14 @@ class Scene:
 
     Args:
         folder: An empty folder.
-        seed: Seed of `random`.
+        seed: Seed of `random`, with the number.
+        number: Number of the injection.
+        times: Injections that share the kinds of the row.
     """
 
-    def __init__(self, folder: Path, seed: str) -> None:
-        self.folder, self.random = folder, random.Random(seed)
+    def __init__(self, folder: Path, seed: str, number: int = 0, times: int = 1) -> None:
+        self.folder, self.random = folder, random.Random(f"{seed} {number}")
+        self._seed, self._number, self._times = seed, number, times
         self.problems: list[str] = []
         self.figures: list[float] = []
         self.injections = 1
@@ -91,6 +91,16 @@ class Scene:
     def figure(self, value: float) -> None:
         """Add a figure, in the unit of the row."""
         self.figures.append(value)
+
+    def share(self, kinds: Iterable[K]) -> list[K]:
+        """The kinds that this injection tries: one, or more if there are more than injections.
+
+        All injections of a row together try each kind.
+        """
+        order = list(kinds)
+        random.Random(self._seed).shuffle(order)
+        places = range(self._number % self._times, max(self._times, len(order)), self._times)
+        return [order[place % len(order)] for place in places]
 
     def board(self, firmware: str = "stock", boot_s: float = 0.1) -> Board:
         """A board; in the end, what it read is compared with what was recorded."""
@@ -114,6 +124,28 @@ class Scene:
         port = board.port if board else "virtual"
         line = ["run", *arguments, "--json", *self._common(port)]
         return self._start(Command, line, options)
+
+    def moving(
+        self,
+        board: Board,
+        task: str = "20",
+        frames: tuple[int, int] = (1, 12),
+        calls: WrongCalls | None = None,
+    ) -> Command:
+        """A run of a task, once it has sent a random number of frames within `frames`."""
+        run = self.run(task, board=board, environment=calls and calls.environment)
+        run.until_event("sent", self.random.randint(*frames))
+        return run
+
+    def faulted(self, run: Command, *codes: str) -> float:
+        """Check that a run ends with a hardware fault and sends nothing after it; when [s]."""
+        self.check(run.wait() == 6, f"exit status {run.wait()}, not 6")
+        (result,) = run.events("result")
+        self.check(result["code"] in codes, f"the code is {result['code']}")
+        failing = next(each for each in run.events("lifecycle") if each["label"] == "raise_error")
+        late = [each for each in run.events("sent") if each["time_s"] > failing["time_s"]]
+        self.check(not late, f"{len(late)} frames were sent after the fault")
+        return float(failing["time_s"])
 
     def serve(
         self, *arguments: str | Path, board: Board | None = None, **options: object
@@ -240,10 +272,10 @@ def compare(board: bytes, recording: bytes) -> tuple[int, int]:
     return only_board, only_recording
 
 
-def inject(one: Row, folder: Path, seed: str, keep: bool) -> Scene:
+def inject(one: Row, folder: Path, seed: str, number: int, keep: bool) -> Scene:
     """Inject a row's fault once. What the function raises, and a hang, is a problem of the row."""
     folder.mkdir(parents=True)
-    scene = Scene(folder, seed)
+    scene = Scene(folder, seed, number, one.times)
     try:
         one.inject(scene)
     except Hang as error:

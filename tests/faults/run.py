@@ -41,6 +41,7 @@ class Finding:
     limit: float | None
     median: float | None
     p99: float | None
+    worst_limit: float | None
     worst: float | None
     unit: str
     seconds: float
@@ -58,7 +59,7 @@ def examine(one: Row, times: int, seed: int, folder: Path, keep: bool) -> Findin
     """Inject a row's fault so often, at times that follow from the seed, the row and the number."""
     begin = time.monotonic()
     scenes = [
-        inject(one, folder / f"{one.name}-{number}", f"{seed} {one.name} {number}", keep)
+        inject(one, folder / f"{one.name}-{number}", f"{seed} {one.name}", number, keep)
         for number in range(times)
     ]
     return found(one, scenes, time.monotonic() - begin)
@@ -70,19 +71,24 @@ def found(one: Row, scenes: Iterable[Scene], seconds: float) -> Finding:
     problems = [f"{scene.folder.name}: {each}" for scene in scenes for each in scene.problems]
     figures = sorted(itertools.chain.from_iterable(scene.figures for scene in scenes))
     p99 = figures[-(-99 * len(figures) // 100) - 1] if figures else None
+    worst = figures[-1] if figures else None
     if one.limit is not None and p99 is None:
         problems.append("no figure")
-    held = not problems and (one.limit is None or (p99 is not None and p99 <= one.limit))
+    slow = any(
+        most is not None and seen is not None and seen > most
+        for most, seen in ((one.limit, p99), (one.worst, worst))
+    )
     return Finding(
         row=one.name,
         fault=one.fault,
         times=sum(scene.injections for scene in scenes),
-        held=held,
+        held=not (problems or slow),
         promise=one.promise,
         limit=one.limit,
         median=statistics.median(figures) if figures else None,
         p99=p99,
-        worst=figures[-1] if figures else None,
+        worst_limit=one.worst,
+        worst=worst,
         unit=one.unit,
         seconds=seconds,
         problems=problems,
@@ -95,16 +101,16 @@ def figure(value: float | None, unit: str) -> str:
 
 def cells(each: Finding) -> list[str]:
     """A line of the table."""
-    seen = f"{figure(each.p99, each.unit)}" if each.p99 is not None else ""
     verdict = "held" if each.held else "NOT HELD"
-    return [each.row, str(each.times), verdict, figure(each.limit, each.unit), seen]
+    figures = each.limit, each.p99, each.worst
+    return [each.row, str(each.times), verdict, *(figure(value, each.unit) for value in figures)]
 
 
-HEADER = ["row", "times", "held", "promised", "p99 seen"]
+HEADER = ["row", "times", "held", "promised", "p99 seen", "worst"]
 
 
 def line(texts: Sequence[str]) -> str:
-    widths = (28, 6, 8, 12, 12)
+    widths = (30, 6, 8, 12, 12, 12)
     return "  ".join(text.ljust(width) for text, width in zip(texts, widths, strict=True))
 
 
@@ -115,16 +121,16 @@ def page(findings: Sequence[Finding], seed: int, seconds: float) -> str:
         "",
         f"{len(findings)} rows, seed {seed}, {seconds / 60:.0f} minutes, {machine()}.",
         "",
-        "| row | fault | what must hold | times | held | promised | median | 99th percentile |",
-        "|---|---|---|---|---|---|---|---|",
+        "| row | fault | what must hold | times | held | promised | median | 99 % | worst |",
+        "|---|---|---|---|---|---|---|---|---|",
     ]
     for each in findings:
-        limit, median, p99 = (
-            figure(value, each.unit) for value in (each.limit, each.median, each.p99)
-        )
+        values = each.limit, each.worst_limit, each.median, each.p99, each.worst
+        limit, most, *seen = (figure(value, each.unit) for value in values)
+        limit += f" (99 %), {most} (worst)" if most else ""
         texts = [f"`{each.row}`", each.fault, each.promise, str(each.times)]
-        texts += ["yes" if each.held else "**no**", f"at most {limit}" if limit else "", median]
-        lines.append("| " + " | ".join([*texts, p99]) + " |")
+        texts += ["yes" if each.held else "**no**", f"at most {limit}" if limit else "", *seen]
+        lines.append("| " + " | ".join(texts) + " |")
     return "\n".join(lines) + "\n"
 
 

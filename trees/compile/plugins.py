@@ -14,9 +14,11 @@ from typing import NoReturn
 from py_trees.ports import get_ports_registry, register_ports_class
 
 import skills  # noqa: F401  registers the shipped skills
+from hardware.files import read_file
 from trees.nodes.kind import KINDS
 
 GROUP = "armtree.skills"
+_MAX_BYTES = 2**20  # of a file
 
 _loaded: dict[str, str] = {}  # the error of every loaded plugin; empty for none
 
@@ -54,6 +56,10 @@ def _load_package(entry: EntryPoint) -> str:
 def _load_file(path: Path) -> str:
     module = f"armtree_skills.{path.resolve().as_posix().replace('.', '_')}"
     if module not in _loaded:
+        try:
+            read_file(path, _MAX_BYTES)
+        except OSError as error:
+            return f"{path}: {error.strerror}"
         spec = importlib.util.spec_from_file_location(module, path)
         assert spec
         assert spec.loader

@@ -1,15 +1,18 @@
 """The check of an answer against its request.
 
 A worker is another process: its memory may be damaged, and its libraries may have errors. So its
-answer is checked before anything is computed from it.
+answer is checked before anything is computed from it. Only the distance to obstacles is not
+computed again: that takes as long as in the worker.
 """
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 
 import numpy as np
 
 from hardware import MAX_DURATION, Joint, Robot
+from hardware.description.kinematics import ForwardKinematics
 from skills.motion.arrays import Array
 from skills.motion.errors import MotionError, shown
 from skills.motion.kinematics.joint_group import JointGroup
@@ -23,6 +26,8 @@ from skills.motion.world import Body
 from .messages import InvalidMessage
 
 _SAME = 1e-6  # largest rounding error of a position or of s [rad]
+_NEAR = 1e-5  # largest distance of a tool from its target, ten times that of the solver [m]
+_ALIGNED = 1e-3  # largest angle of its axis from the direction, ten times that of the solver [rad]
 _ROUNDING = 0.01  # share of velocity and acceleration limits, as in the write guard
 
 
@@ -52,7 +57,11 @@ class AnswerChecker:
                 with np.errstate(all="ignore"):
                     self._check_plan(request, answer)
             case ToolQuery(), Reached():
-                _check_reached(answer, self._group(request.group))
+                try:
+                    with np.errstate(all="ignore"):
+                        self._check_reached(request, answer)
+                except (TypeError, ValueError, ArithmeticError) as error:
+                    raise InvalidMessage("a solution of an invalid query") from error
             case Carry(), Body():
                 _check_body(answer, request)
             case Verify(), None:
@@ -91,6 +100,43 @@ class AnswerChecker:
         _check_curve(plan, group)
         _check_time_law(plan.profile, plan.curve)
         _check_limits(plan, group)
+
+    def _check_reached(self, request: ToolQuery, reached: Reached) -> None:
+        """Check that the tool is at its target, unless only the planner knows which tool it is."""
+        group, own = self._group(request.group), self._robot.tool
+        _check_positions(reached, group)
+        link, offset, axis = request.link, np.array(request.offset), request.axis or (0.0, 0.0, 1.0)
+        if not link:
+            if not own or not set(self._kinematics.joints_above(own.link)) & set(group.names):
+                return
+            link, offset, axis = own.link, offset + own.offset, request.axis or own.axis
+        start = joint_positions("start", request.start, self._robot.actuated)
+        (there,) = group.full(start, np.array([reached.positions]))
+        tool, tip = (self._locate(link, each, there) for each in (offset, offset + axis))
+        target = np.array(request.point)
+        if request.relative:
+            target = target + self._locate(link, offset, start)
+        if not (far := math.dist(tool, target)) <= _NEAR:
+            words = f"a solution with the tool {1000 * far:.6g} mm from its target"
+            raise InvalidMessage(words)
+        if request.direction is not None:
+            wanted = np.array(request.direction) / math.hypot(*request.direction)
+            off = math.dist((tip - tool) / math.dist(tip, tool), wanted)
+            if not off <= _ALIGNED:
+                angle = math.degrees(2.0 * math.asin(min(1.0, 0.5 * off)))
+                words = f"a solution with the tool {angle:.6g} deg from its direction"
+                raise InvalidMessage(words)
+
+    def _locate(self, link: str, offset: Array, configuration: Array) -> Array:
+        """Return where a point of a link is in the root frame (3,) [m]."""
+        names = (joint.name for joint in self._robot.actuated)
+        positions = dict(zip(names, configuration.tolist(), strict=True))
+        x, y, z = offset.tolist()
+        return np.array(self._kinematics.locate(link, (x, y, z), positions))
+
+    @cached_property
+    def _kinematics(self) -> ForwardKinematics:
+        return ForwardKinematics(self._robot.urdf.read_text())
 
     def _group(self, name: str) -> JointGroup:
         if name not in self._groups:
@@ -232,7 +278,7 @@ def _check_limits(plan: Plan, group: JointGroup) -> None:
         raise InvalidMessage("a plan that does not stop at a corner of its path")
 
 
-def _check_reached(reached: Reached, group: JointGroup) -> None:
+def _check_positions(reached: Reached, group: JointGroup) -> None:
     given, most = reached.positions, MAX_MAGNITUDE
     numbers = isinstance(given, tuple) and all(is_number(each, -most, most) for each in given)
     if not numbers or len(given) != len(group.names):

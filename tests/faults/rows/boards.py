@@ -3,7 +3,7 @@
 import time
 
 from tests.faults.board import Board
-from tests.faults.process import Command, until
+from tests.faults.process import until
 from tests.faults.row import Scene, last_line, row
 
 OWN = {'firmware = "stock"': 'firmware = "armtree"'}
@@ -13,17 +13,6 @@ def own_board(scene: Scene) -> Board:
     """A board with the firmware of armtree, and a robot file that says so."""
     scene.robot(OWN)
     return scene.board("armtree")
-
-
-def ends_with(scene: Scene, run: Command, *codes: str) -> float:
-    """Check that a run ended with a hardware fault, and sent nothing after it; return when [s]."""
-    scene.check(run.wait() == 6, f"exit status {run.wait()}, not 6")
-    (result,) = run.events("result")
-    scene.check(result["code"] in codes, f"the code is {result['code']}")
-    failing = next(each for each in run.events("lifecycle") if each["label"] == "raise_error")
-    late = [each for each in run.events("sent") if each["time_s"] > failing["time_s"]]
-    scene.check(not late, f"{len(late)} frames were sent after the fault")
-    return float(failing["time_s"])
 
 
 @row(
@@ -38,8 +27,7 @@ def ends_with(scene: Scene, run: Command, *codes: str) -> float:
 def garbage(scene: Scene) -> None:
     firmware = scene.random.choice(["stock", "armtree"])
     board = own_board(scene) if firmware == "armtree" else scene.board()
-    run = scene.run("21", board=board)
-    run.until_event("sent", scene.random.randint(1, 3))
+    run = scene.moving(board, task="21", frames=(1, 3))
     before = run.memory()
     board.ask("garbage 300000")
     most = before
@@ -51,7 +39,7 @@ def garbage(scene: Scene) -> None:
     state = board.ask("state")
     scene.check(state["lost"] == state["wrong"] == 0, f"the board lost bytes: {state}")
     if firmware == "armtree" and run.wait() == 6:
-        ends_with(scene, run, "hw.frame_lost")
+        scene.faulted(run, "hw.frame_lost")
     else:
         scene.check(run.wait() == 0, f"exit status {run.wait()}: {last_line(run)}")
         scene.check(state["angles"] == [90, 90, 90, 0], f"it ends at {state['angles']}")
@@ -69,10 +57,9 @@ def garbage(scene: Scene) -> None:
 )
 def reset(scene: Scene) -> None:
     board = own_board(scene)
-    run = scene.run("20", board=board)
-    run.until_event("sent", scene.random.randint(2, 60))
+    run = scene.moving(board, frames=(2, 60))
     pressed = board.ask("reset")["time"]
-    scene.figure(1000 * (ends_with(scene, run, "hw.board_reset", "hw.frame_lost") - pressed))
+    scene.figure(1000 * (scene.faulted(run, "hw.board_reset", "hw.frame_lost") - pressed))
     scene.verified()
 
 
@@ -84,8 +71,7 @@ def reset(scene: Scene) -> None:
 )
 def reset_stock(scene: Scene) -> None:
     board = scene.board()
-    run = scene.run("21", board=board)
-    run.until_event("sent", scene.random.randint(2, 8))
+    run = scene.moving(board, task="21", frames=(2, 8))
     board.ask("reset")
     scene.check(run.wait() == 0, f"exit status {run.wait()}: {last_line(run)}")
     scene.verified()
@@ -130,10 +116,9 @@ def brown_out(scene: Scene) -> None:
 )
 def damaged_byte(scene: Scene) -> None:
     board = own_board(scene)
-    run = scene.run("20", board=board)
-    run.until_event("sent", scene.random.randint(2, 60))
+    run = scene.moving(board, frames=(2, 60))
     begin = board.ask(f"damage {scene.random.randrange(20)}")["time"]
-    scene.figure(1000 * (ends_with(scene, run, "hw.frame_lost") - begin))
+    scene.figure(1000 * (scene.faulted(run, "hw.frame_lost") - begin))
     scene.verified()
 
 
@@ -147,10 +132,9 @@ def damaged_byte(scene: Scene) -> None:
 )
 def silence(scene: Scene) -> None:
     board = own_board(scene)
-    run = scene.run("20", board=board)
-    run.until_event("sent", scene.random.randint(2, 60))
+    run = scene.moving(board, frames=(2, 60))
     begin = board.ask("mute")["time"]
-    scene.figure(1000 * (ends_with(scene, run, "hw.frame_lost") - begin))
+    scene.figure(1000 * (scene.faulted(run, "hw.frame_lost") - begin))
     scene.verified()
 
 

@@ -167,7 +167,6 @@ def escapes(scene: Scene) -> None:
     trees.mkdir()
     (trees / "60_evil.yaml").write_text(TASK)
     server = scene.serve("--activate")
-    until("the arm to be active", lambda: server.state() == "active")
     fields = {"code": "goal.busy", "message": FORGED, "hint": FORGED, "node": EVIL}
     error = json.dumps({**fields, "joint": "", "value": None, "limit": None}).encode()
     commands = [

@@ -1,5 +1,6 @@
 """What surrounds the command: files that never end, readers that end first, closed terminals."""
 
+import itertools
 import json
 import os
 import signal
@@ -48,44 +49,60 @@ sys.exit(status if status >= 0 else 128 - status)
 """
 
 
+KINDS = ("pipe", "socket", "zero", "folder", "big", "brackets")
+
+
 @row(
     "endless-files",
-    "`--robot`, `--world`, `urdf` or a task on a pipe, a socket, a device, a folder, a file of 1 GB"
-    " or 100,000 brackets; `baud = 1`",
-    "exit status 3 and one line that names it; nothing hangs, and memory stays below 400 MiB",
+    "`--robot`, `--world`, `urdf`, a task or a file of `--skills` on a pipe, a socket, a device, a"
+    " folder, a file of 1 GB or 100,000 brackets; `baud = 1`",
+    "exit status 3 and one line that names it, or the file of skills is left out; nothing hangs,"
+    " and memory stays below 400 MiB",
     limit=20,
     unit="s",
-    times=12,
+    times=16,
     quick=2,
 )
 def endless_files(scene: Scene) -> None:
-    kind = scene.random.choice(["pipe", "socket", "zero", "folder", "big", "brackets"])
-    path = endless(scene.folder, kind)
-    what = scene.random.choice(["--robot", "--world", "urdf", "task", "baud"])
-    arguments: list[str | Path] = ["plan", "right", "-o", scene.folder / "plan.png"]
+    cases = itertools.product(("--robot", "--world", "urdf", "task", "skills"), KINDS)
+    tried = scene.share([*cases, ("baud", "1"), ("baud", "1000000000000")])
+    scene.injections = len(tried)
+    for what, kind in tried:
+        folder = scene.folder / f"{what}-{kind}"
+        folder.mkdir()
+        arguments, path = endless_case(scene, folder, what, kind)
+        begin, most = time.monotonic(), 0.0
+        command = scene.armtree(*arguments)
+        while command.popen.poll() is None and time.monotonic() < begin + 60:
+            most = max(most, memory(command))
+            time.sleep(0.01)  # noqa: TID251, it watches another process
+        scene.figure(time.monotonic() - begin)
+        where = f"{what} {kind}"
+        expected = 0 if what == "skills" else 3
+        scene.check(command.wait() == expected, f"{where}: {command.wait()}: {last_line(command)}")
+        scene.check(path.name in command.text(), f"{where}: not named: {last_line(command)}")
+        lines = len(command.text().splitlines())
+        scene.check(lines < 6 or what == "skills", f"{where}: {lines} lines")
+        scene.check(most < 400, f"{where}: {most:.0f} MiB")
+
+
+def endless_case(scene: Scene, folder: Path, what: str, kind: str) -> tuple[list[str | Path], Path]:
+    """The arguments of a command, and the file that it must name."""
+    plan: list[str | Path] = ["plan", "right", "-o", scene.folder / "plan.png"]
+    run: list[str | Path] = ["run", "21", "--port", "virtual"]
+    if what == "baud":
+        path = scene.robot({"baud = 115200": f"baud = {kind}"})
+        return [*run, "--robot", path, "--trees", TASKS], path
+    path = endless(folder, kind)
     if what == "urdf":
-        arguments += ["--robot", scene.robot({f'"{shipped_urdf()}"': json.dumps(str(path))})]
-    elif what == "baud":
-        path = scene.robot({"baud = 115200": f"baud = {scene.random.choice([1, 10**12])}"})
-        arguments = ["run", "21", "--port", "virtual", "--robot", path, "--trees", TASKS]
-    elif what == "task":
-        trees = scene.folder / "trees"
-        trees.mkdir()
-        path = path.rename(trees / "77_endless.yaml")
-        arguments = ["run", "77", "--port", "virtual", "--trees", trees]
-    else:
-        arguments += [what, path]
-    begin, most = time.monotonic(), 0.0
-    command = scene.armtree(*arguments)
-    while command.popen.poll() is None and time.monotonic() < begin + 60:
-        most = max(most, memory(command))
-        time.sleep(0.01)  # noqa: TID251, it watches another process
-    scene.figure(time.monotonic() - begin)
-    where = f"{what} {kind}"
-    scene.check(command.wait() == 3, f"{where}: {command.wait()}: {last_line(command)}")
-    scene.check(path.name in command.text(), f"{where}: not named: {last_line(command)}")
-    scene.check(len(command.text().splitlines()) < 6, f"{where}: more than some lines")
-    scene.check(most < 400, f"{where}: {most:.0f} MiB")
+        return [*plan, "--robot", scene.robot({f'"{shipped_urdf()}"': json.dumps(str(path))})], path
+    if what == "task":
+        path = path.rename(folder / "77_endless.yaml")
+        return ["run", "77", "--port", "virtual", "--trees", folder], path
+    if what == "skills":
+        path = path.rename(folder / "endless.py")
+        return [*run, "--skills", folder, "--trees", TASKS], path
+    return [*plan, what, path], path
 
 
 def shipped_urdf() -> Path:
@@ -153,7 +170,7 @@ def reader_ends(scene: Scene) -> None:
     quick=1,
 )
 def closed_streams(scene: Scene) -> None:
-    closed = scene.random.choice([[1], [2], [0, 1], [0, 1, 2]])
+    (closed,) = scene.share([[1], [2], [0, 1], [0, 1, 2]])
     board = scene.board()
     argv = ("sh", "-c", f'exec "$@" {" ".join(f"{number}>&-" for number in closed)}', "sh", ARMTREE)
     run = scene.run("20", board=board, argv=argv)
@@ -209,8 +226,7 @@ def moving(board: Board, frames: int) -> None:
 def two_ctrl_c(scene: Scene) -> None:
     board = scene.board()
     calls = WrongCalls(scene.folder, ".mcap")
-    run = scene.run("20", board=board, environment=calls.environment)
-    run.until_event("sent", scene.random.randint(1, 12))
+    run = scene.moving(board, calls=calls)
     calls.start("delay 60000")
     until("a spoiled call", calls.calls)
     scene.unrecorded = 2  # the frame in flight, and the hold of the stop

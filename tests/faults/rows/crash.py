@@ -23,8 +23,7 @@ _FORKING = "os.fork() or os._exit(0)\n    os.wait()\n"
 )
 def kill(scene: Scene) -> None:
     board = scene.board()
-    run = scene.run("20", board=board)
-    run.until_event("sent", scene.random.randint(1, 20))
+    run = scene.moving(board, frames=(1, 20))
     scene.unrecorded = scene.unreceived = 1
     run.signal(signal.SIGKILL)
     run.wait()
@@ -48,7 +47,7 @@ def skill_exits(scene: Scene) -> None:
     (trees / "24_leave.yaml").write_text(
         "task: 24\nname: leave\ndescription: Leave.\ntree:\n  leave: {}\n"
     )
-    call = scene.random.choice(["os._exit(0)", "sys.exit(0)"])
+    (call,) = scene.share(["os._exit(0)", "sys.exit(0)"])
     kinds = {
         "function": (_FUNCTION.format(call), 11, "leave"),
         "class": (_CLASS.format(call), 11, "leave.on_start"),

@@ -1,5 +1,6 @@
 """Wrong numbers, targets at the limits, cancels at any time and in storms, many goals."""
 
+import itertools
 import json
 import math
 import signal
@@ -102,7 +103,7 @@ def wrong_numbers(scene: Scene) -> None:
 )
 def limits(scene: Scene) -> None:
     board, server = turning(scene)
-    limit = scene.random.choice([-LIMIT, LIMIT])
+    (limit,) = scene.share([-LIMIT, LIMIT])
     beyond = math.nextafter(limit, math.inf * limit)
     result = server.result(server.goal(30, arguments={"angle": beyond}))
     scene.check(result["code"] == "goal.out_of_bounds", f"beyond: {result['code']}")
@@ -212,11 +213,12 @@ def cancel_storm(scene: Scene) -> None:
 def dead_client(scene: Scene) -> None:
     board = scene.board()
     server = scene.serve("--activate", board=board)
-    deadman = ["--deadman"] if scene.random.random() < 0.6 else ["--wait"]
+    kinds = itertools.product((["--deadman"], ["--wait"]), (signal.SIGKILL, signal.SIGSTOP))
+    ((deadman, number),) = scene.share(kinds)
     client = scene.armtree("send", "20", *deadman, "--server", server.url)
     until("the first frame", board.frames)
     time.sleep(scene.random.uniform(0.0, 1.0))  # noqa: TID251, a random moment
-    killed = client.signal(scene.random.choice([signal.SIGKILL, signal.SIGSTOP]))
+    killed = client.signal(number)
     if deadman == ["--deadman"]:
         until("no goal is left", lambda: server.get("/api/status")["goal"] is None)
         scene.figure(max(0.0, board.frames()[-1].time - killed))

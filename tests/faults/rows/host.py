@@ -1,9 +1,11 @@
 """The computer is busy, freezes the command, or turns its clock; skills and drivers are wrong."""
 
+import itertools
 import signal
 import subprocess
 import sys
 import time
+from typing import Any
 
 from tests.faults.process import Command, kill, until
 from tests.faults.row import Scene, last_line, row
@@ -12,10 +14,15 @@ from tests.faults.wrong_calls import WallClock
 PERIOD = 0.1  # between two frames to the published sketch [s]
 
 
+def timed(run: Command) -> list[dict[str, Any]]:
+    """The frames of the motions of a run."""
+    return [each for each in run.events("sent") if each["scheduled_s"] is not None]
+
+
 def no_burst(scene: Scene, run: Command) -> None:
     """Check that no frame of a motion was sent sooner after the one before than it was planned."""
     motions = run.events("schedule")
-    frames = [each for each in run.events("sent") if each["scheduled_s"] is not None]
+    frames = timed(run)
     for motion in motions:
         count = len(motion["times"])
         sent, frames = frames[:count], frames[count:]
@@ -48,9 +55,8 @@ def clock(scene: Scene) -> None:
     run.signal(signal.SIGINT)
     scene.check(run.wait() == 7, f"exit status {run.wait()}: {last_line(run)}")
     no_burst(scene, run)
-    for each in run.events("sent"):
-        if each["scheduled_s"] is not None:
-            scene.figure(1000 * (each["time_s"] - each["scheduled_s"]))
+    for each in timed(run):
+        scene.figure(1000 * (each["time_s"] - each["scheduled_s"]))
     scene.verified()
 
 
@@ -75,6 +81,8 @@ def starved(scene: Scene) -> None:
             loop.kill()
             loop.wait()
     no_burst(scene, run)
+    late = [each["time_s"] - each["scheduled_s"] for each in timed(run)]
+    scene.check(max(late) > 0.01, f"no frame was late: at most {1000 * max(late):.1f} ms")
     scene.check(board.ask("state")["lost"] == 0, "the board lost bytes")
     scene.verified()
 
@@ -87,8 +95,7 @@ def starved(scene: Scene) -> None:
 )
 def frozen(scene: Scene) -> None:
     board = scene.board()
-    run = scene.run("21", board=board)
-    run.until_event("sent", scene.random.randint(1, 8))
+    run = scene.moving(board, task="21", frames=(1, 8))
     for pid in [run.pid, *run.family()]:
         kill(pid, signal.SIGSTOP)
     time.sleep(scene.random.uniform(0.1, 2.0))  # noqa: TID251, so long it is stopped
@@ -102,6 +109,7 @@ def frozen(scene: Scene) -> None:
     scene.verified()
 
 
+GOALS = (1.0, 0.5, 0.4, -0.9)  # of the joints [rad]
 SKILL = """
 from dataclasses import replace
 
@@ -129,7 +137,7 @@ description: Play a motion too fast.
 tree:
   sequence:
     - SetStart: {{start: $start}}
-    - Target: {{start: $start, joints: {{joint_1: {goal}}}, goal: $goal}}
+    - Target: {{start: $start, joints: {{{joint}: {goal}}}, goal: $goal}}
     - parallel:
         - PlanArm: {{start: $start, goal: $goal, plan: $arm_plan}}
         - PlanGripper: {{start: $start, goal: $goal, plan: $gripper_plan}}
@@ -139,30 +147,38 @@ tree:
 
 @row(
     "too-fast",
-    "a skill plays a motion at 3 to 20 times the velocity for which it was planned",
-    "the write guard refuses it: exit status 6; no joint gets 20 % above its limit in 0.4 s",
-    times=4,
+    "a skill plays a motion of any joint, on either firmware, at 3 to 20 times its velocity",
+    "the write guard refuses it: exit status 6, or frames wait until the published sketch has room"
+    " for them; no joint gets 20 % above its limit in 0.4 s",
+    times=8,
     quick=1,
 )
 def too_fast(scene: Scene) -> None:
-    for name, text in (("skills/hurry.py", SKILL), ("trees/30_hurry.yaml", TASK)):
-        goal = scene.random.choice([-1, 1]) * scene.random.uniform(1.0, 1.4)
-        factor = scene.random.uniform(3.0, 20.0)
-        path = scene.folder / name
-        path.parent.mkdir()
-        path.write_text(text.format(goal=goal, factor=factor) if "{goal}" in text else text)
-    scene.robot({'firmware = "stock"': 'firmware = "armtree"'})
-    run = scene.run("30", "--skills", scene.folder / "skills", board=scene.board("armtree"))
-    scene.check(run.wait() == 6, f"exit status {run.wait()}: {last_line(run)}")
+    ((firmware, joint),) = scene.share(itertools.product(("stock", "armtree"), range(4)))
+    far = GOALS[joint] * scene.random.uniform(1.0, 1.4)
+    factor = scene.random.uniform(3.0 if abs(far) > 1 else 10.0, 20.0)
+    texts = {
+        "skills/hurry.py": SKILL,
+        "trees/30_hurry.yaml": TASK.format(joint=f"joint_{joint + 1}", goal=far, factor=factor),
+    }
+    for name, text in texts.items():
+        (scene.folder / name).parent.mkdir()
+        (scene.folder / name).write_text(text)
+    scene.robot({'firmware = "stock"': f'firmware = "{firmware}"'})
+    run = scene.run("30", "--skills", scene.folder / "skills", board=scene.board(firmware))
     (result,) = run.events("result")
-    codes = ("hw.joint_too_fast", "hw.too_fast")
-    scene.check(result["code"] in codes, f"the code is {result['code']}")
-    sent = [(each["time_s"], each["positions"][0]) for each in run.events("sent") if each["joints"]]
+    found = run.wait(), result["code"]
+    expected = [(6, "hw.joint_too_fast"), (6, "hw.too_fast")]
+    expected += [(0, "ok")] if firmware == "stock" else []  # frames wait until it has room
+    scene.check(found in expected, f"{firmware}, joint {joint + 1}: {found}: {last_line(run)}")
+    moved = [each for each in run.events("sent") if each["joints"]]
+    sent = [(each["time_s"], each["positions"][joint]) for each in moved]
+    period = PERIOD if firmware == "stock" else 0.02
     for begin, before in sent:
         for end, after in sent:
             if begin < end < begin + 0.4:
-                # The guard accepts three periods of 20 ms at once, because frames may be late.
-                most = 1.2 * (end - begin + 0.06) * 1.0
+                # The guard accepts three periods at once, because frames may be late.
+                most = 1.2 * (end - begin + 3 * period) * 1.0
                 scene.check(abs(after - before) < most, f"{after - before} in {end - begin} s")
 
 
@@ -193,7 +209,8 @@ class Wrong(SerialServo):
     "wrong-driver",
     "a driver of another package raises any exception, returns nothing, or does not return",
     "the goal ends with a code of the hardware and exit status 6; nothing is sent afterwards",
-    times=4,
+    times=8,
+    quick=1,
 )
 def wrong_driver(scene: Scene) -> None:
     scene.robot({'driver = "serial_servo"': 'driver = "wrong"'})
@@ -202,15 +219,11 @@ def wrong_driver(scene: Scene) -> None:
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: wrong-driver\nVersion: 1.0\n")
     (info / "entry_points.txt").write_text("[armtree.hardware]\nwrong = wrong_driver:Wrong\n")
     board = scene.board()
-    call, how = scene.random.choice(
-        [
-            *(
-                ("write", f"raise {error}")
-                for error in ("KeyError(1)", "SystemExit", "MemoryError")
-            ),
-            *(("write", how) for how in ("time.sleep(30)", "raise UnicodeError('\\n')")),
-            *(("read", how) for how in ("raise ZeroDivisionError", "return b''", "return None")),
-        ]
+    raised = ("KeyError(1)", "SystemExit", "MemoryError", "UnicodeError('\\n')")
+    wrong = ["time.sleep(30)", *(f"raise {each}" for each in raised)]
+    silent = ["raise ZeroDivisionError", "return b''", "return None"]
+    ((call, how),) = scene.share(
+        [*(("write", each) for each in wrong), *(("read", each) for each in silent)]
     )
     after = scene.random.randint(1, 12) if call == "write" else 0
     text = DRIVER.format(call=call, how=how, after=after)

@@ -85,20 +85,13 @@ def two_runs(scene: Scene) -> None:
 def port_shared(scene: Scene) -> None:
     scene.robot({'firmware = "stock"': 'firmware = "armtree"'})
     board = scene.board("armtree")
-    run = scene.run("20", board=board)
-    run.until_event("sent", scene.random.randint(1, 60))
+    run = scene.moving(board, frames=(1, 60))
     scene.unrecorded, scene.unreceived = 1, 1
     other = os.open(board.port, os.O_RDWR | os.O_NOCTTY)
     begin = time.monotonic()
     os.write(other, b"b091,s091,e091,g000,")
     os.close(other)
-    scene.check(run.wait() == 6, f"exit status {run.wait()}, not 6")
-    (result,) = run.events("result")
-    scene.check(result["code"] == "hw.frame_lost", f"the code is {result['code']}")
-    failing = next(each for each in run.events("lifecycle") if each["label"] == "raise_error")
-    late = [each for each in run.events("sent") if each["time_s"] > failing["time_s"]]
-    scene.check(not late, f"{len(late)} frames were sent after the fault")
-    scene.figure(1000 * (failing["time_s"] - begin))
+    scene.figure(1000 * (scene.faulted(run, "hw.frame_lost") - begin))
     scene.verified()
 
 
@@ -135,7 +128,9 @@ NO_PORTS = (
 )
 def not_a_port(scene: Scene) -> None:
     robot = scene.robot()
-    for kind in scene.random.sample(NO_PORTS, 4):
+    kinds = scene.share(NO_PORTS)
+    scene.injections = len(kinds)
+    for kind in kinds:
         path = no_port(kind, scene.folder / f"port-{NO_PORTS.index(kind)}")
         run = scene.armtree(*("run", "21", "--port", path, "--robot", robot, "--trees", TASKS))
         scene.check(run.wait() == 6, f"{kind}: exit status {run.wait()}, not 6")
@@ -158,7 +153,7 @@ def dropped_arm(scene: Scene) -> None:
         port=str(board.port),
         robot=str(scene.robot()),
         trees=str(TASKS),
-        drop=scene.random.choice(WAYS_TO_DROP),
+        drop=scene.share(WAYS_TO_DROP)[0],
     )
     program = scene.armtree("-c", text, argv=[sys.executable], stdin=subprocess.PIPE)
     program.until_printed("dropped")
@@ -205,14 +200,14 @@ def doctor(scene: Scene) -> None:
     "there is no `XDG_RUNTIME_DIR`, and in the folder for temporary files, the folder of armtree is"
     " a link, a file, a pipe, or open to other users",
     "the server ends with exit status 13 and names that folder; nothing is written there",
-    times=3,
+    times=5,
 )
 def runtime_folder(scene: Scene) -> None:
     temporary, other = scene.folder / "tmp", scene.folder / "other"
     temporary.mkdir()
     other.mkdir(mode=0o700)
     folder = temporary / f"armtree-{os.getuid()}"
-    kind = scene.random.choice(["link", "dangling link", "file", "pipe", "open folder"])
+    (kind,) = scene.share(["link", "dangling link", "file", "pipe", "open folder"])
     if kind == "open folder":
         folder.mkdir()
         folder.chmod(0o777)

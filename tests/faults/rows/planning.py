@@ -1,6 +1,7 @@
 """Planners lie, die, hang, or are starved of memory."""
 
 import functools
+import itertools
 import json
 import os
 import resource
@@ -32,12 +33,14 @@ LIES = (
     "jump",
     "huge",
     "durations",
+    "elsewhere",
 )
 
 
 @row(
     "planner-lies",
-    "a planner answers with another plan: other shapes, joints, limits, start, goal, duration",
+    "a planner answers with another plan: other shapes, joints, limits, start, goal, duration; or"
+    " with joint positions that bring the tool elsewhere",
     "the goal ends `plan.worker_died` with what is wrong; no frame is sent; the next goal succeeds",
     times=5,
     quick=1,
@@ -47,13 +50,12 @@ def planner_lies(scene: Scene) -> None:
     fault = scene.folder / "fault"
     environment = {"PYTHONPATH": str(PRELOAD), "PLANNER_FAULT": str(fault)}
     server = scene.serve("--activate", board=board, environment=environment)
-    until("the arm is active", lambda: server.state() == "active")
-    kinds = scene.random.sample(LIES, 3)
+    kinds = scene.share(LIES)
     scene.injections = len(kinds)
     for kind in kinds:
         before = len(board.frames())
         fault.write_text(kind)
-        result = server.result(server.goal(21))
+        result = server.result(server.goal(24 if kind == "elsewhere" else 21))
         scene.check(not fault.exists(), f"{kind}: the planner was not asked")
         code, message = result["code"], result["message"]
         scene.check(code == "plan.worker_died", f"{kind}: the code is {code}: {message}")
@@ -73,8 +75,9 @@ def planner_lies(scene: Scene) -> None:
     quick=1,
 )
 def slow_joint(scene: Scene) -> None:
-    text = scene.random.choice(["velocity = 1.0", "acceleration = 0.5"])
-    value = scene.random.choice(["1e-7", "2e-8"])
+    ((text, value),) = scene.share(
+        itertools.product(("velocity = 1.0", "acceleration = 0.5"), ("1e-7", "2e-8"))
+    )
     scene.robot({text: f"{text.partition(' ')[0]} = {value}"})
     run = scene.run("20", board=scene.board())
 
@@ -99,7 +102,7 @@ def slow_joint(scene: Scene) -> None:
 )
 def planner_memory(scene: Scene) -> None:
     needed, board = 2**30, scene.board()
-    low = scene.random.random() < 0.4
+    (low,) = scene.share([True, False])
     bounds = (needed // 5, needed - 2**20) if low else (needed, 5 * needed)
     limit = scene.random.randint(*bounds)
     run = scene.run("21", board=board, limits={resource.RLIMIT_AS: limit})
@@ -121,7 +124,6 @@ def planner_memory(scene: Scene) -> None:
 )
 def planner_stopped(scene: Scene) -> None:
     server = scene.serve("--activate", board=scene.board())
-    until("the arm is active", lambda: server.state() == "active")
     kinds = ("SIGSTOP", "SIGSTOP", scene.random.choice(["SIGKILL", "SIGABRT", "SIGSEGV"]))
     scene.injections = len(kinds)
     for kind in kinds:
@@ -163,8 +165,7 @@ def command_line(pid: int) -> str:
     times=6,
 )
 def huge_scenes(scene: Scene) -> None:
-    bodies = scene.random.random() < 0.5
-    few = scene.random.random() < 0.5
+    ((bodies, few),) = scene.share(itertools.product((True, False), repeat=2))
     count = scene.random.randint(500, 900) if few else scene.random.randint(1001, 6000)
     arguments = _world_of(scene, count) if bodies else _robot_of(scene, count)
     plan = scene.armtree("plan", "joint_1=0.5", *arguments)

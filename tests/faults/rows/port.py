@@ -5,20 +5,9 @@ import signal
 import time
 
 from tests.faults.board import Board
-from tests.faults.process import Command, until
+from tests.faults.process import until
 from tests.faults.row import Scene, row
 from tests.faults.wrong_calls import WrongCalls
-
-
-def fault_time(scene: Scene, run: Command, code: str) -> float:
-    """Check that a run ended with a hardware fault, and sent nothing after it; return when [s]."""
-    scene.check(run.wait() == 6, f"exit status {run.wait()}, not 6")
-    (result,) = run.events("result")
-    scene.check(result["code"] == code, f"the code is {result['code']}")
-    failing = next(each for each in run.events("lifecycle") if each["label"] == "raise_error")
-    late = [each for each in run.events("sent") if each["time_s"] > failing["time_s"]]
-    scene.check(not late, f"{len(late)} frames were sent after the fault")
-    return float(failing["time_s"])
 
 
 @row(
@@ -32,11 +21,10 @@ def fault_time(scene: Scene, run: Command, code: str) -> float:
 )
 def unplug(scene: Scene) -> None:
     board = scene.board()
-    run = scene.run("20", board=board)
-    run.until_event("sent", scene.random.randint(1, 12))
+    run = scene.moving(board)
     scene.unreceived = 1
     gone = board.ask("unplug")["time"]
-    scene.figure(1000 * (fault_time(scene, run, "hw.port_lost") - gone))
+    scene.figure(1000 * (scene.faulted(run, "hw.port_lost") - gone))
     scene.verified()
 
 
@@ -106,7 +94,7 @@ def stalled_board(scene: Scene) -> None:
     board.ask(f"take {scene.random.randint(20, 400)}")  # room for some frames
     scene.unreceived = 1000
     run = scene.run("20", board=board)
-    failed = fault_time(scene, run, "hw.port_stalled")
+    failed = scene.faulted(run, "hw.port_stalled")
     sent = [each["time_s"] for each in run.events("sent")]
     *before, motion = run.events("schedule")
     done = len(sent) - sum(len(each["times"]) for each in before)
@@ -140,13 +128,12 @@ def fill(board: Board) -> None:
 def write_without_end(scene: Scene) -> None:
     board = scene.board()
     calls = WrongCalls(scene.folder, board.port)
-    run = scene.run("20", board=board, environment=calls.environment)
-    run.until_event("sent", scene.random.randint(1, 12))
+    run = scene.moving(board, calls=calls)
     scene.unreceived = 1
-    how = scene.random.choice(["errno 11", "zero", "delay 4000", "hang 150"])
+    (how,) = scene.share(["errno 11", "zero", "delay 4000", "hang 150"])
     calls.start(how)
     until("a spoiled call", calls.calls)
-    failed = fault_time(scene, run, "hw.port_stalled")
+    failed = scene.faulted(run, "hw.port_stalled")
     scene.figure(1000 * (failed - calls.calls()[0]))
     late = [each for each in calls.calls() if each > failed]
     scene.check(not late, f"{how}: {len(late)} calls after the fault")
@@ -164,8 +151,7 @@ def write_without_end(scene: Scene) -> None:
 def write_stuck(scene: Scene) -> None:
     board = scene.board()
     calls = WrongCalls(scene.folder, board.port)
-    run = scene.run("20", board=board, environment=calls.environment)
-    run.until_event("sent", scene.random.randint(1, 12))
+    run = scene.moving(board, calls=calls)
     scene.unreceived = 1
     calls.start("delay 20000")
     until("a spoiled call", calls.calls)
@@ -185,11 +171,10 @@ def write_stuck(scene: Scene) -> None:
 def write_error(scene: Scene) -> None:
     board = scene.board()
     calls = WrongCalls(scene.folder, board.port)
-    run = scene.run("20", board=board, environment=calls.environment)
-    run.until_event("sent", scene.random.randint(1, 12))
+    run = scene.moving(board, calls=calls)
     scene.unreceived = 1
-    calls.start(f"errno {scene.random.choice([5, 6, 9, 28])} once")
-    fault_time(scene, run, "hw.port_lost")
+    calls.start(f"errno {scene.share([5, 6, 9, 28])[0]} once")
+    scene.faulted(run, "hw.port_lost")
     scene.check(len(calls.calls()) == 1, f"{len(calls.calls())} calls failed")
     scene.verified()
 

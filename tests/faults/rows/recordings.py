@@ -99,8 +99,7 @@ def change(scene: Scene) -> None:
 def slow_disk(scene: Scene) -> None:
     board = scene.board()
     calls = WrongCalls(scene.folder, "-21.mcap")
-    run = scene.run("21", board=board, environment=calls.environment)
-    run.until_event("sent", scene.random.randint(1, 8))
+    run = scene.moving(board, task="21", frames=(1, 8), calls=calls)
     calls.start(f"delay {scene.random.randint(100, 600)}")
     time.sleep(scene.random.uniform(0.5, 3.0))  # noqa: TID251, so long the disk is slow
     calls.stop()
@@ -176,8 +175,7 @@ def deleted_folder(scene: Scene) -> None:
 def lost_sync(scene: Scene) -> None:
     board = scene.board()
     calls = WrongCalls(scene.folder, "-20.mcap", "sync")
-    run = scene.run("20", board=board, environment=calls.environment)
-    run.until_event("sent", scene.random.randint(1, 8))
+    run = scene.moving(board, frames=(1, 8), calls=calls)
     calls.start("errno 5 once")
     scene.check(run.wait() == 10, f"exit status {run.wait()}, not 10: {last_line(run)}")
     (result,) = run.events("result")
@@ -196,8 +194,7 @@ def lost_sync(scene: Scene) -> None:
 def full_disk(scene: Scene) -> None:
     board = scene.board()
     calls = WrongCalls(scene.folder, "-20.mcap")
-    run = scene.run("20", board=board, environment=calls.environment)
-    run.until_event("sent", scene.random.randint(1, 12))
+    run = scene.moving(board, calls=calls)
     calls.start(f"errno {errno.ENOSPC}")
     scene.check(run.wait() == 10, f"exit status {run.wait()}, not 10: {last_line(run)}")
     calls.stop()
@@ -219,8 +216,7 @@ def full_disk(scene: Scene) -> None:
 def kill_slow_disk(scene: Scene) -> None:
     board = scene.board()
     calls = WrongCalls(scene.folder, "-20.mcap")
-    run = scene.run("20", board=board, environment=calls.environment)
-    run.until_event("sent", scene.random.randint(1, 8))
+    run = scene.moving(board, frames=(1, 8), calls=calls)
     calls.start(f"delay {scene.random.randint(200, 1000)}")
     time.sleep(scene.random.uniform(0.0, 2.0))  # noqa: TID251, a random moment
     run.signal(signal.SIGKILL)

@@ -3,28 +3,44 @@
 import contextlib
 import json
 import resource
+import signal
 import socket
 import sys
 import time
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 from websockets.sync.client import connect
 
-from tests.faults.process import until
+from tests.faults.board import Board, Read
+from tests.faults.process import Server, until
 from tests.faults.row import Row, Scene, row
 
 HOSTILE = Path(__file__).parents[1] / "hostile.py"
-STOPS = 120  # per flood, so that one late answer is not the 99th percentile
+CLIENTS = 80
+GOALS = 25  # per flood
+STOPS = 4  # per goal: one in motion, and more while nothing moves
 
 
-def flood(kind: str, fault: str, clients: int = 80, quick: int = 0) -> Row:
-    """A row: hostile clients of one kind, and stops of another client meanwhile."""
+def flood(kind: str, fault: str, stops: bool = False, quick: int = 0) -> Row:
+    """A row: hostile clients of one kind, and another client that stops goals in motion.
+
+    Args:
+        kind: As in `hostile.py`.
+        fault: What each client does.
+        stops: Whether that stops the arm. Such clients are frozen while a goal begins to move, and
+            then it counts from their first stop.
+        quick: As of `Row`.
+    """
 
     @row(
         f"flood-{kind.replace(' ', '-')}",
-        f"{clients} clients: {fault}",
-        "another client's stop ends the goal, and every stop is answered",
+        f"{CLIENTS} clients: {fault}",
+        "from a stop of another client, or the first of such a flood, to its answer and to the"
+        " last frame on the wire; the arm is in motion at every fourth stop",
         limit=50,
+        worst=250,
         unit="ms",
         times=1,
         quick=quick,
@@ -33,29 +49,54 @@ def flood(kind: str, fault: str, clients: int = 80, quick: int = 0) -> Row:
     def inject(scene: Scene) -> None:
         board = scene.board()
         server = scene.serve("--activate", "--rosbridge", board=board)
-        until("the arm to be active", lambda: server.state() == "active")
-        goal = server.goal(20)
-        until("a frame", board.data)
-        line = kind, str(server.address[1]), str(clients)
+        line = kind, str(server.address[1]), str(CLIENTS)
         crowd = scene.armtree(*line, argv=(sys.executable, HOSTILE))
         begin = server.processor()
         until("the flood to work", lambda: server.processor() > begin + 0.3)
-        for _ in range(STOPS):
-            until("a while", lambda: scene.random.random() < 0.1)
-            scene.figure(1000 * server.stop())
+        for _ in range(GOALS):
+            if stops:
+                crowd.signal(signal.SIGSTOP)
+            goal = until("a goal in motion", partial(in_motion, scene, server, board))
+            begin = crowd.signal(signal.SIGCONT)
+            server.stop()
+            answered = time.monotonic()
+            state = server.result(goal)["state"]
+            scene.check(state == "CANCELED", f"the goal ended {state}")
+            frames = until("the hold frame", partial(held, board))
+            scene.figure(1000 * (max(answered, frames[-1].time) - begin))
+            for _ in range(STOPS - 1):
+                until("a while", lambda: scene.random.random() < 0.1)
+                scene.figure(1000 * server.stop())
+            scene.check(len(board.frames()) == len(frames), "a frame was sent after the stop")
         scene.check(crowd.popen.poll() is None, "the clients ended too early")
-        crowd.close()
-        state = server.result(goal)["state"]
-        scene.check(state == "CANCELED", f"the goal ended {state}")
-        scene.injections = STOPS
+        scene.injections = GOALS * STOPS
 
     return inject
 
 
+def in_motion(scene: Scene, server: Server, board: Board) -> str:
+    """A goal that moves; empty if it is refused, or ended by what a flood has sent before."""
+    count = len(board.frames()) + scene.random.randint(1, 6)
+    goal = str(server.post("/api/goals", {"task": 20}).get("goal_id", ""))
+
+    def known() -> bool:
+        moves = len(board.frames()) >= count
+        return moves or server.get(f"/api/goals/{goal}")["state"] in ("CANCELED", "ABORTED")
+
+    return goal if goal and until("it moves", known) and len(board.frames()) >= count else ""
+
+
+def held(board: Board) -> Sequence[Read]:
+    """All frames, once the last one repeats the one before."""
+    frames = board.frames()
+    return frames if frames[-1].data == frames[-2].data else ()
+
+
 flood_connections = flood("connections", "connect and leave")
-flood_stops = flood("stops", "stop the arm, each time on a new connection", clients=20)
-flood_open = flood("stops on open connections", "stop the arm again and again", clients=20)
-flood_pipelined = flood("pipelined stops", "send 500 stops at once", clients=20)
+flood_stops = flood("stops", "stop the arm, each time on a new connection", stops=True)
+flood_open = flood("stops on open connections", "stop the arm again and again", stops=True)
+flood_pipelined = flood("pipelined stops", "send 500 stops at once", stops=True)
+flood_bodies = flood("stops with bodies", "stops whose bodies come later, in part", stops=True)
 flood_long = flood("long stops", "stops with 11,000 header lines")
 flood_foreign_long = flood(
     "foreign long stops", "stops with 11,000 header lines for another host", quick=1
@@ -63,10 +104,12 @@ flood_foreign_long = flood(
 flood_foreign = flood("foreign stops", "stops for another host")
 flood_endless = flood("endless stops", "stops whose 11,000 header lines do not end")
 flood_behind = flood("stops behind lines", "stops as the last of 8 kB of header lines")
-flood_chunks = flood("chunks", "stops whose bodies have a thousand chunks and do not end")
+flood_chunks = flood(
+    "chunks", "stops whose bodies have a thousand chunks and do not end", stops=True
+)
 flood_cancels = flood("long cancels", "cancels with 11,000 header lines")
-flood_goals = flood("rosbridge goals", "goals through rosbridge", clients=16)
-flood_rosbridge = flood("rosbridge cancels", "cancels through rosbridge", clients=16)
+flood_goals = flood("rosbridge goals", "goals through rosbridge; 16 of them are let in")
+flood_rosbridge = flood("rosbridge cancels", "cancels through rosbridge; 16 are let in")
 
 
 @row(
@@ -82,7 +125,6 @@ flood_rosbridge = flood("rosbridge cancels", "cancels through rosbridge", client
 def descriptors(scene: Scene) -> None:
     board = scene.board()
     server = scene.serve("--activate", board=board, limits={resource.RLIMIT_NOFILE: 30})
-    until("the arm to be active", lambda: server.state() == "active")
     with contextlib.ExitStack() as stack:
         for _ in range(40):
             stack.enter_context(socket.create_connection(server.address))
@@ -111,7 +153,6 @@ def descriptors(scene: Scene) -> None:
 )
 def rosbridge_recordings(scene: Scene) -> None:
     server = scene.serve("--activate", "--rosbridge")
-    until("the arm to be active", lambda: server.state() == "active")
     crowd = scene.armtree(
         *("rosbridge goals", str(server.address[1]), "16"), argv=(sys.executable, HOSTILE)
     )
@@ -139,7 +180,6 @@ def rosbridge_recordings(scene: Scene) -> None:
 )
 def rosbridge_numbers(scene: Scene) -> None:
     server = scene.serve("--activate", "--rosbridge")
-    until("the arm to be active", lambda: server.state() == "active")
     goal = {"op": "send_action_goal", "action": "/task_server", "id": "mine"}
     goal |= {"action_type": "arduinobot_msgs/action/ArduinobotTask"}
     with connect(server.url.replace("http", "ws"), compression=None) as mine:

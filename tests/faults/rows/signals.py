@@ -20,9 +20,8 @@ from tests.faults.wrong_calls import WrongCalls
 )
 def signals(scene: Scene) -> None:
     board = scene.board()
-    run = scene.run("20", board=board)
-    run.until_event("sent", scene.random.randint(1, 12))
-    which = scene.random.choice([signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+    run = scene.moving(board)
+    (which,) = scene.share([signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
     sent = run.signal(which)
     scene.check(run.wait() == 7, f"{which.name}: exit status {run.wait()}, not 7")
     hold = run.events("sent")[-1]
@@ -120,8 +119,7 @@ def kill_children(scene: Scene) -> None:
 )
 def stop_travel(scene: Scene) -> None:
     board = scene.board()
-    run = scene.run("20", board=board)
-    run.until_event("sent", scene.random.randint(5, 30))
+    run = scene.moving(board, frames=(5, 30))
     run.signal(signal.SIGINT)
     before = board.ask("state")["angles"]
     run.wait()

@@ -36,6 +36,9 @@ def test_as_pinocchio_places_them(robot: Robot) -> None:
             wanted = parent.actInv(child)
             assert np.allclose(wanted.translation, place.position, atol=1e-12)
             assert np.allclose(wanted.rotation, matrix(place.rotation), atol=1e-12)
+            point = 0.1, -0.2, 0.3
+            found = kinematics.locate(place.child, point, positions)
+            assert np.allclose(child.act(np.array(point)), found, atol=1e-12)
 
 
 def test_a_sliding_joint_moves_along_its_turned_axis() -> None:

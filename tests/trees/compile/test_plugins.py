@@ -5,6 +5,7 @@ import os
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -48,6 +49,25 @@ tree:
     - count_cups: {shelf: 4, result: $cups}
     - Say: {text: cups, value: $cups}
 """
+
+
+@pytest.mark.parametrize(
+    ("make", "why"),
+    [
+        (os.mkfifo, "it is no ordinary file"),
+        (lambda path: path.symlink_to("/dev/zero"), "it is no ordinary file"),
+        (Path.mkdir, "Is a directory"),
+        (lambda path: path.symlink_to("nowhere"), "No such file or directory"),
+        (lambda path: path.write_bytes(bytes(2**20 + 1)), "it is larger than 1048576 bytes"),
+    ],
+    ids=["pipe", "device", "folder", "link", "size"],
+)
+def test_a_file_that_may_never_end_is_not_read(
+    tmp_path: Path, make: Callable[[Path], object], why: str
+) -> None:
+    path = tmp_path / "endless.py"
+    make(path)
+    assert load_skills(tmp_path) == [f"{path}: {why}"]
 
 
 @pytest.fixture(scope="module")

@@ -18,6 +18,7 @@ if "skills.motion.workers.worker_main" in sys.orig_argv:
 
     from skills.motion.plan import Plan
     from skills.motion.planner import Planner
+    from skills.motion.query import Reached
 
     def curve(plan: Plan, **changes: Any) -> Plan:
         return dataclasses.replace(plan, curve=dataclasses.replace(plan.curve, **changes))
@@ -32,7 +33,11 @@ if "skills.motion.workers.worker_main" in sys.orig_argv:
         moved = curve(plan, linear=step[None, :] / plan.curve.length)
         return dataclasses.replace(moved, goal=plan.goal + off)
 
-    LIES: dict[str, Callable[[Plan], object]] = {
+    def elsewhere(found: Reached) -> Reached:
+        """A solution within the limits, for another point."""
+        return dataclasses.replace(found, positions=tuple(q + 0.01 for q in found.positions))
+
+    LIES: dict[str, Callable[[Any], object]] = {
         "nothing": lambda plan: None,
         "a text": lambda plan: "a plan",
         "empty": lambda plan: curve(plan, constant=np.empty((0, 3)), linear=np.empty((0, 3))),
@@ -51,6 +56,7 @@ if "skills.motion.workers.worker_main" in sys.orig_argv:
         "start off": lambda plan: dataclasses.replace(plan, start=plan.start + 0.1),
         "jump": lambda plan: curve(plan, constant=plan.curve.constant + 0.1),
         "huge": lambda plan: curve(plan, linear=plan.curve.linear * 1e300),
+        "elsewhere": elsewhere,
         "durations": lambda plan: dataclasses.replace(
             plan, milliseconds=cast("Any", {"time": "long"})
         ),
@@ -69,9 +75,11 @@ if "skills.motion.workers.worker_main" in sys.orig_argv:
     def answer(self: Planner, request: Any) -> Any:
         found = honest(self, request)
         path = Path(os.environ["PLANNER_FAULT"])
-        if not (path.exists() and isinstance(found, Plan) and found.duration):
+        fault = path.read_text() if path.exists() else ""
+        tool = fault == "elsewhere"
+        lies = isinstance(found, Reached) if tool else isinstance(found, Plan) and found.duration
+        if not (fault and lies):
             return found
-        fault = path.read_text()
         path.unlink()
         misbehave(fault)
         return LIES[fault](found)

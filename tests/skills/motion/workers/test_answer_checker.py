@@ -1,5 +1,6 @@
 """Answers of workers: honest ones pass, and a lie is found whatever it is about."""
 
+import contextlib
 import dataclasses
 import math
 import pickle
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 
 from hardware import Robot, load_robot
+from hardware.description.urdf import read_urdf
 from skills.motion import (
     BadQuery,
     Body,
@@ -25,6 +27,7 @@ from skills.motion import (
     ToolQuery,
     World,
 )
+from skills.motion.errors import GoalInCollision, Unreachable
 from skills.motion.path.curve import Curve
 from skills.motion.planner import Planner
 from skills.motion.timing.time_law import TimeLaw
@@ -243,6 +246,63 @@ def test_lies_about_other_requests(
 ) -> None:
     with pytest.raises(InvalidMessage, match=words):
         checker.check(request_, received(answer))
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_solutions_of_other_arms(name: str) -> None:
+    """Honest ones pass, relative or not, with any tool and direction."""
+    robot = foreign(name)
+    planner, checker = Planner(robot), AnswerChecker(robot)
+    group, random = next(iter(robot.groups)), np.random.default_rng(3)
+    own = ToolQuery(group, robot.boot_pose, (0.0, 0.0, 0.0), relative=True)
+    link = read_urdf(robot.urdf).joints[-1].child
+    named = dataclasses.replace(own, link=link, offset=(0.01, 0.0, 0.02))
+    solved = 0
+    for tool in (own, named, dataclasses.replace(named, direction=(0.0, 0.6, -0.8))) * 3:
+        point = tuple(random.uniform(-0.04, 0.04, 3).tolist())
+        request = dataclasses.replace(tool, point=point)
+        with contextlib.suppress(Unreachable, GoalInCollision):
+            answer = received(planner.answer(request))
+            assert checker.check(request, answer) == answer
+            solved += 1
+    assert solved
+
+
+def test_a_solution_within_the_limits_that_does_not_reach(
+    planner: Planner, checker: AnswerChecker
+) -> None:
+    answer = received(planner.answer(TOOL))
+    assert checker.check(TOOL, answer) == answer
+    for off in (0.1, 1e-3, -1e-4):
+        shifted = Reached(tuple(each + off for each in answer.positions), 1)
+        with pytest.raises(InvalidMessage, match=r"with the tool .* mm from its target"):
+            checker.check(TOOL, shifted)
+
+
+def test_a_solution_in_another_direction(planner: Planner, checker: AnswerChecker) -> None:
+    pointing = dataclasses.replace(TOOL, direction=(0.0, 1.0, 0.0))
+    answer = received(planner.answer(TOOL))
+    with pytest.raises(InvalidMessage, match=r"with the tool .* deg from its direction"):
+        checker.check(pointing, answer)
+
+
+@pytest.mark.parametrize(
+    "odd",
+    [
+        {"point": ("a", "b", "c")},
+        {"point": (0.1,)},
+        {"point": (float("nan"),) * 3},
+        {"direction": (0.0, 0.0, 0.0)},
+        {"link": "nowhere"},
+        {"offset": None},
+    ],
+)
+def test_a_solution_of_an_invalid_query(
+    planner: Planner, checker: AnswerChecker, odd: dict[str, Any]
+) -> None:
+    answer = received(planner.answer(TOOL))
+    with pytest.raises(InvalidMessage, match="a solution"):
+        checker.check(dataclasses.replace(TOOL, **odd), answer)
 
 
 def test_an_error_with_other_durations(checker: AnswerChecker) -> None:
