@@ -53,13 +53,13 @@ def test_the_quick_selection_holds(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_short_soak_finds_nothing(tmp_path: Path) -> None:
-    """One round. A crowd of other tests may starve the host, so that codes of lateness come."""
+    """One round."""
     found, program = tmp_path / "found.json", Path(__file__).with_name("soak.py")
     command = [sys.executable, str(program), "--minutes=0.1", "--seed=5", f"--json={found}"]
     run = subprocess.run(command, check=False, capture_output=True, text=True)
     assert found.exists(), run.stdout + run.stderr
     soak = json.loads(found.read_text())
-    assert [each for each in soak["problems"] if "the code log.behind" not in each] == []
+    assert soak["problems"] == []
     assert soak["recordings"] > 1
     assert sum(soak["acts"].values()) > 3
     assert soak["samples"][-1]["processes"] in (1, 2, 3)  # a planner, and a writer of recordings

@@ -61,6 +61,8 @@ class Site:
         self.calls = WrongCalls(folder, "/dev/pts/")
         self.server: Server = self.scene.serve(
             *("--rosbridge", "--policy", self.policy, "--result-timeout", str(RESULTS_S)),
+            # No fault concerns the disk, but other programs may starve the host for a while.
+            *("--recording-timeout", "60"),
             board=self.board,
             environment=self.calls.environment,
         )
