@@ -12,6 +12,7 @@ from executive.api.codes import INTERRUPTED_EXIT, READER_ENDED_EXIT
 from .completion import VARIABLE, completion
 from .config import config
 from .doctor import doctor
+from .jog import jog
 from .log import log
 from .move import COMMANDS as MOVE_COMMANDS
 from .new_arm import new_arm
@@ -28,7 +29,7 @@ from .tasks import COMMANDS as TASK_COMMANDS
 from .terminal.streams import discard, echo, open_closed_streams
 
 SECTIONS = {
-    "Run and move": (run, *MOVE_COMMANDS, pose, plan),
+    "Run and move": (run, *MOVE_COMMANDS, jog, pose, plan),
     "Tasks": TASK_COMMANDS,
     "Server": (serve, *SERVER_COMMANDS),
     "Recordings": (replay, log),

@@ -2,12 +2,7 @@
 
 import contextlib
 import os
-import re
 import select
-import sys
-import termios
-import tty
-from collections.abc import Iterator
 from pathlib import Path
 
 from executive.api.outcome import Outcome
@@ -15,15 +10,15 @@ from executive.recording.archive import restore_robot
 from hardware import HardwareError, RealClock
 from logs import LogError, Record, Recording, Result
 
+from .keyboard import DOWN, LEFT, RIGHT, UP, key_by_key, keys_in
 from .view import View
 from .views import view_for
 
 _TICK = 0.1  # longest time between two updates of the shown time [s]
 _STEP = 1.0  # move of an arrow key within the recording [s]
 _KEYS = "space pause, <- -> 1 s, up down speed, q quit"
-_MOVES = {"\x1b[D": -_STEP, "\x1b[C": _STEP}
-_SPEEDS = {"\x1b[A": 2.0, "\x1b[B": 0.5}
-_KEY = re.compile("\x1b[O\\[][A-D]|.", re.DOTALL)  # an arrow, in either of a terminal's two modes
+_MOVES = {LEFT: -_STEP, RIGHT: _STEP}
+_SPEEDS = {UP: 2.0, DOWN: 0.5}
 
 
 class Player:
@@ -93,7 +88,7 @@ def play(path: Path, speed: float, at: float | None, as_json: bool, verbose: boo
         LogError: The recording cannot be read.
     """
     recording = Recording(path)
-    with view_for(as_json, verbose, lambda: player.now) as view, _keys() as keys:
+    with view_for(as_json, verbose, lambda: player.now) as view, key_by_key() as keys:
         player = Player(recording, view, speed)
         with contextlib.suppress(HardwareError, LogError):  # without its robot, no bars are drawn
             view.describe(restore_robot(recording))
@@ -124,20 +119,4 @@ def _pressed(keys: int | None, seconds: float | None) -> list[str]:
     """Return the pressed keys; wait at most for a time [s], or forever."""
     handles = [] if keys is None else [keys]
     ready, _, _ = select.select(handles, [], [], seconds)
-    typed = os.read(keys, 4096).decode("ascii", "replace") if ready and keys is not None else ""
-    return [key.replace("O", "[") if len(key) > 1 else key for key in _KEY.findall(typed)]
-
-
-@contextlib.contextmanager
-def _keys() -> Iterator[int | None]:
-    """Read the keyboard key by key. Yield its file handle, or None if there is no terminal."""
-    if not (sys.stdin.isatty() and sys.stdout.isatty()):
-        yield None
-        return
-    handle = sys.stdin.fileno()
-    before = termios.tcgetattr(handle)
-    tty.setcbreak(handle)
-    try:
-        yield handle
-    finally:
-        termios.tcsetattr(handle, termios.TCSADRAIN, before)
+    return keys_in(os.read(keys, 4096)) if ready and keys is not None else []

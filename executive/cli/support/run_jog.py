@@ -1,0 +1,153 @@
+"""Runs a jog on an arm of this command, or on a server."""
+
+import signal
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any
+
+import click
+
+from executive.api.codes import INTERRUPTED_EXIT
+from executive.api.events import Where
+from executive.api.move import Move
+from executive.api.outcome import GoalState, Outcome
+from executive.cli.terminal.jog_model import Command
+from executive.cli.terminal.jog_screen import Act, JogArm, JogScreen
+from executive.cli.terminal.streams import echo
+from executive.client.synchronous import Client
+from executive.errors import Refused
+from executive.executive import Executive
+from executive.session import finish_recording, open_executive, port_line
+from executive.setup import Setup
+from hardware import HardwareError
+from hardware.joints import DISPLAY_UNITS
+from logs import MOVE
+from trees import TreeError
+
+from .interrupts import Interrupts
+from .log_handler import recorded_log
+
+# Errors of a command of a key; they do not end the jog.
+_SHOWN = (HardwareError, TreeError, click.ClickException)
+
+
+class _OwnArm:
+    """An arm of this command."""
+
+    def __init__(self, executive: Executive) -> None:
+        self._executive = executive
+
+    def move(self, move: Move, accepted: Callable[[], None]) -> Outcome:
+        """Move, and wait for the end."""
+        answer = self._executive.send(move)
+        if answer.cause:
+            return Outcome.of(MOVE, GoalState.ABORTED, answer.cause)
+        accepted()
+        return finish_recording(self._executive, self._executive.result(answer.identity))
+
+    def stop(self) -> None:
+        """Stop the arm at once."""
+        self._executive.cancel()
+
+    def where(self) -> Where:
+        """Return where the arm is."""
+        return self._executive.where()
+
+
+class _ServerArm:
+    """The arm of a server."""
+
+    def __init__(self, client: Client) -> None:
+        self._client = client
+
+    def move(self, move: Move, accepted: Callable[[], None]) -> Outcome:
+        """Move, and wait for the end."""
+        try:
+            goal_id = self._client.send_move(move)
+        except Refused as error:
+            return Outcome.of(MOVE, GoalState.ABORTED, error.cause)
+        accepted()
+        return self._client.result(goal_id)
+
+    def stop(self) -> None:
+        """Stop the arm at once."""
+        self._client.stop()
+
+    def where(self) -> Where:
+        """Return where the arm is."""
+        return self._client.where()
+
+
+def run_jog(
+    server: str | None,
+    options: Mapping[str, Any],
+    speed: float,
+    commands: Mapping[str, tuple[Command, Act]],
+) -> int:
+    """Jog an arm until a key or a signal ends it; print where it is then.
+
+    Args:
+        server: URL of the server; None for an arm of this command.
+        options: Fields of a `Setup`.
+        speed: Share of the robot's speed.
+        commands: Further commands, by key, each with its function.
+
+    Returns:
+        The exit status.
+
+    Raises:
+        UsageError: There is no terminal.
+    """
+    if not (sys.stdin.isatty() and sys.stdout.isatty()):
+        raise click.UsageError(
+            "a jog needs a terminal; `armtree move --by joint_1=5deg` does without"
+        )
+    left = False
+    with Interrupts() as interrupts, _arm(server, options) as (title, arm, note):
+        screen = JogScreen(arm, commands, speed, note, _SHOWN)
+
+        def leave() -> None:
+            nonlocal left
+            left = True
+            screen.leave()
+
+        interrupts.on_cancel(leave)
+        before = signal.signal(signal.SIGWINCH, lambda *_: screen.wake())
+        try:
+            where = interrupts.run(screen.run)
+        finally:
+            signal.signal(signal.SIGWINCH, before)
+        echo(f"{title}\nThe arm holds at {_positions(where)}")
+    return INTERRUPTED_EXIT if left else 0
+
+
+@contextmanager
+def _arm(server: str | None, options: Mapping[str, Any]) -> Iterator[tuple[str, JogArm, str]]:
+    """Open the arm. Yield a line that says which one it is, the arm, and what to know first."""
+    if server:
+        with Client(server) as client:
+            note = (
+                "" if client.where().commanded else "Activate the arm first: armtree arm activate"
+            )
+            yield f"Server {client.url}", _ServerArm(client), note
+        return
+    setup = Setup(**options, reload=True, single_user=True)
+    with open_executive(setup, report=echo) as executive, recorded_log(executive):
+        executive.start()
+        effect = executive.robot.open_effect
+        yield (
+            port_line(executive),
+            _OwnArm(executive),
+            f"The first step opens the port; the arm {effect}",
+        )
+
+
+def _positions(where: Where) -> str:
+    if not where.commanded:
+        return "the pose in which it was: it was never active"
+    shown = []
+    for name, q in where.commanded.items():
+        scale, unit = DISPLAY_UNITS[where.units[name]]
+        shown.append(f"{name} {scale * q + 0.0:.1f} {unit}")
+    return ", ".join(shown)

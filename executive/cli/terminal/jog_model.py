@@ -1,0 +1,270 @@
+"""A jog as a state machine: keys become small moves. It knows neither terminal nor arm."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from textwrap import wrap
+from typing import Self
+
+from executive.api.events import Where
+from executive.api.move import HOME, Move
+from hardware.joints import DISPLAY_UNITS
+
+from .keyboard import DELETE, DOWN, ENTER, ESCAPE, LEFT, RIGHT, UP
+
+STEPS = (0.1, 0.5, 1.0, 2.0, 5.0, 10.0)  # size of a step [deg], or [mm]
+_POSES = {"h": HOME, "o": "open", "c": "closed"}
+_TOOL = "xyz"
+_MESSAGE = 3  # most lines of a message
+_HARD = "\xa0"  # a space at which no line is broken
+
+
+@dataclass(frozen=True, slots=True)
+class Axis:
+    """What an arrow key moves: a joint, or the tool along x, y or z.
+
+    Attributes:
+        name: Name of the joint, or `tool x`.
+        unit: Unit of its position, `rad` or `m`.
+        column: Index of x, y or z for the tool; None for a joint.
+    """
+
+    name: str
+    unit: str
+    column: int | None = None
+
+    @property
+    def people_unit(self) -> str:
+        """Unit for people, `deg` or `mm`."""
+        return DISPLAY_UNITS[self.unit][1]
+
+    def words(self, amount: float) -> tuple[str, ...]:
+        """Return the words of a move by an amount [deg], or [mm]."""
+        change = f"{amount:g}{self.people_unit}"
+        if self.column is None:
+            return (f"{self.name}={change}",)
+        return tuple(change if each == self.column else "0" for each in range(len(_TOOL)))
+
+    def shown(self, where: Where) -> str:
+        """Return the position for people."""
+        if self.column is None:
+            value = where.commanded[self.name] if where.commanded else None
+        else:
+            value = where.tool[self.column] if where.tool else None
+        scale, unit = DISPLAY_UNITS[self.unit]
+        return f"{'?':>8} {unit}" if value is None else f"{scale * value + 0.0:8.1f} {unit}"
+
+
+@dataclass(frozen=True, slots=True)
+class Go:
+    """Action: start a move."""
+
+    move: Move
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """Action: stop the arm at once."""
+
+
+@dataclass(frozen=True, slots=True)
+class Leave:
+    """Action: leave the jog."""
+
+
+@dataclass(frozen=True, slots=True)
+class Call:
+    """Action: call the command of a key.
+
+    Attributes:
+        key: The key.
+        text: What was typed for it.
+    """
+
+    key: str
+    text: str
+
+
+Action = Go | Stop | Leave | Call
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """A command of a key besides those that move.
+
+    Attributes:
+        title: What it does, for the help, such as `save pose`.
+        prompt: Question that a text answers; empty for a command without a text.
+    """
+
+    title: str
+    prompt: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Jog:
+    """The state of a jog. Every method returns a new state.
+
+    Attributes:
+        axes: What can be moved.
+        commands: Further commands, by key.
+        speed: Share of the robot's speed.
+        selected: Index of the axis that the arrows move.
+        step: Index of the size of a step in `STEPS`.
+        moving: The move under way; None for none.
+        waiting: The move that follows; None for none. Only the last key pressed during a move
+            counts, so that the arm stops soon after a key is released.
+        prompt: Key of the command whose text is typed; empty for none.
+        typed: What was typed for it.
+        message: Last message, for people.
+        failed: True if the message is an error.
+    """
+
+    axes: Sequence[Axis]
+    commands: Mapping[str, Command]
+    speed: float = 1.0
+    selected: int = 0
+    step: int = 3
+    moving: Move | None = None
+    waiting: Move | None = None
+    prompt: str = ""
+    typed: str = ""
+    message: str = ""
+    failed: bool = False
+
+    @classmethod
+    def start(
+        cls, where: Where, commands: Mapping[str, Command], speed: float, message: str
+    ) -> Self:
+        """Return the first state.
+
+        Args:
+            where: Where the arm is.
+            commands: Further commands, by key.
+            speed: Share of the robot's speed.
+            message: First message.
+        """
+        joints = [Axis(name, unit) for name, unit in where.units.items()]
+        tool = (Axis(f"tool {name}", "m", column) for column, name in enumerate(_TOOL))
+        return cls((*joints, *tool), commands, speed, message=message)
+
+    @property
+    def axis(self) -> Axis:
+        """What the arrows move."""
+        return self.axes[self.selected]
+
+    def press(self, key: str) -> tuple["Jog", Action | None]:
+        """Return the state after a key, and what to do."""
+        if key == " ":
+            return replace(self, waiting=None, prompt="", message="Stopped", failed=False), Stop()
+        if self.prompt:
+            return self._type(key)
+        if key == "q":
+            return self, Leave()
+        if key in self.commands:
+            return self._call(key)
+        if (selected := self._chosen(key)) is not None:
+            return replace(self, selected=selected), None
+        if key in ("+", "=", "-"):
+            step = self.step + (-1 if key == "-" else 1)
+            return replace(self, step=min(max(step, 0), len(STEPS) - 1)), None
+        if move := self._move(key):
+            if self.moving:
+                return replace(self, waiting=move), None
+            return self._started(move)
+        return self, None
+
+    def ended(self, message: str, failed: bool) -> tuple["Jog", Action | None]:
+        """Return the state after the end of the move under way, and what to do.
+
+        Args:
+            message: How it ended, for people; empty if it succeeded.
+            failed: True if it failed. The move that waits is then dropped.
+        """
+        waiting = None if failed else self.waiting
+        state = replace(self, moving=None, waiting=None, message=message, failed=failed)
+        return state._started(waiting) if waiting else (state, None)
+
+    def said(self, message: str, failed: bool = False) -> "Jog":
+        """Return the state with a message."""
+        return replace(self, message=message, failed=failed)
+
+    def lines(self, where: Where, width: int, rows: int) -> Iterator[tuple[str, bool]]:
+        """Return the lines of the screen, each with whether it belongs to an error.
+
+        Args:
+            where: Where the arm is.
+            width: Number of columns.
+            rows: Number of lines. With few, only the axes around the selected one are shown.
+        """
+        said = wrap(self._said, width)[:_MESSAGE] or [""]
+        head = f"armtree jog   arm {where.arm}"
+        tail = [*wrap(self._state, width), *said, *self._help(width)]
+        listed = max(rows - len(tail) - 1, 1)
+        first = min(max(self.selected - listed // 2, 0), max(len(self.axes) - listed, 0))
+        for line in (head, *self._listed(where, first, first + listed), *tail):
+            yield line[:width], self.failed and line in said
+
+    def _listed(self, where: Where, first: int, end: int) -> Iterator[str]:
+        for number, axis in enumerate(self.axes[first:end], first):
+            mark = ">" if number == self.selected else " "
+            key = number + 1 if axis.column is None else _TOOL[axis.column]
+            yield f"{mark} {key:>2} {axis.name:<16}{axis.shown(where)}"
+
+    @property
+    def _state(self) -> str:
+        state = f"step {STEPS[self.step]:g} {self.axis.people_unit}   speed {self.speed:g}"
+        return f"{state}   moving {' '.join(self.moving.words)}" if self.moving else state
+
+    @property
+    def _said(self) -> str:
+        if self.prompt:
+            return f"{self.commands[self.prompt].prompt}: {self.typed}_"
+        return self.message
+
+    def _help(self, width: int) -> list[str]:
+        count = min(len(self.axes) - len(_TOOL), 9)
+        more = (f"{key} {each.title}" for key, each in self.commands.items())
+        keys = ("<- -> move", f"up down 1-{count} x y z choose", "+ - step", "space stop")
+        words = [
+            each.replace(" ", _HARD) for each in (*keys, "h home", "o c gripper", *more, "q leave")
+        ]
+        return [line.replace(_HARD, " ") for line in wrap("   ".join(words), width)]
+
+    def _chosen(self, key: str) -> int | None:
+        """Return the axis that a key chooses; None if it chooses none."""
+        joints = len(self.axes) - len(_TOOL)
+        if key in (UP, DOWN):
+            return (self.selected + (1 if key == DOWN else -1)) % len(self.axes)
+        if key in tuple(_TOOL):
+            return joints + _TOOL.index(key)
+        number = int(key) if key.isdecimal() else 0
+        return number - 1 if 0 < number <= joints else None
+
+    def _move(self, key: str) -> Move | None:
+        """Return the move of a key; None if it moves nothing."""
+        if key in (LEFT, RIGHT):
+            amount = STEPS[self.step] if key == RIGHT else -STEPS[self.step]
+            return Move(self.axis.words(amount), relative=True, speed=self.speed)
+        return Move((_POSES[key],), speed=self.speed) if key in _POSES else None
+
+    def _started(self, move: Move) -> tuple["Jog", Action]:
+        return replace(self, moving=move, message="", failed=False), Go(move)
+
+    def _call(self, key: str) -> tuple["Jog", Action | None]:
+        if self.moving:
+            return self.said("Wait until the move has ended, or stop it", failed=True), None
+        if self.commands[key].prompt:
+            return replace(self, prompt=key, typed=""), None
+        return self, Call(key, "")
+
+    def _type(self, key: str) -> tuple["Jog", Action | None]:
+        """Return the state after a key of a text."""
+        if key == ENTER:
+            action = Call(self.prompt, self.typed) if self.typed else None
+            return replace(self, prompt="", typed="", message="", failed=False), action
+        if key == ESCAPE:
+            return replace(self, prompt="", typed="", message="", failed=False), None
+        if key == DELETE:
+            return replace(self, typed=self.typed[:-1]), None
+        more = key if len(key) == 1 and key.isprintable() else ""
+        return replace(self, typed=self.typed + more), None

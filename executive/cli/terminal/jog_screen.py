@@ -1,0 +1,218 @@
+"""The full-screen view of a jog: keys in, moves out, and the arm on the screen."""
+
+import os
+import select
+import shutil
+import sys
+import threading
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from queue import SimpleQueue
+from typing import Protocol
+
+from executive.api.codes import CANCELED, OK
+from executive.api.events import Where
+from executive.api.move import Move
+from executive.api.outcome import Outcome
+from hardware.printable import printable
+
+from .jog_model import Action, Call, Command, Go, Jog, Leave, Stop
+from .keyboard import key_by_key, keys_in
+from .streams import LastingStream
+
+_ENTER, _EXIT = "\x1b[?1049h\x1b[?25l", "\x1b[?25h\x1b[?1049l"  # another screen, without a cursor
+_RED, _PLAIN = "\x1b[31m", "\x1b[0m"
+
+
+class JogArm(Protocol):
+    """An arm to jog. Its methods may be called from different threads."""
+
+    def move(self, move: Move, accepted: Callable[[], None]) -> Outcome:
+        """Move, and wait for the end. Return the outcome of a move that is refused, too.
+
+        Args:
+            move: The move.
+            accepted: Called when the move is accepted, so that a stop counts from then on.
+        """
+
+    def stop(self) -> None:
+        """Stop the arm at once."""
+
+    def where(self) -> Where:
+        """Return where the arm is."""
+
+
+# A command of a key: receives where the arm is and what was typed, returns a message. An exception
+# is shown as its message.
+Act = Callable[[Where, str], str]
+
+
+@dataclass(frozen=True, slots=True)
+class _Ended:
+    """A move has ended.
+
+    Attributes:
+        outcome: How it ended.
+        where: Where the arm is then.
+    """
+
+    outcome: Outcome
+    where: Where
+
+
+_Event = _Ended | Exception | None  # None only wakes the screen
+
+
+class JogScreen:
+    """Jogs an arm by keys, until a key or a signal ends it.
+
+    Args:
+        arm: The arm.
+        commands: Further commands, by key, each with its function.
+        speed: Share of the robot's speed.
+        note: First message.
+        known: Errors of a command that are shown; any other ends the jog.
+    """
+
+    def __init__(
+        self,
+        arm: JogArm,
+        commands: Mapping[str, tuple[Command, Act]],
+        speed: float,
+        note: str,
+        known: tuple[type[Exception], ...],
+    ) -> None:
+        self._arm, self._acts, self._known = arm, commands, known
+        self._where = arm.where()
+        titles = {key: command for key, (command, _) in commands.items()}
+        self._jog = Jog.start(self._where, titles, speed, note)
+        self._events: SimpleQueue[_Event] = SimpleQueue()
+        self._reader, self._writer = os.pipe()
+        self._left = threading.Event()
+        self._screen = LastingStream(sys.stdout)
+        self._moves: Future[None] | None = None
+        self._stops = 0  # number of stops
+
+    def leave(self) -> None:
+        """Stop the arm, and end the jog. Any thread may call."""
+        self._left.set()
+        self.wake()
+        self._stop()
+
+    def wake(self) -> None:
+        """Draw the screen again. Any thread may call."""
+        self._post(None)
+
+    def run(self) -> Where:
+        """Jog until a key or `leave` ends it; return where the arm is then.
+
+        Raises:
+            Exception: The arm failed in a way that no further move can mend, such as a server that
+                is gone.
+        """
+        with ThreadPoolExecutor(1, "jog") as worker:
+            try:
+                with key_by_key() as keys, _full_screen(self._screen):
+                    assert keys is not None
+                    while not self._left.is_set():
+                        self._draw()
+                        self._wait(keys, worker)
+            finally:
+                if self._moves and not self._moves.done():
+                    self._stop()
+        return self._arm.where()
+
+    def _wait(self, keys: int, worker: ThreadPoolExecutor) -> None:
+        """Wait for keys and for the end of a move."""
+        ready, _, _ = select.select([keys, self._reader], [], [])
+        if self._reader in ready:
+            os.read(self._reader, 1)
+            self._end(self._events.get(), worker)
+        if keys in ready:
+            try:
+                data = os.read(keys, 4096)
+            except OSError:  # the terminal is closed
+                data = b""
+            if not data:
+                self._left.set()
+            for key in keys_in(data):
+                self._jog, action = self._jog.press(key)
+                self._do(action, worker)
+
+    def _end(self, event: _Event, worker: ThreadPoolExecutor) -> None:
+        match event:
+            case None:
+                return
+            case Exception():
+                raise event
+            case _Ended(outcome, where):
+                self._where = where
+                self._jog, action = self._jog.ended(*_words(outcome))
+                self._do(action, worker)
+
+    def _do(self, action: Action | None, worker: ThreadPoolExecutor) -> None:
+        match action:
+            case Go(move):
+                self._moves = worker.submit(self._move, move, self._stops)
+            case Stop():
+                threading.Thread(target=self._stop, name="stop", daemon=True).start()
+            case Leave():
+                self._left.set()
+            case Call(key, text):
+                try:
+                    self._jog = self._jog.said(self._acts[key][1](self._where, text))
+                except self._known as error:
+                    self._jog = self._jog.said(str(error), failed=True)
+
+    def _move(self, move: Move, stops: int) -> None:
+        def accepted() -> None:
+            if self._stops > stops:  # stopped before there was anything to stop
+                self._stop()
+
+        try:
+            self._post(_Ended(self._arm.move(move, accepted), self._arm.where()))
+        except Exception as error:
+            self._post(error)
+
+    def _stop(self) -> None:
+        self._stops += 1
+        try:
+            self._arm.stop()
+        except Exception as error:
+            self._post(error)
+
+    def _post(self, event: _Event) -> None:
+        self._events.put(event)
+        os.write(self._writer, b"\0")
+
+    def _draw(self) -> None:
+        width, rows = shutil.get_terminal_size()
+        colored = "NO_COLOR" not in os.environ
+        shown = [
+            f"{_RED}{printable(line)}{_PLAIN}" if wrong and colored else printable(line)
+            for line, wrong in self._jog.lines(self._where, width, rows)
+        ]
+        self._screen.write("\x1b[H" + "\x1b[K\r\n".join(shown) + "\x1b[J")
+        self._screen.flush()
+
+
+def _words(outcome: Outcome) -> tuple[str, bool]:
+    """Return the message for the end of a move, and whether it is an error."""
+    if outcome.code == OK:
+        return "", False
+    if outcome.code == CANCELED or outcome.cause is None:
+        return "Stopped", False
+    hint = outcome.cause.hint
+    return f"{outcome.cause} -> {hint}" if hint else str(outcome.cause), True
+
+
+@contextmanager
+def _full_screen(screen: LastingStream) -> Iterator[None]:
+    screen.write(_ENTER)
+    try:
+        yield
+    finally:
+        screen.write(_EXIT)
+        screen.flush()

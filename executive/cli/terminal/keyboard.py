@@ -1,0 +1,37 @@
+"""The keyboard, key by key."""
+
+import contextlib
+import re
+import sys
+import termios
+import tty
+from collections.abc import Iterator
+
+LEFT, RIGHT, UP, DOWN = "\x1b[D", "\x1b[C", "\x1b[A", "\x1b[B"
+ENTER, ESCAPE, DELETE = "\n", "\x1b", "\x7f"
+
+# An arrow in either of a terminal's two modes, another key that sends several characters, or one.
+_KEY = re.compile("\x1b[O\\[][0-9;]*[A-Za-z~]|.", re.DOTALL)
+_SAME = {"\r": ENTER, "\x08": DELETE}
+
+
+def keys_in(data: bytes) -> list[str]:
+    """Return the keys that a terminal sent."""
+    keys = _KEY.findall(data.decode("ascii", "replace"))
+    return [key.replace("O", "[", 1) if len(key) > 1 else _SAME.get(key, key) for key in keys]
+
+
+@contextlib.contextmanager
+def key_by_key() -> Iterator[int | None]:
+    """Read the keyboard key by key. Yield its file handle, or None if there is no terminal."""
+    if not (sys.stdin.isatty() and sys.stdout.isatty()):
+        yield None
+        return
+    handle = sys.stdin.fileno()
+    before = termios.tcgetattr(handle)
+    tty.setcbreak(handle)
+    try:
+        yield handle
+    finally:
+        with contextlib.suppress(termios.error):  # the terminal is closed
+            termios.tcsetattr(handle, termios.TCSADRAIN, before)

@@ -1,0 +1,89 @@
+"""A command in a real pseudo-terminal: keys in, and the screen as a person sees it."""
+
+import fcntl
+import os
+import pty
+import re
+import struct
+import subprocess
+import sys
+import termios
+import threading
+from pathlib import Path
+from typing import Self
+
+_CONTROL = re.compile("\x1b\\[[0-9;?]*[A-Za-z]|\r")
+
+ARMTREE = [sys.executable, "-P", "-m", "executive"]
+
+
+class PseudoTerminal:
+    """A terminal in which one command of armtree runs.
+
+    Args:
+        folder: Working directory, and runtime folder of the user.
+        arguments: The command.
+    """
+
+    def __init__(self, folder: Path, *arguments: str) -> None:
+        self._keys, slave = pty.openpty()
+        fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 80, 0, 0))
+        kept = {k: v for k, v in os.environ.items() if not k.startswith("ARMTREE")}
+        self.process = subprocess.Popen(
+            ["setsid", "--ctty", *ARMTREE, *arguments],  # so that Ctrl-C and a hang-up arrive
+            stdin=slave,
+            stdout=slave,
+            stderr=slave,
+            cwd=folder,
+            env={**kept, "XDG_RUNTIME_DIR": str(folder), "TERM": "xterm"},
+        )
+        os.close(slave)
+        self._heard = ""
+        # A test that waits for what never comes fails, because the command ends.
+        self._watchdog = threading.Timer(100.0, self.process.kill)
+        self._watchdog.daemon = True
+        self._watchdog.start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *raised: object) -> None:
+        self._watchdog.cancel()
+        self.process.kill()
+        self.process.wait()
+        if self._keys >= 0:
+            self.close()
+
+    @property
+    def screen(self) -> str:
+        """What the screen shows: all since it was last drawn from its first line."""
+        return _CONTROL.sub("", self._heard.rpartition("\x1b[H")[2])
+
+    def type(self, keys: str) -> None:
+        """Press keys."""
+        os.write(self._keys, keys.encode())
+
+    def until(self, *words: str) -> str:
+        """Read until the screen shows all of these words; return it."""
+        while not all(each in self.screen for each in words):
+            assert self._read(), f"{words} are not on the screen: {self.screen}"
+        return self.screen
+
+    def end(self) -> tuple[int, str]:
+        """Read until the command ends; return its exit status, and what it printed last."""
+        while self._read():
+            pass
+        return self.process.wait(), self._heard.rpartition("\x1b[?1049l")[2].replace("\r", "")
+
+    def close(self) -> None:
+        """Close the terminal, as a person closes its window."""
+        os.close(self._keys)
+        self._keys = -1
+
+    def _read(self) -> bool:
+        try:
+            data = os.read(self._keys, 65536)
+        except OSError:  # the last process that had it open has ended
+            return False
+        self._heard += data.decode(errors="replace")
+        return bool(data)
