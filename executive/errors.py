@@ -10,7 +10,7 @@ GoalError
 ├── GoalPreempted       another goal took its place
 ├── NotHeld             a goal that needs a hold was sent without one
 ├── UnknownQuestion     no open question has that identity
-├── BadAnswer           an answer is none of the choices
+├── BadAnswer           an answer is not one of the choices
 ├── ExecutorBlocked     the code of a skill does not return, so no goal can be executed
 └── ServerRestarted     the server ended before the goal did
 ServerError             the server cannot start with these options
@@ -21,7 +21,7 @@ RequestError            a request that the server refuses before it reads the go
 ├── NotFound            404: no such address
 ├── BadMethod           405: not a method of that address
 ├── Forbidden           403
-│   ├── WrongHost       Host is no name of this server
+│   ├── WrongHost       Host is not a name of this server
 │   └── WrongOrigin     a page of another site
 ├── Unauthorized        401: the token is missing or wrong
 └── TooMuch             429, 503: too many requests or clients
@@ -173,13 +173,13 @@ class UnknownQuestion(GoalError):
 
 
 class BadAnswer(GoalError):
-    """An answer is none of the choices."""
+    """An answer is not one of the choices."""
 
     code = "goal.bad_answer"
     hint = "give one of the choices"
 
     def __init__(self, words: str, question: str) -> None:
-        super().__init__(f"{words.strip() or 'nothing'} is no answer to: {question}")
+        super().__init__(f"{words.strip() or 'nothing'} is not an answer to: {question}")
 
 
 class NotHeld(GoalError):
@@ -276,7 +276,7 @@ class Forbidden(RequestError):
 
 
 class WrongHost(Forbidden):
-    """The Host header is no name of this server."""
+    """The Host header is not a name of this server."""
 
     code = "request.host"
     hint = "use its address, or `armtree serve --host NAME`"
@@ -389,7 +389,7 @@ class ServerUnreachable(ClientError, ConnectionError):
 
 
 class WrongAnswer(ClientError):
-    """The program that answers is no server of armtree, or one of another version.
+    """Another program, or another version of armtree, answers.
 
     Args:
         url: URL of the request.
@@ -401,7 +401,7 @@ class WrongAnswer(ClientError):
 
     def __init__(self, url: str, why: str) -> None:
         super().__init__(
-            f"{url} is no server of this version of armtree: {why}. Check --server URL or "
+            f"{url} is not a server of this version of armtree: {why}. Check --server URL or "
             "ARMTREE_SERVER"
         )
 

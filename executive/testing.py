@@ -46,7 +46,7 @@ class _Script:
         """Give the next answer, if any is left."""
         if self._answers:
             words = self._answers.pop(0)
-            assert question.answer(words), f"{words} is no answer to: {question}"
+            assert question.answer(words), f"{words} is not an answer to: {question}"
 
     def withdraw(self, question: Question) -> None:
         """Do nothing."""
@@ -100,7 +100,7 @@ class SimulatedArm:
         """
         kind: Any = known_skills().get(name)
         if not hasattr(kind, "function"):
-            raise KeyError(f"{name} is no registered function")
+            raise KeyError(f"{name} is not a registered function")
         self._replaced.append((kind, kind.function))
         kind.function = staticmethod(function)
 

@@ -352,7 +352,7 @@ class BadPosition(WriteRefused, ValueError):
     Attributes:
         joint: Name of the joint, or "" if none can be named.
         value: The position that was given [rad].
-        limit: The limit that it exceeds [rad], or None if the value is no finite number.
+        limit: The limit that it exceeds [rad], or None if the value is not a finite number.
     """
 
     code = "hw.bad_position"

@@ -80,7 +80,7 @@ def _register(function: Callable[..., Any], base: type[Skill]) -> None:
         raise TypeError(f"{function.__name__} is async; a skill is a plain function, on a thread")
     for name, parameter in inspect.signature(function).parameters.items():
         if parameter.kind in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD):
-            raise TypeError(f"{function.__name__}: {parameter} is no port; name each parameter")
+            raise TypeError(f"{function.__name__}: {parameter} is not a port; name each parameter")
         if name not in hints:
             raise TypeError(f"{function.__name__}: {name} needs an annotation, such as float")
         if hints[name] in (Context, Cancel):

@@ -117,7 +117,7 @@ def unknown_joint_errors(
     known = {name for group in robot.groups.values() for name in group}
     leaders = [joint.name for joint in robot.actuated]
     written = _written(joints)
-    why = f"is no joint of the robot; it has {_joint_names(robot)}"
+    why = f"is not a joint of the robot; it has {_joint_names(robot)}"
     return [
         BadTarget(f"{name} {why}{suggestion(name, leaders, written)}").at(*location, name)
         for name in written
@@ -169,7 +169,7 @@ def _name_errors(
     for name in written:
         if name not in joints:
             near = suggestion(name, joints, written)
-            yield name, f"{name} is no joint of the {group}; {there}{near}"
+            yield name, f"{name} is not a joint of the {group}; {there}{near}"
     actuated = (name for name, joint in joints.items() if joint.mimic is None)
     if missing := [name for name in actuated if name not in written and name not in corrected]:
         verb = "is" if len(missing) == 1 else "are"

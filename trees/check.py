@@ -26,7 +26,7 @@ from .reading.library import Library
 from .reading.values import in_smaller_units
 
 # What a file is in its library: the number of a task, the name of a subtree, None for poses, or
-# the reason why it is none of these.
+# the reason why it is not one of these.
 Named = int | str | None | FileError
 
 
@@ -200,7 +200,7 @@ def _jobs(
         elif file.resolve() not in libraries[parent]:
             wrong = "does not exist; give a file, such as trees/3_wave.yaml"
             if file.exists():
-                wrong = "is no task, subtree or poses file: name it like 3_wave.yaml or reach.yaml"
+                wrong = "is not a task, subtree or poses file; name it as 3_wave.yaml or reach.yaml"
             yield file, library, FileError([Mistake(Place(file, 1, 1), wrong)])
         else:
             yield file, *libraries[parent][file.resolve()]

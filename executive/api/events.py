@@ -188,7 +188,7 @@ def event_from_json(plain: Mapping[str, Any]) -> Event:
     """Return an event from what `event_to_json` returned.
 
     Raises:
-        KeyError: It is no event, or an event of another version.
+        KeyError: It is not an event, or an event of another version.
     """
     if plain["event"] == STATUS:
         return GoalStatus.from_json(plain)

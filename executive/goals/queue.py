@@ -257,7 +257,7 @@ class GoalQueue:
         if self._closed:
             return cause_for(CLOSING, "the server is ending; start it again")
         if not _IDENTITY.fullmatch(identity):
-            words = f"{identity!r} is no identity of a goal: give 32 lower-case hexadecimal digits"
+            words = f"{identity!r} is not the identity of a goal: give 32 hexadecimal digits"
             return cause_for(BAD_IDENTITY, words)
         if identity in self._goals:
             words = f"the goal {identity} exists already; give every goal its own identity"

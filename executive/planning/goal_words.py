@@ -95,12 +95,12 @@ def read_value(name: str, text: str, wanted: Declaration) -> Any:
         wanted: Its type.
 
     Raises:
-        BadTarget: The text is no such value.
+        BadTarget: The text is not such a value.
     """
     if not text:
         raise BadTarget(f"{name} has no value")
 
-    def wrong(place: Place, why: str) -> None:
+    def wrong(place: Place, why: str, instead: str = "") -> None:
         raise BadTarget(f"{name}: {why}")
 
     try:
@@ -142,7 +142,7 @@ def _no_pose(word: str, poses: Poses, also: Sequence[str], quoted: bool) -> str:
     instead += ", all of it in one pair of quotes" if quoted else ""
     there = choices(word, poses)
     stop = "" if there.endswith("?") else "."
-    return f"{word!r} is no pose; there are {there}{stop} Or give {instead}"
+    return f"{word!r} is not a pose; there are {there}{stop} Or give {instead}"
 
 
 def _check_names(names: Collection[str], actuated: Collection[str]) -> None:

@@ -135,7 +135,7 @@ def _attached_meshes(recording: Recording) -> dict[str, str]:
     """
     values = json.loads(recording.notes[_NOTE].get("meshes", "{}"))
     if not isinstance(values, dict) or any(Path(str(v)).name != v for v in values.values()):
-        raise ValueError("its meshes are no names of attachments")
+        raise ValueError("its meshes are not names of attachments")
     return values
 
 
@@ -214,7 +214,7 @@ def _firmware_values(robot: Robot, recorded: str) -> dict[str, Any]:
     figures: dict[str, Any] = asdict(robot.firmware)
     values = json.loads(recorded)
     if not isinstance(values, dict):
-        raise ValueError("it is no JSON object")
+        raise ValueError("it is not a JSON object")
     for name, known in figures.items():
         value = values.get(name, _plain(known))
         if not _same_type(value, _plain(known)):

@@ -69,7 +69,8 @@ class ListenOptions:
         try:
             loopback = is_loopback(self.address)
         except ValueError as error:
-            raise ServerError(f"--bind {self.address} is no address, such as 127.0.0.1") from error
+            why = f"--bind {self.address} is not an address, such as 127.0.0.1"
+            raise ServerError(why) from error
         if not loopback and not self.expose:
             raise ServerError(
                 f"--bind {self.address} would let other machines move the arm; add --expose to "
@@ -77,7 +78,7 @@ class ListenOptions:
             )
         for page in self.origins:
             if not _ORIGIN.fullmatch(page):
-                raise ServerError(f"--origin {page} is no origin, such as http://name:port")
+                raise ServerError(f"--origin {page} is not an origin, such as http://name:port")
         if self.expose and self.rosbridge:
             raise ServerError("rosbridge has no token, so --rosbridge cannot go with --expose")
 
@@ -94,7 +95,7 @@ class ListenOptions:
         hosts = host_names(known, port)
         origins = {f"http://{host}" for host in hosts} | set(self.origins)
         # A proxy may pass on Host without our port. Pages of that name may be of another server,
-        # so it is no origin.
+        # so it is not an origin.
         hosts |= host_names(self.hosts, token_file.HTTP_PORT)
         return AccessRules(hosts, frozenset(origins), token, self.expose)
 

@@ -34,7 +34,7 @@ def find_mesh(urdf: Path, name: str) -> Path:
         if stat.S_ISDIR(found.st_mode):
             continue
         if not stat.S_ISREG(found.st_mode):
-            raise UrdfError(f"the mesh {path} is no ordinary file; give an STL, DAE or OBJ file")
+            raise UrdfError(f"the mesh {path} is not an ordinary file; give STL, DAE or OBJ")
         if found.st_size > MAX_MESH_BYTES:
             size, most = (f"{size / 2**20:.1f} MiB" for size in (found.st_size, MAX_MESH_BYTES))
             raise UrdfError(f"the mesh {path} has {size}; give one with at most {most}")

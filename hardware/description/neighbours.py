@@ -39,7 +39,7 @@ def advice_for_contact(robot: Robot, first: str, second: str) -> str:
         second: Name of the other one.
 
     Returns:
-        The advice, or an empty text if they are no neighbours.
+        The advice, or an empty text if they are not neighbours.
     """
     counts = count_collision_shapes(robot.urdf, float("inf"))
     shaped = [link for link, count in counts.items() if count]

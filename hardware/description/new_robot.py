@@ -198,7 +198,7 @@ def _checked(gripper: Sequence[str], urdf: Urdf) -> tuple[str, ...]:
     for name in gripper:
         if name not in independent:
             there = ", ".join(independent)
-            raise UrdfError(f"{name} is no joint that moves by itself; --gripper is one of {there}")
+            raise UrdfError(f"{name} does not move by itself; --gripper is one of {there}")
     if set(independent) <= set(gripper):
         raise UrdfError("all joints are in the gripper; leave at least one for the arm")
     return tuple(gripper)

@@ -212,7 +212,7 @@ def _links_and_joints(root: Element) -> Urdf:
 def _mistakes(root: Element) -> Iterator[UrdfError]:
     """Yield what is wrong with links and joints."""
     if root.tag != "robot":
-        yield UrdfError(f"is no URDF: its root element is <{root.tag}>, not <robot>")
+        yield UrdfError(f"is not a URDF: its root element is <{root.tag}>, not <robot>")
         return
     joints = root.findall("joint")
     links = tuple(link.get("name", "") for link in root.findall("link"))

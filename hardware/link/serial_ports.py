@@ -38,7 +38,7 @@ class Check:
 
     Attributes:
         name: What was checked.
-        ok: Whether it passed; None if it cannot be checked, which is no failure.
+        ok: Whether it passed; None if it cannot be checked, which is not a failure.
         detail: What was found.
         remedy: What to do if it failed; empty if that is clear.
         code: Code of the error with which a run would end; empty if it passed.
@@ -91,7 +91,7 @@ def _check_exists(port: str) -> Check:
         return Check("port", False, f"{port}: {error.strerror}", remedy, PortMissing.code)
     if not _is_terminal(status):
         remedy = "give another --port"
-        return Check("port", False, f"{port} is no serial port", remedy, LinkError.code)
+        return Check("port", False, f"{port} is not a serial port", remedy, LinkError.code)
     return Check("port", True, f"{port} is there")
 
 

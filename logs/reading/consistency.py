@@ -144,7 +144,7 @@ class _Checker:
     def _description(self, urdf: str) -> Description:
         files = self._recording.files.values()
         if urdf.encode().splitlines() not in (data.splitlines() for data in files):
-            raise RecordingError(self._recording.path, "has a URDF that is none of its files")
+            raise RecordingError(self._recording.path, "has a URDF that is not one of its files")
         self._kinematics = ForwardKinematics(urdf)
         return Description(0.0, urdf)
 

@@ -2,7 +2,7 @@
 
 Compaction writes them as a note. They show that the *content* of a recording is what it was when
 it was finished, also after another program rewrote the file with valid checksums of its own, and
-name the part that changed. They are no signature: who changes a part can change its digest, too.
+name the part that changed. They are not a signature: who changes a part can change its digest, too.
 """
 
 from collections.abc import Iterable, Iterator

@@ -33,7 +33,7 @@ _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _ATTACHMENT = 0x03, 0x04, 0x05, 0x06, 0x09
 
 
 class BadRecord(Exception):
-    """The bytes are no valid record."""
+    """The bytes are not a valid record."""
 
 
 class Decoder:

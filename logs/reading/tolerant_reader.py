@@ -47,7 +47,7 @@ class TolerantReader:
         self.messages = self.valid = 0
         try:
             if not S_ISREG(path.stat().st_mode):  # to open a pipe could block
-                raise RecordingError(path, "is no file; give a recording, such as *.mcap")
+                raise RecordingError(path, "is not a file; give a recording, such as *.mcap")
             with path.open("rb") as stream:
                 head = stream.read(len(MAGIC))
         except OSError as cause:

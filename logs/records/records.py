@@ -49,7 +49,7 @@ class Sent:
 
     @property
     def text(self) -> str:
-        """The bytes as text, or in hexadecimal digits if they are no text."""
+        """The bytes as text, or in hexadecimal digits if they are not a text."""
         return wire_text(self.data)
 
 

@@ -64,7 +64,7 @@ class RosTypes:
         """Add a type and its nested types from a definition; known types stay.
 
         Raises:
-            TypesysError: The text is no definition, or contradicts a known type.
+            TypesysError: The text is not a definition, or contradicts a known type.
         """
         self._store.register(get_types_from_msg(text, name))
 

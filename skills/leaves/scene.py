@@ -154,7 +154,7 @@ class AddMesh(_Add):
 def _file_error(file: Path) -> str:
     """Return why a file cannot be a mesh, or "" if it may be one."""
     if file.suffix.lower() not in _MESHES:
-        return f"{file} is no STL, DAE or OBJ file"
+        return f"{file} is not a STL, DAE or OBJ file"
     if not file.is_file():
         return f"there is no file {file}; paths are relative to the working directory"
     return ""

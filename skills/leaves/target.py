@@ -169,7 +169,7 @@ def _distance_errors(robot: Robot, by: Mapping[str, float]) -> list[SkillError]:
     """Return the errors of distances that do not depend on the start."""
     joints = {joint.name: joint for joint in robot.actuated}
     written = [*by, *getattr(by, "unknown", ())]
-    why = f"is no joint that turns; there are {', '.join(joints)}"
+    why = f"is not a joint that turns; there are {', '.join(joints)}"
     errors: list[SkillError] = [
         BadTarget(f"{name} {why}{suggestion(name, joints, written)}").at("by", name)
         for name in written

@@ -19,7 +19,7 @@ class Deadline:
         timeout: Time from now [s].
 
     Raises:
-        BadQuery: The timeout is no number, or NaN: such a deadline would never expire.
+        BadQuery: The timeout is not a number, or NaN: such a deadline would never expire.
     """
 
     def __init__(self, clock: Clock, timeout: float) -> None:

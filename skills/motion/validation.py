@@ -28,7 +28,7 @@ def check_seed(seed: int) -> None:
     """Check a random seed.
 
     Raises:
-        BadQuery: It is no whole number, or OMPL cannot store it.
+        BadQuery: It is not a whole number, or OMPL cannot store it.
     """
     if not (isinstance(seed, int) and 0 <= seed <= _MAX_SEED):
         raise BadQuery(f"The seed is {shown(seed)}; give a whole number from 0 to {_MAX_SEED}")

@@ -220,7 +220,7 @@ def cancel_times(count: int, way: Way = directly) -> list[float]:
                 listener.stdin.flush()
                 heard = json.loads(listener.stdout.readline())
                 frames = _frames("".join(data for _, data in heard))
-                assert frames[-1] == frames[-2], "the last frame is no hold"
+                assert frames[-1] == frames[-2], "the last frame is not a hold"
                 times.append((heard[-1][0] - begun) * 1000)
         listener.stdin.close()
     return times

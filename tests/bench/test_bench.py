@@ -1,4 +1,4 @@
-"""The measurements are no part of the suite; a test checks that each can be started."""
+"""The measurements are not part of the suite; a test checks that each can be started."""
 
 import subprocess
 import sys

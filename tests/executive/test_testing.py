@@ -23,7 +23,7 @@ def test_a_task_and_its_functions() -> None:
         assert rehearsal.run(7).success
         assert rehearsal.said("Say") == ["measured [m]: 0.21"]
         assert rehearsal.clock.now() > 3.0  # the boot alone takes two
-        with pytest.raises(KeyError, match="Wait is no registered function"):
+        with pytest.raises(KeyError, match="Wait is not a registered function"):
             rehearsal.replace("Wait", lambda: None)
 
 

@@ -69,7 +69,7 @@ class Board:
         """Send a command; return the state of the board.
 
         `time` [s, monotonic] is when the command was done. `resets`, `lost` (bytes for which the
-        ring had no room, or that came while it booted), `wrong` (fields that are no angle),
+        ring had no room, or that came while it booted), `wrong` (fields that are not an angle),
         `angles` [deg], `frames` and `backlog` (bytes in the ring) describe the firmware; `open`
         tells whether a program has the port, and `unsent` how many bytes it could not send yet.
         """

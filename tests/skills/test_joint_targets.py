@@ -85,9 +85,9 @@ WRONG: list[tuple[dict[str, dict[str, float]], str]] = [
     ({"arm": {"joint_1": 0.0}}, "joint_2, joint_3 are missing"),
     (target(joint_4=-0.7, joint_5=0.2), "joint_5 = 11.459 deg contradicts joint_4 = -40.107 deg"),
     ({"arm": {**ZERO["arm"], "joint_9": 0.0}, "gripper": {}},
-     "^joint_9 is no joint of the arm; the arm has joint_1, joint_2, joint_3; "
+     "^joint_9 is not a joint of the arm; the arm has joint_1, joint_2, joint_3; "
      "joint_4 is missing; the gripper has joint_4, joint_5$"),
-    (target(joint_9=0.0), "joint_9 is no joint of the gripper; the gripper has joint_4, joint_5"),
+    (target(joint_9=0.0), "joint_9 is not a joint of the gripper; the gripper has joint_4, "),
     ({"leg": {}}, "the robot has no group leg; it has arm, gripper"),
 ]  # fmt: skip
 
@@ -141,7 +141,7 @@ def test_every_error_of_a_configuration_names_its_place(robot: Robot) -> None:
     assert contradiction.location == ("goal", "joint_5")
     assert str(missing).startswith("the goal lacks joint_3; it must name")
     assert missing.location == ("goal",)
-    assert str(unknown).startswith("elbow is no joint of the robot")
+    assert str(unknown).startswith("elbow is not a joint of the robot")
     assert unknown.location == ("goal", "elbow")
 
 
@@ -160,8 +160,8 @@ def test_joints_are_distinguished_by_their_groups(robot: Robot) -> None:
         "gripper": {"joint_4": 0.1},
     }
     why = (
-        "^joint_8 is no joint of the robot; it has joint_1, joint_2, joint_3 .arm. and joint_4 "
-        ".*; joint_9 is no joint of the robot"
+        "^joint_8 is not a joint of the robot; it has joint_1, joint_2, joint_3 .arm. and joint_4 "
+        ".*; joint_9 is not a joint of the robot"
     )
     with pytest.raises(BadTarget, match=why) as caught:
         split_by_group(robot, {"joint_8": 0.0, "joint_1": 0.0, "joint_9": 0.0}, "to")
@@ -249,7 +249,7 @@ def test_at_run_time_all_of_it_is_one_cause(bench: Bench) -> None:
     skill.tick_once()
     assert isinstance(skill.failure, OutOfBounds)
     assert "joint_1 = 515.66 deg" in str(skill.failure)
-    assert "joint_7 is no joint of the arm" in str(skill.failure)
+    assert "joint_7 is not a joint of the arm" in str(skill.failure)
 
 
 START = {"joint_1": 0.0, "joint_2": 0.0, "joint_3": 0.0, "joint_4": -0.7}

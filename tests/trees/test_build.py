@@ -65,8 +65,8 @@ WRONG = [
     (["- succeed"], 6, 7, "did you mean Succeed?"),
     (["- Skill"], 6, 7, "no skill Skill"),
     (["- _PlanGroup"], 6, 7, "is not a name"),
-    (["- SetStart: {strat: $start}"], 6, 18, "strat is no port of SetStart; there is only start"),
-    (["- Succeed: {speed: 1}"], 6, 17, "speed is no port of Succeed; there are none"),
+    (["- SetStart: {strat: $start}"], 6, 18, "strat is not a port of SetStart; there is only"),
+    (["- Succeed: {speed: 1}"], 6, 17, "speed is not a port of Succeed; there are none"),
     (["- SetStart:", "    strat:", "      $start"], 7, 9, "there is only start"),
     (["- SetStart: {start: 5}"], 6, 25, "SetStart writes start; name a key such as $start"),
     (["- SetStart: {start: start}"], 6, 25, "name a key such as $start"),
@@ -85,7 +85,7 @@ WRONG = [
     (["- AddBox: {body: b, position: [0, 0, 0], size: [1, 0, 1]}"], 6, 56, "is less than 0.001 mm"),
     ([START, PLAN.replace("plan:", "via: [{joint_1: x}], plan:")], 7, 61, "is not an angle in rad"),
     ([START, PLAN.replace("plan:", "via: [nowhere], plan:")], 7, 51, "no pose nowhere"),
-    (["- Attach: {body: b, link: c, touches: [a]}"], 6, 34, "touches is no port of Attach"),
+    (["- Attach: {body: b, link: c, touches: [a]}"], 6, 34, "touches is not a port of Attach"),
     ([START, PLAN.replace("$goal", "5")], 7, 38, "PlanArm.goal: 5 is not a mapping from joint"),
     ([START, PLAN.replace("$goal", "goal")], 7, 38, "PlanArm.goal: no pose goal; there are"),
     ([START, PLAN.replace("$goal", "[0]")], 7, 38, "is not a mapping"),
@@ -140,7 +140,7 @@ WRONG = [
         ["- subtree: reach", "  with: {arm: {}, gripper: {}, griper: {}}"],
         7,
         36,
-        "griper is no port of subtree reach; there are arm, gripper; did you mean gripper?",
+        "griper is not a port of subtree reach; there are arm, gripper; did you mean gripper?",
     ),
     (
         ["- subtree: reach", "  with: {arm: $arm, gripper: {}}"],
@@ -281,7 +281,7 @@ def test_defaults_need_no_wire(shop: Shop) -> None:
 REFUSED: list[tuple[type[Exception], str, str]] = [
     (OutOfBounds, "joint_1: 9, joint_2: 0, joint_3: -9", "joint_1.*joint_3"),
     (BadTarget, "joint_1: 0, joint_2: 0", "joint_3 is missing"),
-    (BadTarget, "joint_1: 0, joint_2: 0, joint_3: 0, joint_9: 0", "joint_9 is no joint of the arm"),
+    (BadTarget, "joint_1: 0, joint_2: 0, joint_3: 0, joint_9: 0", "joint_9 is not a joint of"),
 ]
 
 

@@ -90,7 +90,7 @@ WRONG = [
     ("{retry: CheckHardware, attempts: 1e3}", "1000.0 is not a whole number"),
     ("{retry: CheckHardware}", "retry needs attempts: largest number of attempts"),
     ("{retry: CheckHardware, attempt: 3}", "did you mean attempts?"),
-    ("{parallel: [Succeed], policy: al}", "'al' is none of all, any; did you mean all?"),
+    ("{parallel: [Succeed], policy: al}", "'al' is not one of all, any; did you mean all?"),
     ("{sequence: [Succeed], memory: off}", "'off' is not true or false"),
     ("{guard: Succeed}", "guard needs while: the condition"),
     ("{guard: Succeed, while: {Wait: {duration: 1}}}", "Wait acts, and cannot be a condition"),
@@ -110,7 +110,7 @@ WRONG = [
     ("{wait_for: SetStart}", "SetStart acts, and cannot be a condition"),
     ("{inverter: [Succeed]}", "a list of nodes needs a node above it"),
     ("{timeout: CheckHardware, after: $x}", "timeout: after must be known before the run"),
-    ("{Compare: {left: 1, is: lt, right: 2}}", "Compare.is: 'lt' is none of !=, <"),
+    ("{Compare: {left: 1, is: lt, right: 2}}", "Compare.is: 'lt' is not one of !=, <"),
     ("{Compare: {left: 1, is: '<', right: a}}", "Compare.right: 'a' is not a number"),
     ("{Compare: {left: 10 sec, is: '<', right: 9 s}}", "4:7 Compare: texts have no order"),
     (
@@ -146,14 +146,14 @@ WRONG = [
         "Say.text: $a is a number, not a text",
     ),
     ("{subtree: move_joints, with: {joints: {joint_1: 200 deg}}}", "4:46 Target: joint_1"),
-    ("{subtree: move_joints, with: {joints: {joint_9: 1}}}", "joint_9 is no joint of the robot"),
+    ("{subtree: move_joints, with: {joints: {joint_9: 1}}}", "joint_9 is not a joint of the robot"),
     ("{subtree: move_joints, with: {joints: {joint1: 1}}}", "did you mean joint_1?"),
     ("{subtree: move_relative, with: {by: {jiont_2: 1}}}", "did you mean joint_2?"),
     ("{subtree: move_relative, with: {by: {joint_1: .nan}}}", "4:44 Shift: joint_1 by nan deg"),
     ("{subtree: move_relative, with: {by: {joint_1: -100}}}", "more than its range"),
     (
         "{subtree: reach, with: {arm: upright, gripper: {joint4: 0}}}",
-        "4:55 CheckBounds: joint4 is no joint of the gripper",
+        "4:55 CheckBounds: joint4 is not a joint of the gripper",
     ),
     (f"{GO}goal: upright}}}}]}}", "4:82 PlanArm: the goal lacks joint_4; it must name joint_1, j"),
     (
@@ -184,7 +184,7 @@ WRONG = [
     ),
     ("{task: 3}", "task 3 would contain itself"),
     ("{task: 99}", "no task 99; there are 0, 1, 2"),
-    ("{task: 1, with: {speed: 1}}", "speed is no parameter of task 1; there are none"),
+    ("{task: 1, with: {speed: 1}}", "speed is not a parameter of task 1; there are none"),
     ("{Say: {text: a}, name: a/b}", "has a / or more than 60 characters"),
     (
         "{subtree: reach, with: {gripper: closed,"
@@ -212,7 +212,7 @@ PARAMETERS = [
     ("{a: {type: angel, default: 1}}", "no type angel; there are"),
     ("{a: {type: angle, default: 5 s}}", "no unit s; there are deg, rad"),
     ("{a: {type: angle, default: 90 deg, max: 1}}", "is more than 57.2958 deg"),
-    ("{a: {type: text, default: x, choices: [y]}}", "'x' is none of y"),
+    ("{a: {type: text, default: x, choices: [y]}}", "'x' is not one of y"),
     ("{a: {type: text, min: 1}}", "a text has no min and no max"),
     ("{a: {default: 1}}", "a needs a type"),
     ("{a: {type: number, defalt: 1}}", "did you mean default?"),
@@ -367,7 +367,7 @@ def test_two_files_of_one_number_are_reported_with_a_place(robot: Robot, tmp_pat
             "{joint_1: 5}",
             "joint_1 = 286.48 deg is outside its limits, -90 deg to 90 deg; did you mean",
         ),
-        ("{jint_1: 1}", "jint_1 is no joint"),
+        ("{jint_1: 1}", "jint_1 is not a joint"),
     ],
 )
 def test_a_pose_that_the_robot_cannot_take(

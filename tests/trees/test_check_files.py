@@ -1,4 +1,4 @@
-"""`armtree check`: parameters whose values are not known yet, and files that are no tasks."""
+"""`armtree check`: parameters whose values are not known yet, and files that are not tasks."""
 
 import re
 from pathlib import Path
@@ -187,7 +187,7 @@ ONCE = [
     (
         "",
         "{AddMesh: {body: b, file: /etc/passwd, position: [0, 0, 1]}}",
-        "4:33 AddMesh: /etc/passwd is no STL, DAE or OBJ file",
+        "4:33 AddMesh: /etc/passwd is not a STL, DAE or OBJ file",
     ),
     (
         "",

@@ -103,15 +103,15 @@ def test_pairs(robot: Robot, tmp_path: Path, alone: dict[str, set[str]], where: 
 
 
 AROUND = [
-    ("{sequence: [X, {Say: {txt: a}}]}", "txt is no port of Say"),
-    ("{sequence: [X, {Wait: {duration: -1, n: 1}}]}", "n is no port of Wait"),
+    ("{sequence: [X, {Say: {txt: a}}]}", "txt is not a port of Say"),
+    ("{sequence: [X, {Wait: {duration: -1, n: 1}}]}", "n is not a port of Wait"),
     (
         "{sequence: [X, {subtree: reach, with: {arm: {joint_1: 9}, griper: open}}]}",
         "joint_1 = 515.66 deg",
     ),
     (
         "{sequence: [X, {subtree: reach, with: {arm: {joint_1: 9}, griper: open}}]}",
-        "griper is no p",
+        "griper is not a p",
     ),
     ("{sequence: [X, {subtree: reach, with: {arm: upright}}]}", "needs gripper"),
     ("{sequence: [X, {subtre: reach, with: {arm: upright, gripper: open}}]}", "mean subtree?"),
@@ -128,7 +128,7 @@ AROUND = [
     ("{sequence: [X], name: a/b}", "has a / or more"),
     ("{sequence: [X], memory: off}", "'off' is not true or false"),
     ("{sequnce: [X]}", "did you mean sequence?"),
-    ("{squence: [X, {Say: {txt: a}}]}", "txt is no port of Say"),
+    ("{squence: [X, {Say: {txt: a}}]}", "txt is not a port of Say"),
     ("{foo: [X]}", "foo takes no list of nodes"),
     ("{sequence: X}", "sequence needs a list of nodes"),
     ("{sequence: [X], parallel: [Succeed]}", "sequence and parallel are several nodes"),
@@ -143,7 +143,7 @@ AROUND = [
     ("{guard: X}", "guard needs while"),
     ("{guard: X, while: {Wait: {duration: 1}}}", "Wait acts, and cannot be a condition"),
     ("{guard: X, whle: CheckHardware}", "did you mean while?"),
-    ("{guard: X, while: CheckHardware, otherwise: stop}", "'stop' is none of"),
+    ("{guard: X, while: CheckHardware, otherwise: stop}", "'stop' is not one of"),
 ]
 
 
@@ -158,7 +158,7 @@ def test_around(robot: Robot, tmp_path: Path, alone: dict[str, set[str]]) -> Non
     for (around, words, text), messages in zip(made, found.values(), strict=True):
         assert any(words in message for message in messages), (around, text)
         lost = alone[text] - messages
-        # What a node around it may end is no mistake, and a value may be shown shorter.
+        # What a node around it may end is not a mistake, and a value may be shown shorter.
         assert all(each.startswith(("never ends", "a node is")) for each in lost), (around, text)
 
 
@@ -197,10 +197,12 @@ TOGETHER = [
         "{subtree: reach, with: {arm: {joint_1: 9, joint_7: 0.2, joint_3: x},"
         " griper: {joint_4: 5}}}",
         ["4:37 CheckBounds: joint_1 = 515.66 deg is outside",
-         "4:49 CheckBounds: joint_7 is no joint of the arm; the arm has joint_1, joint_2, joint_3; "
+         "4:49 CheckBounds: joint_7 is not a joint of the arm; the arm has joint_1, joint_2, "
+         "joint_3; "
          "did you mean joint_2?",
          "4:72 arm: 'x' is not an angle",
-         "4:76 griper is no port of subtree reach; there are arm, gripper; did you mean gripper?",
+         "4:76 griper is not a port of subtree reach; there are arm, gripper; did you mean "
+         "gripper?",
          "4:85 CheckBounds: joint_4 = 286.48 deg is outside"],
     ),
     (
@@ -215,7 +217,8 @@ TOGETHER = [
         "{subtree: move_relative, with: {by: {joint_1: 100, joint_2: 99, jiont_3: 1, joint_4: x}}}",
         ["4:44 Shift: joint_1 by 5729.6 deg is more than",
          "4:58 Shift: joint_2 by 5672.3 deg is more than",
-         "4:71 Shift: jiont_3 is no joint that turns; there are joint_1, joint_2, joint_3, joint_4"
+         "4:71 Shift: jiont_3 is not a joint that turns; there are joint_1, joint_2, joint_3, "
+         "joint_4"
          "; did you mean joint_3?",
          "4:92 by: 'x' is not an angle"],
     ),
@@ -226,7 +229,7 @@ TOGETHER = [
         ["4:62 PlanArm: the start lacks joint_2, joint_3, joint_4",
          "4:83 PlanArm: joint_1 = 515.66 deg",
          "4:95 PlanArm: joint_2 = 515.66 deg",
-         "4:107 PlanArm: jiont_3 is no joint of the robot; it has joint_1, joint_2, joint_3 "
+         "4:107 PlanArm: jiont_3 is not a joint of the robot; it has joint_1, joint_2, joint_3 "
          "(arm) and joint_4 (gripper); did you mean joint_3?",
          "4:128 PlanArm.goal: 'x' is not an angle",
          "4:139 PlanArm: joint_1 = 515.66 deg",
@@ -242,7 +245,7 @@ TOGETHER = [
          "4:44 Ask: a choice is empty",
          "4:57 Ask: b is wanted, but the choices are a, a",
          "4:68 Ask.within: 0 s is less than",
-         "4:71 qestion is no port of Ask"],
+         "4:71 qestion is not a port of Ask"],
     ),
     (
         "{AddMesh: {body: 5, file: no.stl, position: [0, x, 1 s], rotation: [1, 2], touch: [a]}}",
@@ -251,7 +254,7 @@ TOGETHER = [
          "4:55 AddMesh.position: 'x' is not a length",
          "4:58 AddMesh.position: '1 s': no unit s",
          "4:74 AddMesh.rotation: [1, 2] has 2 items, not 3",
-         "4:82 touch is no port of AddMesh"],
+         "4:82 touch is not a port of AddMesh"],
     ),
     (
         "{sequence: [{SetStart: {start: $s}}, {ReachPoint: {start: $s, point: [0, 0], target: t,"
@@ -266,7 +269,7 @@ TOGETHER = [
     (
         "{retry: {Wait: {duration: -1, x: 1}}, attempts: 0, backoff: 3 kg, foo: 1, name: a/b}",
         ["4:33 Wait.duration: -1 s is less than",
-         "4:37 x is no port of Wait",
+         "4:37 x is not a port of Wait",
          "4:55 retry: attempts: 0 is less than 1",
          "4:67 retry: backoff: '3 kg': no unit kg",
          "4:73 unknown key foo",
@@ -278,7 +281,7 @@ TOGETHER = [
         ["4:33 Wait.duration: '1 kg'",
          "4:48 Wait acts, and cannot be a condition",
          "4:66 Wait.duration: '2 kg'",
-         "4:85 guard: otherwise: 'stop' is none of",
+         "4:85 guard: otherwise: 'stop' is not one of",
          "4:98 guard: every: 0 s is less than"],
     ),
     (
@@ -382,7 +385,7 @@ def test_the_files_that_a_task_needs(robot: Robot, tmp_path: Path) -> None:
         "3_y.yaml": {
             "the file is named for task 3 but says task 4",
             "the file is named 3_y.yaml but says name x",
-            "d is no port of subtree look; ",
+            "d is not a port of subtree look; ",
             "joints: no pose lfet; ; did you mean left?",
         },
     }

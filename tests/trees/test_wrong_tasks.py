@@ -25,7 +25,8 @@ WRONG = [
      "did you mean 70 deg?", f"      {MOVE.replace('20', '70')}"),
     ("20 deg", "120 deg", "9:23 Target: joint_1 = 120 deg is outside its limits, -90 deg to 90 deg",
      ""),
-    ("joint_1: 20", "joint_7: 20", "9:23 Target: joint_7 is no joint of the robot; it has joint_1, "
+    ("joint_1: 20", "joint_7: 20", "9:23 Target: joint_7 is not a joint of the robot; it has "
+     "joint_1, "
      "joint_2, joint_3 (arm) and joint_4 (gripper)", ""),
     ("20 deg", "$swing", "9:32 there is no parameter for $swing; declare it above the tree, with "
      "parameters:, or write a value here", "parameters:\n  swing: {type: angle, default: 0}"),
@@ -66,7 +67,7 @@ NODES = [
     ("CheckHardware:", "10:7 CheckHardware has no value: leave out the colon", ""),
     ("Compare: 2", "10:16 Compare needs the names of its ports: write Compare: {left: 2, is: …, "
      "right: …}", ""),
-    ("Compare: {left: 1, is: =, right: 2}", "10:30 Compare.is: '=' is none of !=, <, <=, ==, >, "
+    ("Compare: {left: 1, is: =, right: 2}", "10:30 Compare.is: '=' is not one of !=, <, <=, ==, >, "
      ">=; did you mean ==?", '    - Compare: {left: 1, is: "==", right: 2}'),
     ("{subtree: Wait, with: {duration: 2 s}}", "10:7 Wait is a skill, not a subtree: write Wait",
      ""),
@@ -127,18 +128,19 @@ SLIPS = [
      "not 8: it belongs to `with` in line 7; the same in line 9", "        arm: upright"),
     (MOVE, "joints: {joint_1: 20 deg}", "9:7 the ports of a subtree are below the key with",
      f"      {MOVE}"),
-    ("joints:", "by:", "9:14 by is no port of subtree move_joints; there are joints, speed",
+    ("joints:", "by:", "9:14 by is not a port of subtree move_joints; there are joints, speed",
      f"      {MOVE}"),
     (f"- subtree: move_joints\n      {MOVE}", "- move_joints: {joint_1: 20 deg}",
      "8:7 no skill move_joints, but a subtree move_joints: write subtree: move_joints",
      f"    - subtree: move_joints\n      {MOVE}"),
 ]  # fmt: skip
 SLIPS_OF_NODES = [
-    ("Wait: {within: 2 s}", "10:14 within is no port of Wait; there is only duration",
+    ("Wait: {within: 2 s}", "10:14 within is not a port of Wait; there is only duration",
      "    - Wait: {duration: 2 s}"),
     ("Say: {text: item #1}", "10:19 a # after a space begins a comment; put the text in quotes",
      '    - Say: {text: "item #1"}'),
-    ("Compare: {left: 1, is: =>, right: 2}", "10:30 Compare.is: '=>' is none of !=, <, <=, ==, >, "
+    ("Compare: {left: 1, is: =>, right: 2}", "10:30 Compare.is: '=>' is not one of !=, <, <=, ==, "
+     ">, "
      ">=; did you mean >=?", '    - Compare: {left: 1, is: ">=", right: 2}'),
     ("subtree: move_tool\n      with: {point: [0, 0, 0], relative: yes}", "11:42 relative: 'yes' "
      "is not true or false; did you mean true?",

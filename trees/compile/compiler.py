@@ -537,7 +537,7 @@ class TreeCompiler:
                 there = there_are(port, known, given)
                 if what:
                     instead = label.replaced(port, likely.get(port, ""))
-                    self._wrong(label, f"{port} is no {what}; {there}", instead)
+                    self._wrong(label, f"{port} is not a {what}; {there}", instead)
                 if port not in likely:
                     self._forgive((given[port],), scope)
         named = {likely.get(port, port): value for port, value in given.items()}
@@ -571,7 +571,7 @@ class _Child:
         return any(leaf.skill.moves for leaf in self._leaves())
 
     def action(self) -> str:
-        """Return the name of the first skill below the node that is no condition, or ""."""
+        """Return the name of the first skill below the node that is not a condition, or ""."""
         acting = (leaf.skill for leaf in self._leaves() if not leaf.skill.condition)
         return next((skill.name for skill in acting), "")
 

@@ -64,7 +64,7 @@ class TimeoutKind(ControlNodeKind):
         return PossibleOutcomes(child.succeeds, True, child.shortest)
 
     def groot(self, options: Options) -> list[Element]:
-        """Return the node of BehaviorTree.CPP; a time that is not known yet is no limit."""
+        """Return the node of BehaviorTree.CPP; a time that is not known yet is not a limit."""
         after = options["after"]
         return [("Timeout", {"msec": str(round(after * 1000) if math.isfinite(after) else 0)})]
 

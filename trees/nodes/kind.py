@@ -55,7 +55,7 @@ class Child(Protocol):
         """Return whether a skill below the node moves the arm."""
 
     def action(self) -> str:
-        """Return the name of the first skill below the node that is no condition, or ""."""
+        """Return the name of the first skill below the node that is not a condition, or ""."""
 
     def lasting(self) -> Iterator["Child"]:
         """Return the nodes below the node that may take longer than one tick."""

@@ -90,7 +90,7 @@ class NodeParser:
         return isinstance(value, str) and _NAME.fullmatch(value) is not None
 
     def name(self, value: Located, what: str) -> str:
-        """Return a name, or an empty text if the value is none."""
+        """Return a name, or an empty text if the value is not one."""
         if self.is_name(value.value):
             return value.value
         rule = "a letter, then letters, digits, _ or -"
@@ -98,14 +98,14 @@ class NodeParser:
         return ""
 
     def number(self, value: Located, what: str) -> int:
-        """Return a task number, or 0 if the value is none."""
+        """Return a task number, or 0 if the value is not one."""
         if is_number(value.value):
             return value.value
-        self._wrong(value.place, f"{what}: {value} is no number from 0 to {MAX_NUMBER}")
+        self._wrong(value.place, f"{what}: {value} is not a number from 0 to {MAX_NUMBER}")
         return 0
 
     def line(self, value: Located, what: str) -> str:
-        """Return a text as one line, or an empty one if the value is no text."""
+        """Return a text as one line, or an empty one if the value is not a text."""
         if isinstance(value.value, str) and value.value.strip():
             return " ".join(value.value.split())
         self._wrong(value.place, f"{what}: {value} is not a text")
@@ -230,7 +230,7 @@ class NodeParser:
         return name
 
     def _wiring(self, value: Located) -> dict[str, Value]:
-        """Return the values at ports. A value that is no mapping is at the port ""."""
+        """Return the values at ports. A value that is not a mapping is at the port ""."""
         items = value.value if isinstance(value.value, list) else []
         if items and all(isinstance(item.value, dict) for item in items):
             why = "the ports of a node are a mapping, not a list: leave out each `-`"
@@ -274,7 +274,7 @@ def _respell(keys: Mapping[str, Located], likely: Mapping[str, str]) -> dict[str
 
 
 def _no_node(value: Located, keys: tuple[str, ...]) -> str:
-    """Return why a value is no node."""
+    """Return why a value is not a node."""
     if isinstance(value.value, list):
         return "a list of nodes needs a node above it, such as sequence:"
     if not keys:

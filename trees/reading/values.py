@@ -210,5 +210,5 @@ def _violation(fitted: Any, wanted: Declaration) -> str:
     if wanted.most is not None and fitted > wanted.most:
         return f"is more than {scale * wanted.most:g} {unit}".rstrip()
     if wanted.choices and fitted not in wanted.choices:
-        return f"is none of {choices(str(fitted), wanted.choices)}"
+        return f"is not one of {choices(str(fitted), wanted.choices)}"
     return ""

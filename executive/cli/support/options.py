@@ -63,7 +63,7 @@ set_option = click.option(
 def words_of_goal(
     _context: click.Context, _argument: click.Parameter, words: tuple[str, ...]
 ) -> tuple[str, ...]:
-    """Reject what looks like an option, but is no negative number."""
+    """Reject what looks like an option, but is not a negative number."""
     for word in words:
         if word.startswith("-") and not _NUMBER.match(word):
             raise click.NoSuchOption(word)

@@ -34,7 +34,7 @@ class Finite(click.FloatRange):
         """Return the number; raise a usage error for anything else."""
         number: float = super().convert(value, param, ctx)
         if not math.isfinite(number):
-            self.fail(f"{value} is no finite number", param, ctx)
+            self.fail(f"{value} is not a finite number", param, ctx)
         return number
 
 

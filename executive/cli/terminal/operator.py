@@ -74,7 +74,7 @@ class Terminal:
                     question.reject("no answer is possible: standard input has ended")
                 return
             if not question.answer(line):
-                self._say(f"? {line or 'nothing'} is no answer to: {question}")
+                self._say(f"? {line or 'nothing'} is not an answer to: {question}")
 
     def _read(self) -> None:
         for path in ("", _TERMINAL):
@@ -96,7 +96,7 @@ class Terminal:
 
     def _add(self, lines: list[bytes], typed: bool) -> None:
         with self._lock:
-            if self._open or not typed:  # what is typed between questions is no answer
+            if self._open or not typed:  # what is typed between questions is not an answer
                 self._lines += [line.decode(errors="replace").strip() for line in lines]
         self._answer()
 

@@ -78,7 +78,8 @@ class Codec:
         match = self._pattern.fullmatch(data)
         servos = tuple(int(angle) for angle in match.groups()) if match else ()
         if match is None or max(servos) > ANGLE_MAX:
-            raise ValueError(f"{data!r} is no frame such as {self.frame([0] * len(self._fields))}")
+            wanted = self.frame([0] * len(self._fields))
+            raise ValueError(f"{data!r} is not a frame such as {wanted}")
         return Frame(servos, data)
 
     def decode(self, frame: Frame) -> tuple[float, ...]:

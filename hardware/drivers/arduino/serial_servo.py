@@ -43,7 +43,7 @@ class SerialServo:
         table.done()
         for limit in (lower, upper):
             if not _is_servo_angle(field, limit):
-                what = f"the URDF's limit {limit:g} rad is no servo angle from 0 to 180 degrees"
+                what = f"the URDF's limit {limit:g} rad is not a servo angle from 0 to 180 degrees"
                 joint.fail("wire", f"{what} with this field")
         return field
 

@@ -126,7 +126,7 @@ def test_it_opens_only_with_the_option_and_says_before_what_that_does(
     ("port", "status", "what", "remedy"),
     [
         ("/dev/ttyNOPE", 6, "/dev/ttyNOPE: No such file or directory", "plug the board in"),
-        ("/dev/null", 6, "/dev/null is no serial port", "give another --port"),
+        ("/dev/null", 6, "/dev/null is not a serial port", "give another --port"),
         ("", 3, "no port is given", "give --port PORT, or --port virtual"),
     ],
 )

@@ -225,7 +225,7 @@ def test_what_a_server_may_not_be(typed: tuple[Served, Typed]) -> None:
     for words, status, said in [
         (("--tcp-port", str(served.server.port)), 13, "another port with --tcp-port"),
         (("--bind", "0.0.0.0"), 13, "add --expose"),
-        (("--bind", "here"), 13, "is no address"),
+        (("--bind", "here"), 13, "is not an address"),
         (("--trees", "nowhere"), 3, "nowhere"),
         (("--policy", "both"), 2, "both"),
     ]:

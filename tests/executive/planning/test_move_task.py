@@ -87,7 +87,7 @@ def test_a_move_is_canceled_like_any_goal(rig: RigMaker, shared_clock: Simulated
         (("joint_1=200deg",), True, 1.0, "goal.out_of_bounds", "more than its range, 180 deg"),
         (("foldd",), False, 1.0, "goal.bad_target", "did you mean folded?"),
         (("folded",), True, 1.0, "goal.bad_target", "folded is a pose, not a change"),
-        (("0.1", "0.1"), False, 1.0, "goal.bad_target", "'0.1' is no pose"),
+        (("0.1", "0.1"), False, 1.0, "goal.bad_target", "'0.1' is not a pose"),
         (("0.1", "0.1", "x"), False, 1.0, "goal.bad_target", "point"),
         ((), False, 1.0, "goal.bad_target", "needs a target"),
         (("folded",), False, 1.01, "goal.bad_target", "not between 0.01 and 1"),
@@ -128,7 +128,7 @@ def test_a_robot_names_its_home(server: RigMaker, tmp_path: Path) -> None:
             commanded = arm.executive.where().commanded
             assert commanded == {**UPRIGHT, "joint_2": 0.1 if home else 0.0}
         else:
-            assert f"{robot}: home: 'nowhere' is no pose" in answer.message
+            assert f"{robot}: home: 'nowhere' is not a pose" in answer.message
 
 
 def test_a_pose_of_ones_own_is_home(server: RigMaker, tmp_path: Path) -> None:

@@ -60,7 +60,7 @@ def test_an_unwanted_answer_fails_the_task_and_an_invalid_one_is_refused(serve: 
         path = f"/api/questions/{question}/answer"
         status, error = served.ask("POST", path, {"answer": "perhaps"})
         assert (status, error["code"]) == (422, "goal.bad_answer")
-        assert "perhaps is no answer to: Free? [yes/no]" in error["message"]
+        assert "perhaps is not an answer to: Free? [yes/no]" in error["message"]
         assert served.ask("POST", path, {"answer": "no"}) == (
             200,
             {"question_id": question, "answer": "no"},

@@ -59,7 +59,7 @@ def test_a_stream_without_events_has_a_heartbeat(
         assert next(piece for piece in pieces if b": still here\n\n" in piece)
     with served.client() as client, client.events("status") as events:
         goal = client.send(11)
-        assert getattr(next(events), "identity", "") == goal  # a heartbeat is no event
+        assert getattr(next(events), "identity", "") == goal  # a heartbeat is not an event
 
 
 def test_a_silent_stream_times_out(mute: str, monkeypatch: pytest.MonkeyPatch) -> None:

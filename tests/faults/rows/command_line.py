@@ -205,7 +205,7 @@ def closed_terminal(scene: Scene) -> None:
     scene.figure(time.monotonic() - begin)
     (recording,) = scene.recordings()
     *_, before, hold = frames_of(recording)
-    scene.check(before.data == hold.data, "the last frame is no hold")
+    scene.check(before.data == hold.data, "the last frame is not a hold")
     scene.verified()
 
 

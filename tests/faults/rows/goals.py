@@ -38,7 +38,7 @@ def turning(scene: Scene) -> tuple[Board, Server]:
 
 
 def wrong_number(scene: Scene) -> str:
-    """JSON of something that is no angle within the limits."""
+    """JSON of something that is not an angle within the limits."""
     numbers = scene.random
     return numbers.choice(
         [

@@ -1,4 +1,4 @@
-"""Several programs on one port, things that are no port, and an arm that a program drops."""
+"""Several programs on one port, things that are not a port, and an arm that a program drops."""
 
 import fcntl
 import os
@@ -96,7 +96,7 @@ def port_shared(scene: Scene) -> None:
 
 
 def no_port(kind: str, path: Path) -> Path:
-    """Make something that is no serial port, and return its path."""
+    """Make something that is not a serial port, and return its path."""
     if kind == "folder":
         path.mkdir()
     elif kind == "pipe":
@@ -122,7 +122,7 @@ NO_PORTS = (
 
 @row(
     "no-port",
-    "`--port` names a folder, a pipe, a file, a link, a socket or a device that is no port",
+    "`--port` names a folder, a pipe, a file, a link, a socket or a device that is not a port",
     "exit status 6 and one line that names it; nothing hangs, and no file is changed",
     times=3,
 )

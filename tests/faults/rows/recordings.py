@@ -180,7 +180,7 @@ def lost_sync(scene: Scene) -> None:
     scene.check(run.wait() == 10, f"exit status {run.wait()}, not 10: {last_line(run)}")
     (result,) = run.events("result")
     scene.check(result["code"] == "log.incomplete", f"the goal ends {result['code']}")
-    scene.check(run.events("sent")[-1]["hold"], "the last frame is no hold")
+    scene.check(run.events("sent")[-1]["hold"], "the last frame is not a hold")
     verify = scene.armtree("replay", "recordings", "--verify")
     scene.check(verify.wait() == 0, f"replay --verify: {last_line(verify)}")
 

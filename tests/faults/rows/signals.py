@@ -25,7 +25,7 @@ def signals(scene: Scene) -> None:
     sent = run.signal(which)
     scene.check(run.wait() == 7, f"{which.name}: exit status {run.wait()}, not 7")
     hold = run.events("sent")[-1]
-    scene.check(hold["hold"], f"{which.name}: the last frame is no hold")
+    scene.check(hold["hold"], f"{which.name}: the last frame is not a hold")
     scene.figure(1000 * (hold["time_s"] - sent))
     scene.verified()
 

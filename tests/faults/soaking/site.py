@@ -120,7 +120,7 @@ class Site:
 
         Args:
             command: The command.
-            allowed: Exit statuses that are no problem; default: any but 1, a bug in armtree.
+            allowed: Exit statuses that are not a problem; default: any but 1, a bug in armtree.
         """
         words = " ".join(map(str, command.popen.args[1:3]))  # type: ignore[index]
         try:

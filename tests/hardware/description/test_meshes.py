@@ -58,7 +58,7 @@ def test_a_mesh_that_is_missing_is_reported_with_what_to_do(
 
 def test_a_mesh_is_an_ordinary_file_of_bounded_size(urdf: Path) -> None:
     os.mkfifo(urdf.with_name("pipe.stl"))
-    with pytest.raises(UrdfError, match=r"pipe\.stl is no ordinary file"):
+    with pytest.raises(UrdfError, match=r"pipe\.stl is not an ordinary file"):
         find_mesh(urdf, "pipe.stl")
     os.truncate(os.open(urdf.with_name("big.stl"), os.O_CREAT | os.O_WRONLY), MAX_MESH_BYTES + 1)
     with pytest.raises(UrdfError, match=r"big\.stl has 64\.0 MiB; give one with at most 64\.0"):

@@ -84,7 +84,7 @@ def test_everything_that_is_wrong_is_reported_at_once(tmp_path: Path) -> None:
 
 WRONG = {
     "no XML": ("<robot", ":1: is not XML"),
-    "other XML": ("<sdf/>", "is no URDF: its root element is <sdf>"),
+    "other XML": ("<sdf/>", "is not a URDF: its root element is <sdf>"),
     "xacro": (
         '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:include filename="x"/></robot>',
         "convert it first: xacro arm.urdf > arm.urdf",
@@ -117,7 +117,7 @@ def test_names_that_the_urdf_does_not_have(tmp_path: Path) -> None:
     path = written(tmp_path, urdf(ARM))
     assert draft_robot(path, LARGEST, ["lift"], "a").groups["gripper"] == ("lift",)
     for gripper, tool, why in (
-        (["left"], "a", "left is no joint that moves by itself; --gripper is one of shoulder"),
+        (["left"], "a", "left does not move by itself; --gripper is one of shoulder"),
         (["shoulder", "elbow", "lift"], "a", "leave at least one for the arm"),
         ([], "hand", "there is no link hand for the tool; give base, a, b, c"),
     ):

@@ -49,7 +49,7 @@ def test_a_missing_port() -> None:
 def test_a_path_that_is_no_serial_port(port: str) -> None:
     check = reported(port)
     assert (check.ok, check.code) == (False, "hw.link")
-    assert check.detail == f"{port} is no serial port"
+    assert check.detail == f"{port} is not a serial port"
 
 
 def test_a_terminal_of_the_kernels_is_one() -> None:

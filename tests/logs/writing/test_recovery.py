@@ -173,7 +173,7 @@ def test_only_a_file_is_a_recording(tmp_path: Path, make: Callable[[Path], None]
     make(path)
     before = path.stat()
     for act in (logs.Recording, logs.read, recover, compact, partial(pin, on=True)):
-        with pytest.raises(logs.RecordingError, match="is no file; give a recording"):
+        with pytest.raises(logs.RecordingError, match="is not a file; give a recording"):
             act(path)
     assert list(recover_all(tmp_path)) == []
     assert list(logs.closed_recordings(tmp_path, 0.0)) == []

@@ -15,7 +15,7 @@ from logs.reading.tolerant_reader import TolerantReader
 
 Content = tuple[str, int, bytes]  # of a message: topic, time, data
 
-MAGIC = 8  # bytes at the beginning of a file; without them it is no recording
+MAGIC = 8  # bytes at the beginning of a file; without them it is not a recording
 FOOTER_BYTES = 37  # and the magic behind it
 _CHECK = 0x80  # opcode of the check behind every piece of a journal
 

@@ -54,8 +54,8 @@ tree:
 @pytest.mark.parametrize(
     ("make", "why"),
     [
-        (os.mkfifo, "it is no ordinary file"),
-        (lambda path: path.symlink_to("/dev/zero"), "it is no ordinary file"),
+        (os.mkfifo, "it is not an ordinary file"),
+        (lambda path: path.symlink_to("/dev/zero"), "it is not an ordinary file"),
         (Path.mkdir, "Is a directory"),
         (lambda path: path.symlink_to("nowhere"), "No such file or directory"),
         (lambda path: path.write_bytes(bytes(2**20 + 1)), "it is larger than 1048576 bytes"),
@@ -114,7 +114,7 @@ def test_its_skills_are_in_the_schema_and_in_tasks(installed: Path, tmp_path: Pa
     ("function", "words"),
     [
         ("async def wipe() -> None: ...", "wipe is async; a skill is a plain function"),
-        ("def wipe(*places: int) -> None: ...", "*places: int is no port; name each parameter"),
+        ("def wipe(*places: int) -> None: ...", "*places: int is not a port; name each parameter"),
         ("def sequence() -> None: ...", "sequence: the grammar has that name already; rename it"),
         ("def name() -> None: ...", "name: the grammar has that name already"),
     ],

@@ -16,7 +16,7 @@ from trees.export.groot import as_groot
 from trees.export.outline import outline
 
 LOADER = Path(sys.prefix) / ".behaviortree"
-FOR_US = {"name", "_description"}  # attributes that are no ports
+FOR_US = {"name", "_description"}  # attributes that are not ports
 
 pytestmark = pytest.mark.skipif(
     not LOADER.exists(), reason="BehaviorTree.CPP is not built: make test does, where there is g++"

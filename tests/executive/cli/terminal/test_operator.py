@@ -51,7 +51,7 @@ def piped(command: list[str], lines: str) -> tuple[int, str, str]:
 
 def test_answers_come_from_a_pipe(command: list[str]) -> None:
     status, out, _ = piped(command, "perhaps\nYES\nAda")
-    assert "? perhaps is no answer to: Free? [yes/no]\n? Name?\n" in out
+    assert "? perhaps is not an answer to: Free? [yes/no]\n? Name?\n" in out
     assert "hello Ada" in out
     assert status == 0
 

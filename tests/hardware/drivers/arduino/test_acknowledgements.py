@@ -115,7 +115,7 @@ def watched(acks: Acknowledgements, until: float) -> None:
 
 @pytest.mark.parametrize("times", [1, 2])
 def test_a_frame_without_an_answer_is_an_error_after_the_timeout(times: int) -> None:
-    """The answer to an earlier frame is no answer to the next one."""
+    """The answer to an earlier frame is not an answer to the next one."""
     acks, total = booted(), 0
     for time in range(1, times):
         acks.note_sent(CODEC.frame([10, 90, 90, 0]), time)

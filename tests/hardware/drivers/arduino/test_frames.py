@@ -132,7 +132,7 @@ def test_decoding_hits_the_bin_of_every_servo_angle() -> None:
      b"b181,s090,e090,g000,", b"b090,s090,e090,g999,"],
 )  # fmt: skip
 def test_bytes_that_are_no_frame_are_an_error(data: bytes) -> None:
-    with pytest.raises(ValueError, match="is no frame such as b000,s000,e000,g000,"):
+    with pytest.raises(ValueError, match="is not a frame such as b000,s000,e000,g000,"):
         CODEC.parse(data)
 
 
@@ -147,7 +147,7 @@ def test_a_robot_of_other_letters_has_frames_of_its_own() -> None:
     frame = codec.encode((0.0, -0.7))
     assert str(frame) == "x090,q080,"
     assert codec.parse(b"x090,q080,") == frame
-    with pytest.raises(ValueError, match="is no frame such as x000,q000,"):
+    with pytest.raises(ValueError, match="is not a frame such as x000,q000,"):
         codec.parse(b"b090,g080,")
 
 

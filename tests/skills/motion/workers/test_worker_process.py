@@ -150,7 +150,7 @@ def test_a_worker_that_announces_more_than_it_sends_is_killed(
 def test_a_worker_that_answers_twice(
     robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A late answer to the first request is no answer to the second."""
+    """A late answer to the first request is not an answer to the second."""
     again = "parent.recv(65536)\n    parent.sendall({answer!r})\n    parent.recv(1)"
     says = SAYS.replace("parent.recv(1)", again)
     program(tmp_path / "twice", says, monkeypatch, answer=answered(PlanTimeout(1.0)))

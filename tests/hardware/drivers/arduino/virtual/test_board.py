@@ -73,7 +73,7 @@ DAMAGE = {
     "too far": ([b"b090,s204,e090,g000,"], (90, 180, 90, 0), 0),
     "line feed": ([b"b024,s125,e085,g010,\n", FRAME], BOOT, 0),
     "carriage return, line feed": ([b"b024,s125,e085,g010,\r\n", FRAME], BOOT, 1),
-    "many bytes that are no letters": ([b"0000000000,"], (0, 90, 90, 0), 6),
+    "many bytes that are not letters": ([b"0000000000,"], (0, 90, 90, 0), 6),
 }
 
 
