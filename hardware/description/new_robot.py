@@ -46,7 +46,7 @@ gripper = {gripper}
 """
 _JOINT = """
 [joints.{key}]{pad}# {limits}
-velocity = {velocity:<19g}# [{unit}/s]{note}
+velocity = {velocity:<19}# [{unit}/s]{note}
 acceleration = {acceleration:<15g}# [{unit}/s2]; a URDF has none
 boot = {boot:<23}# position when the board has booted [{unit}]
 # wire = {{ letter = "{letter}", sign = 1, offset_deg = 90, span_deg = 180, reversed = false }}
@@ -153,19 +153,24 @@ def _path(urdf: Path, folder: Path) -> str:
 def _joint_text(joint: Joint, described: UrdfJoint, letter: str) -> str:
     limits = f"{joint.words(joint.lower)} to {joint.words(joint.upper)}"
     said = "has none" if math.isinf(described.velocity) else f"says {described.velocity:g}"
-    boot = round(joint.boot, 4)
     key = joint.name if _BARE_KEY.fullmatch(joint.name) else json.dumps(joint.name)
     return _JOINT.format(
         key=key,
         pad=" " * max(1, 21 - len(key)),
         limits="turns without limits" if joint.continuous else limits,
-        velocity=joint.velocity,
+        velocity=_rounded(joint.velocity, 0.0, joint.velocity),
         note="" if joint.velocity == described.velocity else f"; the URDF {said}",
         acceleration=joint.acceleration,
-        boot=boot if joint.lower <= boot <= joint.upper else joint.boot,
+        boot=_rounded(joint.boot, joint.lower, joint.upper),
         unit=joint.unit,
         letter=letter,
     )
+
+
+def _rounded(value: float, lower: float, upper: float) -> float:
+    """Return a value with four digits after the point, or as it is if that is out of bounds."""
+    short = round(value, 4)
+    return short if short and lower <= short <= upper else value
 
 
 def _mesh_mistakes(path: Path) -> Iterator[UrdfError]:

@@ -63,7 +63,8 @@ def test_with_another_arm_it_ends_with_what_runs_without_a_task(tmp_path: Path) 
     command = shlex.split(result.output.splitlines()[-1].removeprefix("Next, type: "))
     assert command[:2] == ["armtree", "move"]
     assert command[-2:] == arm
-    moved = CliRunner().invoke(cli, [*command[1:], "--recordings", str(tmp_path)])
+    own = {"XDG_RUNTIME_DIR": str(tmp_path)}  # no server of another test
+    moved = CliRunner().invoke(cli, [*command[1:], "--recordings", str(tmp_path)], env=own)
     assert moved.exit_code == 0, moved.output
 
 

@@ -9,6 +9,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from executive.cli.main import cli
+from executive.replay.verification import verify
 from executive.testing import SimulatedArm
 from hardware import DescriptionError, load_robot
 from tests.support.arms.real_arms import ROBOTS
@@ -26,12 +27,14 @@ MADE = {
     "ur_description/urdf/ur5_robot.urdf": ("wrist_3_joint", [], "tool0"),
     "xarm_description/urdf/xarm7.urdf": ("joint7", [], "link_eef"),
     "z1_description/urdf/z1.urdf": ("joint6", ["jointGripper"], "link06"),
+    "kinova_description/robots/kinova.urdf": ("j2s6s200_joint_6", [], "j2s6s200_link_6"),
 }
 
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))  # no server of another test
     (tmp_path / "arm.urdf").write_text(urdf(ARM))
     return tmp_path
 
@@ -54,6 +57,9 @@ def test_two_commands_from_a_makers_urdf_to_a_motion(folder: Path, file: str) ->
     moved = armtree(*command)
     assert moved.exit_code == 0, moved.output
     assert "SUCCEEDED" in moved.output
+    (recording,) = (folder / "recordings").iterdir()
+    verified = verify(recording)
+    assert verified.holds, verified.text()
 
 
 def test_a_task_of_a_new_arm_runs_without_a_board(folder: Path) -> None:

@@ -46,6 +46,14 @@ def test_limits_are_those_of_the_urdf_unless_they_are_placeholders(tmp_path: Pat
     assert (by_name["slow"].boot, by_name["free"].boot) == (0.5, 0.0)
 
 
+@pytest.mark.parametrize("velocity", [0.628318530718, 1e-7, 0.00004, 3.14159265359])
+def test_no_number_is_rounded_beyond_a_limit(tmp_path: Path, velocity: float) -> None:
+    limit = f'<limit lower="0.123456" upper="0.123457" velocity="{velocity}" effort="1"/>'
+    robot = load_robot(made(written(tmp_path, urdf([f"base -> a: revolute narrow {limit}"]))))
+    assert robot.joint("narrow").velocity == pytest.approx(velocity, rel=1e-3)
+    assert robot.joint("narrow").boot == 0.123456
+
+
 def test_a_leader_is_no_faster_than_its_follower_may_be(tmp_path: Path) -> None:
     mimic = '<mimic joint="shoulder" multiplier="-4"/>'
     path = written(tmp_path, urdf([*ARM, f"base -> d: revolute rod {mimic}"]))
