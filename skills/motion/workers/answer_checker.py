@@ -7,7 +7,7 @@ computed again: that takes as long as in the worker.
 
 import math
 from collections.abc import Mapping, Sequence
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from skills.motion.world import Body
 
 from .messages import InvalidMessage
 
+_all = partial(np.logical_and.reduce, axis=None)  # `all` of an array takes twice as long
 _SAME = 1e-6  # largest rounding error of a position or of s [rad]
 _NEAR = 1e-5  # largest distance of a tool from its target, ten times that of the solver [m]
 _ALIGNED = 1e-3  # largest angle of its axis from the direction, ten times that of the solver [rad]
@@ -39,7 +40,7 @@ class AnswerChecker:
     """
 
     def __init__(self, robot: Robot) -> None:
-        self._robot = robot
+        self._robot, self._joints = robot, robot.actuated
         self._groups = dict[str, JointGroup]()
 
     def check(self, request: Request, answer: object) -> Result:
@@ -78,8 +79,8 @@ class AnswerChecker:
             wanted = f"{group.name} ({', '.join(group.names)}) with seed {asked.seed}"
             raise InvalidMessage(f"a plan for {given}, not for {wanted}")
         _check_durations(plan.milliseconds)
-        _check_shapes(plan, len(self._robot.actuated), len(group.names))
-        joints, all_joints = group.joints, self._robot.actuated
+        joints, all_joints = group.joints, self._joints
+        _check_shapes(plan, len(all_joints), len(joints))
         start = joint_positions("start", request.start, all_joints)
         goal = group.nearest_turn(plan.goal, joint_positions("goal", asked.goal, joints))
         if isinstance(request, Query):
@@ -110,7 +111,7 @@ class AnswerChecker:
             if not own or not set(self._kinematics.joints_above(own.link)) & set(group.names):
                 return
             link, offset, axis = own.link, offset + own.offset, request.axis or own.axis
-        start = joint_positions("start", request.start, self._robot.actuated)
+        start = joint_positions("start", request.start, self._joints)
         (there,) = group.full(start, np.array([reached.positions]))
         tool, tip = (self._locate(link, each, there) for each in (offset, offset + axis))
         target = np.array(request.point)
@@ -129,7 +130,7 @@ class AnswerChecker:
 
     def _locate(self, link: str, offset: Array, configuration: Array) -> Array:
         """Return where a point of a link is in the root frame (3,) [m]."""
-        names = (joint.name for joint in self._robot.actuated)
+        names = (joint.name for joint in self._joints)
         positions = dict(zip(names, configuration.tolist(), strict=True))
         x, y, z = offset.tolist()
         return np.array(self._kinematics.locate(link, (x, y, z), positions))
@@ -156,21 +157,29 @@ def _check_durations(milliseconds: Mapping[str, float]) -> None:
 def _check_shapes(plan: Plan, actuated: int, joints: int) -> None:
     """Check the shapes of all arrays."""
     curve, law = plan.curve, plan.profile
-    waypoints, breaks, knots = (
-        max(len(np.atleast_1d(array)), 1) for array in (plan.waypoints, curve.breaks, law.times)
+    rows, breaks, knots = (
+        max((array.shape or (1,))[0], 1) for array in (plan.waypoints, curve.breaks, law.times)
     )
-    for part, names, wanted in (
-        (plan, "start", (actuated,)),
-        (plan, "origin goal velocity acceleration", (joints,)),
-        (plan, "waypoints", (waypoints, joints)),
-        (curve, "breaks", (max(breaks, 2),)),
-        (curve, "constant linear quadratic", (max(breaks, 2) - 1, joints)),
-        (curve, "stops", (curve.stops.size,)),
-        (law, "times positions speeds accelerations", (knots,)),
+    pieces = max(breaks - 1, 1)
+    for name, array, wanted in (
+        ("start", plan.start, (actuated,)),
+        ("origin", plan.origin, (joints,)),
+        ("goal", plan.goal, (joints,)),
+        ("velocity", plan.velocity, (joints,)),
+        ("acceleration", plan.acceleration, (joints,)),
+        ("waypoints", plan.waypoints, (rows, joints)),
+        ("breaks", curve.breaks, (pieces + 1,)),
+        ("constant", curve.constant, (pieces, joints)),
+        ("linear", curve.linear, (pieces, joints)),
+        ("quadratic", curve.quadratic, (pieces, joints)),
+        ("stops", curve.stops, (curve.stops.size,)),
+        ("times", law.times, (knots,)),
+        ("positions", law.positions, (knots,)),
+        ("speeds", law.speeds, (knots,)),
+        ("accelerations", law.accelerations, (knots,)),
     ):
-        for name in names.split():
-            if (shape := getattr(part, name).shape) != wanted:
-                raise InvalidMessage(f"a plan whose {name} have the shape {shape}, not {wanted}")
+        if array.shape != wanted:
+            raise InvalidMessage(f"a plan whose {name} have the shape {array.shape}, not {wanted}")
 
 
 def _check_within(
@@ -195,9 +204,9 @@ def _check_within(
     """
     if lower is upper and values.tobytes() == lower.tobytes():  # the usual case, in less time
         return
-    outside = ~((values >= lower - slack) & (values <= upper + slack))
-    if outside.any():
-        at = tuple(np.argwhere(outside)[0])
+    inside = (values >= lower - slack) & (values <= upper + slack)
+    if not _all(inside):
+        at = tuple(np.argwhere(~inside)[0])
         joint = joints[at[-1]]
         value, low, high = (
             joint.words(np.broadcast_to(each, values.shape)[at], 6) + per
@@ -219,8 +228,8 @@ def _check_via(plan: Plan, via: Sequence[Sequence[float]], group: JointGroup) ->
 def _check_curve(plan: Plan, group: JointGroup) -> None:
     """Check that the curve leads from start to goal without a jump, within the joint limits."""
     curve = plan.curve
-    lengths = np.diff(curve.breaks)
-    if curve.breaks[0] or not (lengths >= 0.0).all():
+    lengths = curve.breaks[1:] - curve.breaks[:-1]
+    if curve.breaks[0] or not _all(lengths >= 0.0):
         raise InvalidMessage(f"a plan whose breaks are {shown(curve.breaks.tolist())}")
     u = lengths[:, None]
     ends = curve.constant + u * (curve.linear + u * curve.quadratic)
@@ -234,17 +243,17 @@ def _check_curve(plan: Plan, group: JointGroup) -> None:
 
 def _check_time_law(law: TimeLaw, curve: Curve) -> None:
     """Check that the time law leads along the whole curve, from rest to rest, without a jump."""
-    steps, begin, fastest = np.diff(law.times), law.speeds[:-1], _SAME * law.speeds.max()
-    places = law.positions[:-1] + steps * (begin + 0.5 * steps * law.accelerations[:-1])
-    speeds = begin + steps * law.accelerations[:-1]
+    lower, upper, begin = law.positions[:-1], law.positions[1:], law.speeds[:-1]
+    steps, fastest = law.times[1:] - law.times[:-1], _SAME * law.speeds.max()
+    gained = steps * law.accelerations[:-1]
     fits = (
         law.times[0] == 0.0
-        and (steps >= 0.0).all()
+        and _all(steps >= 0.0)
         and abs(law.positions[0]) <= _SAME
         and abs(law.positions[-1] - curve.length) <= _SAME
-        and (abs(places - law.positions[1:]) <= _SAME).all()
-        and (abs(speeds - law.speeds[1:]) <= fastest).all()
-        and (law.speeds >= 0.0).all()
+        and _all(abs(lower + steps * (begin + 0.5 * gained) - upper) <= _SAME)
+        and _all(abs(begin + gained - law.speeds[1:]) <= fastest)
+        and _all(law.speeds >= 0.0)
         and max(law.speeds[0], law.speeds[-1]) <= fastest
     )
     if not fits:
@@ -252,12 +261,9 @@ def _check_time_law(law: TimeLaw, curve: Curve) -> None:
     if law.duration > MAX_DURATION:
         raise InvalidMessage(f"a plan of {law.duration:.6g} s; the limit is {MAX_DURATION:g} s")
     # An interval that passes a break would have several derivatives.
-    middle = 0.5 * (law.positions[:-1] + law.positions[1:])
-    piece = np.searchsorted(curve.breaks[1:-1], middle, side="right")
-    inside = (curve.breaks[piece] - law.positions[:-1] <= _SAME) & (
-        law.positions[1:] - curve.breaks[piece + 1] <= _SAME
-    )
-    if not inside.all():
+    piece = curve.breaks[1:-1].searchsorted(0.5 * (lower + upper), side="right")
+    before, after = curve.breaks[piece] - lower, upper - curve.breaks[piece + 1]
+    if not _all(np.maximum(before, after) <= _SAME):
         raise InvalidMessage("a plan whose time law passes a break of its path between two knots")
 
 
@@ -274,7 +280,7 @@ def _check_limits(plan: Plan, group: JointGroup) -> None:
     ):
         _check_within("a plan with", values, -limits, limits, group.joints, per, _ROUNDING * limits)
     turns = abs(upper[:-1] - lower[1:]) * law.speeds[1:-1, None]
-    if not (turns <= _ROUNDING * plan.velocity).all():
+    if not _all(turns <= _ROUNDING * plan.velocity):
         raise InvalidMessage("a plan that does not stop at a corner of its path")
 
 
