@@ -15,7 +15,9 @@
     │   ├── WrongFirmware         it runs another firmware than the robot file names
     │   ├── PoseOutsideLimits     it holds a servo outside the limits of its joint
     │   ├── BoardReset            it restarted while the arm was active
-    │   └── FrameLost             it received other frames than were sent
+    │   ├── FrameLost             it received other frames than were sent
+    │   ├── ServoSilent           a servo on a bus does not answer
+    │   └── ServoFault            a servo on a bus reports an error
     ├── DriverFailed              the driver raised another exception, or armtree has a bug
     ├── TransitionRefused         the lifecycle does not allow the transition now
     │   └── ActivationStopped     the arm was stopped while its board booted
@@ -255,6 +257,36 @@ class FrameLost(BoardError):
 
     def __init__(self, what: str) -> None:
         super().__init__(f"{what}. Check the cable and the wires beside it, then run again")
+
+
+class ServoSilent(BoardError):
+    """A servo on a bus stopped to answer."""
+
+    code = "hw.servo_silent"
+    hint = "check its cable and its power, then configure and activate"
+
+    def __init__(self, servo: int, joint: str, cycles: int) -> None:
+        super().__init__(
+            f"Servo {servo} of {joint} did not answer {cycles} requests in a row. Check the cable "
+            "to it and its power, then run again"
+        )
+
+
+class ServoFault(BoardError):
+    """A servo on a bus reports an error, such as an overload."""
+
+    code = "hw.servo_fault"
+    hint = "free the joint and let it cool down, then configure and activate"
+
+    def __init__(
+        self, servo: int, joint: str, errors: Sequence[str], temperature: float, volts: float
+    ) -> None:
+        super().__init__(
+            f"Servo {servo} of {joint} reports the error {' and '.join(errors) or 'unknown'}, at "
+            f"{temperature:g} degrees Celsius and {volts:g} V. Free the joint, let the servo cool "
+            "down, and check its supply, then run again. The servo may have let the joint go: "
+            "gravity moves it"
+        )
 
 
 class DriverFailed(HardwareError):

@@ -175,7 +175,7 @@ def _frames(recording: Recording, robot: Robot, records: Sequence[Record], wrong
     if words:
         return Check(_FRAMES, False, words, source(recording, robot, records, ("frames",)))
     schedules = sum(isinstance(record, Schedule) for record in records)
-    frames = sum(isinstance(record, Sent) for record in records)
+    frames = sum(isinstance(record, Sent) and bool(record.joints) for record in records)
     return Check(_FRAMES, True, f"{_many(frames, 'frame')} of {_many(schedules, 'schedule')}")
 
 

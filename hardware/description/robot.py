@@ -119,7 +119,7 @@ class Robot:
     @cached_property
     def wire_format(self) -> WireFormat:
         """The conversion of joint positions to frames and back."""
-        return self.driver.wire_format(self.actuated)
+        return self.driver.wire_format(self.actuated, self.firmware)
 
     @property
     def boot_pose(self) -> tuple[float, ...]:

@@ -54,8 +54,8 @@ class Driver(Protocol):
             DescriptionError: It cannot.
         """
 
-    def wire_format(self, joints: Sequence[Joint]) -> WireFormat:
-        """Return the wire format of the actuated joints."""
+    def wire_format(self, joints: Sequence[Joint], firmware: Firmware) -> WireFormat:
+        """Return the wire format of the actuated joints, for a board with a firmware."""
 
     def protocol(
         self, joints: Sequence[Joint], firmware: Firmware, robot_file: Path

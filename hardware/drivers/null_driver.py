@@ -76,7 +76,7 @@ class NullDriver:
     def check(self, root: TomlTable, joints: Sequence[Joint], firmware: Firmware) -> None:
         """Accept any joints."""
 
-    def wire_format(self, joints: Sequence[Joint]) -> NullWireFormat:
+    def wire_format(self, joints: Sequence[Joint], firmware: Firmware) -> NullWireFormat:
         """Return the conversion of positions to frames that no board reads."""
         return NullWireFormat(joints)
 

@@ -63,7 +63,7 @@ class SerialServo:
             what = f"frames of {len(joints)} joints are too long for the {firmware.ring} bytes"
             root.fail("joints", f"{what} that {firmware.name} can hold; a stop would not fit")
 
-    def wire_format(self, joints: Sequence[Joint]) -> Codec:
+    def wire_format(self, joints: Sequence[Joint], firmware: Firmware) -> Codec:
         """Return the codec of these joints."""
         return Codec(joints)
 

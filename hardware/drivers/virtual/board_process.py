@@ -99,6 +99,7 @@ class VirtualLink:
         self.board = BoardProcess(self._model)
         link = SerialLink(self.board.port, self._baud)
         try:
+            self.board.state()  # it has started, so the boot time begins with the opening
             link.open()
         except LinkError:
             self.close()

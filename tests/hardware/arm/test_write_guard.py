@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import pytest
 
-from hardware import BadPosition, CommandSent, FrameSent, Joint, NotActive
+from hardware import BadPosition, CommandSent, Firmware, FrameSent, Joint, NotActive
 from hardware.drivers.arduino.acknowledgements import ANSWER_TIMEOUT
 from hardware.drivers.arduino.firmware_profile import FIRMWARES
 from hardware.drivers.arduino.frames import Codec
@@ -49,7 +49,7 @@ class Careless(Codec):
 
 
 class CarelessDriver(SerialServo):
-    def wire_format(self, joints: Sequence[Joint]) -> Careless:
+    def wire_format(self, joints: Sequence[Joint], firmware: Firmware) -> Careless:
         return Careless(joints)
 
 

@@ -1,0 +1,103 @@
+"""The driver of an arm with bus servos by Feetech, of the STS or SCS series."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from hardware.drivers.firmware_profile import Firmware, Words
+from hardware.joints import Joint
+from hardware.link.link import Link
+from hardware.link.serial_link import SerialLink
+from hardware.toml_table import TomlTable
+
+from .packets import LAST_ID
+from .protocol import BusProtocol
+from .registers import SCS, STS
+from .virtual.bus import Bus
+from .virtual.servo import Servo
+from .wire_format import ServoFormat, ServoWire
+
+_RATE = 50.0  # [Hz]
+_MAX_STEP = 400  # of all servos in one frame [ticks]; six servos at their top speed take 408
+_GRAVITY = 0.2  # load that holds the model of a joint
+
+_WORDS = Words(
+    board="servo bus",
+    unit="ticks",
+    reset_effect="stays where it is",
+    advice_outside="switch the power off and move the joint back inside its limits by hand",
+)
+
+
+_SERIES = {series.name: series for series in (STS, SCS)}
+FIRMWARES = {
+    name: Firmware(
+        name, rate=_RATE, max_step=_MAX_STEP, resets=False, reports_pose=True, words=_WORDS
+    )
+    for name in _SERIES
+}
+
+
+@dataclass(frozen=True)
+class Feetech:
+    """A bus with one servo for each joint. Its firmware is the series of the servos."""
+
+    @property
+    def firmwares(self) -> Mapping[str, Firmware]:
+        """The series `sts` and `scs`."""
+        return FIRMWARES
+
+    def wire(self, joint: TomlTable, lower: float, upper: float) -> ServoWire:
+        """Read a joint's servo."""
+        table = joint.table("wire")
+        wire = ServoWire(
+            servo=table.integer("id", choices=range(LAST_ID + 1)),
+            sign=table.integer("sign", choices=(-1, 1)),
+            offset=math.radians(table.number("offset_deg")),
+        )
+        table.done()
+        return wire
+
+    def check(self, root: TomlTable, joints: Sequence[Joint], firmware: Firmware) -> None:
+        """Check that ids are unique, and that no joint passes the seam of its servo's turn."""
+        series, taken = _SERIES[firmware.name], dict[int, str]()
+        wires, table = ServoFormat(series, joints), root.table("joints")
+        for joint in joints:
+            wire = joint.wire
+            assert isinstance(wire, ServoWire)
+            if wire.servo in taken:
+                what = f"its servo {wire.servo} is the servo of {taken[wire.servo]} already"
+                table.fail(joint.name, what)
+            taken[wire.servo] = joint.name
+            if joint.unit != "rad":
+                table.fail(joint.name, "slides; this driver moves joints that turn")
+            for limit in (joint.lower, joint.upper):
+                ticks = wires.ticks(wire, limit) if math.isfinite(limit) else -1
+                if not 0 <= ticks < series.ticks:
+                    where = f"the limit {joint.words(limit)} is no position of servo {wire.servo}"
+                    turn = f"{series.turn:g} deg, with the middle at {joint.words(-wire.offset)}"
+                    table.fail(joint.name, f"{where}, which turns {turn}; narrow it in the URDF")
+
+    def wire_format(self, joints: Sequence[Joint], firmware: Firmware) -> ServoFormat:
+        """Return the wire format of a series."""
+        return ServoFormat(_SERIES[firmware.name], joints)
+
+    def protocol(
+        self, joints: Sequence[Joint], firmware: Firmware, robot_file: Path
+    ) -> BusProtocol:
+        """Return the requests and answers of a bus."""
+        series = _SERIES[firmware.name]
+        return BusProtocol(series, ServoFormat(series, joints))
+
+    def link(self, joints: Sequence[Joint], firmware: Firmware, baud: int, port: str) -> Link:
+        """Return a serial port."""
+        return SerialLink(port, baud)
+
+    def model(self, joints: Sequence[Joint], firmware: Firmware, baud: int) -> Bus:
+        """Return a bus with servos in the start pose."""
+        series = _SERIES[firmware.name]
+        wires = ServoFormat(series, joints)
+        start = wires.encode([joint.boot for joint in joints]).servos
+        pairs = zip(wires.servos.values(), start, strict=True)
+        return Bus([Servo(series, servo, ticks, _GRAVITY) for servo, ticks in pairs], baud)

@@ -1,0 +1,1 @@
+"""A model of a bus with servos by Feetech."""

@@ -1,0 +1,208 @@
+"""A model of a half-duplex bus with servos. It has no clock and does no I/O.
+
+`drivers/virtual` puts it behind a pseudo-terminal, or behind a link in this process.
+"""
+
+from collections import deque
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from hardware.drivers.feetech.packets import BROADCAST, Instruction, Packet, take_packets
+from hardware.link.link import BITS_PER_BYTE
+
+from .servo import Servo
+
+DELAY = 0.0001  # from a packet to the answer [s]
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """Something that goes wrong on request.
+
+    Attributes:
+        kind: `vanish` (the servo is off the bus), `block` (it cannot move), `overheat`, `brown_out`
+            (its voltage drops), `renumber` (it gets the id `value`), `lose` (its next `value`
+            answers are lost) or `damage` (one bit of them changes).
+        servo: Id of the servo.
+        time: When it begins [s].
+        value: See `kind`.
+    """
+
+    kind: str
+    servo: int
+    time: float
+    value: int = 1
+
+
+@dataclass(frozen=True, slots=True)
+class BusState:
+    """The state of a bus.
+
+    Attributes:
+        positions: Where the servos stand, by id [ticks].
+        torque: Whether each servo has torque, by id.
+        packets: Number of whole packets to the servos.
+        collisions: Number of times that the host sent bytes while a servo answered.
+    """
+
+    positions: dict[int, float]
+    torque: dict[int, bool]
+    packets: int
+    collisions: int
+
+
+class Bus:
+    """A bus. The caller passes the time [s], which never decreases.
+
+    Args:
+        servos: The servos. Two may have the same id; then both answer at the same time.
+        baud: Speed of the line [bit/s].
+        faults: What goes wrong, and when.
+    """
+
+    def __init__(self, servos: Sequence[Servo], baud: int, faults: Iterable[Fault] = ()) -> None:
+        self.servos = list(servos)
+        self._byte = BITS_PER_BYTE / baud
+        self._faults = sorted(faults, key=lambda fault: fault.time)
+        self._arriving = deque[tuple[float, int]]()  # bytes to the servos, and their times
+        self._leaving = deque[tuple[float, bytes]]()  # answers, and the times of their last bytes
+        self._received = bytearray()
+        self._losing, self._damaging = dict[int, int](), dict[int, int]()
+        self._packets = self._collisions = 0
+        self._now = 0.0
+
+    def open(self, now: float) -> None:
+        """A program has opened the port. The servos do not notice; unread answers are lost."""
+        self._advance(now)
+        self._leaving.clear()
+        self._received.clear()
+
+    def receive(self, data: bytes, now: float) -> None:
+        """Put bytes on the line. They arrive one by one, at its speed."""
+        self._advance(now)
+        if data and any(end > now for end, _ in self._leaving):
+            self._collisions += 1  # both sides drive the wire: what the servos send is damaged
+            answers = self._leaving
+            self._leaving = deque((end, _damaged(a) if end > now else a) for end, a in answers)
+        end = max(now, self._arriving[-1][0]) if self._arriving else now
+        for byte in data:
+            end += self._byte
+            self._arriving.append((end, byte))
+
+    def cut_off(self, now: float) -> None:
+        """Drop the bytes that have not arrived."""
+        self._advance(now)
+        self._arriving.clear()
+
+    def read_output(self, now: float) -> bytes:
+        """Return the answers that have been sent by now, and remove them."""
+        self._advance(now)
+        data = b""
+        while self._leaving and self._leaving[0][0] <= now:
+            data += self._leaving.popleft()[1]
+        return data
+
+    def next_output(self) -> float | None:
+        """Return when to read the output again if no byte is received [s], or None for never."""
+        times = [self._arriving[-1][0]] if self._arriving else []
+        return min([*times, *(end for end, _ in self._leaving)], default=None)
+
+    def state(self, now: float) -> BusState:
+        """Return the state of the bus."""
+        self._advance(now)
+        return BusState(
+            {servo.servo: servo.position for servo in self.servos},
+            {servo.servo: bool(servo.get("torque_enable")) for servo in self.servos},
+            self._packets,
+            self._collisions,
+        )
+
+    def _advance(self, now: float) -> None:
+        while self._arriving and self._arriving[0][0] <= now:
+            time, byte = self._arriving.popleft()
+            self._received.append(byte)
+            for packet in take_packets(self._received):
+                self._run_until(time)
+                self._packets += 1
+                self._process(packet, time)
+        self._run_until(now)
+
+    def _run_until(self, now: float) -> None:
+        while self._faults and self._faults[0].time <= now:
+            fault = self._faults.pop(0)
+            self._run_until(max(fault.time, self._now))
+            self._begin(fault)
+        for servo in self.servos:
+            servo.advance(now)
+        self._now = max(now, self._now)
+
+    def _begin(self, fault: Fault) -> None:
+        meant = [servo for servo in self.servos if servo.servo == fault.servo]
+        match fault.kind:
+            case "vanish":
+                self.servos = [servo for servo in self.servos if servo not in meant]
+            case "lose":
+                self._losing[fault.servo] = fault.value
+            case "damage":
+                self._damaging[fault.servo] = fault.value
+        for servo in meant:
+            match fault.kind:
+                case "block":
+                    servo.blocked = True
+                case "overheat":
+                    servo.ambient = 500.0
+                case "brown_out":
+                    servo.supply = 3.5
+                case "renumber":
+                    servo.put("id", fault.value)
+
+    def _process(self, packet: Packet, time: float) -> None:
+        parameters = packet.parameters
+        named = [each for each in self.servos if packet.servo in (BROADCAST, each.servo)]
+        match packet.code, len(parameters):
+            case Instruction.PING, 0:
+                self._answer(named, [b""] * len(named), time)
+            case Instruction.READ, 2 if packet.servo != BROADCAST:
+                self._answer(named, [_part(each, *parameters) for each in named], time)
+            case Instruction.WRITE, count if count:
+                for servo in named:
+                    servo.write(parameters[0], parameters[1:])
+                answers = packet.servo != BROADCAST
+                talking = [each for each in named if answers and each.get("response_level")]
+                self._answer(talking, [b""] * len(talking), time)
+            case Instruction.SYNC_WRITE, count if count > 2:
+                address, size = parameters[:2]
+                for begin in range(2, len(parameters) - size, size + 1):
+                    for servo in self.servos:
+                        if servo.servo == parameters[begin]:
+                            servo.write(address, parameters[begin + 1 : begin + 1 + size])
+            case Instruction.SYNC_READ, count if count > 2:
+                address, size, *ids = parameters
+                asked = [each for servo in ids for each in self.servos if each.servo == servo]
+                self._answer(asked, [_part(each, address, size) for each in asked], time)
+
+    def _answer(self, servos: Sequence[Servo], values: Sequence[bytes], time: float) -> None:
+        """Put answers on the line, one after another."""
+        end = time + DELAY
+        for servo, value in zip(servos, values, strict=True):
+            number = servo.servo
+            data = Packet(number, servo.get("status"), value).data
+            end += len(data) * self._byte
+            if self._losing.get(number, 0):
+                self._losing[number] -= 1
+                continue
+            if self._damaging.get(number, 0):
+                self._damaging[number] -= 1
+                data = _damaged(data)
+            if sum(each.servo == number for each in self.servos) > 1:
+                data = _damaged(data)  # both answer at the same time
+            self._leaving.append((end, data))
+
+
+def _part(servo: Servo, address: int, count: int) -> bytes:
+    return bytes(servo.memory[address : address + count]).ljust(count, b"\0")
+
+
+def _damaged(data: bytes) -> bytes:
+    """Return a packet with one bit changed."""
+    return data[:-1] + bytes([data[-1] ^ 0x10]) if data else data

@@ -1,0 +1,79 @@
+"""The wire format: joint positions to one sync write of all goal positions, and back."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from hardware.drivers.wire_format import Frame
+from hardware.joints import Joint, check_positions
+
+from .packets import sync_write
+from .registers import Series
+
+
+@dataclass(frozen=True, slots=True)
+class ServoWire:
+    """How one joint is driven: `ticks = middle + sign * (q + offset)`, scaled to ticks.
+
+    Attributes:
+        servo: Id of its servo.
+        sign: +1 or -1.
+        offset: Added to the joint position [rad]. At 0 the servo is in the middle of its turn.
+    """
+
+    servo: int
+    sign: int
+    offset: float
+
+
+class ServoFormat:
+    """Converts joint positions to commands for all servos at once, and back.
+
+    Args:
+        series: Series of the servos.
+        joints: The actuated joints.
+
+    Attributes:
+        servos: Ids of the servos, by joint.
+    """
+
+    def __init__(self, series: Series, joints: Sequence[Joint]) -> None:
+        self._series, self._joints = series, tuple(joints)
+        self._wires = [joint.wire for joint in joints if isinstance(joint.wire, ServoWire)]
+        self._per_radian = series.ticks / math.radians(series.turn)
+        self.servos = {
+            joint.name: wire.servo for joint, wire in zip(joints, self._wires, strict=True)
+        }
+
+    def ticks(self, wire: ServoWire, q: float) -> int:
+        """Return the position of a servo for a position of its joint [rad]."""
+        return self._series.ticks // 2 + round(wire.sign * (q + wire.offset) * self._per_radian)
+
+    def encode(self, positions: Sequence[float]) -> Frame:
+        """Return the frame for joint positions, one per actuated joint [rad].
+
+        Raises:
+            BadPosition: A position is missing, not a number, not finite or outside its limits.
+        """
+        pairs = zip(self._wires, check_positions(self._joints, positions), strict=True)
+        return self.frame([self.ticks(wire, q) for wire, q in pairs])
+
+    def frame(self, servos: Sequence[int]) -> Frame:
+        """Return the frame for positions of the servos [ticks]."""
+        return Frame(tuple(servos), self.command("goal_position", servos))
+
+    def command(self, register: str, values: Sequence[int]) -> bytes:
+        """Return the packet that sets a register of all servos, one value per joint."""
+        pairs = zip(self._wires, values, strict=True)
+        data = {wire.servo: self._series.pack(register, value) for wire, value in pairs}
+        return sync_write(self._series.registers[register].address, data)
+
+    def decode(self, frame: Frame) -> tuple[float, ...]:
+        """Return the joint positions of a frame, within their limits [rad]."""
+        return tuple(
+            min(max(self._position(joint, wire, ticks), joint.lower), joint.upper)
+            for joint, wire, ticks in zip(self._joints, self._wires, frame.servos, strict=True)
+        )
+
+    def _position(self, joint: Joint, wire: ServoWire, ticks: int) -> float:
+        return wire.sign * (ticks - self._series.ticks // 2) / self._per_radian - wire.offset

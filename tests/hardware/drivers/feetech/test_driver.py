@@ -1,0 +1,192 @@
+"""The driver of bus servos, on a virtual bus in simulated time."""
+
+import contextlib
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from hardware import (
+    Arm,
+    ArmEvent,
+    BoardLink,
+    CommandSent,
+    DescriptionError,
+    Faulted,
+    FrameSent,
+    HardwareError,
+    PlaybackState,
+    SimulatedClock,
+    State,
+    load_robot,
+)
+from hardware.drivers.feetech.packets import Instruction, take_packets
+from hardware.drivers.feetech.virtual.bus import Bus, Fault
+from hardware.errors import BoardSilent, PoseOutsideLimits, ServoFault, ServoSilent
+from hardware.testing import DriverContract
+from tests.support.arms.bus_arms import bus_arm
+from tests.support.arms.hardware_rigs import HOME, PICK, motion
+
+
+class TestSts(DriverContract):
+    @pytest.fixture(autouse=True)
+    def write(self, tmp_path: Path) -> None:
+        self.robot_file = bus_arm(tmp_path)
+
+
+class TestScs(DriverContract):
+    @pytest.fixture(autouse=True)
+    def write(self, tmp_path: Path) -> None:
+        self.robot_file = bus_arm(tmp_path, "scs")
+
+
+class Rig:
+    """An arm on a virtual bus with faults."""
+
+    def __init__(self, robot_file: Path, faults: list[Fault]) -> None:
+        self.robot = load_robot(robot_file)
+        model = self.robot.model()
+        assert isinstance(model, Bus)
+        self.bus = Bus(model.servos, self.robot.serial.baud, faults)
+        self.clock = SimulatedClock()
+        self.events: list[ArmEvent] = []
+        self.arm = Arm(self.robot, BoardLink(self.bus, self.clock), self.clock, self.events.append)
+        self.woken = self.clock.signal()
+
+    def wake(self) -> None:
+        with self.woken:
+            self.woken.notify()
+
+    def play(self, goal: tuple[float, ...], seconds: float) -> HardwareError | None:
+        """Plays a motion to its end, and returns its error."""
+        schedule = motion(self.arm.commanded, goal, seconds, self.robot)
+        playback = self.arm.play(schedule, self.wake, "test", self.arm.generation)
+        with self.woken:
+            while playback.state is PlaybackState.PLAYING:
+                self.woken.wait(None)
+        return playback.error
+
+    def wait(self, seconds: float) -> None:
+        until = self.clock.now() + seconds
+        with self.woken:
+            while self.clock.now() < until:
+                self.woken.wait(until)
+
+    @property
+    def faults(self) -> list[HardwareError]:
+        return [event.error for event in self.events if isinstance(event, Faulted)]
+
+
+@contextlib.contextmanager
+def rig(folder: Path, *faults: Fault) -> Iterator[Rig]:
+    made = Rig(bus_arm(folder), list(faults))
+    with made.clock.working(), made.arm:
+        made.arm.configure()
+        yield made
+
+
+def test_the_servos_follow_a_motion(tmp_path: Path) -> None:
+    with rig(tmp_path) as made:
+        made.arm.activate()
+        assert made.arm.commanded == HOME
+        assert made.play(PICK, 4.0) is None
+        made.wait(0.5)
+        goal = made.robot.wire_format.encode(PICK).servos
+        state = made.bus.state(made.clock.now())
+        assert list(state.positions.values()) == pytest.approx(goal, abs=2)
+        assert state.collisions == 0
+        frames = sum(isinstance(event, FrameSent) for event in made.events)
+        assert frames > 100
+        assert not made.faults
+
+
+def test_an_arm_starts_where_its_servos_are_and_does_not_jump(tmp_path: Path) -> None:
+    with rig(tmp_path) as made:
+        there = made.robot.wire_format.encode(PICK).servos
+        for servo, ticks in zip(made.bus.servos, there, strict=True):
+            servo.put("goal_position", 2048)  # from an earlier run
+            servo.push(ticks)
+        made.arm.activate()
+        assert made.arm.commanded == pytest.approx(PICK, abs=2e-3)
+        made.wait(1.0)
+        state = made.bus.state(made.clock.now())
+        assert list(state.positions.values()) == list(there)
+        assert all(state.torque.values())
+
+
+def test_nothing_is_written_before_the_arm_is_active_but_requests(tmp_path: Path) -> None:
+    with rig(tmp_path, Fault("vanish", 3, 0.0)) as made:
+        why = r"within 1 s the position of servo 3 \(joint_3\). Check its power, id and baud rate"
+        with pytest.raises(BoardSilent, match=why):
+            made.arm.activate()
+        assert made.arm.state is State.INACTIVE
+        sent = [event.data for event in made.events if isinstance(event, CommandSent)]
+        codes = {packet.code for data in sent for packet in take_packets(bytearray(data))}
+        assert codes == {Instruction.SYNC_READ}
+
+
+def test_a_pose_outside_the_limits_is_refused(tmp_path: Path) -> None:
+    with rig(tmp_path) as made:
+        made.bus.servos[0].push(4000)
+        why = "servo of joint_1 at 4000 ticks.* end at 3072 ticks.*switch the power off and move"
+        with pytest.raises(PoseOutsideLimits, match=why):
+            made.arm.activate()
+
+
+def test_lost_and_damaged_answers_are_asked_for_again(tmp_path: Path) -> None:
+    faults = Fault("lose", 2, 2.0, 3), Fault("damage", 4, 3.0, 3)
+    with rig(tmp_path, *faults) as made:
+        made.arm.activate()
+        assert made.play(PICK, 4.0) is None
+        assert not made.faults
+
+
+@pytest.mark.parametrize(
+    ("fault", "error", "words"),
+    [
+        (Fault("vanish", 2, 2.0), ServoSilent, "Servo 2 of joint_2 did not answer 5 requests"),
+        (Fault("renumber", 2, 2.0, 9), ServoSilent, "Servo 2 of joint_2 did not answer"),
+        (Fault("block", 1, 2.0), ServoFault, "Servo 1 of joint_1 reports the error overload"),
+        (
+            Fault("brown_out", 1, 2.0),
+            ServoFault,
+            r"error voltage, at 25 degrees Celsius and 3\.\d V",
+        ),
+        (Fault("overheat", 3, 2.0), ServoFault, "joint_3 reports the error temperature"),
+        (Fault("lose", 4, 2.0, 100), ServoSilent, "Servo 4 of joint_4 did not answer"),
+    ],
+    ids=lambda value: value.kind if isinstance(value, Fault) else "",
+)
+def test_a_fault_of_a_servo_ends_the_motion(
+    tmp_path: Path, fault: Fault, error: type[HardwareError], words: str
+) -> None:
+    with rig(tmp_path, fault) as made:
+        made.arm.activate()
+        with pytest.raises(error, match=words):
+            raise made.play(PICK, 60.0) or AssertionError("it ended well")
+        made.wait(1.0)
+        assert made.arm.state is State.UNCONFIGURED
+        assert [type(each) for each in made.faults] == [error]
+
+
+def test_a_servo_that_vanishes_from_a_resting_arm_is_a_fault(tmp_path: Path) -> None:
+    with rig(tmp_path, Fault("vanish", 2, 10.0)) as made:
+        made.arm.activate()
+        made.wait(20.0)
+        assert [type(each) for each in made.faults] == [ServoSilent]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "why"),
+    [
+        ("id = 2", "id = 1", "joint_2: its servo 1 is the servo of joint_1 already"),
+        ("id = 2", "id = 254", "id: 254 is not from 0 to 252"),
+        ("offset_deg = 0", "offset_deg = 120", "joint_1: the limit 90 deg is no position of serv"),
+        ("sign = 1", "sign = 0", "sign: 0 is not one of -1, 1"),
+    ],
+)
+def test_wrong_wires_are_refused(tmp_path: Path, old: str, new: str, why: str) -> None:
+    path = bus_arm(tmp_path)
+    path.write_text(path.read_text().replace(old, new, 1))
+    with pytest.raises(DescriptionError, match=why):
+        load_robot(path)
