@@ -252,3 +252,14 @@ def test_a_notebook(tmp_path: Path) -> None:
         assert recording.complete
         states += [each.state for each in recording.records(logs.Result)]  # type: ignore[union-attr]
     assert states == ["SUCCEEDED", "SUCCEEDED", "CANCELED", "SUCCEEDED"]
+
+
+def test_moves_without_a_task(arm: Arm) -> None:
+    assert arm.move("upright", joint_1="20 deg", joint_4=-0.2).success
+    assert arm.move(0, 0, 0.005, relative=True, speed=0.5).success
+    assert arm.home().success
+    found = arm.where()
+    assert found.commanded == {"joint_1": 0.0, "joint_2": 0.0, "joint_3": 0.0, "joint_4": -0.7}
+    with pytest.raises(armtree.GoalFailed, match="joint_1 = 100 deg is outside") as failed:
+        arm.move(joint_1="100 deg")
+    assert failed.value.code == "goal.out_of_bounds"

@@ -114,7 +114,8 @@ class Endpoints:
         deadman: bool = False,
     ) -> Json | Response:
         """Accept or refuse a move."""
-        return await self._accept(Move.of(to, {}, relative, speed), {}, goal_id, deadman)
+        move = Move(tuple(map(str, to)), relative, speed)
+        return await self._accept(move, {}, goal_id, deadman)
 
     async def _accept(
         self, task: int | Move, texts: Mapping[str, str], goal_id: str, deadman: bool

@@ -121,3 +121,24 @@ def test_the_token_is_read_from_a_regular_file_only(serve: Serve, tmp_path: Path
 
 def test_the_synchronous_client_is_made_from_the_other() -> None:
     assert synchronous() == TARGET.read_text()
+
+
+def test_moves_of_both_clients(serve: Serve) -> None:
+    served = serve()
+
+    async def drive() -> None:
+        async with AsyncClient(served.server.url) as arm:
+            assert (await arm.move(0.1, 0.1, 0.1, deadman=True)).success
+            assert (await arm.where()).tool == pytest.approx((0.1, 0.1, 0.1), abs=1e-5)
+            assert (await arm.home()).success
+
+    asyncio.run(drive())
+    with Client(served.server.url) as arm:
+        assert arm.move("upright", joint_4="-10 deg", joint_1=0.1, speed=0.5).success
+        found = arm.where()
+        assert found == served.executive.where()
+        assert (found.commanded or {})["joint_1"] == 0.1
+        with pytest.raises(Refused, match="did you mean folded") as refused:
+            arm.move("foldd")
+        assert refused.value.code == "goal.bad_target"
+        assert [goal.task for goal in arm.goals()] == [-1, -1, -1]

@@ -1,0 +1,98 @@
+"""`armtree move`, `home`, `where` and `stop`, as a user types them."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.support.command_line.typed import typed as type_command
+from tests.support.servers.serving import Serve, Served, Typed
+
+pytest_plugins = ["tests.support.servers.server_fixtures"]
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A working directory on a machine without a server."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("words", "status", "why"),
+    [
+        (("joint_9=1",), 4, "joint_9 is not an actuated joint"),
+        (("joint_1=70dg",), 4, "did you mean 70 deg? [goal.bad_target]"),
+        (("joint_1=100deg",), 4, "is outside its limits, -90 deg to 90 deg [goal.out_of_bounds]"),
+        (("foldd",), 4, "did you mean folded? Or give JOINT=VALUE"),
+        (("folded", "--speed", "3"), 4, "speed 3 is not between 0.01 and 1"),
+        (("--by", "folded"), 4, "folded is a pose, not a change"),
+    ],
+)
+def test_a_wrong_move_opens_no_port(
+    folder: Path, words: tuple[str, ...], status: int, why: str
+) -> None:
+    found, out, error = type_command(folder, "move", *words, "--port", "virtual")
+    assert (found, error) == (status, "")
+    assert why in out
+    assert "move not started: " in out
+    assert list(folder.glob("*.mcap")) == []
+
+
+def test_an_unknown_option_is_no_number(folder: Path) -> None:
+    status, _, error = type_command(folder, "move", "--sped", "0.1")
+    assert (status, "No such option '--sped'" in error) == (2, True)
+
+
+def test_without_a_server_or_a_recording_no_pose_is_known(folder: Path) -> None:
+    for words in (("where",), ("stop",)):
+        status, out, error = type_command(folder, *words)
+        assert (status, out) == (13, "")
+        assert "server.unreachable" in error
+
+
+def test_moves_on_the_server_of_this_machine(serve: Serve, folder: Path) -> None:
+    served = serve()
+    status, out, _ = type_command(folder, "move", "--by", "joint_1=-5deg")
+    assert status == 0
+    assert out.startswith(f"Server {served.server.url}\nmove\n")
+    status, out, _ = type_command(folder, "where")
+    assert out.startswith(
+        f"arm         active, by server {served.server.url}\njoint_1         -5.0 deg"
+    )
+    assert json.loads(type_command(folder, "home", "--json")[1].splitlines()[-1])["success"]
+    where = json.loads(type_command(folder, "where", "--json")[1])
+    assert where["commanded"] == {"joint_1": 0.0, "joint_2": 0.0, "joint_3": 0.0, "joint_4": -0.7}
+    assert where["measured"] is None
+    status, _, error = type_command(folder, "move", "joint_1=700deg")
+    assert (status, "goal.out_of_bounds" in error) == (4, True)
+
+
+def test_a_move_needs_an_active_arm(typed: tuple[Served, Typed]) -> None:
+    _, type_in = typed
+    status, out, _ = type_in("move", "folded")
+    assert (status, "[hw.not_active]" in out, "`armtree arm activate`" in out) == (6, True, True)
+    assert "known only of an active arm" in type_in("where")[1]
+
+
+def test_stop_stops_every_server_of_this_machine(serve: Serve, folder: Path) -> None:
+    servers = [serve(), serve()]
+    goals = [served.executive.send(10).identity for served in servers]
+    status, out, error = type_command(folder, "move", "folded")
+    assert (status, "several servers run; give --server URL" in error) == (2, True)
+    status, out, error = type_command(folder, "stop")
+    assert (status, error) == (0, "")
+    for served, goal in zip(servers, goals, strict=True):
+        assert f"Stopped the arm of {served.server.url}; canceled {goal}" in out
+        assert served.executive.result(goal).code == "goal.canceled"
+    url = servers[0].server.url
+    status, out, _ = type_command(folder, "stop", "--server", url, "--json")
+    assert (status, json.loads(out)) == (0, {"server": url, "return_code": 0, "goals": []})
+
+
+def test_a_stop_reports_the_server_that_does_not_answer(serve: Serve, folder: Path) -> None:
+    serve()
+    status, out, error = type_command(folder, "stop", "--server", "http://127.0.0.1:9")
+    assert (status, out) == (13, "")
+    assert "step" not in error
