@@ -6,12 +6,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .move import find_server
+from .move import find_server, pose_of
 from .support.options import run_options, source_options
 from .support.settings import ABOVE_0, option
 
 if TYPE_CHECKING:
     from executive.api.events import Where
+    from executive.cli.terminal.jog_model import Command
+    from executive.cli.terminal.jog_screen import Act
+    from hardware import Robot
 
 
 @click.command()
@@ -22,7 +25,7 @@ if TYPE_CHECKING:
     show_default=True,
     help="Share of the robot's speed, 0.01 to 1.",
 )
-@option("server", show_envvar=True)
+@option("server")
 @source_options
 @run_options
 def jog(server: str | None, speed: float, **options: Any) -> None:
@@ -40,22 +43,23 @@ def jog(server: str | None, speed: float, **options: Any) -> None:
 
     Ctrl-C stops the arm and leaves. The arm then holds its pose.
     """  # noqa: D301
-    from hardware import NotActive, load_robot
-    from trees.export.saved_poses import save_pose
+    from hardware import load_robot
 
     from .support.run_jog import run_jog
-    from .terminal.jog_model import Command
 
     robot, folder = load_robot(options.pop("robot")), options["trees"] or Path("trees")
+    commands = saving(robot, folder)
+    sys.exit(run_jog(find_server(server), {**options, "robot": robot}, speed, commands))
+
+
+def saving(robot: "Robot", folder: Path) -> "dict[str, tuple[Command, Act]]":
+    """Return the command that saves a pose of the arm to a folder of tasks, by its key."""
+    from trees.export.saved_poses import save_pose
+
+    from .terminal.jog_model import Command
 
     def save(where: "Where", name: str) -> str:
-        if not where.commanded:
-            raise NotActive("The pose of an inactive arm is not known; move it first")
-        if where.units.keys() != {joint.name for joint in robot.actuated}:
-            why = f"the server has another arm than {robot.name}; give its robot file with --robot"
-            raise click.UsageError(why)
-        arm = {joint.name: where.commanded[joint.name] for joint in robot.actuated_in("arm")}
-        return f"Saved the pose {name} of the arm to {save_pose(robot, folder, name, arm)}"
+        path = save_pose(robot, folder, name, pose_of(robot, where, robot.actuated_in("arm")))
+        return f"Saved the pose {name} of the arm to {path}"
 
-    commands = {"s": (Command("save pose", "Name of the pose"), save)}
-    sys.exit(run_jog(find_server(server), {**options, "robot": robot}, speed, commands))
+    return {"s": (Command("save pose", "Name of the pose"), save)}

@@ -26,11 +26,12 @@ from .support.command_group import CommandGroup, Diagnostics
 from .support.failures import print_error
 from .support.process_end import forbid_exit
 from .tasks import COMMANDS as TASK_COMMANDS
+from .teach import teach
 from .terminal.streams import discard, echo, open_closed_streams
 
 SECTIONS = {
     "Run and move": (run, *MOVE_COMMANDS, jog, pose, plan),
-    "Tasks": TASK_COMMANDS,
+    "Tasks": (*TASK_COMMANDS, teach),
     "Server": (serve, *SERVER_COMMANDS),
     "Recordings": (replay, log),
     "Robot and board": (doctor, new_arm),

@@ -2,7 +2,7 @@
 
 import json
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from executive.api.events import Where
     from executive.api.move import Move
     from hardware import Robot
+    from hardware.joints import Joint
 
 
 def find_server(server: str | None) -> str | None:
@@ -60,7 +61,7 @@ def _moving(function: Callable[..., "Move"]) -> Callable[..., None]:
         show_default=True,
         help="Share of the robot's speed, 0.01 to 1.",
     )
-    @option("server", show_envvar=True)
+    @option("server")
     @source_options
     @run_options
     @click.option("--json", "as_json", is_flag=True, help="Print one JSON object per event.")
@@ -151,7 +152,7 @@ def home(speed: float) -> "Move":
 
 
 @click.command()
-@option("server", show_envvar=True)
+@option("server")
 @robot_option
 @recordings_option
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
@@ -181,6 +182,23 @@ def find_arm(server: str | None, robot: Path | None, recordings: Path) -> "tuple
         with Client(url) as client:
             return client.where(), f"server {client.url}"
     return _recorded(robot, recordings)
+
+
+def pose_of(robot: "Robot", where: "Where", joints: "Iterable[Joint]") -> dict[str, float]:
+    """Return the commanded positions of some joints [rad], by name.
+
+    Raises:
+        NotActive: The arm is not active.
+        UsageError: It is another arm than the robot.
+    """
+    from hardware import NotActive
+
+    if not where.commanded:
+        raise NotActive("The pose of an inactive arm is not known; activate it, or move it first")
+    if where.units.keys() != {joint.name for joint in robot.actuated}:
+        why = f"the server has another arm than {robot.name}; give its robot file with --robot"
+        raise click.UsageError(why)
+    return {joint.name: where.commanded[joint.name] for joint in joints}
 
 
 def _recorded(robot: Any, recordings: Any) -> "tuple[Where, str]":
@@ -223,7 +241,7 @@ def _where_lines(found: "Where", source: str) -> Sequence[str]:
 
 
 @click.command()
-@option("server", show_envvar=True)
+@option("server")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def stop(server: str | None, as_json: bool) -> None:
     """Stop the arm at once, and cancel all goals.

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from .move import find_arm
+from .move import find_arm, pose_of
 from .support.names import complete_pose, load_library
 from .support.options import recordings_option, robot_option, trees_option
 from .support.settings import option
@@ -45,7 +45,7 @@ def pose() -> None:
     help="Joints to save: a group of the robot, or `all`.",
 )
 @click.option("--replace", is_flag=True, help="Replace a pose of that name.")
-@option("server", show_envvar=True)
+@option("server")
 @robot_option
 @recordings_option
 @_own_trees
@@ -67,7 +67,7 @@ def save(
       armtree pose save left
       armtree pose save half_open --group gripper
     """  # noqa: D301
-    from hardware import NotActive, load_robot
+    from hardware import load_robot
     from hardware.suggestions import choices
     from trees.export.saved_poses import save_pose
 
@@ -76,12 +76,8 @@ def save(
         known = choices(group, (*loaded.groups, "all"))
         raise click.UsageError(f"--group {group}: the robot has no such group; there are {known}")
     found, source = find_arm(server, robot, recordings)
-    if not found.commanded:
-        raise NotActive(
-            f"The pose of an inactive arm is not known ({source}): armtree arm activate"
-        )
     joints = loaded.actuated if group == "all" else loaded.actuated_in(group)
-    positions = {joint.name: found.commanded[joint.name] for joint in joints}
+    positions = pose_of(loaded, found, joints)
     path = save_pose(loaded, trees, name, positions, replace)
     echo(f"{path}\n{name:<12} {_words(loaded, positions)}\n{'':<12} by {source}")
 

@@ -44,7 +44,7 @@ def _with_client(function: Callable[..., None]) -> Callable[..., None]:
     """
 
     @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-    @option("server", default=_local_server, show_envvar=True)
+    @option("server", default=_local_server)
     @functools.wraps(function)
     def command(server: str, as_json: bool, **options: Any) -> None:
         from executive.client.synchronous import Client

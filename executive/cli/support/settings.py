@@ -197,6 +197,7 @@ def _arguments(name: str) -> dict[str, Any]:
     return {
         "type": row.type,
         "envvar": environment_name(name),
+        "show_envvar": True,
         "help": row.help,
         "metavar": row.metavar,
         "default": row.default,

@@ -67,6 +67,6 @@ def test_the_pose_of_a_server(
     served, type_in = typed
     monkeypatch.chdir(tmp_path)
     status, _, error = type_in("pose", "save", "here")
-    assert (status, "armtree arm activate [hw.not_active]" in error) == (6, True)
+    assert (status, "move it first [hw.not_active]" in error) == (6, True)
     served.executive.arm_to("activate")
     assert "joint_1 0 deg" in type_in("pose", "save", "here")[1]

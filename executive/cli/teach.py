@@ -1,0 +1,109 @@
+"""`armtree teach`."""
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from hardware.suggestions import plural
+
+from .jog import saving
+from .move import find_server
+from .support.options import run_options, source_options
+from .support.settings import ABOVE_0, option
+from .terminal.streams import LastingStream
+
+if TYPE_CHECKING:
+    from executive.api.events import Where
+    from trees.export.taught_task import TaughtTask
+
+
+@click.command()
+@click.argument("number", type=click.IntRange(0, 2**31 - 1))
+@click.argument("name")
+@click.option(
+    "--speed",
+    type=ABOVE_0,
+    default=1.0,
+    show_default=True,
+    help="Share of the robot's speed, 0.01 to 1.",
+)
+@option("server")
+@source_options
+@run_options
+def teach(number: int, name: str, server: str | None, speed: float, **options: Any) -> None:
+    """Teach a task: jog the arm from pose to pose, and take each as a step.
+
+    The keys are those of `armtree jog`, and three more:
+
+    \b
+      t  take this pose as a step
+      w  add a wait, such as 500ms
+      u  undo the last step
+
+    The file is written at every step, so Ctrl-C or a closed terminal loses none. It is a plain task
+    file in --trees, ./trees by default. Edit it in any editor.
+
+    \b
+    Example:
+      armtree teach 5 fetch
+    """  # noqa: D301
+    from hardware import load_robot
+    from trees.export.taught_task import TaughtTask
+
+    from .support.run_jog import run_jog
+    from .terminal.jog_model import Command
+
+    robot, folder = load_robot(options["robot"]), options["trees"] or Path("trees")
+    task = TaughtTask(robot, folder, number, name)
+    teaching = _Teaching(task)
+    commands = {
+        "t": (Command("take"), teaching.take),
+        "w": (Command("wait", "How long, such as 500ms"), teaching.wait),
+        "u": (Command("undo"), teaching.undo),
+        **saving(robot, folder),
+    }
+    setup = {**options, "robot": robot, "trees": folder}
+    try:
+        status = run_jog(find_server(server), setup, speed, commands)
+    finally:
+        terminal = LastingStream(sys.stdout)
+        terminal.write(f"{_summary(task)}\n")
+        terminal.flush()
+    sys.exit(status)
+
+
+def _summary(task: "TaughtTask") -> str:
+    if not task.steps:
+        return "No step was taken, so there is no new task"
+    steps, number = plural(len(task.steps), "step"), task.path.stem.partition("_")[0]
+    return f"{task.path} has {steps}. Next, type: armtree run {number}"
+
+
+class _Teaching:
+    """The keys that make steps."""
+
+    def __init__(self, task: "TaughtTask") -> None:
+        self._task = task
+
+    def take(self, where: "Where", _text: str) -> str:
+        """Take the pose of the arm as a step: the measured one, if the driver measures it."""
+        from hardware import NotActive
+
+        if not (positions := where.measured or where.commanded):
+            raise NotActive("The pose of an inactive arm is not known; move it first")
+        step = self._task.move(positions)
+        return self._taken(step.words) if step else "The arm has not moved since the last step"
+
+    def wait(self, _where: "Where", text: str) -> str:
+        """Add a wait."""
+        return self._taken(self._task.wait(text).words)
+
+    def undo(self, _where: "Where", _text: str) -> str:
+        """Remove the last step."""
+        step = self._task.undo()
+        return f"Undone: {step.words}" if step else "There is no step to undo"
+
+    def _taken(self, words: str) -> str:
+        return f"Step {len(self._task.steps)}: {words}"

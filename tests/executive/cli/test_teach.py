@@ -1,0 +1,136 @@
+"""`armtree teach` in a real pseudo-terminal: the task that it leaves runs."""
+
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from executive.replay.verification import verify
+from executive.testing import SimulatedArm
+from tests.end_to_end.test_command_line import robot
+from tests.support.command_line.pseudo_terminal import ARMTREE, PseudoTerminal
+from tests.support.command_line.typed import typed
+
+pytestmark = pytest.mark.slow
+
+__all__ = ["robot"]
+
+RIGHT = "\x1b[C"
+HEAD = "tree:\n  sequence:\n"
+FIRST = (
+    "    - subtree: move_joints\n"
+    "      with: {joints: {joint_1: 2 deg, joint_2: 0 deg, joint_3: 0 deg}}\n"
+    "    - subtree: move_joints\n"
+    "      with: {joints: closed}\n"
+)
+WAIT = "    - Wait: {duration: 0.5 s}\n"
+OPEN = "    - subtree: move_joints\n      with: {joints: open}\n"
+
+
+@pytest.fixture
+def command(robot: Path) -> list[str]:
+    return ["teach", "5", "fetch", "--port", "virtual", "--robot", str(robot)]
+
+
+def begin(terminal: PseudoTerminal) -> None:
+    """Move a step, and take it."""
+    terminal.until("The first step opens the port")
+    terminal.type("t")
+    terminal.until("move it first")
+    terminal.type(RIGHT)
+    terminal.until("joint_1              2.0 deg", "arm active")
+    terminal.type("t")
+    terminal.until("Step 1: move to joint_1: 2 deg")
+
+
+def steps(folder: Path) -> str:
+    return (folder / "trees" / "5_fetch.yaml").read_text().partition(HEAD)[2]
+
+
+def test_a_task_is_taught_and_runs(command: list[str], tmp_path: Path, robot: Path) -> None:
+    with PseudoTerminal(tmp_path, *command) as terminal:
+        begin(terminal)
+        assert steps(tmp_path) == FIRST
+        terminal.type("t")
+        terminal.until("The arm has not moved since the last step")
+        terminal.type("w500ms\r")
+        terminal.until("Step 2: wait 0.5 s")
+        terminal.type("wsoon\r")
+        terminal.until("is not a duration in s, ms, min or h")
+        terminal.type("o")
+        terminal.until("joint_4            -40.1 deg")
+        terminal.type("t")
+        terminal.until("Step 3: move to open")
+        terminal.type("u")
+        terminal.until("Undone: move to open")
+        assert steps(tmp_path) == FIRST + WAIT
+        terminal.type("t")
+        terminal.until("Step 3: move to open")
+        terminal.type("sthere\r")
+        terminal.until("Saved the pose there of the arm to trees/poses.yaml")
+        terminal.type("q")
+        status, printed = terminal.end()
+    assert status == 0
+    assert "trees/5_fetch.yaml has 3 steps. Next, type: armtree run 5" in printed
+    assert steps(tmp_path) == FIRST + WAIT + OPEN
+    assert typed(tmp_path, "check", "--trees", str(tmp_path / "trees"))[0] == 0
+    with SimulatedArm(tmp_path / "trees", robot=robot) as arm:
+        outcome = arm.run("fetch")
+        assert outcome.success, outcome.text()
+        assert arm.frames[-1] == "b092,s090,e090,g080,"
+        assert verify(Path(outcome.recording)).holds
+
+
+@pytest.mark.parametrize("way", ["Ctrl-C", "closed terminal", "killed"])
+def test_nothing_is_lost(command: list[str], tmp_path: Path, way: str) -> None:
+    with PseudoTerminal(tmp_path, *command) as terminal:
+        begin(terminal)
+        if way == "Ctrl-C":
+            terminal.type("\x03")
+            status, printed = terminal.end()
+            assert (status, "trees/5_fetch.yaml has 1 step. Next" in printed) == (130, True)
+        elif way == "closed terminal":
+            terminal.close()
+            terminal.process.wait()
+        else:
+            terminal.process.kill()
+            terminal.process.wait()
+    assert steps(tmp_path) == FIRST
+    assert typed(tmp_path, "check", "--trees", str(tmp_path / "trees"))[0] == 0
+
+
+def test_without_a_step_there_is_no_task(command: list[str], tmp_path: Path) -> None:
+    with PseudoTerminal(tmp_path, *command) as terminal:
+        terminal.until("The first step opens the port")
+        terminal.type("u")
+        terminal.until("There is no step to undo")
+        terminal.type("q")
+        assert "No step was taken, so there is no new task" in terminal.end()[1]
+    assert not list((tmp_path / "trees").glob("*.yaml"))
+
+
+@pytest.mark.parametrize(
+    ("words", "status", "why"),
+    [
+        (["1", "fetch"], 3, "task 1 is in "),
+        (["5", "pick"], 3, "task 1 is called pick already; give another name"),
+        (["5", "a b"], 3, "'a b' is not a name"),
+        (["x", "fetch"], 2, "'x' is not a valid integer"),
+        (["5", "fetch"], 2, "a jog needs a terminal"),
+    ],
+)
+def test_what_is_wrong_is_refused_before_anything_moves(
+    tmp_path: Path, words: list[str], status: int, why: str
+) -> None:
+    done = subprocess.run(
+        [*ARMTREE, "teach", *words, "--port", "virtual"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        stdin=subprocess.DEVNULL,
+        check=False,
+    )
+    assert done.returncode == status
+    assert why in done.stderr
+    assert not list(tmp_path.glob("**/*.yaml"))
+    assert not (tmp_path / "recordings").exists()
