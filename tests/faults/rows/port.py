@@ -92,10 +92,10 @@ def stalled_board(scene: Scene) -> None:
     board.ask("stall")
     fill(board)
     board.ask(f"take {scene.random.randint(20, 400)}")  # room for some frames
-    scene.unreceived = 1000
     run = scene.run("20", board=board)
     failed = scene.faulted(run, "hw.port_stalled")
     sent = [each["time_s"] for each in run.events("sent")]
+    scene.unreceived = len(sent) + 1  # all of them, and the one that stalled
     *before, motion = run.events("schedule")
     done = len(sent) - sum(len(each["times"]) for each in before)
     due = motion["time_s"] if done == 0 else sent[-done] - motion["times"][0]
