@@ -67,11 +67,13 @@ $(PIP):
 	$(PYTHON) -m venv $(VENV)
 
 $(READY): .ci/lock.txt pyproject.toml | $(PIP)
+	@echo "Installing armtree and $$(grep -c '==' .ci/lock.txt) packages into $(VENV): planners, plots, server, recordings. pip prints nothing until it has ended."
 	$(INSTALL) --require-hashes -r .ci/lock.txt
 	$(INSTALL) --no-deps --no-build-isolation -e .
 	@touch $@
 
 $(TOOLS): $(READY) .ci/lock-dev.txt
+	@echo "Installing the tools of the tests: $$(grep -c '==' .ci/lock-dev.txt) packages."
 	$(INSTALL) --require-hashes -r .ci/lock-dev.txt
 	@touch $@
 

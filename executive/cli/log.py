@@ -263,14 +263,17 @@ def pin(recordings: tuple[Path, ...], off: bool) -> None:
 @_FOLDER
 @click.option("--days", type=AT_LEAST_0, help="Delete recordings older than this [days].")
 @click.option("--mb", type=AT_LEAST_0, help="Delete the oldest beyond this total size [MB].")
-def prune(folder: Path, days: float | None, mb: float | None) -> None:
+@click.option("--dry-run", is_flag=True, help="Delete nothing; list what would be deleted.")
+def prune(folder: Path, days: float | None, mb: float | None, dry_run: bool) -> None:
     """Delete old recordings of FOLDER, but never a pinned or an unfinished one.
+
+    Pictures beside a recording, with its name, are deleted with it.
 
     The default of FOLDER is the setting `recordings`, which is ./recordings by default.
 
     \b
     Example:
-      armtree log prune --days 30 --mb 500
+      armtree log prune --days 30 --mb 500 --dry-run
     """  # noqa: D301
     from hardware import RealClock
     from logs.writing.retention import Rule, prune as delete_old
@@ -279,5 +282,6 @@ def prune(folder: Path, days: float | None, mb: float | None) -> None:
         raise click.UsageError("give --days, --mb or both")
     _recordings_in(folder)  # warns if the name of the folder is misspelt
     clock = RealClock()
-    for path in delete_old(folder, Rule(days, mb), clock.epoch_ns() / 1e9 + clock.now()):
-        echo(f"{path}: deleted")
+    utc = clock.epoch_ns() / 1e9 + clock.now()
+    for path in delete_old(folder, Rule(days, mb), utc, dry_run):
+        echo(f"{path}: {'would be deleted' if dry_run else 'deleted'}")

@@ -111,7 +111,9 @@ def replay(
             single_user=True,
         )
         task = write_replay_task(recordings[0], speed, setup.load_robot(), Path(trees))
-        outcomes = execute(setup, [task], as_json=as_json, verbose=diagnostics().verbose)
+        outcomes = execute(
+            setup, [task], as_json=as_json, known=False, verbose=diagnostics().verbose
+        )
     sys.exit(look_up(outcomes[-1].code).exit_status)
 
 

@@ -14,6 +14,7 @@ from logs.reading.tolerant_reader import TolerantReader
 
 _DAY = 86400.0  # [s]
 _WRITE = 0o222  # write permission in a file's mode, for any user
+_PICTURES = (".png", ".svg", ".pdf")  # beside a recording, with its name
 _DAMAGED = "*.mcap.damaged*"  # copies of damaged recordings
 
 
@@ -30,8 +31,8 @@ class Rule:
     megabytes: float | None
 
 
-def prune(folder: Path, rule: Rule, utc: float) -> Iterator[Path]:
-    """Delete the recordings that a rule does not keep, the oldest first.
+def prune(folder: Path, rule: Rule, utc: float, dry_run: bool = False) -> Iterator[Path]:
+    """Delete the recordings that a rule does not keep, the oldest first, with their pictures.
 
     It never deletes a recording that is pinned, unfinished, being written, or of another program.
     A copy of a damaged recording counts as a recording.
@@ -40,18 +41,19 @@ def prune(folder: Path, rule: Rule, utc: float) -> Iterator[Path]:
         folder: Folder with recordings.
         rule: Which recordings may be deleted.
         utc: Current time [s since 1970].
+        dry_run: True to delete nothing.
 
     Yields:
-        Each deleted file.
+        Each deleted file; with `dry_run`, each that would be deleted.
     """
     files = list(_files(folder))
     left = sum(facts.st_size for facts, _ in files)
     for facts, path in sorted(files, key=lambda file: file[0].st_mtime):
         old = rule.days is not None and utc - facts.st_mtime > rule.days * _DAY
         much = rule.megabytes is not None and left > rule.megabytes * 1e6
-        if (old or much) and facts.st_mode & _WRITE and _delete(path):
+        if (old or much) and facts.st_mode & _WRITE and (gone := _delete(path, dry_run)):
             left -= facts.st_size
-            yield path
+            yield from gone
 
 
 def pin(recording: Path, on: bool) -> None:
@@ -84,13 +86,21 @@ def _files(folder: Path) -> Iterator[tuple[os.stat_result, Path]]:
             yield path.stat(), path
 
 
-def _delete(path: Path) -> bool:
+def _delete(path: Path, dry_run: bool) -> list[Path]:
+    """Delete a recording and its pictures, unless it is not ours or unfinished.
+
+    Returns:
+        The deleted files, or those that would be deleted.
+    """
+    pictures = (path.with_suffix(suffix) for suffix in _PICTURES)
+    files = [path, *(picture for picture in pictures if picture.is_file())]
     try:
         with locked(path):
             finished = path.match(_DAMAGED) or is_complete(path, every_byte=False)
             if not (is_ours(path) and finished):
-                return False
-            path.unlink()
+                return []
+            for file in reversed([] if dry_run else files):  # the recording last
+                file.unlink()
     except (LogError, OSError):
-        return False
-    return True
+        return []
+    return files

@@ -323,6 +323,24 @@ def test_a_busy_port_is_9(tmp_path: Path, robot: Path, listener: Listener) -> No
     assert events(rest)[-1]["state"] == "SUCCEEDED"
 
 
+def test_a_run_on_the_arm_of_a_server_offers_to_send(
+    tmp_path: Path, robot: Path, listener: Listener
+) -> None:
+    arguments = ["--robot", str(robot), "--port", listener.port]
+    with start(tmp_path, "serve", "--activate", "--tcp-port", "0", *arguments) as server:
+        assert server.stderr
+        lines = iter(server.stderr.readline, "")
+        url = next(words[0] for line in lines if (words := re.findall(r"http://[\d.:]+", line)))
+        assert any("is ready to take commands" in line for line in lines)
+        arguments += ["--trees", str(EXAMPLES)]
+        status, out, _ = typed(tmp_path, "run", "3", "--set", "swing=5 deg", *arguments)
+        server.send_signal(signal.SIGINT)
+        server.stderr.read()
+    assert status == 9
+    offered = f"armtree send 3 --wait --set 'swing=5 deg' --server {url}\n"
+    assert f"  -> an armtree server has the arm; give {offered}" in out
+
+
 def test_tasks_are_listed(tmp_path: Path) -> None:
     write_task(tmp_path, 12, "{}", "{}")
     status, out, err = typed(tmp_path, "tasks", "--trees", str(tmp_path))

@@ -5,10 +5,13 @@ from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 from queue import SimpleQueue
+from textwrap import shorten
 
 from hardware import (
     VIRTUAL,
     Arm,
+    ArmEvent,
+    BytesReceived,
     Check,
     HardwareError,
     NoDriver,
@@ -20,6 +23,7 @@ from hardware import (
     load_robot,
 )
 from hardware.description.neighbours import advice_for_contact
+from hardware.printable import wire_text
 from logs import LogError, check_space
 from skills.motion import MotionCollides, MotionError, Pool, Result, Verify
 from trees import FileError, Library, TreeError
@@ -157,15 +161,28 @@ def _port(robot: Robot, port: str, opens_port: bool) -> Iterator[Check]:
 
 
 def _open(robot: Robot, port: str) -> Check:
+    heard: list[bytes] = []
+
+    def listen(event: ArmEvent) -> None:
+        if isinstance(event, BytesReceived):
+            heard.append(event.data)
+
     try:
-        with Arm(robot, robot.link(port), RealClock()) as arm:
+        with Arm(robot, robot.link(port), RealClock(), listen) as arm:
             arm.configure()
             arm.activate()
-            positions = ", ".join(f"{name} {q:.3f}" for name, q in arm.read().items())
+            names = (joint.name for joint in robot.actuated)
+            positions = robot.words(dict(zip(names, arm.commanded, strict=True)))
     except HardwareError as error:
-        return Check("board", False, str(error), code=error.code)
+        return Check("board", False, f"{error}; {_heard(heard)}", code=error.code)
     if not robot.firmware.reports_pose:
-        silent = f"opened; {robot.firmware.name} never answers, so armtree cannot see a board"
-        known = f"assumed: {positions} rad" if _resets(robot, port) else "known only to a person"
-        return Check("board", None, f"{silent}; the pose is {known}")
-    return Check("board", True, f"booted; commanded to {positions} rad")
+        silent = f"{robot.firmware.name} never answers, so a board cannot be told from none"
+        known = f"assumed: {positions}" if _resets(robot, port) else "known only to a person"
+        return Check("board", None, f"opened; {_heard(heard)}; {silent}; the pose is {known}")
+    return Check("board", True, f"booted; {_heard(heard)}; commanded to {positions}")
+
+
+def _heard(pieces: list[bytes]) -> str:
+    """Return what a board has sent, for people; at most 60 characters of it."""
+    text = " ".join(wire_text(b"".join(pieces)).split())
+    return f"heard {shorten(text, 60, placeholder=' ...')}" if text else "heard nothing"

@@ -1,11 +1,14 @@
 """Runs tasks for `armtree run` and `armtree replay --on`, on their own executive."""
 
+import shlex
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from functools import partial
 
 import logs
+from executive.api import token_file
 from executive.api.codes import OK
 from executive.api.events import Event
 from executive.api.move import Move, number_of
@@ -18,6 +21,8 @@ from executive.executive import Executive
 from executive.session import finish_recording, open_executive, port_line
 from executive.setup import Setup
 from hardware import HardwareError, State
+from hardware.errors import PortBusy
+from hardware.link.serial_ports import owner_of
 from trees import Located, TreeError
 from trees.compile.arguments import read_arguments
 
@@ -31,6 +36,7 @@ def execute(
     settings: Sequence[str] = (),
     as_json: bool = False,
     verbose: bool = False,
+    known: bool = True,
 ) -> list[Outcome]:
     """Run tasks or moves from the command line.
 
@@ -40,6 +46,7 @@ def execute(
         settings: Parameters of the tasks, each as NAME=VALUE.
         as_json: True to print JSON.
         verbose: True if the log is printed, so that lines are printed instead of a live picture.
+        known: True if a server may have these tasks, too.
 
     Returns:
         The outcomes of the tasks that ran, at least one.
@@ -69,7 +76,8 @@ def execute(
 
         interrupts.on_cancel(cancel)
         with recorded_log(executive):
-            outcomes = interrupts.run(lambda: sequence.run(tasks, view.report, arguments))
+            report = partial(_report, view, executive.port, settings) if known else view.report
+            outcomes = interrupts.run(lambda: sequence.run(tasks, report, arguments))
         remaining = [number_of(task) for task in tasks]
         for outcome in outcomes:
             remaining.remove(outcome.task)
@@ -81,6 +89,26 @@ def execute(
 def _show(view: View, event: Event) -> None:
     if not isinstance(event, GoalStatus):
         view.watch(event)
+
+
+def _report(view: View, port: str, settings: Sequence[str], outcome: Outcome) -> None:
+    """Report an outcome; if a server has the arm, with the command that sends the task to it."""
+    cause = outcome.cause
+    if cause and cause.code == PortBusy.code and (server := _server_with(port)):
+        words = f"--server {server.url}"
+        if outcome.task != logs.MOVE:
+            parameters = [word for setting in settings for word in ("--set", setting)]
+            command = ["armtree", "send", str(outcome.task), "--wait", *parameters]
+            words = f"{shlex.join(command)} {words}"
+        hint = f"an armtree server has the arm; give {words}"
+        outcome = replace(outcome, cause=replace(cause, hint=hint))
+    view.report(outcome)
+
+
+def _server_with(port: str) -> token_file.ServerInfo | None:
+    """Return the server of this user that has locked a port."""
+    owner = owner_of(port)
+    return next((server for server in token_file.running() if server.pid == owner), None)
 
 
 def _to_errors(text: str) -> None:

@@ -105,8 +105,11 @@ def test_it_opens_only_with_the_option_and_says_before_what_that_does(
     tmp_path: Path, robot: Path, firmware: str, pose: str, opening: str
 ) -> None:
     answers = {
-        "stock": ("?", "opened; stock never answers, so armtree cannot see a board"),
-        "armtree": ("ok", "booted; commanded to joint_1/position 0.000, "),
+        "stock": (
+            "?",
+            "opened; heard nothing; stock never answers, so a board cannot be told ",
+        ),
+        "armtree": ("ok", "booted; heard armtree 1 "),
     }
     text = robot.read_text().replace('firmware = "stock"', f'firmware = "{firmware}"')
     robot.write_text(text)
@@ -154,7 +157,7 @@ def test_a_board_that_opening_does_not_reset(tmp_path: Path, robot: Path) -> Non
     said = lines(result)
     assert said["pose"] == "nothing resets the board: a run needs --pose"
     assert said["opening"] == "the board is not reset, and the arm stays where it is"
-    assert "so armtree cannot see a board; the pose is known only to a person" in said["board"]
+    assert "cannot be told from none; the pose is known only to a person" in said["board"]
 
 
 def test_a_port_of_another_armtree(tmp_path: Path) -> None:

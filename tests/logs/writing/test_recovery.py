@@ -334,6 +334,18 @@ def test_old_recordings_are_deleted_but_no_pinned_or_unfinished_one(tmp_path: Pa
     assert list(prune(tmp_path, Rule(7.0, None), NOW)) == [kept]
 
 
+def test_pictures_are_deleted_with_their_recording(tmp_path: Path) -> None:
+    old, new = aged(tmp_path, "old", 9), aged(tmp_path, "new", 1)
+    pictures = [old.with_suffix(suffix) for suffix in (".png", ".svg")]
+    for picture in (*pictures, new.with_suffix(".png"), tmp_path / "mine.png"):
+        picture.touch()
+    before = sorted(tmp_path.iterdir())
+    assert list(prune(tmp_path, Rule(7.0, None), NOW, dry_run=True)) == [old, *pictures]
+    assert sorted(tmp_path.iterdir()) == before
+    assert list(prune(tmp_path, Rule(7.0, None), NOW)) == [old, *pictures]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["mine.png", "new.mcap", "new.png"]
+
+
 def test_a_kept_damaged_file_is_deleted_by_the_rule_unless_pinned(tmp_path: Path) -> None:
     for name, pinned_ in (("a", False), ("b", True)):
         path = tmp_path / f"{name}.mcap"
