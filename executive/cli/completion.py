@@ -32,10 +32,11 @@ def completion(context: click.Context, shell: str) -> None:
     Names are those of tasks, poses, nodes, recordings and ports.
 
     \b
-    To install it, add the line of your shell:
-      to ~/.bashrc                    eval "$(armtree completion bash)"
-      to ~/.zshrc                     eval "$(armtree completion zsh)"
-      to ~/.config/fish/config.fish   armtree completion fish | source
+    To install it, add the line of your shell to its file:
+      ~/.bashrc    eval "$(armtree completion bash)"
+      ~/.zshrc     eval "$(armtree completion zsh)"
+      ~/.config/fish/config.fish
+                   armtree completion fish | source
     """  # noqa: D301
     kind = get_completion_class(shell)
     assert kind is not None

@@ -1,8 +1,10 @@
 """`armtree log`: list, show, export, compare, draw, recover and delete recordings."""
 
+import json
 import sys
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -37,6 +39,18 @@ _OUTPUT = click.option(
 )
 
 
+_JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON: an object per line.")
+
+
+def _print(as_json: bool, row: Mapping[str, Any], text: object) -> None:
+    """Print a row of a result, as JSON or as text. `docs/output.schema.json` describes the rows."""
+    echo(json.dumps(row) if as_json else text)
+
+
+def _file(path: Path) -> dict[str, str]:
+    return {"file": str(path)}
+
+
 @click.group(cls=CommandGroup)
 def log() -> None:
     """List, show, compare, draw, recover and delete recordings."""
@@ -44,7 +58,8 @@ def log() -> None:
 
 @log.command()
 @_FOLDER
-def ls(folder: Path) -> None:
+@_JSON
+def ls(folder: Path, as_json: bool) -> None:
     """List the recordings of FOLDER, with task, outcome, duration and size.
 
     The default of FOLDER is the setting `recordings`, which is ./recordings by default.
@@ -59,7 +74,8 @@ def ls(folder: Path) -> None:
         try:
             found = overview(path)
         except (LogError, OSError) as error:
-            echo(f"{path.name}  unreadable: {error}")
+            row = {**_file(path), "unreadable": str(error)}
+            _print(as_json, row, f"{path.name}  unreadable: {error}")
             continue
         end = "" if found.complete else "being written" if found.written else "UNFINISHED"
         queued = f"{found.waited:.2f} s in the queue" if found.waited else ""
@@ -68,8 +84,9 @@ def ls(folder: Path) -> None:
         task = task.removeprefix("task ")
         spent = f"{found.result.duration:.2f} s" if found.result else "-"
         frames = f"{found.frames:>6} {'frame' if found.frames == 1 else 'frames'}"
-        row = f"{path.name:<{width}}{task:<18} {found.outcome:<11}{spent:>9}{frames:<13}"
-        echo(f"{row}{found.bytes / 1e3:>9.1f} kB  {' '.join(filter(None, marks))}".rstrip())
+        line = f"{path.name:<{width}}{task:<18} {found.outcome:<11}{spent:>9}{frames:<13}"
+        line = f"{line}{found.bytes / 1e3:>9.1f} kB  {' '.join(filter(None, marks))}".rstrip()
+        _print(as_json, {**found.to_json(), "pinned": pinned(path)}, line)
 
 
 def _recordings_in(folder: Path) -> list[Path]:
@@ -81,15 +98,16 @@ def _recordings_in(folder: Path) -> list[Path]:
 
 @log.command()
 @_FILE
-def info(recording: Path) -> None:
+@_JSON
+def info(recording: Path, as_json: bool) -> None:
     """Summarise a recording: task, outcome, timing, files and versions."""
     from logs import RecordingTruncated
     from logs.records.file_format import RECOVERED
     from logs.views.narrative import overview
 
     found = overview(recording)
-    for name, value in _facts(found):
-        echo(f"{name:<12}{value}")
+    text = "\n".join(f"{name:<12}{value}" for name, value in _facts(found))
+    _print(as_json, found.to_json(), text)
     whole = found.complete and RECOVERED not in found.notes
     sys.exit(0 if whole else RecordingTruncated.exit_status)
 
@@ -129,44 +147,48 @@ def _facts(found: "Overview") -> list[tuple[str, str]]:
 @log.command()
 @_FILE
 @click.option("--all", "everything", is_flag=True, help="Include all frames and received bytes.")
-def show(recording: Path, everything: bool) -> None:
+@_JSON
+def show(recording: Path, everything: bool, as_json: bool) -> None:
     """Print what happened in a run. Times are in seconds since its goal was accepted."""
     from logs.views.narrative import narrative
 
     for time, words in narrative(recording, everything):
-        echo(f"{time:+10.3f}  {words}")
+        _print(as_json, {"time_s": time, "text": words}, f"{time:+10.3f}  {words}")
     sys.exit(print_incomplete(recording))
 
 
 @log.command()
 @_FILE
 @_OUTPUT
-def export(recording: Path, output: Path) -> None:
+@_JSON
+def export(recording: Path, output: Path, as_json: bool) -> None:
     """Write the commanded joint positions and the frames to CSV files."""
     from logs.views.table import export as write
 
     for path in write(recording, output):
-        echo(path)
+        _print(as_json, _file(path), path)
     sys.exit(print_incomplete(recording))
 
 
 @log.command()
 @_FILE
 @_OUTPUT
-def robot(recording: Path, output: Path) -> None:
+@_JSON
+def robot(recording: Path, output: Path, as_json: bool) -> None:
     """Write the robot file, the URDF and its meshes, for viewers and for other commands."""
     from executive.recording.archive import extract_robot
     from logs import Recording
 
     for path in extract_robot(Recording(recording), output):
-        echo(path)
+        _print(as_json, _file(path), path)
 
 
 @log.command()
 @click.argument("one", type=RECORDING)
 @click.argument("other", type=RECORDING)
 @click.option("-o", "--output", type=DRAWING, help="Drawing to write: PNG, SVG or PDF.")
-def diff(one: Path, other: Path, output: Path | None) -> None:
+@_JSON
+def diff(one: Path, other: Path, output: Path | None, as_json: bool) -> None:
     """Compare the frames and joint positions of two runs.
 
     The exit status is 12 if the frames differ.
@@ -174,14 +196,19 @@ def diff(one: Path, other: Path, output: Path | None) -> None:
     from logs.views.comparison import compare
 
     both = compare(one, other)
-    echo(both.first or f"all {len(both.runs[0].frames)} frames are the same")
+    lines = [both.first or f"all {len(both.runs[0].frames)} frames are the same"]
+    joints = {}
     for joint, (distance, time) in both.joints.items():
-        echo(f"{joint:<12}differs by at most {distance:.4f} rad, at {time:.3f} s")
+        lines.append(f"{joint:<12}differs by at most {distance:.4f} rad, at {time:.3f} s")
+        joints[joint] = {"distance": distance, "time_s": time}
     if output:
         from logs.views.comparison_figure import draw_comparison
 
         draw_comparison(both, output)
-        echo(output)
+        lines.append(str(output))
+    drawing = str(output) if output else None
+    row = {"same": not both.first, "first": both.first, "joints": joints, "drawing": drawing}
+    _print(as_json, row, "\n".join(lines))
     partial = print_incomplete(one, other)
     sys.exit(look_up(DIFFERS).exit_status if both.first else partial)
 
@@ -194,7 +221,8 @@ def diff(one: Path, other: Path, output: Path | None) -> None:
     type=DRAWING,
     help="Drawing to write: PNG, SVG or PDF. Default: a PNG beside the recording.",
 )
-def plot(recordings: tuple[Path, ...], output: Path | None) -> None:
+@_JSON
+def plot(recordings: tuple[Path, ...], output: Path | None, as_json: bool) -> None:
     """Draw joint positions, timing and scenes of recordings."""
     from logs.views.plot import plot as draw
 
@@ -208,7 +236,7 @@ def plot(recordings: tuple[Path, ...], output: Path | None) -> None:
         draw(recording, target, scenes)
         if why:
             echo(f"{recording}: the bodies around the arm are not drawn: {why}", err=True)
-        echo(target)
+        _print(as_json, _file(target), target)
         return status
 
     sys.exit(for_each(recordings, drawn))
@@ -229,7 +257,8 @@ def _scenes(recording: Path) -> "tuple[list[Scene], str]":
 
 @log.command()
 @_FILES
-def recover(recordings: tuple[Path, ...]) -> None:
+@_JSON
+def recover(recordings: tuple[Path, ...], as_json: bool) -> None:
     """Recover recordings that a crash has cut off.
 
     The exit status is 10 if something was lost.
@@ -238,7 +267,9 @@ def recover(recordings: tuple[Path, ...]) -> None:
 
     def recover_one(recording: Path) -> int:
         made = recover_file(recording)
-        echo(made.text() if made else f"{recording}: is complete, nothing to do")
+        row = {**_file(recording), "recovered": made is not None, "whole": not made or made.whole}
+        text = made.text() if made else f"{recording}: is complete, nothing to do"
+        _print(as_json, row, text)
         return 0 if made is None or made.whole else RecordingIncomplete.exit_status
 
     sys.exit(for_each(recordings, recover_one))
@@ -247,13 +278,15 @@ def recover(recordings: tuple[Path, ...]) -> None:
 @log.command()
 @_FILES
 @click.option("--off", is_flag=True, help="Unpin: allow prune to delete it.")
-def pin(recordings: tuple[Path, ...], off: bool) -> None:
+@_JSON
+def pin(recordings: tuple[Path, ...], off: bool, as_json: bool) -> None:
     """Pin recordings: prune never deletes them. A pinned file is write-protected."""
     from logs.writing.retention import pin as pin_file
 
     def pin_one(recording: Path) -> int:
         pin_file(recording, not off)
-        echo(f"{recording}: {'not pinned' if off else 'pinned'}")
+        text = f"{recording}: {'not pinned' if off else 'pinned'}"
+        _print(as_json, {**_file(recording), "pinned": not off}, text)
         return 0
 
     sys.exit(for_each(recordings, pin_one))
@@ -264,7 +297,8 @@ def pin(recordings: tuple[Path, ...], off: bool) -> None:
 @click.option("--days", type=AT_LEAST_0, help="Delete recordings older than this [days].")
 @click.option("--mb", type=AT_LEAST_0, help="Delete the oldest beyond this total size [MB].")
 @click.option("--dry-run", is_flag=True, help="Delete nothing; list what would be deleted.")
-def prune(folder: Path, days: float | None, mb: float | None, dry_run: bool) -> None:
+@_JSON
+def prune(folder: Path, days: float | None, mb: float | None, dry_run: bool, as_json: bool) -> None:
     """Delete old recordings of FOLDER, but never a pinned or an unfinished one.
 
     Pictures beside a recording, with its name, are deleted with it.
@@ -284,4 +318,5 @@ def prune(folder: Path, days: float | None, mb: float | None, dry_run: bool) -> 
     clock = RealClock()
     utc = clock.epoch_ns() / 1e9 + clock.now()
     for path in delete_old(folder, Rule(days, mb), utc, dry_run):
-        echo(f"{path}: {'would be deleted' if dry_run else 'deleted'}")
+        text = f"{path}: {'would be deleted' if dry_run else 'deleted'}"
+        _print(as_json, {**_file(path), "deleted": not dry_run}, text)

@@ -1,19 +1,34 @@
 """`armtree plan`."""
 
+import json
 from pathlib import Path
 
 import click
 
 from .support.names import complete_goal, load_library
-from .support.options import DRAWING, robot_option, trees_option
+from .support.options import (
+    DRAWING,
+    robot_option,
+    skills_option,
+    trees_option,
+    words_of_goal,
+)
 from .support.settings import option
 from .terminal.streams import echo
 
 
 @click.command(context_settings={"ignore_unknown_options": True})  # -0.1 is a number
-@click.argument("goal", metavar="GOAL...", nargs=-1, required=True, shell_complete=complete_goal)
+@click.argument(
+    "goal",
+    metavar="GOAL...",
+    nargs=-1,
+    required=True,
+    callback=words_of_goal,
+    shell_complete=complete_goal,
+)
 @robot_option
 @trees_option
+@skills_option
 @click.option(
     "--start",
     multiple=True,
@@ -42,6 +57,7 @@ from .terminal.streams import echo
     show_default=True,
     help="Drawing to write: PNG, SVG or PDF.",
 )
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object, in rad, m and s.")
 def plan(
     goal: tuple[str, ...],
     robot: Path | None,
@@ -57,6 +73,7 @@ def plan(
     group: str | None,
     seed: int,
     output: Path,
+    as_json: bool,
 ) -> None:
     """Plan a motion without an arm, explain and draw it.
 
@@ -84,7 +101,7 @@ def plan(
       [{"name": "post", "box": {"size": [0.03, 0.03, 0.2]},
         "position": [0.115, 0.115, 0.1]}]
     """  # noqa: D301
-    from executive.planning.explanation import explain
+    from executive.planning.explanation import Explanation
     from executive.planning.plan_request import PlanRequest
 
     vectors = {"direction": direction, "offset": offset, "axis": axis}
@@ -93,5 +110,9 @@ def plan(
     words = " ".join(start).split()
     loaded, library = load_library(trees, robot)
     request = PlanRequest(loaded, library, goal, group, seed, words, via, tool_inputs)
-    for line in explain(request, world, output):
-        echo(line)
+    explanation = Explanation(request, world, output)
+    if as_json:
+        echo(json.dumps(explanation.to_json()))
+    else:
+        for line in explanation.lines():
+            echo(line)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from .move import find_arm, pose_of
+from .support.command_group import CommandGroup
 from .support.names import complete_pose, load_library
 from .support.options import recordings_option, robot_option, trees_option
 from .support.settings import option
@@ -26,7 +27,7 @@ _own_trees = option(
 )
 
 
-@click.group()
+@click.group(cls=CommandGroup)
 def pose() -> None:
     """Save, list, show and remove poses.
 

@@ -24,7 +24,7 @@ from .terminal.streams import echo
 
 if TYPE_CHECKING:
     from trees import Declaration
-    from trees.check import Findings
+    from trees.errors import Mistake
 
 _MOST_RECORDINGS = 200  # that `armtree tasks` opens, so that it does not take long
 
@@ -143,7 +143,12 @@ def check(
     mistakes, count = findings.mistakes, len(findings.mistakes)
     checked = plural(len(findings.files), "file")
     if as_json:
-        echo(json.dumps(_findings(findings)))
+        row = {
+            "files": [str(path) for path in findings.files],
+            "mistakes": [_plain(mistake) for mistake in mistakes],
+            "notes": [_plain(note) for note in findings.notes],
+        }
+        echo(json.dumps(row))
     elif mistakes:
         echo("\n".join(map(str, mistakes)), err=True)
         echo(f"{plural(count, 'mistake')} in {checked}", err=True)
@@ -153,19 +158,15 @@ def check(
         sys.exit(FileError.exit_status)
 
 
-def _findings(findings: "Findings") -> dict[str, Any]:
-    mistakes = [
-        {
-            "file": str(mistake.place.path),
-            "line": mistake.place.line,
-            "column": mistake.place.column,
-            "path": mistake.place.location,
-            "message": mistake.message,
-            "instead": mistake.instead,
-        }
-        for mistake in findings.mistakes
-    ]
-    return {"files": [str(path) for path in findings.files], "mistakes": mistakes}
+def _plain(mistake: "Mistake") -> dict[str, Any]:
+    return {
+        "file": str(mistake.place.path),
+        "line": mistake.place.line,
+        "column": mistake.place.column,
+        "path": mistake.place.location,
+        "message": mistake.message,
+        "instead": mistake.instead,
+    }
 
 
 @click.command()

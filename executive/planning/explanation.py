@@ -1,7 +1,9 @@
 """Plans motions without an arm, explains them line by line, and draws them."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -11,15 +13,15 @@ from skills.motion.deadline import Stopwatch
 from skills.motion.planner import Planner
 from skills.motion.timing.explain import limits_met, straight_duration
 
-from .plan_request import PlanRequest
+from .plan_request import Motion, PlanRequest
 from .world_file import check_world, read_world
 
 _STEP = 0.005  # time between two points of the curves [s]
 _MOST_POINTS = 20_000  # most points of the curves, for a motion that takes hours
 
 
-def explain(request: PlanRequest, world: Path | None, output: Path) -> Iterator[str]:
-    """Plan and draw each motion; yield the explanation line by line.
+class Explanation:
+    """Plans and draws each motion of a request, and explains it.
 
     Args:
         request: What to plan.
@@ -30,43 +32,94 @@ def explain(request: PlanRequest, world: Path | None, output: Path) -> Iterator[
     Raises:
         BadTarget: Goal or start is invalid.
         BadWorldFile: The world file is invalid or missing.
-        MotionError: A motion cannot be planned.
+        MotionError: The tool cannot reach a point.
     """
-    watch = Stopwatch(RealClock())
-    with watch.stage("model"):
-        planner = Planner(request.robot)
-    bodies = read_world(world) if world else EMPTY
-    try:
-        yield from _explain_motions(request, planner, bodies, output, watch)
-    except BadWorld:
-        if world:  # otherwise the task adds the invalid body
-            check_world(world, bodies, request.robot)
-        raise
+
+    def __init__(self, request: PlanRequest, world: Path | None, output: Path) -> None:
+        self._robot, self._world, self._output = request.robot, world, output
+        self._watch = Stopwatch(RealClock())
+        with self._watch.stage("model"):
+            self._planner = Planner(request.robot)
+        self._bodies = read_world(world) if world else EMPTY
+        with self._watch.stage("goal"), self._blaming_the_file():
+            self._motions, self._unknown = request.motions(self._planner, self._bodies)
+
+    def lines(self) -> Iterator[str]:
+        """Plan and draw each motion; yield the explanation line by line.
+
+        Raises:
+            MotionError: A motion cannot be planned.
+        """
+        yield f"Prepared  in {_times(self._watch.milliseconds)}"
+        for message in self._unknown:
+            yield f"Not seen  {message}"
+        for number, motion in enumerate(self._motions, 1):
+            first, plan, picture = self._planned(number, motion)
+            if len(self._motions) > 1:
+                yield f"Motion {number} of {len(self._motions)}"
+            if motion.assumed_start:
+                start = _joints(self._robot, plan.joints, plan.origin)
+                yield f"Start     assumed to be {start}: it is known only in a run"
+            yield from _explain_plan(self._robot, plan, len(motion.query.via), first)
+            yield from _bodies(motion.query.world, motion.left_out)
+            _draw(self._robot, motion.query.world, plan, picture)
+            yield str(picture)
+
+    def to_json(self) -> dict[str, Any]:
+        """Plan and draw each motion; return all of them [rad, m, s].
+
+        Raises:
+            MotionError: A motion cannot be planned.
+        """
+        motions = []
+        for number, motion in enumerate(self._motions, 1):
+            _, plan, picture = self._planned(number, motion)
+            _draw(self._robot, motion.query.world, plan, picture)
+            motions.append(_as_json(motion, plan) | {"drawing": str(picture)})
+        return {"motions": motions, "not_seen": self._unknown}
+
+    def _planned(self, number: int, motion: Motion) -> tuple[float, Plan, Path]:
+        """Return the time of the first planning [ms], the plan, and the file of its drawing."""
+        output = self._output
+        with self._blaming_the_file():
+            first = sum(self._planner.plan(motion.query).milliseconds.values())
+            plan = self._planner.plan(motion.query)
+        return first, plan, output if number == 1 else output.with_stem(f"{output.stem}-{number}")
+
+    @contextmanager
+    def _blaming_the_file(self) -> Iterator[None]:
+        """Name the world file in errors of bodies, unless the task adds the invalid body."""
+        try:
+            yield
+        except BadWorld:
+            if self._world:
+                check_world(self._world, self._bodies, self._robot)
+            raise
 
 
-def _explain_motions(
-    request: PlanRequest, planner: Planner, bodies: World, output: Path, watch: Stopwatch
-) -> Iterator[str]:
-    robot = request.robot
-    with watch.stage("goal"):
-        motions, unknown = request.motions(planner, bodies)
-    yield f"Prepared  in {_times(watch.milliseconds)}"
-    for message in unknown:
-        yield f"Not seen  {message}"
-    for number, motion in enumerate(motions, 1):
-        query = motion.query
-        first = sum(planner.plan(query).milliseconds.values())
-        plan = planner.plan(query)
-        if len(motions) > 1:
-            yield f"Motion {number} of {len(motions)}"
-        if motion.assumed_start:
-            start = _joints(robot, plan.joints, plan.origin)
-            yield f"Start     assumed to be {start}: it is known only in a run"
-        yield from _explain_plan(robot, plan, len(query.via), first)
-        yield from _bodies(query.world, motion.left_out)
-        picture = output if number == 1 else output.with_stem(f"{output.stem}-{number}")
-        _draw(robot, query.world, plan, picture)
-        yield str(picture)
+def _as_json(motion: Motion, plan: Plan) -> dict[str, Any]:
+    return {
+        "group": plan.group,
+        "joints": list(plan.joints),
+        "start": list(map(float, plan.origin)),
+        "start_is_assumed": motion.assumed_start,
+        "goal": list(map(float, plan.goal)),
+        "waypoints": plan.waypoints.tolist(),
+        "duration_s": float(plan.duration),
+        "straight_duration_s": float(straight_duration(plan)),
+        "held_by": [
+            {
+                "joint": limit.joint,
+                "kind": limit.kind,
+                "limit": float(limit.value),
+                "duration_s": float(limit.seconds),
+            }
+            for limit in limits_met(plan)
+        ],
+        "planning_ms": {name: float(ms) for name, ms in plan.milliseconds.items()},
+        "bodies": [body.name for body in motion.query.world.bodies],
+        "left_out": list(motion.left_out),
+    }
 
 
 def _explain_plan(robot: Robot, plan: Plan, via: int, first: float) -> Iterator[str]:

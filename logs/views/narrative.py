@@ -10,6 +10,7 @@ from hardware.printable import wire_text
 from logs.reading.file_state import being_written
 from logs.reading.recording import Recording
 from logs.records.conversions import LATE
+from logs.records.file_format import RECOVERED
 from logs.records.records import (
     Feedback,
     Goal,
@@ -73,6 +74,34 @@ class Overview:
         if self.result:
             return self.result.state
         return "NO END" if self.goal else "-"
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the summary as `docs/output.schema.json` describes it."""
+        goal, result, late = self.goal, self.result, sorted(self.late.elements())
+        return {
+            "file": str(self.path),
+            "bytes": self.bytes,
+            "messages": self.messages,
+            "complete": self.complete,
+            "being_written": self.written,
+            "recovered": RECOVERED in self.notes,
+            "task": goal.task if goal else None,
+            "name": goal.name if goal else None,
+            "seed": goal.seed if goal else None,
+            "state": result.state if result else None,
+            "code": result.code if result else None,
+            "message": result.message if result else None,
+            "duration_s": result.duration if result else None,
+            "queued_s": self.waited,
+            "frames": self.frames,
+            "holds": self.holds,
+            "median_late_ms": late[(len(late) - 1) // 2] if late else None,
+            "most_late_ms": late[-1] if late else None,
+            "planning_ms": self.planning,
+            "attached": list(self.files),
+            "configuration": self.notes.get("configuration", {}),
+            "versions": self.notes.get("versions", {}),
+        }
 
 
 def overview(path: Path) -> Overview:

@@ -9,6 +9,7 @@ from typing import Any
 import click
 
 from executive.cli.terminal.streams import echo
+from hardware.suggestions import closest
 
 from .names import complete_port
 from .settings import F, option
@@ -61,12 +62,14 @@ set_option = click.option(
 
 
 def words_of_goal(
-    _context: click.Context, _argument: click.Parameter, words: tuple[str, ...]
+    context: click.Context, _argument: click.Parameter, words: tuple[str, ...]
 ) -> tuple[str, ...]:
     """Reject what looks like an option, but is not a negative number."""
     for word in words:
         if word.startswith("-") and not _NUMBER.match(word):
-            raise click.NoSuchOption(word)
+            options = [name for option in context.command.params for name in option.opts]
+            near = closest(word, [name for name in options if name.startswith("--")])
+            raise click.NoSuchOption(word, possibilities=[near] if near else None, ctx=context)
     return words
 
 

@@ -1,0 +1,122 @@
+"""What commands print with --json, against the schemas in docs/output.schema.json."""
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import fastjsonschema
+import pytest
+from click.testing import CliRunner
+
+from executive.cli.main import cli
+from tests.support.paths import ROOT
+from trees import EXAMPLES
+
+SCHEMA = json.loads((ROOT / "docs/output.schema.json").read_text())
+RECORDING = EXAMPLES / "recordings/3_wave.mcap"
+
+
+def printed(definition: str, *arguments: object, status: int = 0) -> list[Any]:
+    """Return the objects that a command prints, each as the schema describes it."""
+    result = CliRunner().invoke(cli, [*map(str, arguments), "--json"])
+    assert result.exit_code == status, result.output
+    rows = [json.loads(line) for line in result.stdout.splitlines()]
+    check = fastjsonschema.compile({**SCHEMA, "$ref": f"#/$defs/{definition}"})
+    for row in rows:
+        check(row)
+    return rows
+
+
+@pytest.fixture
+def recording(tmp_path: Path) -> Path:
+    shutil.copy(RECORDING, path := tmp_path / RECORDING.name)
+    return path
+
+
+def test_log(recording: Path, tmp_path: Path) -> None:
+    (row,) = printed("log_ls", "log", "ls", tmp_path)
+    assert not row["pinned"]
+    (info,) = printed("log_info", "log", "info", recording)
+    assert info == {key: value for key, value in row.items() if key != "pinned"}
+    assert (info["task"], info["name"], info["state"]) == (3, "wave", "SUCCEEDED")
+    assert len(printed("log_show", "log", "show", recording)) > 5
+    for row in printed("log_export", "log", "export", recording, "-o", tmp_path):
+        assert Path(row["file"]).is_file()
+    for row in printed("log_robot", "log", "robot", recording, "-o", tmp_path):
+        assert Path(row["file"]).is_file()
+    (pinned,) = printed("log_pin", "log", "pin", recording)
+    assert pinned == {"file": str(recording), "pinned": True}
+    assert printed("log_prune", "log", "prune", tmp_path, "--days", 0) == []
+    printed("log_pin", "log", "pin", recording, "--off")
+    (gone,) = printed("log_prune", "log", "prune", tmp_path, "--days", 0)
+    assert gone == {"file": str(recording), "deleted": True}
+
+
+def test_log_of_what_is_no_recording(tmp_path: Path) -> None:
+    (tmp_path / "other.mcap").write_text("nothing")
+    (row,) = printed("log_ls", "log", "ls", tmp_path)
+    assert row["unreadable"]
+
+
+def test_log_of_two_recordings(recording: Path) -> None:
+    (same,) = printed("log_diff", "log", "diff", recording, RECORDING)
+    assert same["same"]
+    assert {joint["distance"] for joint in same["joints"].values()} == {0.0}
+    other = RECORDING.with_name("8_round.mcap")
+    (differs,) = printed("log_diff", "log", "diff", recording, other, status=12)
+    assert differs["first"]
+    (whole,) = printed("log_recover", "log", "recover", recording)
+    assert (whole["recovered"], whole["whole"]) == (False, True)
+
+
+@pytest.mark.slow
+def test_log_plot(recording: Path) -> None:
+    (row,) = printed("log_plot", "log", "plot", recording)
+    assert Path(row["file"]).is_file()
+
+
+def test_check(tmp_path: Path) -> None:
+    head = "task: 20\nname: m\ndescription: x\ntree:\n  sequence:\n"
+    task = tmp_path / "20_m.yaml"
+    task.write_text(f"{head}    - Set: {{value: 3, key: $n}}\n")
+    (row,) = printed("check", "check", task)
+    assert row["mistakes"] == []
+    assert [(note["line"], note["message"][:16]) for note in row["notes"]] == [
+        (6, "nothing reads $n")
+    ]
+    task.write_text(f"{head}    - Wait: 2 s\n")
+    (row,) = printed("check", "check", task, status=3)
+    assert [mistake["instead"] for mistake in row["mistakes"]] == ["    - Wait: {duration: 2 s}"]
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_plan(tmp_path: Path) -> None:
+    options = ("-o", tmp_path / "plan.png")
+    (row,) = printed("plan", "plan", "joint_1=30deg", *options)
+    (motion,) = row["motions"]
+    assert motion["goal"][0] == pytest.approx(0.5236, abs=1e-4)
+    assert motion["held_by"][0]["joint"] == "joint_1"
+    (row,) = printed("plan", "plan", "pick", *options)
+    assert row["motions"][0]["group"] == "arm"
+
+
+def test_plan_refuses_an_option_that_it_does_not_have() -> None:
+    result = CliRunner().invoke(cli, ["plan", "right", "--worlds", "x.json"])
+    assert result.exit_code == 2
+    assert "No such option" in result.output
+    assert "Did you mean '--world'?" in result.output
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_plan_takes_skills(tmp_path: Path) -> None:
+    (tmp_path / "own.py").write_text(
+        "from skills import skill\n\n\n@skill\ndef planned_noop() -> None: ...\n"
+    )
+    (tmp_path / "30_x.yaml").write_text(
+        "task: 30\nname: x\ndescription: x\ntree:\n  sequence:\n    - planned_noop\n"
+        "    - {subtree: move_joints, with: {joints: {joint_1: 20 deg}}}\n"
+    )
+    words = ("30", "--trees", tmp_path, "--skills", tmp_path, "-o", tmp_path / "plan.png")
+    (row,) = printed("plan", "plan", *words)
+    assert row["motions"][0]["goal"][0] == pytest.approx(0.349, abs=1e-3)
