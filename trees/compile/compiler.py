@@ -177,7 +177,7 @@ class TreeCompiler:
     ) -> dict[str, Value]:
         """Return the values of the parameters, from arguments and defaults."""
         what = f"parameter of task {task.number}"
-        known = self._named(arguments or {}, task.parameters, what, scope)
+        known = self._known_ports(arguments or {}, task.parameters, what, scope)
         given: dict[str, Value] = {}
         for name, declared in task.parameters.items():
             checked = self._given(name, declared, known.get(name))
@@ -312,7 +312,7 @@ class TreeCompiler:
         way = {**scope.within, label: spec.place}
         source = self._source(spec, scope, label, way)
         if source is None:
-            self._forgive(spec.values.values(), scope)
+            self._assume_used(spec.values.values(), scope)
             return self._placeholder(label or "subtree", spec.place)
         ports = self._ports(spec, source, scope, what)
         missing = {
@@ -357,7 +357,7 @@ class TreeCompiler:
         ports: dict[str, Value] = {}
         named = f"{source.what} of {what}" if source.certain else ""
         ported = by_port(spec.values, source.declared, (what, "with"), self._wrong)
-        values = self._named(ported, source.declared, named, scope)
+        values = self._known_ports(ported, source.declared, named, scope)
         for name, declared in source.declared.items():
             value = values.get(name)
             if declared.output and self._fixed(value, scope, f"{what}: {name}"):
@@ -396,11 +396,11 @@ class TreeCompiler:
                 there = there_are(spec.skill, known)
                 own = "" if name else "; --skills DIR adds your own"
                 self._wrong(spec.place, f"no skill {spec.skill}; {there}{own}")
-            self._forgive(spec.ports.values(), scope)
+            self._assume_used(spec.ports.values(), scope)
             return self._placeholder(spec.skill, spec.place)
         ports = declarations(kind)
         ported = by_port(spec.ports, ports, (spec.skill, spec.skill), self._wrong)
-        given = self._named(ported, ports, f"port of {spec.skill}", scope)
+        given = self._known_ports(ported, ports, f"port of {spec.skill}", scope)
         wired = {
             port: self._resolve(value, scope)
             for port, value in given.items()
@@ -427,7 +427,7 @@ class TreeCompiler:
         self._wrong(spec.place, why, lines)
         return SubtreeNode(spec.place, name, ports if right else spec.ports, shown)
 
-    def _forgive(self, values: Iterable[Value], scope: Scope) -> None:
+    def _assume_used(self, values: Iterable[Value], scope: Scope) -> None:
         """Treat keys at unknown ports as read and written, so that nothing else is reported."""
         for value in values:
             if isinstance(key := self._resolve(value, scope), Key):
@@ -515,7 +515,7 @@ class TreeCompiler:
                 self._sources.use_poses()
         return fitted
 
-    def _named(
+    def _known_ports(
         self, given: Mapping[str, Value], known: Mapping[str, Declaration], what: str, scope: Scope
     ) -> dict[str, Value]:
         """Return the values of known ports, including those of misspelt ones.
@@ -539,7 +539,7 @@ class TreeCompiler:
                     instead = label.replaced(port, likely.get(port, ""))
                     self._wrong(label, f"{port} is not a {what}; {there}", instead)
                 if port not in likely:
-                    self._forgive((given[port],), scope)
+                    self._assume_used((given[port],), scope)
         named = {likely.get(port, port): value for port, value in given.items()}
         return {port: value for port, value in named.items() if port in known}
 

@@ -174,7 +174,7 @@ def _spot(place: Place, lines: Sequence[str]) -> _Spot:
     row = min(place.line, len(lines)) - 1
     if row == place.line - 1 and _content(lines[row]):
         return row, min(place.column - 1, len(lines[row]))
-    row = _before(row, lines)
+    row = _line_before(row, lines)
     return row, len(lines[row])
 
 
@@ -182,24 +182,24 @@ def _edits(version: _Version) -> Iterator[_Edit]:
     """Return the edits that undo a slip near the places where a text is wrong."""
     lines, rows = version.lines, dict[int, None]()
     for row, _ in version.spots:
-        rows |= {row: None, _before(row, lines): None}
-    yield from _whole(lines)
+        rows |= {row: None, _line_before(row, lines): None}
+    yield from _foreign_sign_edits(lines)
     last = max(rows) if version.left is None else 0  # in YAML, all brackets are closed
     for row in rows:
         content, comment = _split_comment(lines[row])
-        for column, why, line in _slips(content):
-            yield _Edit((row, column), "slip", why, _with(lines, row, line + comment))
-        yield from _closers(lines, row, last)
+        for column, why, line in _slip_edits(content):
+            yield _Edit((row, column), "slip", why, _with_line(lines, row, line + comment))
+        yield from _closing_edits(lines, row, last)
     for row, column in version.spots:
-        for at, why, line in _at(lines[row], column):
-            yield _Edit((row, at), "sign", why, _with(lines, row, line))
+        for at, why, line in _sign_edits(lines[row], column):
+            yield _Edit((row, at), "sign", why, _with_line(lines, row, line))
     for row in rows:
-        yield from _dashes(lines, row)
+        yield from _dash_edits(lines, row)
         yield from _undashed(lines, row)
-        yield from _indents(lines, row)
+        yield from _indent_edits(lines, row)
 
 
-def _with(lines: tuple[str, ...], row: int, line: str) -> tuple[str, ...]:
+def _with_line(lines: tuple[str, ...], row: int, line: str) -> tuple[str, ...]:
     return (*lines[:row], line, *lines[row + 1 :])
 
 
@@ -214,7 +214,7 @@ _FOREIGN = (
 )
 
 
-def _whole(lines: tuple[str, ...]) -> Iterator[_Edit]:
+def _foreign_sign_edits(lines: tuple[str, ...]) -> Iterator[_Edit]:
     """Return edits of foreign signs in all lines."""
     for odd, instead, why in _FOREIGN:
         spots = (
@@ -243,7 +243,7 @@ _SLIPS = (
 )
 
 
-def _slips(content: str) -> Iterator[_InLine]:
+def _slip_edits(content: str) -> Iterator[_InLine]:
     """Return edits that undo one slip, or all slips of its kind, in a line."""
     for pattern, instead, why in _SLIPS:
         slips = list(re.finditer(pattern, content))
@@ -257,13 +257,13 @@ def _slips(content: str) -> Iterator[_InLine]:
 _CLOSERS = {"{": "}", "[": "]", "'": "'", '"': '"'}
 
 
-def _closers(lines: tuple[str, ...], row: int, last: int) -> Iterator[_Edit]:
+def _closing_edits(lines: tuple[str, ...], row: int, last: int) -> Iterator[_Edit]:
     """Return edits that close what a line opens, up to a later line, or put its text in quotes."""
     content, comment = _split_comment(lines[row])
     if hidden := re.search(r": ([^'\"{}\[\],]+ #[^'\"{}\[\],]*)(?=[,}\]])", lines[row]):
         why = "a # after a space begins a comment; put the text in quotes"
         line = f'{lines[row][: hidden.start(1)]}"{hidden[1]}"{lines[row][hidden.end() :]}'
-        yield _Edit((row, hidden.start(1)), "slip", why, _with(lines, row, line))
+        yield _Edit((row, hidden.start(1)), "slip", why, _with_line(lines, row, line))
     if stack := _unclosed(content):
         column = stack[-1]
         why = f"the {content[column]} of line {row + 1}, column {column + 1} is not closed"
@@ -274,20 +274,20 @@ def _closers(lines: tuple[str, ...], row: int, last: int) -> Iterator[_Edit]:
         made = [f"{content[:end]}{closer}{content[end:]}" for end in ends]
         made.append(content + "".join(_CLOSERS[content[column]] for column in reversed(stack)))
         for line in made:
-            yield _Edit((row, column), "end", why, _with(lines, row, line + comment))
+            yield _Edit((row, column), "end", why, _with_line(lines, row, line + comment))
         for below in range(row + 1, last + 1):
             text, comment = _split_comment(lines[below])
             if text:
                 line = text + closer + comment
-                yield _Edit((below, len(text)), "end", why, _with(lines, below, line))
+                yield _Edit((below, len(text)), "end", why, _with_line(lines, below, line))
     if found := re.match(r"(\s*(?:- )?[A-Za-z_][\w-]*: +)([^\s'\"{\[].*)$", content):
         quote = "'" if '"' in found[2] else '"'
         line = f"{found[1]}{quote}{found[2]}{quote}{comment}"
         why = "a text with special characters must be in quotes"
-        yield _Edit((row, found.end(1)), "end", why, _with(lines, row, line))
+        yield _Edit((row, found.end(1)), "end", why, _with_line(lines, row, line))
 
 
-def _at(line: str, column: int) -> Iterator[_InLine]:
+def _sign_edits(line: str, column: int) -> Iterator[_InLine]:
     """Return edits of the characters where the text is wrong."""
     before, after = line[:column], line[column:]
     if after.startswith(("}", "]")):
@@ -303,7 +303,7 @@ def _at(line: str, column: int) -> Iterator[_InLine]:
         yield column, f"{value[0]} must be in quotes", made
 
 
-def _dashes(lines: tuple[str, ...], row: int) -> Iterator[_Edit]:
+def _dash_edits(lines: tuple[str, ...], row: int) -> Iterator[_Edit]:
     """Return edits that begin an item of a list, or one at every line of the same column."""
     found = re.match(r"(\s*)([A-Za-z_][\w-]*)", lines[row])
     if not (found and begins_node(found[2])):
@@ -325,7 +325,7 @@ def _undashed(lines: tuple[str, ...], row: int) -> Iterator[_Edit]:
     if found and not begins_node(found[2]):
         why = f"leave out the `-` before `{found[2]}`: it begins no item of a list"
         line = f"{found[1]}  {lines[row][found.start(2) :]}"
-        yield _Edit((row, found.end(1)), "dash", why, _with(lines, row, line))
+        yield _Edit((row, found.end(1)), "dash", why, _with_line(lines, row, line))
 
 
 def _end_of_block(lines: Sequence[str], row: int, column: int) -> int:
@@ -336,7 +336,7 @@ def _end_of_block(lines: Sequence[str], row: int, column: int) -> int:
     )
 
 
-def _indents(lines: tuple[str, ...], row: int) -> Iterator[_Edit]:
+def _indent_edits(lines: tuple[str, ...], row: int) -> Iterator[_Edit]:
     """Return edits that move a line, with the lines that belong to it, to another column."""
     now, shown = _columns(lines[row])[:2]
     columns = dict[int, str]()  # the columns of the lines above, and what to do
@@ -351,7 +351,7 @@ def _indents(lines: tuple[str, ...], row: int) -> Iterator[_Edit]:
     tabs = "\t" in lines[row][:now]
     end = row + 1 if tabs else _end_of_block(lines, row, now)
     for column in sorted(columns.keys() - {now}, key=lambda column: abs(column - now)):
-        moved = tuple(_moved(line, column - now) for line in lines[row:end])
+        moved = tuple(_indented_by(line, column - now) for line in lines[row:end])
         spaces = plural(now, "space")
         why = f"`{shown}` is indented by {spaces}, not {column}: {columns[column]}"
         if any(map(_content, lines[row + 1 : end])):
@@ -368,7 +368,7 @@ def _columns(line: str) -> tuple[int, str, int, str]:
     return len(found[1]), found[2] + found[3] or key, found.end(2), key
 
 
-def _moved(line: str, by: int) -> str:
+def _indented_by(line: str, by: int) -> str:
     margin = _columns(line)[0]
     return " " * max(0, margin + by) + line[margin:]
 
@@ -384,7 +384,7 @@ def _split_comment(line: str) -> tuple[str, str]:
     return content, line[len(content) :]
 
 
-def _before(row: int, lines: Sequence[str]) -> int:
+def _line_before(row: int, lines: Sequence[str]) -> int:
     """Return the last line with content before a line, or the first line."""
     return next((above for above in reversed(range(row)) if _content(lines[above])), 0)
 
