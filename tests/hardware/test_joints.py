@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from hardware import BadPosition, Mimic, check_position, load_robot
+from hardware.joints import check_positions, rounded
 
 ROBOT = load_robot()
 CONTINUOUS = dataclasses.replace(ROBOT.joint("joint_1"), lower=-math.inf, upper=math.inf)
@@ -44,3 +45,27 @@ def test_a_refusal_names_value_and_limits() -> None:
     why = r"joint_1 = -90.527 deg is outside its limits, -90 deg to 90 deg"
     with pytest.raises(BadPosition, match=why):
         check_position(ROBOT.joint("joint_1"), np.float64(-1.58))
+
+
+@pytest.mark.parametrize(
+    ("position", "unit", "words"),
+    [(math.radians(12.34), "rad", "12.3 deg"), (0.01236, "m", "12.4 mm"), (-1e-6, "rad", "0.0 deg"),
+     (-1e-6, "m", "0.0 mm")],
+)  # fmt: skip
+def test_a_rounded_position_has_the_unit_of_its_joint_and_no_minus_zero(
+    position: float, unit: str, words: str
+) -> None:
+    assert rounded(position, unit) == words
+
+
+def test_a_rounded_position_is_in_degrees_unless_it_has_a_unit() -> None:
+    assert rounded(math.radians(-90)) == "-90.0 deg"
+
+
+def test_too_few_or_too_many_positions_are_refused_by_the_names_of_the_joints() -> None:
+    joints = ROBOT.actuated[:2]
+    assert check_positions(joints, [0, 0.5]) == (0.0, 0.5)
+    for positions in ([0.0], [0.0, 0.0, 0.0]):
+        why = f"^{len(positions)} values for 2 joints: joint_1, joint_2$"
+        with pytest.raises(BadPosition, match=why):
+            check_positions(joints, positions)

@@ -89,6 +89,9 @@ WRONG: list[tuple[dict[str, dict[str, float]], str]] = [
      "joint_4 is missing; the gripper has joint_4, joint_5$"),
     (target(joint_9=0.0), "joint_9 is not a joint of the gripper; the gripper has joint_4, "),
     ({"leg": {}}, "the robot has no group leg; it has arm, gripper"),
+    ({**ZERO, "arm": ZERO["gripper"]}, "^the arm has joint_1, joint_2, joint_3, not joint_4$"),
+    ({**ZERO, "gripper": {"joint_2": 0.0, "joint_1": 0.0}},
+     "^the gripper has joint_4, joint_5, not joint_2, joint_1$"),
 ]  # fmt: skip
 
 
@@ -105,7 +108,8 @@ def test_what_makes_no_sense(
     [({"arm": {}}, BadTarget, ("arm", "joint_1")),
      (target(joint_1=9.0, joint_4=9.0), OutOfBounds, ("arm", "joint_1")),
      (target(joint_4=9.0), OutOfBounds, ("gripper", "joint_4")),
-     (target(joint_9=0.0), BadTarget, ("gripper", "joint_9"))],
+     (target(joint_9=0.0), BadTarget, ("gripper", "joint_9")),
+     ({**ZERO, "arm": ZERO["gripper"]}, BadTarget, ("arm", "arm"))],
 )  # fmt: skip
 def test_the_first_wrong_value_is_reported_with_its_place(
     robot: Robot,

@@ -1,7 +1,9 @@
-"""The write guard: refusals and claims."""
+"""The write guard: refusals, claims and requests."""
 
 import math
+import threading
 from collections.abc import Sequence
+from pathlib import Path
 
 import pytest
 
@@ -10,8 +12,15 @@ from hardware.drivers.arduino.acknowledgements import ANSWER_TIMEOUT
 from hardware.drivers.arduino.firmware_profile import FIRMWARES
 from hardware.drivers.arduino.frames import Codec
 from hardware.drivers.arduino.serial_servo import SerialServo
+from hardware.drivers.board_protocol import BoardProtocol
 from hardware.drivers.wire_format import Frame
-from hardware.errors import InterfaceClaimed, InterfaceUnknown, StaleGeneration, TooFast
+from hardware.errors import (
+    InterfaceClaimed,
+    InterfaceUnknown,
+    PortLost,
+    StaleGeneration,
+    TooFast,
+)
 from tests.support.arms.write_guard_rig import HOME, Rig, degrees
 
 
@@ -177,3 +186,66 @@ def test_a_frame_before_the_board_has_room_is_refused() -> None:
     rig.wait(rig.guard.earliest)
     assert rig.write(degrees(10))
     assert rig.link.board.state(100.0).lost == 0
+
+
+class Asking(BoardProtocol):
+    """Asks the board every second, and for the first time at 3 s."""
+
+    next_poll = 3.0
+
+    def poll(self, now: float) -> bytes:
+        self.next_poll = now + 1.0
+        return b"?"
+
+
+class AskingDriver(SerialServo):
+    def protocol(self, joints: Sequence[Joint], firmware: Firmware, robot_file: Path) -> Asking:  # type: ignore[override]
+        return Asking()
+
+
+@pytest.mark.parametrize("active", [True, False])
+def test_a_request_is_sent_in_any_state_when_it_is_due(active: bool) -> None:
+    rig = Rig(driver=AskingDriver())
+    rig.active = active
+    for time in (2.0, 2.999, 3.0, 3.0, 3.5, 4.5, 5.0, 5.5):
+        rig.wait(time)
+        rig.guard.poll()
+    assert rig.events == [CommandSent(time, b"?") for time in (3.0, 4.5, 5.5)]
+    assert rig.link.written == [b"?"] * 3
+
+
+def test_no_request_is_sent_by_a_closed_guard() -> None:
+    rig = Rig(driver=AskingDriver())
+    rig.wait(3.0)
+    rig.guard.close()
+    rig.guard.poll()
+    assert rig.link.written == []
+
+
+def test_after_a_failed_request_nothing_follows() -> None:
+    rig = Rig(driver=AskingDriver())
+    rig.wait(3.0)
+    rig.link.unplug()
+    with pytest.raises(PortLost):
+        rig.guard.poll()
+    rig.link.open()
+    rig.wait(4.0)
+    rig.guard.poll()
+    with pytest.raises(NotActive):
+        rig.write(degrees(1))
+    assert rig.events == []
+
+
+def test_a_request_that_is_due_while_a_frame_goes_out_follows_it() -> None:
+    rig = Rig(driver=AskingDriver())
+    rig.wait(3.0)
+    poll = threading.Thread(target=rig.guard.poll)
+
+    def meanwhile() -> None:
+        poll.start()
+        poll.join(0.02)
+
+    rig.link.meanwhile = meanwhile
+    rig.write(degrees(1))
+    poll.join()
+    assert rig.link.written == [b"b091,s090,e090,g000,", b"?"]

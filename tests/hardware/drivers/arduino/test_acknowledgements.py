@@ -12,7 +12,7 @@ from hardware import load_robot
 from hardware.drivers.arduino.acknowledgements import ANSWER_TIMEOUT, Acknowledgements
 from hardware.drivers.arduino.firmware_profile import FIRMWARES, ArduinoFirmware
 from hardware.drivers.arduino.frames import Codec
-from hardware.errors import BoardReset, FrameLost, WrongFirmware
+from hardware.errors import BoardReset, BoardSilent, FrameLost, WrongFirmware
 
 OURS = FIRMWARES["armtree"]
 OTHER = dataclasses.replace(OURS, name="other", banner=b"other 1 ")
@@ -50,6 +50,24 @@ def test_other_lines_are_not_taken_for_a_banner(line: bytes) -> None:
     acks.receive(line, 1.0)
     assert acks.boot_frame is None
     assert acks.start_commands() == b""
+
+
+@pytest.mark.parametrize("received", [b"", LINE[:-1], LINE.replace(b"g000", b"g0x0")])
+def test_a_board_that_did_not_report_that_it_booted_is_an_error(received: bytes) -> None:
+    acks = acknowledgements()
+    acks.receive(received, 1.0)
+    why = (
+        "^The board on port /dev/ttyACM0 did not report within 2.5 s that it runs the firmware "
+        "armtree. Flash it, or name the board's firmware in the robot file; opening the port must "
+        "reset the board$"
+    )
+    with pytest.raises(BoardSilent, match=why):
+        acks.check_booted("/dev/ttyACM0", 2.5)
+    booted().check_booted("/dev/ttyACM0", 2.5)
+
+
+def test_firmware_without_a_banner_needs_to_report_nothing() -> None:
+    acknowledgements(FIRMWARES["stock"]).check_booted("/dev/ttyACM0", 2.5)
 
 
 def test_a_line_without_an_end_is_not_kept() -> None:
