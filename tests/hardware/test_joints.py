@@ -49,8 +49,8 @@ def test_a_refusal_names_value_and_limits() -> None:
 
 @pytest.mark.parametrize(
     ("position", "unit", "words"),
-    [(math.radians(12.34), "rad", "12.3 deg"), (0.01236, "m", "12.4 mm"), (-1e-6, "rad", "0.0 deg"),
-     (-1e-6, "m", "0.0 mm")],
+    [(math.radians(12.34), "rad", "12.3 deg"), (0.01236, "m", "12.4 mm"),
+     (math.radians(-0.04), "rad", "0.0 deg"), (-4e-5, "m", "0.0 mm")],
 )  # fmt: skip
 def test_a_rounded_position_has_the_unit_of_its_joint_and_no_minus_zero(
     position: float, unit: str, words: str

@@ -178,6 +178,26 @@ def test_a_joint_that_is_named_already_is_not_suggested(robot: Robot) -> None:
     assert str(error).endswith("(arm) and joint_4 (gripper)")
 
 
+@pytest.mark.parametrize(
+    ("multiplier", "offset", "law"),
+    [(-1.0, 0.0, "-1 times joint_4"), (0.5, 0.1, "0.5 times joint_4 plus 5.7296 deg")],
+)
+def test_a_contradiction_names_both_positions_and_how_the_joint_follows(
+    robot: Robot, multiplier: float, offset: float, law: str
+) -> None:
+    with pytest.raises(BadTarget) as caught:
+        check_targets(with_mimic(robot, multiplier, offset), target(joint_4=-0.7, joint_5=0.2))
+    positions = "joint_5 = 11.459 deg contradicts joint_4 = -40.107 deg"
+    assert str(caught.value) == f"{positions}; it follows, as {law}: leave joint_5 out"
+
+
+def test_after_a_contradiction_the_joints_that_come_later_are_checked(robot: Robot) -> None:
+    follower_first = dataclasses.replace(robot, joints=robot.joints[::-1])
+    wrong = {**START, "joint_1": 9.0, "joint_5": 0.2}
+    errors = configuration_errors(follower_first, "goal", wrong)
+    assert [error.location for error in errors] == [("goal", "joint_5"), ("goal", "joint_1")]
+
+
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
 def test_a_mimic_joint_that_is_no_finite_number_is_out_of_bounds(
     robot: Robot, value: float

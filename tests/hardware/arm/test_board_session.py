@@ -71,6 +71,17 @@ def test_a_request_is_due_no_earlier_than_the_protocol_says(tmp_path: Path) -> N
     assert session.next_poll > due
 
 
+def test_after_all_answers_the_next_request_is_due_later_than_they_came(tmp_path: Path) -> None:
+    robot = load_robot(bus_arm(tmp_path))
+    session, bus = BoardSession(robot.protocol()), robot.model()
+    assert bus
+    bus.open(0.0)
+    bus.receive(session.poll(1.0), 1.0)
+    session.receive(bus.read_output(5.0), 5.0)
+    assert session.boot_frame
+    assert session.free_at < 5.0 < session.next_poll < 6.0
+
+
 def test_each_poll_is_at_the_time_it_was_called() -> None:
     """A late poll delays the next one, so that a busy host does not use up the board's time."""
     session = after_two_frames(OURS)
