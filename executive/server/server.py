@@ -21,6 +21,7 @@ from trees.live_library import LiveLibrary
 from .event_hub import EventHub
 from .http.app import App
 from .http.endpoints import Endpoints
+from .limits.acceptor import Acceptor
 from .limits.cancel_thread import CancelThread
 from .limits.connections import MAX_HEAD, HttpConnection, SharedState, WebSocketConnection
 from .limits.descriptors import max_connections
@@ -30,10 +31,7 @@ from .security import AccessRules, host_names, is_loopback
 
 logger = logging.getLogger(__name__)
 
-_BACKLOG = 1024  # connections that the kernel keeps until they are accepted
-# A crowd of new connections does not hold up those with a stop, nor use up all descriptors. If one
-# cannot be accepted, asyncio tries each of the others too, and logs and repeats each of the tries.
-_ACCEPTED_AT_ONCE = 1
+_BACKLOG = 4096  # connections that the kernel keeps until they are accepted
 _LOOPBACK = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # by the address of all interfaces
 _ORIGIN = re.compile(r"https?://[a-z0-9._:\[\]-]+")  # as browsers send it
 _SEND_BUFFER = 128 * 1024  # bytes in flight to a client that does not read
@@ -101,20 +99,28 @@ class ListenOptions:
 
 
 class _Uvicorn(uvicorn.Server):
-    """uvicorn that waits for its end instead of polling ten times a second."""
+    """uvicorn with our acceptor; it waits for its end instead of polling ten times a second."""
 
-    def __init__(self, config: uvicorn.Config, state: SharedState) -> None:
+    def __init__(self, config: uvicorn.Config, state: SharedState, listener: socket.socket) -> None:
         super().__init__(config)
-        self.server_state = state
+        self.server_state, self._state, self._listener = state, state, listener
         self.ready, self.ending = threading.Event(), asyncio.Event()
 
     async def main_loop(self) -> None:
+        self._acceptor = Acceptor(
+            asyncio.get_running_loop(), self._listener, self._state, self._connection
+        )
         self.ready.set()
         await self.ending.wait()
 
+    def _connection(self) -> HttpConnection:
+        return HttpConnection(
+            config=self.config, server_state=self._state, app_state=self.lifespan.state
+        )
+
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-        for listener in (*self.servers, *(sockets or ())):
-            listener.close()
+        self._acceptor.close()
+        self._listener.close()
         for connection in tuple(self.server_state.connections):
             connection.shutdown()
         if tasks := tuple(self.server_state.tasks):
@@ -195,10 +201,9 @@ class Server:
         app = App(endpoints, rules, self._clock, serve_rosbridge)
         queue = FairQueue(self._loop)
         state = SharedState(queue, rules, self._max_connections, canceler.stop)
-        self._server = _Uvicorn(_config(app), state)
+        self._server = _Uvicorn(_config(app), state, self._socket)
         self._thread = self._clock.spawn(self._run, "network")
         self._server.ready.wait()
-        self._socket.listen(_BACKLOG)  # asyncio has set it to what it accepts at once
 
     def stop(self) -> None:
         """End all answers and streams, and remove the token file; also if it never started."""
@@ -215,7 +220,7 @@ class Server:
 
     def _run(self) -> None:
         with asyncio.Runner(loop_factory=lambda: self._loop) as runner:
-            runner.run(self._server.serve([self._socket]))
+            runner.run(self._server.serve([]))
 
 
 def _listen(address: str, port: int) -> socket.socket:
@@ -234,6 +239,7 @@ def _listen(address: str, port: int) -> socket.socket:
             f"cannot listen on {address} port {port}: {error.strerror}; if another server runs "
             "there, end it, or choose another port with --tcp-port"
         ) from error
+    listener.setblocking(False)
     listener.listen(_BACKLOG)
     return listener
 
@@ -255,5 +261,4 @@ def _config(app: Any) -> uvicorn.Config:
         proxy_headers=False,
         server_header=False,
         date_header=False,
-        backlog=_ACCEPTED_AT_ONCE,
     )

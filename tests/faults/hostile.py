@@ -48,6 +48,8 @@ CONNECTING: dict[str, Data] = {
     "stops with bodies": lambda port: head("POST /api/stop", "content-length: 9")(port) + b"x",
     "long cancels": head("POST /api/cancel", *MANY),
 }
+# What each client sends on a new connection, which it soon closes, whatever the answer.
+LEAVING: dict[str, Data] = {"unfinished stops": lambda port: STOP(port)[:-2]}
 # What each client sends on a connection that it keeps, before and then again and again.
 STAYING: dict[str, tuple[Data, Data]] = {
     "stops on open connections": (STOP, STOP),
@@ -80,6 +82,13 @@ async def connect(port: int, data: bytes) -> None:
             await reader.read(4096)
 
 
+async def leave(port: int, data: bytes) -> None:
+    """Connect, send, and leave without an answer."""
+    async with connected(port) as (_, writer):
+        writer.write(data)
+        await asyncio.sleep(0.01)
+
+
 async def stay(port: int, first: bytes, then: bytes) -> None:
     """Send and read on one connection until the server closes it."""
     async with connected(port) as (reader, writer):
@@ -97,6 +106,8 @@ async def client(kind: str, port: int) -> None:
         with contextlib.suppress(OSError, TimeoutError):
             if kind in CONNECTING:
                 await asyncio.wait_for(connect(port, CONNECTING[kind](port)), 1.0)
+            elif kind in LEAVING:
+                await asyncio.wait_for(leave(port, LEAVING[kind](port)), 1.0)
             else:
                 await stay(port, *(data(port) for data in STAYING[kind]))
         await asyncio.sleep(0)

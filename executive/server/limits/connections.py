@@ -40,7 +40,7 @@ def _request_line(operation: Operation) -> str:
 
 
 _STOP = re.compile("|".join(_request_line(o) for o in OPERATIONS.values() if o.stops).encode())
-_HEAD_END = re.compile(rb"\n\r?\n")
+HEAD_END = re.compile(rb"\n\r?\n")
 _ROSBRIDGE_CANCEL = re.compile(rb"cancel_action_goal|_action/cancel_goal")
 _TEXT_FRAME = 0x81  # first byte of a WebSocket frame with a whole text message
 
@@ -72,6 +72,7 @@ class _QueuedProtocol(asyncio.Protocol):
 
     transport: asyncio.Transport
     idle_since: float  # when it was accepted, last answered, or last sent a message [s]
+    stopping = False  # a stop has arrived, and is not answered yet
     _stall_timer: asyncio.TimerHandle | None = None
 
     def __init__(self, *, server_state: SharedState, **more: Any) -> None:
@@ -187,11 +188,10 @@ class HttpConnection(_QueuedProtocol, H11Protocol):
     """An HTTP connection.
 
     If there are too many connections, another one is closed: one without the token before one
-    with it, an idle one before a stream, and the oldest first.
+    with it, an idle one before a stream, and the oldest first. Stops are closed for stops only.
     """
 
     _head_timer: asyncio.TimerHandle | None = None
-    _stopping = False  # a stop is carried out, and not answered yet
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Start to wait for a request, and close another connection if there are too many."""
@@ -223,9 +223,9 @@ class HttpConnection(_QueuedProtocol, H11Protocol):
         if self.conn.their_state is not h11.IDLE or self.conn.trailing_data[0]:
             return 0
         stop = QuickStop.find(data, self._rules)
+        self.stopping = stop is not None
         if not stop:
             return 0
-        self._stopping = True
         self._end_head_timer()
         self._unset_keepalive_if_required()
         self.transport.pause_reading()
@@ -233,7 +233,7 @@ class HttpConnection(_QueuedProtocol, H11Protocol):
         return len(data)
 
     def _answer_stop(self, stop: QuickStop, stopped: asyncio.Future[CancelResult]) -> None:
-        self._stopping = False
+        self.stopping = False
         if self.transport.is_closing():
             return
         self.transport.write(stop.answer(stopped))
@@ -283,7 +283,7 @@ class HttpConnection(_QueuedProtocol, H11Protocol):
     @property
     def awaits_answer(self) -> bool:
         """True if a request has arrived completely and is not answered yet."""
-        return self._stopping or (self._is_answering and not self.cycle.more_body)
+        return self.stopping or (self._is_answering and not self.cycle.more_body)
 
     @property
     def has_token(self) -> bool:
@@ -315,12 +315,14 @@ class HttpConnection(_QueuedProtocol, H11Protocol):
             and not each.transport.is_closing()
         ]
         if others:
-            oldest = min(others, key=lambda e: (e.has_token, e.awaits_answer, e.idle_since))
-            oldest.transport.abort()
+            oldest = min(
+                others, key=lambda e: (e.stopping, e.has_token, e.awaits_answer, e.idle_since)
+            )
+            (self if oldest.stopping and not self.stopping else oldest).transport.abort()
 
 
 def _too_many_lines(data: bytes) -> bool:
-    end = _HEAD_END.search(data)
+    end = HEAD_END.search(data)
     return data.count(b"\n", 0, end.start() if end else len(data)) > MAX_HEAD_LINES
 
 

@@ -13,17 +13,19 @@ _PER_PLANNER = 2
 
 
 def max_connections(planners: int) -> int:
-    """Return how many connections a server may keep; call it before it opens its first one.
+    """Return how many connections a server may keep, while as many wait to be served.
+
+    Call it before the server opens its first one.
 
     Args:
         planners: Number of planner processes.
 
     Raises:
-        TooFewFiles: The limit of the operating system leaves no descriptor for a connection.
+        TooFewFiles: The limit of the operating system leaves no descriptors for connections.
     """
     limit, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
     others = len(os.listdir("/proc/self/fd")) + _RESERVED + _PER_PLANNER * planners
-    room = MAX_CONNECTIONS if limit == resource.RLIM_INFINITY else limit - others
+    room = MAX_CONNECTIONS if limit == resource.RLIM_INFINITY else (limit - others) // 2
     if room < 1:
-        raise TooFewFiles(limit, others + 1, others + MAX_CONNECTIONS)
+        raise TooFewFiles(limit, others + 2, others + 2 * MAX_CONNECTIONS)
     return min(MAX_CONNECTIONS, room)

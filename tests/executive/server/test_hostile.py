@@ -253,7 +253,7 @@ def test_unsafe_and_invalid_addresses(serve: Serve) -> None:
         serve(address="0.0.0.0")
     with pytest.raises(ServerError, match="rosbridge"):
         serve(address="0.0.0.0", expose=True, rosbridge=True)
-    with pytest.raises(ServerError, match="no address"):
+    with pytest.raises(ServerError, match="is not an address"):
         serve(address="localhost")
 
 
@@ -261,7 +261,7 @@ def test_unsafe_and_invalid_addresses(serve: Serve) -> None:
     "page", ["*", "null", "friend.example", "http://friend.example/", "HTTP://x", "http://x y", ""]
 )
 def test_an_origin_that_browsers_do_not_send(serve: Serve, page: str) -> None:
-    with pytest.raises(ServerError, match="no origin, such as http://name:port"):
+    with pytest.raises(ServerError, match="is not an origin, such as http://name:port"):
         serve(origins=("http://friend.example:8080", page))
 
 

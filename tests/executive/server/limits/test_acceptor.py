@@ -1,0 +1,150 @@
+"""New connections: which are served, and in which order."""
+
+import asyncio
+import contextlib
+import errno
+import os
+import socket
+import threading
+from collections.abc import Iterator
+
+import pytest
+
+from executive.server.limits import descriptors
+from executive.server.limits.connections import HttpConnection
+from tests.support.servers.foreign_clients import answer, raw, stops
+from tests.support.servers.serving import Serve, Served
+
+pytest_plugins = ["tests.support.servers.server_fixtures"]
+
+STOP = "POST /api/stop HTTP/1.1"
+
+
+class Watch:
+    """The clients that are served, by port, and a loop that is held until it is released."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.served: list[int] = []
+        self._released, self._held = threading.Event(), threading.Event()
+        connection_made = HttpConnection.connection_made
+
+        def made(connection: HttpConnection, transport: asyncio.Transport) -> None:
+            self._held.set()
+            self._released.wait(60)
+            self.served.append(transport.get_extra_info("peername")[1])
+            connection_made(connection, transport)
+
+        monkeypatch.setattr(HttpConnection, "connection_made", made)
+
+    @contextlib.contextmanager
+    def hold(self, served: Served) -> Iterator[None]:
+        """What connects meanwhile is accepted later, in one turn."""
+        with raw(served):
+            self._held.wait(60)
+            try:
+                yield
+            finally:
+                self._released.set()
+
+
+def port(connection: socket.socket) -> int:
+    return int(connection.getsockname()[1])
+
+
+@pytest.mark.parametrize(
+    "lines", [[], [STOP], [STOP, "host: here"]], ids=["nothing", "a line", "half a head"]
+)
+@pytest.mark.parametrize("reset", [False, True], ids=["closed", "reset"])
+def test_an_abandoned_connection_is_never_served(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch, lines: list[str], reset: bool
+) -> None:
+    served, watch = serve(), Watch(monkeypatch)
+    abandoned = []
+    with watch.hold(served):
+        for _ in range(100):
+            with raw(served, *lines) as connection:
+                abandoned.append(port(connection))
+                if reset:
+                    linger = b"\1\0\0\0" + bytes(4)
+                    connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, linger)
+        goal = served.executive.send(10).identity
+    assert goal in served.ask("POST", "/api/stop", token=False)[1]["goals"]
+    assert stops(served)
+    assert not set(abandoned) & set(watch.served)
+
+
+def test_a_whole_stop_overtakes_all_that_wait(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    served, watch = serve(), Watch(monkeypatch)
+    own = f"host: 127.0.0.1:{served.server.port}"
+    with contextlib.ExitStack() as stack:
+        with watch.hold(served):
+            others = [stack.enter_context(raw(served, STOP)) for _ in range(20)]
+            others += [
+                stack.enter_context(raw(served, "GET /api/health HTTP/1.1", own, "", ""))
+                for _ in range(20)
+            ]
+            stop = stack.enter_context(raw(served, STOP, own, "connection: close", "", ""))
+        assert answer(stop).startswith(b"HTTP/1.1 200")
+        assert stops(served)
+        ports = [port(each) for each in others]
+        order = [each for each in watch.served if each in (port(stop), *ports)]
+        assert order[0] == port(stop)
+        for each in others[20:]:
+            assert each.recv(9000).startswith(b"HTTP/1.1 200")
+
+
+def test_a_request_of_a_client_that_sends_no_more_is_answered(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    served, watch = serve(), Watch(monkeypatch)
+    lines = ("GET /api/health HTTP/1.1", f"host: 127.0.0.1:{served.server.port}", "", "")
+    with contextlib.ExitStack() as stack:
+        with watch.hold(served):
+            connection = stack.enter_context(raw(served, *lines))
+            connection.shutdown(socket.SHUT_WR)
+        assert connection.recv(9000).startswith(b"HTTP/1.1 200")
+
+
+def test_if_too_many_wait_the_oldest_is_closed(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(descriptors, "MAX_CONNECTIONS", 4)
+    served, watch = serve(), Watch(monkeypatch)
+    with contextlib.ExitStack() as stack:
+        with watch.hold(served):
+            waiting = [stack.enter_context(raw(served)) for _ in range(20)]
+        assert answer(waiting[0]) == b""
+        assert port(waiting[0]) not in watch.served
+        assert stops(served)
+
+
+def test_a_connection_that_follows_does_not_close_that_of_a_stop(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(descriptors, "MAX_CONNECTIONS", 1)
+    served, watch = serve(), Watch(monkeypatch)
+    own = f"host: 127.0.0.1:{served.server.port}"
+    with contextlib.ExitStack() as stack:
+        with watch.hold(served):
+            stop = stack.enter_context(raw(served, STOP, own, "connection: close", "", ""))
+            stack.enter_context(raw(served))
+        assert answer(stop).startswith(b"HTTP/1.1 200")
+
+
+def test_an_accept_that_fails_is_tried_again(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    served = serve()
+    accept, fails = socket.socket.accept, iter(range(3))
+
+    def failing(listener: socket.socket) -> tuple[socket.socket, object]:
+        if listener.getsockname()[1] == served.server.port and next(fails, None) is not None:
+            raise OSError(errno.EMFILE, os.strerror(errno.EMFILE))
+        return accept(listener)
+
+    monkeypatch.setattr(socket.socket, "accept", failing)
+    assert stops(served)
+    messages = [each.message for each in caplog.records if "accept" in each.message]
+    assert messages == ["Cannot accept a connection: Too many open files"]
