@@ -103,9 +103,7 @@ flood_foreign_long = flood(
 )
 flood_foreign = flood("foreign stops", "stops for another host")
 flood_endless = flood("endless stops", "stops whose 11,000 header lines do not end")
-flood_unfinished = flood(
-    "unfinished stops", "send a stop but for its last line, and leave", quick=1
-)
+flood_unfinished = flood("unfinished stops", "send a stop but for its last line, and leave")
 flood_behind = flood("stops behind lines", "stops as the last of 8 kB of header lines")
 flood_chunks = flood(
     "chunks", "stops whose bodies have a thousand chunks and do not end", stops=True
