@@ -21,8 +21,8 @@ class Acceptor:
     """Accepts connections, and serves one in each turn of the loop.
 
     A whole stop is served at once. A connection that ends before the head of its request is
-    complete is closed, and never served. All others wait; if there are too many, the one that
-    waits for longest is closed.
+    complete is closed, and never served. All others wait; if there are too many, those that
+    ended are closed, or else the one that waits for longest.
 
     Args:
         loop: Event loop of the server.
@@ -82,9 +82,9 @@ class Acceptor:
         elif QuickStop.find(data, self._rules):
             self._serve(connection, stops=True)
         else:
-            self._wait(connection)
             if not data:
                 self._loop.add_reader(connection, self._examine_again, connection)
+            self._wait(connection)
 
     def _examine_again(self, connection: socket.socket) -> None:
         self._leave(connection)
@@ -95,8 +95,10 @@ class Acceptor:
         self._turn = self._turn or self._loop.call_soon(self._serve_next)
         if len(self._waiting) > self._max_waiting:
             oldest = next(iter(self._waiting))
-            self._leave(oldest)
-            oldest.close()
+            abandoned = [each for each in self._waiting if _peek(each) is None]
+            for each in abandoned or [oldest]:
+                self._leave(each)
+                each.close()
 
     def _leave(self, connection: socket.socket) -> None:
         del self._waiting[connection]
