@@ -14,7 +14,6 @@ import sys
 import threading
 import tty
 from collections.abc import Iterator
-from glob import glob
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +22,7 @@ from mcap.reader import make_reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from tests.support.command_line.typed import typed
-from tests.support.paths import EXAMPLES, ROBOT_FILE, ROOT
+from tests.support.paths import EXAMPLES, ROBOT_FILE
 
 pytestmark = pytest.mark.slow
 
@@ -365,26 +364,6 @@ def test_doctor_looks_and_opens_nothing(tmp_path: Path, listener: Listener) -> N
     assert "NO" not in out
     assert out.splitlines()[-1] == f"Next, type: armtree run 0 --port {listener.port}"
     assert listener.frames() == []
-
-
-def test_the_tour_of_the_readme_works_as_typed(
-    tmp_path: Path, robot: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    text = (ROOT / "README.md").read_text()
-    tour = text[text.index("## Five minutes") : text.index("## A real arm")]
-    commands, wave = re.findall(r"```(?:sh|yaml)\n(.*?)```", tour, re.DOTALL)
-    lines = re.findall(r"^armtree (.*?)(?: +#.*)?$", commands, re.MULTILINE)
-    assert len(lines) >= 4
-    (tmp_path / "mine").mkdir()
-    (tmp_path / "mine" / "3_wave.yaml").write_text(wave)
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("ARMTREE_ROBOT", str(robot))
-    for line in [*lines, "run 3 --trees mine"]:
-        words = [path for word in line.split() for path in sorted(glob(word)) or [word]]
-        status, out, err = typed(Path("recordings"), *words)
-        assert (status, err) == (0, ""), (line, out)
-    assert "task 3 SUCCEEDED" in out
-    assert list(tmp_path.glob("recordings/*-1.png"))
 
 
 def test_help_loads_nothing_heavy() -> None:

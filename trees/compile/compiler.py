@@ -529,7 +529,7 @@ class TreeCompiler:
         likely = corrections(given, known)
         unknown = given.keys() - known.keys() - likely.keys()
         missing = [port for port, each in known.items() if each.needed and port not in given]
-        if len(unknown) == len(missing) == 1:
+        if len(unknown) == len(missing) == 1 and not closest(next(iter(unknown)), known):
             likely[unknown.pop()] = missing[0]
         for port in given:
             if port not in known:

@@ -65,7 +65,7 @@ def refusal(robot: Robot) -> str:
             '<mesh filename="a.stl" scale="1 1"/>',
             "three numbers other than 0, from -1e+06 to 1e+06",
         ),
-        ('<mesh filename="a.stl"/>', r"Mesh a.stl could not be found"),
+        ('<mesh filename="a.stl"/>', "the mesh a.stl is not found; copy it there"),
     ],
 )
 def test_a_shape_that_is_none(tmp_path: Path, shape: str, why: str) -> None:
@@ -85,10 +85,9 @@ def test_a_place_that_is_none(tmp_path: Path, origin: str, why: str) -> None:
     assert why in refusal(arm(tmp_path, f"<origin {origin}/>{BOX}"))
 
 
-@pytest.mark.parametrize("shape", ['<sphere radius=" 0.1 "/>', '<box size="0.1\t0.1 1"/>'])
-def test_what_only_we_can_read(tmp_path: Path, shape: str) -> None:
+def test_what_only_we_can_read(tmp_path: Path) -> None:
     """Pinocchio would plan without the shape, so it is refused too."""
-    why = refusal(arm(tmp_path, f"<geometry>{shape}</geometry>"))
+    why = refusal(arm(tmp_path, '<geometry><sphere radius=" 0.1 "/></geometry>'))
     assert "pinocchio reads 0 of the 1 shapes of middle; give plain numbers" in why
 
 
