@@ -266,7 +266,7 @@ def test_a_wrong_file(rig: RigMaker, tasks: Path) -> None:
             "",
             ["far=1", "near=2"],
             "goal.bad_arguments",
-            "near is not a parameter of task 10; there are far",
+            "near is not a parameter of task 10; there is only far",
         ),
         ("Sukseed", ["far=yes"], "file.task", "no skill Sukseed"),
     ],

@@ -20,7 +20,10 @@ def run_on_terminal(folder: Path, arguments: Sequence[str], words: bytes) -> int
     """Run a command on a terminal, close it when these words are shown; return the exit status."""
     master, slave = pty.openpty()
     command = [sys.executable, "-c", _ON_TERMINAL, *ARMTREE, *arguments]
-    process = subprocess.Popen(command, cwd=folder, stdin=slave, stdout=slave, stderr=slave)
+    environment = {**os.environ, "TERM": "xterm"}
+    process = subprocess.Popen(
+        command, cwd=folder, env=environment, stdin=slave, stdout=slave, stderr=slave
+    )
     os.close(slave)
     shown = b""
     while words not in shown:
