@@ -10,12 +10,17 @@ from typing import TYPE_CHECKING
 import click
 
 from .support.names import first_motion
+from .support.options import own_trees_option
 from .support.settings import PATH
 from .terminal.streams import echo
 
 if TYPE_CHECKING:
     from hardware import Robot
     from skills.motion.collision.allowed_pairs import AllowedPairs
+
+_SWAP = """\
+`open` and `closed` are guessed: closed is the limit nearer to 0. If `armtree move open` closes the
+gripper, swap the two names."""
 
 
 @click.command("new-arm")
@@ -27,29 +32,46 @@ if TYPE_CHECKING:
     metavar="JOINT,...",
     help="Joints of the gripper, or none. Default: guessed from the URDF.",
 )
-def new_arm(urdf: Path, output: Path | None, tool: str | None, gripper: str | None) -> None:
+@own_trees_option
+def new_arm(
+    urdf: Path, output: Path | None, tool: str | None, gripper: str | None, trees: Path
+) -> None:
     """Make a robot file for an arm from its URDF.
 
     Limits are those of the URDF. Arm, gripper and tool are guessed. Pairs of links that touch by
-    design or can never touch are found in 10,000 random configurations. The result can be moved on
-    the port virtual at once; its comments say what to fill in for a real board.
+    design or can never touch are found in 10,000 random configurations. The poses open and closed
+    of the gripper are saved. The result can be moved on the port virtual at once; its comments say
+    what to fill in for a real board.
 
     \b
     Example:
       armtree new-arm so101.urdf
     """  # noqa: D301
     from hardware import load_robot
-    from hardware.description.new_robot import draft_robot, robot_text
+    from hardware.description.new_robot import (
+        UrdfUnusable,
+        draft_robot,
+        guess_gripper_poses,
+        robot_text,
+    )
     from skills.motion.collision.allowed_pairs import find_allowed_pairs
     from skills.motion.validation import MAX_MAGNITUDE
+    from trees.export.saved_poses import create_poses
 
-    output = output or Path(urdf.stem).with_suffix(".toml")
+    output, wrong = output or Path(urdf.stem).with_suffix(".toml"), ""
     if output.exists():
-        raise click.UsageError(f"{output} exists; delete it, or give another file with -o")
-    if not output.absolute().parent.is_dir():
-        raise click.UsageError(f"there is no folder {output.parent}; create it, or give another")
+        wrong = f"{output} exists; delete it, or give another file with -o"
+    elif not output.absolute().parent.is_dir():
+        wrong = f"there is no folder {output.parent}; create it, or give another"
     joints = None if gripper is None else tuple(gripper.split(",")) if gripper != "none" else ()
-    robot = draft_robot(urdf, MAX_MAGNITUDE, joints, tool)
+    try:
+        robot = draft_robot(urdf, MAX_MAGNITUDE, joints, tool)
+    except UrdfUnusable as error:
+        if wrong:
+            raise click.UsageError(f"{wrong}\n{error}") from error
+        raise
+    if wrong:
+        raise click.UsageError(wrong)
     assert robot.tool
     if tool is None and sys.stdin.isatty():
         links = click.Choice(robot.links)
@@ -57,22 +79,25 @@ def new_arm(urdf: Path, output: Path | None, tool: str | None, gripper: str | No
         robot = replace(robot, tool=replace(robot.tool, link=link))
     robot = replace(robot, name=output.stem)
     echo("Loading the shapes, and checking 10,000 configurations ...", err=True)
-    allowed = find_allowed_pairs(robot)
+    allowed = find_allowed_pairs(robot, guess_gripper_poses(robot))
     boots = dict(zip((joint.name for joint in robot.actuated), allowed.boot, strict=True))
     moved = [replace(joint, boot=boots.get(joint.name, joint.boot)) for joint in robot.joints]
     robot = replace(robot, joints=tuple(moved))
     output.write_text(robot_text(robot, output.parent, allowed.reasons))
-    for line in _report(load_robot(output), allowed):
+    robot = load_robot(output)
+    saved = create_poses(robot, trees, allowed.poses, _SWAP) if allowed.poses else None
+    for line in _report(robot, allowed, saved):
         echo(line)
     echo(f"\nNext, type: {shlex.join(['armtree', *first_motion(robot), '--robot', str(output)])}")
 
 
-def _report(robot: "Robot", allowed: "AllowedPairs") -> list[str]:
+def _report(robot: "Robot", allowed: "AllowedPairs", saved: Path | None) -> list[str]:
     """Return lines that say what was guessed and found."""
     reasons, nearest = Counter(allowed.reasons.values()), allowed.nearest
     counts = ", ".join(f"{count} {reason}" for reason, count in reasons.items())
     away = [f"{joint.name} {joint.words(joint.boot, 4)}" for joint in robot.actuated if joint.boot]
     pose = f"{', '.join(away)}, others 0" if away else "all joints at 0"
+    poses = ", ".join(f"{name} {robot.words(each)}" for name, each in allowed.poses.items())
     free = "no links are checked there"
     if nearest:
         free = f"{nearest.first} and {nearest.second} are nearest, {1e3 * nearest.distance:.0f} mm"
@@ -80,6 +105,7 @@ def _report(robot: "Robot", allowed: "AllowedPairs") -> list[str]:
         "arm": ", ".join(robot.groups["arm"]),
         "gripper": ", ".join(robot.groups["gripper"]) or "none",
         "tool": robot.tool.link if robot.tool else "",
+        "poses": f"{poses}, in {saved}" if saved else "none saved",
         "boot pose": f"{pose}; {free}",
         "pairs": f"{allowed.count} of links; {len(allowed.reasons)} are not checked: {counts}",
     }

@@ -10,7 +10,7 @@ import click
 from .move import find_arm, pose_of
 from .support.command_group import CommandGroup
 from .support.names import complete_pose, load_library
-from .support.options import recordings_option, robot_option, trees_option
+from .support.options import own_trees_option, recordings_option, robot_option, trees_option
 from .support.settings import option
 from .terminal.streams import echo
 
@@ -19,12 +19,6 @@ if TYPE_CHECKING:
     from trees import Library
 
 _name = click.argument("name", shell_complete=complete_pose)
-_own_trees = option(
-    "trees",
-    default=Path("trees"),
-    show_default=True,
-    help="Folder with your own files. It is created if it does not exist.",
-)
 
 
 @click.group(cls=CommandGroup)
@@ -49,7 +43,7 @@ def pose() -> None:
 @option("server")
 @robot_option
 @recordings_option
-@_own_trees
+@own_trees_option
 def save(
     name: str,
     group: str,
@@ -131,7 +125,7 @@ def show(name: str, robot: Path | None, trees: Path | None, as_json: bool) -> No
 @pose.command()
 @_name
 @robot_option
-@_own_trees
+@own_trees_option
 def rm(name: str, robot: Path | None, trees: Path) -> None:
     """Remove a pose from your file. A pose that ships stays."""
     from hardware import load_robot

@@ -2,7 +2,7 @@
 
 import os
 import stat
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -10,6 +10,10 @@ from .urdf import UrdfError
 
 MAX_MESH_BYTES = 2**26
 _PACKAGE = "package://"
+
+
+class MeshMissing(UrdfError):
+    """A mesh file does not exist."""
 
 
 def find_mesh(urdf: Path, name: str) -> Path:
@@ -24,7 +28,8 @@ def find_mesh(urdf: Path, name: str) -> Path:
         name: Name of the file in the URDF.
 
     Raises:
-        UrdfError: There is no such file, it is not ordinary, or it is larger than 64 MiB.
+        MeshMissing: There is no such file.
+        UrdfError: It is not ordinary, or it is larger than 64 MiB.
     """
     for path in _candidates(urdf, name):
         try:
@@ -39,7 +44,34 @@ def find_mesh(urdf: Path, name: str) -> Path:
             size, most = (f"{size / 2**20:.1f} MiB" for size in (found.st_size, MAX_MESH_BYTES))
             raise UrdfError(f"the mesh {path} has {size}; give one with at most {most}")
         return path
-    raise UrdfError(f"the mesh {name} is not found; {_advice(urdf, name)}")
+    raise MeshMissing(f"the mesh {name} is not found; {_advice(urdf, name)}")
+
+
+def mesh_mistakes(urdf: Path, names: Iterable[str]) -> Iterator[UrdfError]:
+    """Yield what is wrong with meshes; those that are missing from one package are one mistake.
+
+    Args:
+        urdf: The URDF file.
+        names: Names of the files in the URDF.
+    """
+    missing = dict[str, list[str]]()
+    for name in names:
+        try:
+            find_mesh(urdf, name)
+        except MeshMissing:
+            missing.setdefault(_package(name) or name, []).append(name)
+        except UrdfError as error:
+            yield error
+    for package, (name, *others) in missing.items():
+        what = f"the mesh {name} is"
+        if others:
+            what = f"{len(others) + 1} meshes of {_PACKAGE}{package}, such as {name}, are"
+        yield MeshMissing(f"{what} not found; {_advice(urdf, name)}")
+
+
+def _package(name: str) -> str:
+    """Return the package of a mesh, or an empty text if its name has none."""
+    return name.removeprefix(_PACKAGE).partition("/")[0] if name.startswith(_PACKAGE) else ""
 
 
 def _candidates(urdf: Path, name: str) -> Iterator[Path]:
@@ -61,8 +93,7 @@ def _candidates(urdf: Path, name: str) -> Iterator[Path]:
 
 
 def _advice(urdf: Path, name: str) -> str:
-    if name.startswith(_PACKAGE):
-        package = name.removeprefix(_PACKAGE).partition("/")[0]
+    if package := _package(name):
         where = f"put the folder {package} beside {urdf.name} or above it"
         return f"{where}, or name the folder around it in ROS_PACKAGE_PATH"
     if "://" in name:

@@ -14,7 +14,7 @@ from hardware.joints import Joint
 from hardware.link.link import VIRTUAL
 
 from .groups import Tree, guess_gripper, guess_tool
-from .meshes import find_mesh
+from .meshes import mesh_mistakes
 from .robot import CollisionRules, Robot, Serial, Tool
 from .urdf import Urdf, UrdfError, UrdfJoint, mesh_names, read_urdf, urdf_mistakes
 
@@ -28,17 +28,21 @@ _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 _HEAD = """\
 # {name}, made from a URDF by `armtree new-arm`. hardware/README.md explains the keys.
 # Without a driver the arm moves on the port `virtual` only, and nothing real moves. For a real
-# board, fill in `driver`, [serial] and every `wire`, and remove their `# `.
+# board, fill in `driver`, [serial] and the `wire` of every joint, and remove their `# `:
+#   driver          board         baud      firmware         wire
+#   "feetech"       bus servos    1000000   "sts", "scs"     {{ id = 1, sign = 1, offset_deg = 0 }}
+#   "serial_servo"  an Arduino    115200    "stock"          {{ letter = "a", sign = 1,
+#                                     offset_deg = 90, span_deg = 180, reversed = false }}
 
 name = {name}
 urdf = {urdf}
-# driver = "serial_servo"     # driver of the board: this one, or one of an installed package
+# driver = ""                 # one of these, or one of an installed package
 
 # [serial]
 # port = "/dev/ttyACM0"       # `armtree doctor` lists the ports
-# baud = 115200               # speed of the line
-# boot_wait_s = 2.0           # time from opening the port until the board reads from it
-# firmware = "stock"          # stock (the published sketch) or armtree
+# baud = 0                    # speed of the line
+# boot_wait_s = 2.0           # longest time from opening the port until the board reads from it
+# firmware = ""
 
 [groups]
 arm = {arm}
@@ -49,7 +53,7 @@ _JOINT = """
 velocity = {velocity:<19}# [{unit}/s]{note}
 acceleration = {acceleration:<15g}# [{unit}/s2]; a URDF has none
 boot = {boot:<23}# position when the board has booted [{unit}]
-# wire = {{ letter = "{letter}", sign = 1, offset_deg = 90, span_deg = 180, reversed = false }}
+# wire = {{}}
 """
 _TAIL = """
 [tool]                        # tool center point: what `armtree move X Y Z` moves
@@ -95,25 +99,42 @@ def draft_robot(
     try:
         mistakes, urdf = urdf_mistakes(path, largest), None
         with suppress(UrdfError):  # it is among the mistakes
-            mistakes += _mesh_mistakes(path)
+            shapes = [name for name, collides in mesh_names(path).items() if name and collides]
+            mistakes += mesh_mistakes(path, shapes)
             urdf = read_urdf(path)
     except (OSError, ValueError, LookupError) as error:
         words = f"cannot be read: {getattr(error, 'strerror', None) or error}; check the path"
         raise UrdfUnusable(path, [UrdfError(words)]) from error
-    names, link = tuple[str, ...](), ""
     if urdf:
         mistakes += _joint_mistakes(urdf)
+        mistakes += _gripper_mistakes(gripper or (), urdf)
+        if tool is not None and tool not in urdf.links:
+            there = ", ".join(urdf.links)
+            mistakes.append(UrdfError(f"there is no link {tool} for the tool; give {there}"))
         try:
-            names = _checked(gripper, urdf) if gripper is not None else guess_gripper(urdf)
-            link = guess_tool(urdf, names) if tool is None else tool
-            if link not in urdf.links:
-                there = ", ".join(urdf.links)
-                mistakes.append(UrdfError(f"there is no link {link} for the tool; give {there}"))
+            names = guess_gripper(urdf) if gripper is None else tuple(gripper)
         except UrdfError as error:
             mistakes.append(error)
     if mistakes or urdf is None:
         raise UrdfUnusable(path, mistakes)
-    return _robot(path, urdf, names, link)
+    return _robot(path, urdf, names, tool or guess_tool(urdf, names))
+
+
+def guess_gripper_poses(robot: Robot) -> dict[str, dict[str, float]]:
+    """Return the poses `open` and `closed` of a gripper, from its limits; none if it has no limits.
+
+    Each joint is closed at the limit that is nearer to 0, or at the lower one, and else open.
+
+    Returns:
+        Position by joint [rad], [m], by the name of the pose.
+    """
+    bounded = [joint for joint in robot.actuated_in("gripper") if not joint.continuous]
+    ends = {j.name: sorted((j.upper, j.lower), key=abs, reverse=True) for j in bounded}
+    poses = {
+        pose: {joint: limits[end] for joint, limits in ends.items()}
+        for end, pose in enumerate(("open", "closed"))
+    }
+    return poses if ends else {}
 
 
 def robot_text(robot: Robot, folder: Path, allowed: Mapping[tuple[str, str], str]) -> str:
@@ -128,7 +149,7 @@ def robot_text(robot: Robot, folder: Path, allowed: Mapping[tuple[str, str], str
     assert robot.tool
     head = _HEAD.format(
         name=json.dumps(robot.name),
-        urdf=json.dumps(_path(robot.urdf.absolute(), folder.absolute())),
+        urdf=json.dumps(_relative(robot.urdf, folder)),
         **{group: json.dumps(names) for group, names in robot.groups.items()},
     )
     tail = _TAIL.format(
@@ -137,20 +158,16 @@ def robot_text(robot: Robot, folder: Path, allowed: Mapping[tuple[str, str], str
         root=json.dumps(Tree(urdf).root),
         pairs="".join(f"    {json.dumps(pair)},  # {why}\n" for pair, why in allowed.items()),
     )
-    joints = "".join(
-        _joint_text(joint, urdf.moving[joint.name], chr(ord("a") + number % 26))
-        for number, joint in enumerate(robot.actuated)
-    )
+    joints = "".join(_joint_text(joint, urdf.moving[joint.name]) for joint in robot.actuated)
     return head + joints + tail
 
 
-def _path(urdf: Path, folder: Path) -> str:
-    """Return the path of a URDF in a robot file: relative if it is near."""
-    relative = os.path.relpath(urdf, folder)
-    return str(urdf) if relative.startswith(os.path.join("..", "..", "..")) else relative
+def _relative(urdf: Path, folder: Path) -> str:
+    """Return the path of a URDF from a folder. Links to folders are followed, as `..` does."""
+    return os.path.relpath(urdf.parent.resolve() / urdf.name, folder.resolve())
 
 
-def _joint_text(joint: Joint, described: UrdfJoint, letter: str) -> str:
+def _joint_text(joint: Joint, described: UrdfJoint) -> str:
     limits = f"{joint.words(joint.lower)} to {joint.words(joint.upper)}"
     said = "has none" if math.isinf(described.velocity) else f"says {described.velocity:g}"
     key = joint.name if _BARE_KEY.fullmatch(joint.name) else json.dumps(joint.name)
@@ -163,7 +180,6 @@ def _joint_text(joint: Joint, described: UrdfJoint, letter: str) -> str:
         acceleration=joint.acceleration,
         boot=_rounded(joint.boot, joint.lower, joint.upper),
         unit=joint.unit,
-        letter=letter,
     )
 
 
@@ -171,15 +187,6 @@ def _rounded(value: float, lower: float, upper: float) -> float:
     """Return a value with four digits after the point, or as it is if that is out of bounds."""
     short = round(value, 4)
     return short if short and lower <= short <= upper else value
-
-
-def _mesh_mistakes(path: Path) -> Iterator[UrdfError]:
-    for name, collides in mesh_names(path).items():
-        try:
-            if name and collides:
-                find_mesh(path, name)
-        except UrdfError as error:
-            yield error
 
 
 def _joint_mistakes(urdf: Urdf) -> Iterator[UrdfError]:
@@ -197,16 +204,15 @@ def _joint_mistakes(urdf: Urdf) -> Iterator[UrdfError]:
             yield UrdfError(f"{why}; give another multiplier, or the type fixed")
 
 
-def _checked(gripper: Sequence[str], urdf: Urdf) -> tuple[str, ...]:
-    """Return the joints of a gripper that a user named."""
+def _gripper_mistakes(gripper: Sequence[str], urdf: Urdf) -> Iterator[UrdfError]:
+    """Yield what is wrong with the joints of a gripper that a user named."""
     independent = [joint.name for joint in urdf.moving.values() if joint.mimic is None]
     for name in gripper:
         if name not in independent:
             there = ", ".join(independent)
-            raise UrdfError(f"{name} does not move by itself; --gripper is one of {there}")
-    if set(independent) <= set(gripper):
-        raise UrdfError("all joints are in the gripper; leave at least one for the arm")
-    return tuple(gripper)
+            yield UrdfError(f"{name} does not move by itself; --gripper is one of {there}")
+    if gripper and set(independent) <= set(gripper):
+        yield UrdfError("all joints are in the gripper; leave at least one for the arm")
 
 
 def _robot(path: Path, urdf: Urdf, gripper: Sequence[str], tool: str) -> Robot:

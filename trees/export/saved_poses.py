@@ -65,14 +65,45 @@ def save_pose(
     if not replace and name in shipped:
         why = f"pose {name} ships with armtree; give another name, or --replace to use yours"
         raise _wrong(path, why)
-    joints = (joint for joint in robot.actuated if joint.name in positions)
-    values = ", ".join(f"{each.name}: {written(each, positions[each.name])}" for each in joints)
     text = read_text(path) if path.exists() else _NEW.format(robot.name)
-    new = _with_pose(text, name, f"{{{values}}}")
+    new = _with_pose(text, name, _values(robot, positions))
     replaced = {each for file in files if file.path == path for each in file.replaces}
     if name in shipped - replaced:
         new = _with_replaces(new, sorted({*replaced, name}))
     _rewrite(path, text, new, name)
+    return path
+
+
+def create_poses(
+    robot: Robot, folder: Path, poses: Mapping[str, Mapping[str, float]], comment: str
+) -> Path | None:
+    """Create the poses file of a robot that has none.
+
+    Args:
+        robot: The robot.
+        folder: Folder of the user's files. It is created if it does not exist.
+        poses: Joint positions by joint name [rad], [m], by the name of the pose.
+        comment: Lines for the head of the file.
+
+    Returns:
+        The file, or None if there is one already, or a pose of one of these names ships.
+
+    Raises:
+        FileError: A file is wrong, or this one cannot be written.
+    """
+    library = Library(folder if folder.is_dir() else None, robot.name)
+    path = own_folder(folder, robot.name) / POSES
+    known = {name for file in library.draft_poses()[0] for name in file.poses}
+    if path.exists() or known & poses.keys():
+        return None
+    lines = [f"# Poses of the {robot.name}. A pose can replace joint values in any task."]
+    lines += [*(f"# {line}" for line in comment.splitlines()), "poses:"]
+    lines += [f"  {name}: {_values(robot, positions)}" for name, positions in poses.items()]
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_file(path, ("\n".join(lines) + "\n").encode())
+    except OSError as error:
+        raise _wrong(path, f"cannot be written: {error.strerror}") from error
     return path
 
 
@@ -114,6 +145,12 @@ def _poses(robot: Robot, folder: Path) -> tuple[set[str], list[PosesFile]]:
         raise FileError(mistakes)
     own = [file for file in files if file.path.parent not in library.shipped]
     return {name for file in files if file not in own for name in file.poses}, own
+
+
+def _values(robot: Robot, positions: Mapping[str, float]) -> str:
+    joints = (joint for joint in robot.actuated if joint.name in positions)
+    values = ", ".join(f"{each.name}: {written(each, positions[each.name])}" for each in joints)
+    return f"{{{values}}}"
 
 
 def written(joint: Joint, q: float) -> str:

@@ -52,6 +52,12 @@ pose_option = click.option(
     "Needed if opening the port does not reset the board.",
 )
 recordings_option, trees_option = option("recordings"), option("trees")
+own_trees_option = option(
+    "trees",
+    default=Path("trees"),
+    show_default=True,
+    help="Folder with your own files. It is created if it does not exist.",
+)
 set_option = click.option(
     "--set",
     "settings",

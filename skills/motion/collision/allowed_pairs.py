@@ -4,7 +4,7 @@ The reasons are those of its `collision_default`: neighbours touch by design, so
 every configuration, some in none, and some where the arm starts.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,6 +13,7 @@ from hardware import Joint, Robot
 from hardware.description.neighbours import adjacent_links
 from hardware.description.urdf import read_urdf
 from skills.motion.arrays import Array, Mask
+from skills.motion.kinematics.robot_model import RobotModel
 
 from .checker import BATCH, CollisionChecker, Contact
 from .scene import PlanningScene
@@ -23,6 +24,8 @@ _ALWAYS = 0.95  # share of samples in contact from which a pair counts as always
 # Hulls that never come closer than the margin and this, in any sample, never touch [m]: between two
 # of the samples they may come closer than in both.
 _RESERVE = 0.01
+_SHARES = np.linspace(1.0, 0.0, 41)  # of the way from the start to a pose
+NO_POSES: Mapping[str, Mapping[str, float]] = {}
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,15 +37,20 @@ class AllowedPairs:
         count: Number of pairs of links that move against each other.
         boot: Configuration in which the arm may start [rad].
         nearest: The closest links there that are checked, or None if none are.
+        poses: The given poses, each moved towards the start until the arm collides no more if only
+            the joints of the pose leave the start.
     """
 
     reasons: Mapping[tuple[str, str], str]
     count: int
     boot: tuple[float, ...]
     nearest: Contact | None
+    poses: Mapping[str, Mapping[str, float]]
 
 
-def find_allowed_pairs(robot: Robot, seed: int = 1) -> AllowedPairs:
+def find_allowed_pairs(
+    robot: Robot, poses: Mapping[str, Mapping[str, float]] = NO_POSES, seed: int = 1
+) -> AllowedPairs:
     """Find the pairs of links of a robot that need no check, and a free configuration to start in.
 
     Adjacent: no other link with a shape is between them. Always: closer than the margin in 95 % of
@@ -52,6 +60,7 @@ def find_allowed_pairs(robot: Robot, seed: int = 1) -> AllowedPairs:
 
     Args:
         robot: The robot. Its margin and its boot positions are used, its allowed pairs are not.
+        poses: Poses to make free of collisions: position by joint [rad], by name.
         seed: Seed of the samples.
 
     Raises:
@@ -59,7 +68,8 @@ def find_allowed_pairs(robot: Robot, seed: int = 1) -> AllowedPairs:
         BadWorld: There are too many pairs of shapes.
     """
     margin, samples = robot.collision.margin, _random(robot, seed)
-    scene = _scene(robot, frozenset())
+    model = RobotModel(robot)
+    scene = _scene(robot, model, ())
     pairs = scene.hulls.collisionPairs
     names = [_names(scene, pair.first, pair.second) for pair in pairs]
     adjacent = adjacent_links(read_urdf(robot.urdf), {link for pair in names for link in pair})
@@ -74,7 +84,7 @@ def find_allowed_pairs(robot: Robot, seed: int = 1) -> AllowedPairs:
             hits = [checker.first_collision(q[None, :], margin, frozenset((k,))) == 0 for q in rows]
             if np.mean(hits) >= _ALWAYS:
                 reasons[pair] = "always"
-    checker = CollisionChecker(_scene(robot, frozenset(map(frozenset, reasons))))
+    checker = CollisionChecker(_scene(robot, model, reasons))
     boot = robot.boot_pose
     if not _free(checker, boot, margin):
         middle = tuple(0.5 * sum(_range(joint)) for joint in robot.actuated)
@@ -83,12 +93,30 @@ def find_allowed_pairs(robot: Robot, seed: int = 1) -> AllowedPairs:
         contact = checker.nearest(boot)
         assert contact
         reasons[contact.first, contact.second] = "default"
-        checker = CollisionChecker(_scene(robot, frozenset(map(frozenset, reasons))))
-    return AllowedPairs(reasons, len(pairs), boot, checker.nearest(boot))
+        checker = CollisionChecker(_scene(robot, model, reasons))
+    free = {name: _free_pose(robot, checker, boot, pose) for name, pose in poses.items()}
+    return AllowedPairs(reasons, len(pairs), boot, checker.nearest(boot), free)
 
 
-def _scene(robot: Robot, allowed: frozenset[frozenset[str]]) -> PlanningScene:
-    return PlanningScene(replace(robot, collision=replace(robot.collision, allowed=allowed)))
+def _scene(robot: Robot, model: RobotModel, allowed: Iterable[tuple[str, str]]) -> PlanningScene:
+    rules = replace(robot.collision, allowed=frozenset(map(frozenset, allowed)))
+    return PlanningScene(replace(robot, collision=rules), robot_model=model)
+
+
+def _free_pose(
+    robot: Robot, checker: CollisionChecker, boot: tuple[float, ...], pose: Mapping[str, float]
+) -> Mapping[str, float]:
+    """Return the positions nearest to a pose at which the arm is free, on the way from the start.
+
+    Both ends of the way are exact.
+    """
+    for share in _SHARES:
+        ends = [pose.get(joint.name, q) for joint, q in zip(robot.actuated, boot, strict=True)]
+        row = [share * end + (1.0 - share) * q for end, q in zip(ends, boot, strict=True)]
+        if _free(checker, tuple(row), robot.collision.margin):
+            break
+    positions = zip(robot.actuated, row, strict=True)
+    return {joint.name: float(q) for joint, q in positions if joint.name in pose}
 
 
 def _names(scene: PlanningScene, first: int, second: int) -> tuple[str, str]:

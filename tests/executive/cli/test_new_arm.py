@@ -1,6 +1,7 @@
 """`armtree new-arm`: from a maker's URDF to an arm that moves."""
 
 import dataclasses
+import json
 import os
 import pty
 from pathlib import Path
@@ -78,6 +79,31 @@ def test_what_was_guessed_is_said_and_can_be_given(folder: Path) -> None:
     robot = load_robot(folder / "other.toml")
     assert (robot.name, robot.groups["gripper"]) == ("other", ())
     assert robot.tool == dataclasses.replace(robot.tool, link="a")  # type: ignore[type-var]
+
+
+def test_the_gripper_opens_and_closes(folder: Path) -> None:
+    said = armtree("new-arm", "arm.urdf").output
+    assert "open gripper 1000.0 mm, closed gripper -1000.0 mm, in trees/arm/poses.yaml" in said
+    poses = folder / "trees/arm/poses.yaml"
+    assert "If `armtree move open` closes the\n# gripper, swap the two names." in poses.read_text()
+    for name, position in (("open", 1.0), ("closed", -1.0)):
+        assert armtree("move", name, "--robot", "arm.toml").exit_code == 0
+        where = json.loads(armtree("where", "--json", "--robot", "arm.toml").output)
+        assert where["commanded"]["gripper"] == position
+
+
+def test_poses_that_exist_are_kept(folder: Path) -> None:
+    (folder / "trees/arm").mkdir(parents=True)
+    (folder / "trees/arm/poses.yaml").write_text("poses: {open: {gripper: 0.5}}")
+    assert "  poses      none saved\n" in armtree("new-arm", "arm.urdf").output
+    assert (folder / "trees/arm/poses.yaml").read_text() == "poses: {open: {gripper: 0.5}}"
+
+
+def test_all_wrong_options_are_reported_at_once(folder: Path) -> None:
+    wrong = ("--gripper", "left", "--tool", "hand", "-o", "no/arm.toml")
+    said = armtree("new-arm", "arm.urdf", *wrong).output
+    for each in ("no folder no", "left does not move by itself", "there is no link hand"):
+        assert each in said
 
 
 def test_at_a_terminal_it_asks_for_the_tool(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

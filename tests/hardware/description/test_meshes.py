@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from hardware.description.meshes import MAX_MESH_BYTES, find_mesh
+from hardware.description.meshes import MAX_MESH_BYTES, find_mesh, mesh_mistakes
 from hardware.description.urdf import UrdfError
 
 FOUND = {
@@ -54,6 +54,16 @@ def test_a_mesh_that_is_missing_is_reported_with_what_to_do(
 ) -> None:
     with pytest.raises(UrdfError, match=why):
         find_mesh(urdf, name)
+
+
+def test_the_missing_meshes_of_a_package_are_one_mistake(urdf: Path) -> None:
+    names = [f"package://{name}" for name in ("p/a.stl", "q/b.stl", "p/c.stl", "p/d.stl")]
+    found = [str(each).partition(";")[0] for each in mesh_mistakes(urdf, [*names, "e.stl"])]
+    assert found == [
+        "3 meshes of package://p, such as package://p/a.stl, are not found",
+        "the mesh package://q/b.stl is not found",
+        "the mesh e.stl is not found",
+    ]
 
 
 def test_a_mesh_is_an_ordinary_file_of_bounded_size(urdf: Path) -> None:

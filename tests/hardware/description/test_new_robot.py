@@ -7,7 +7,12 @@ from pathlib import Path
 import pytest
 
 from hardware import load_robot
-from hardware.description.new_robot import UrdfUnusable, draft_robot, robot_text
+from hardware.description.new_robot import (
+    UrdfUnusable,
+    draft_robot,
+    guess_gripper_poses,
+    robot_text,
+)
 from tests.support.arms.urdfs import urdf
 from tests.support.paths import DATA
 
@@ -60,13 +65,45 @@ def test_a_leader_is_no_faster_than_its_follower_may_be(tmp_path: Path) -> None:
     assert load_robot(made(path)).joint("shoulder").velocity == 0.5
 
 
-def test_the_comments_are_a_board_that_only_wants_its_values(tmp_path: Path) -> None:
-    text = made(written(tmp_path, urdf(ARM))).read_text()
-    filled = tomllib.loads(re.sub(r"(?m)^# (?=driver|\[|port|baud|boot|firm|wire|floor)", "", text))
-    assert filled["driver"] == "serial_servo"
-    assert filled["serial"].keys() == {"port", "baud", "boot_wait_s", "firmware"}
-    assert [joint["wire"]["letter"] for joint in filled["joints"].values()] == ["a", "b", "c"]
-    assert filled["collision"]["floor_m"] == 0.0
+@pytest.mark.parametrize("driver", ["feetech", "serial_servo"])
+def test_the_comments_are_a_board_that_only_wants_its_values(tmp_path: Path, driver: str) -> None:
+    path = made(written(tmp_path, urdf(["base -> a: revolute shoulder"])))
+    text = re.sub(r"(?m)^# (?=driver|\[|port|baud|boot|firm|wire|floor)", "", path.read_text())
+    assert tomllib.loads(text)["collision"]["floor_m"] == 0.0
+    head = " ".join(line.lstrip("# ") for line in text.splitlines() if line.startswith("#  "))
+    row = re.search(rf'"{driver}".*?(\d+) +("\w+").*?(\{{.*?\}})', head)
+    assert row
+    for key, value in zip(("baud = 0", 'firmware = ""', "wire = {}"), row.groups(), strict=True):
+        text = text.replace(key, f"{key.partition(' ')[0]} = {value}")
+    path.write_text(text.replace('driver = ""', f'driver = "{driver}"'))
+    assert load_robot(path).has_driver
+
+
+def test_the_urdf_is_found_from_the_robot_file_in_a_moved_folder(tmp_path: Path) -> None:
+    (tmp_path / "real/a/b/c/d").mkdir(parents=True)
+    (tmp_path / "link").symlink_to("real/a/b/c/d")
+    path = written(tmp_path / "real", urdf(ARM))
+    (tmp_path / "link/arm.toml").write_text(
+        robot_text(draft_robot(path, LARGEST), tmp_path / "link", {})
+    )
+    (tmp_path / "real").rename(tmp_path / "moved")
+    assert load_robot(tmp_path / "moved/a/b/c/d/arm.toml").actuated
+
+
+def test_a_gripper_is_closed_at_the_limit_nearer_to_0(tmp_path: Path) -> None:
+    limits = {"left": (-0.1, 1.5), "right": (-0.8, 0.0), "thumb": (0.0, 0.0)}
+    limit = '<limit lower="{}" upper="{}" velocity="1" effort="1"/>'
+    joints = [
+        f"b -> {each}: revolute {each} {limit.format(lower, upper)}"
+        for each, (lower, upper) in limits.items()
+    ]
+    path = written(tmp_path, urdf([*ARM[:2], *joints, "b -> e: continuous finger"]))
+    draft = draft_robot(path, LARGEST, [*limits, "finger"])
+    assert guess_gripper_poses(draft) == {
+        "open": {"left": 1.5, "right": -0.8, "thumb": 0.0},
+        "closed": {"left": -0.1, "right": 0.0, "thumb": 0.0},
+    }
+    assert guess_gripper_poses(draft_robot(path, LARGEST, ["finger"])) == {}
 
 
 def test_names_that_toml_must_quote(tmp_path: Path) -> None:
@@ -119,6 +156,11 @@ WRONG = {
 def test_a_urdf_that_is_wrong(tmp_path: Path, text: str, why: str) -> None:
     with pytest.raises(UrdfUnusable, match=re.escape(why)):
         draft_robot(written(tmp_path, text), LARGEST)
+
+
+def test_all_wrong_names_are_reported_at_once(tmp_path: Path) -> None:
+    with pytest.raises(UrdfUnusable, match=r"3 mistakes\n.*left.*\n.*right.*\n.*no link hand"):
+        draft_robot(written(tmp_path, urdf(ARM)), LARGEST, ["left", "right", "lift"], "hand")
 
 
 def test_names_that_the_urdf_does_not_have(tmp_path: Path) -> None:

@@ -98,6 +98,13 @@ def test_where_no_start_is_free_what_touches_there_is_not_checked(tmp_path: Path
     assert found.reasons["base", "lower"] == "default"
 
 
+def test_a_pose_in_collision_is_moved_towards_the_start(tmp_path: Path) -> None:
+    poses = {"up": {"b": 1.0}, "folded": {"b": 0.0}}
+    found = find_allowed_pairs(folding(tmp_path, "-0.2"), poses).poses
+    assert found["up"] == poses["up"]
+    assert 0.0 < found["folded"]["b"] < 0.8
+
+
 def test_the_shipped_pairs_of_the_arduinobot_are_found_again() -> None:
     robot = load_robot()
     found = find_allowed_pairs(draft_robot(robot.urdf, 1e6))
