@@ -1,80 +1,62 @@
 """The robot and its board: description, drivers, links, lifecycle, write guard and streamer."""
 
-import importlib
 import typing
 
-from .arm.events import (
-    ArmEvent as ArmEvent,
-    BoardReturned as BoardReturned,
-    BytesReceived as BytesReceived,
-    CommandSent as CommandSent,
-    Faulted as Faulted,
-    FrameSent as FrameSent,
-    StateChanged as StateChanged,
-)
-from .arm.interfaces import state_interfaces as state_interfaces
-from .arm.lifecycle import TRANSITIONS as TRANSITIONS, State as State
-from .arm.schedule import (
-    MAX_DURATION as MAX_DURATION,
-    Schedule as Schedule,
-    Setpoint as Setpoint,
-    compile_schedule as compile_schedule,
-    servo_path as servo_path,
-)
-from .clock import Clock as Clock, RealClock as RealClock, SimulatedClock as SimulatedClock
-from .description.robot import CollisionRules as CollisionRules, Robot as Robot, Tool as Tool
-from .drivers.board_protocol import BoardProtocol as BoardProtocol
-from .drivers.firmware_profile import Firmware as Firmware, Words as Words
-from .drivers.wire_format import Frame as Frame
-from .errors import (
-    ActivationStopped as ActivationStopped,
-    BadPosition as BadPosition,
-    CancelTimeout as CancelTimeout,
-    DescriptionError as DescriptionError,
-    HardwareError as HardwareError,
-    LinkError as LinkError,
-    NoDriver as NoDriver,
-    NotActive as NotActive,
-    PortNotGiven as PortNotGiven,
-    TransitionRefused as TransitionRefused,
-    WriteRefused as WriteRefused,
-)
-from .joints import (
-    Joint as Joint,
-    Mimic as Mimic,
-    check_position as check_position,
-    check_positions as check_positions,
-)
-from .link.link import VIRTUAL as VIRTUAL, Link as Link
+from .lazy_exports import lazy_exports
 
 if typing.TYPE_CHECKING:
     from .arm.arm import Arm as Arm
+    from .arm.events import (
+        ArmEvent as ArmEvent,
+        BoardReturned as BoardReturned,
+        BytesReceived as BytesReceived,
+        CommandSent as CommandSent,
+        Faulted as Faulted,
+        FrameSent as FrameSent,
+        StateChanged as StateChanged,
+    )
+    from .arm.interfaces import state_interfaces as state_interfaces
+    from .arm.lifecycle import TRANSITIONS as TRANSITIONS, State as State
+    from .arm.schedule import (
+        MAX_DURATION as MAX_DURATION,
+        Schedule as Schedule,
+        Setpoint as Setpoint,
+        compile_schedule as compile_schedule,
+        servo_path as servo_path,
+    )
     from .arm.streamer import Playback as Playback, PlaybackState as PlaybackState
+    from .clock import Clock as Clock, RealClock as RealClock, SimulatedClock as SimulatedClock
+    from .description.robot import CollisionRules as CollisionRules, Robot as Robot, Tool as Tool
     from .description.robot_file import load_robot as load_robot
+    from .drivers.board_protocol import BoardProtocol as BoardProtocol
+    from .drivers.firmware_profile import Firmware as Firmware, Words as Words
     from .drivers.virtual.link import BoardLink as BoardLink
+    from .drivers.wire_format import Frame as Frame
+    from .errors import (
+        ActivationStopped as ActivationStopped,
+        BadPosition as BadPosition,
+        CancelTimeout as CancelTimeout,
+        DescriptionError as DescriptionError,
+        HardwareError as HardwareError,
+        LinkError as LinkError,
+        NoDriver as NoDriver,
+        NotActive as NotActive,
+        PortNotGiven as PortNotGiven,
+        TransitionRefused as TransitionRefused,
+        WriteRefused as WriteRefused,
+    )
+    from .joints import (
+        Joint as Joint,
+        Mimic as Mimic,
+        check_position as check_position,
+        check_positions as check_positions,
+    )
+    from .link.link import VIRTUAL as VIRTUAL, Link as Link
     from .link.serial_link import SerialLink as SerialLink
     from .link.serial_ports import (
         Check as Check,
         check_port as check_port,
         serial_ports as serial_ports,
     )
-
-# Loaded at their first use, because their libraries are slow to import.
-_LAZY = {
-    "Arm": "arm.arm",
-    "Playback": "arm.streamer",
-    "PlaybackState": "arm.streamer",
-    "load_robot": "description.robot_file",
-    "BoardLink": "drivers.virtual.link",
-    "SerialLink": "link.serial_link",
-    "Check": "link.serial_ports",
-    "check_port": "link.serial_ports",
-    "serial_ports": "link.serial_ports",
-}
-
-
-def __getattr__(name: str) -> typing.Any:
-    if name not in _LAZY:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    globals()[name] = value = getattr(importlib.import_module(f".{_LAZY[name]}", __name__), name)
-    return value
+else:
+    __getattr__ = lazy_exports(__name__)

@@ -174,7 +174,7 @@ def test_importing_it_loads_nothing_else() -> None:
     command = [sys.executable, "-P", "-c", code]
     loaded = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
     rooms = {"executive", "hardware", "logs", "skills", "trees"}
-    assert (rooms | {"numpy", "py_trees", "pinocchio", "httpx"}).isdisjoint(loaded)
+    assert (rooms | {"numpy", "py_trees", "pinocchio", "httpcore"}).isdisjoint(loaded)
     assert "armtree" in loaded
 
 

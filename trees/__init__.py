@@ -1,15 +1,22 @@
 """Task files: their grammar, how they are read, compiled and checked, and the shipped tasks."""
 
-from .declarations import UNITS as UNITS, Declaration as Declaration
-from .errors import (
-    EXAMPLES as EXAMPLES,
-    FileError as FileError,
-    Mistake as Mistake,
-    Place as Place,
-    TreeError as TreeError,
-    UnknownTask as UnknownTask,
-)
-from .reading.document import Located as Located
-from .reading.grammar import TaskFile as TaskFile, parse_value as parse_value
-from .reading.library import Library as Library
-from .reading.values import fit as fit
+import typing
+
+from hardware.lazy_exports import lazy_exports
+
+if typing.TYPE_CHECKING:
+    from .declarations import UNITS as UNITS, Declaration as Declaration
+    from .errors import (
+        EXAMPLES as EXAMPLES,
+        FileError as FileError,
+        Mistake as Mistake,
+        Place as Place,
+        TreeError as TreeError,
+        UnknownTask as UnknownTask,
+    )
+    from .reading.document import Located as Located
+    from .reading.grammar import TaskFile as TaskFile, parse_value as parse_value
+    from .reading.library import Library as Library
+    from .reading.values import fit as fit
+else:
+    __getattr__ = lazy_exports(__name__)

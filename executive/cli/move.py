@@ -90,7 +90,8 @@ def _execute(
         return look_up(outcome.code).exit_status
     from executive.client.synchronous import Client
 
-    from .support.server_requests import errors_as_json, send_and_wait
+    from .support.server_goals import send_and_wait
+    from .support.server_requests import errors_as_json
 
     with errors_as_json(as_json), Client(server) as client:
         if not as_json:

@@ -79,7 +79,7 @@ def send(
 
     Prints the id of the goal, or with --wait the same as `armtree run`.
     """
-    from .support.server_requests import parameters, send_and_wait
+    from .support.server_goals import parameters, send_and_wait
 
     if wait or deadman:
         outcome = send_and_wait(client, task, settings, deadman, as_json, diagnostics().verbose)
@@ -131,7 +131,7 @@ def status(client: "Client", as_json: bool) -> None:
 @_with_client
 def watch(client: "Client", as_json: bool) -> None:
     """Show everything that a server does, until Ctrl-C. Goals are not affected."""
-    from .support.server_requests import watch as watch_server
+    from .support.server_goals import watch as watch_server
 
     watch_server(client, as_json, diagnostics().verbose)
 

@@ -13,7 +13,6 @@ from executive.api.events import Event, Status, Where
 from executive.api.move import HOME, Move
 from executive.api.operations import OPERATIONS
 from executive.api.outcome import CancelResult, GoalStatus, Outcome, cause_of
-from executive.api.token_file import KEEPALIVE
 from executive.errors import GoalFailed, Refused, ResultTimeout, ServerUnreachable
 from hardware import Clock, RealClock
 
@@ -22,7 +21,7 @@ from .responses import EventReader, ResponseBody
 from .values import OpenQuestion, Task
 
 if TYPE_CHECKING:
-    import httpx
+    import httpcore
 
 T = TypeVar("T")
 
@@ -42,13 +41,12 @@ class AsyncClient:
     def __init__(
         self, url: str | None = None, token: str | None = None, clock: Clock | None = None
     ) -> None:
-        import httpx  # slow to import, and `--help` does not need it
+        from httpcore import AsyncConnectionPool  # slow to import, and `--help` does not need it
 
-        options = transport.http_options(url, token)
-        self.url: str = options["base_url"]
+        self._address = transport.Address.find(url, token)
+        self.url: str = self._address.url
         self._clock = clock or RealClock()
-        keepalive = httpx.AsyncHTTPTransport(trust_env=False, socket_options=KEEPALIVE)
-        self._http = httpx.AsyncClient(transport=keepalive, **options)
+        self._http = AsyncConnectionPool(**transport.POOL)
 
     async def __aenter__(self) -> Self:
         return self
@@ -296,10 +294,11 @@ class AsyncClient:
         operation = OPERATIONS["events"]
         path, query, _ = operation.split({"events": ",".join(kinds) or None})
         with transport.transport_errors(self.url):
-            stream = self._http.stream("GET", path, params=query, timeout=transport.SILENCE_TIMEOUT)
-            async with stream as response:
-                pieces = response.aiter_raw()
-                if response.status_code != operation.status:
+            timeout = transport.SILENCE_TIMEOUT
+            request = self._address.request("GET", path, query, timeout=timeout)
+            async with self._http.stream(**request) as response:
+                pieces = response.aiter_stream()
+                if response.status != operation.status:
                     await self._read(response, "events", transport.ANSWER_TIMEOUT)
                 first = await anext(pieces, b"")  # the server confirms the subscription
                 yield self._read_events(first, pieces)
@@ -314,8 +313,8 @@ class AsyncClient:
 
         async def post(body: AsyncIterator[bytes]) -> None:
             with suppress(ServerUnreachable), transport.transport_errors(self.url):
-                request = self._http.stream("POST", path, content=body)
-                async with request:
+                request = self._address.request("POST", path) | {"content": body}
+                async with self._http.stream(**request):
                     return  # the goal has ended, or the server refuses the hold
 
         async with transport.async_posted(post):
@@ -359,13 +358,11 @@ class AsyncClient:
         path, query, body = operation.split(arguments)
         timeout = transport.ANSWER_TIMEOUT + extra_time
         with transport.transport_errors(self.url):
-            request = self._http.stream(
-                operation.method, path, params=query, json=body, timeout=timeout
-            )
-            async with request as response:
+            request = self._address.request(operation.method, path, query, body, timeout)
+            async with self._http.stream(**request) as response:
                 return read(await self._read(response, name, timeout))
 
-    async def _read(self, response: "httpx.Response", name: str, timeout: float) -> Any:
+    async def _read(self, response: "httpcore.Response", name: str, timeout: float) -> Any:
         """Return the JSON of an answer.
 
         Args:
@@ -373,7 +370,7 @@ class AsyncClient:
             name: Name of the operation.
             timeout: Longest time for the body [s].
         """
-        body = ResponseBody(response, timeout, self._clock)
-        async for piece in response.aiter_raw():
+        body = ResponseBody(self.url, response.status, timeout, self._clock)
+        async for piece in response.aiter_stream():
             body.add(piece)
         return body.value(name)

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from executive.api import strict_json
 from executive.api.events import Event, event_from_json
@@ -12,9 +12,6 @@ from executive.errors import Refused, WrongAnswer
 from hardware import Clock
 from logs.records.field_types import has_type
 
-if TYPE_CHECKING:
-    import httpx
-
 MAX_BYTES = 4 * 1024 * 1024  # of an answer, or of an event
 
 
@@ -22,13 +19,14 @@ class ResponseBody:
     """Collects and checks the body of a response.
 
     Args:
-        response: The answer, whose body is not read yet.
+        url: URL of the server.
+        status: HTTP status of the response.
         timeout: Longest time for the body [s].
         clock: Time source.
     """
 
-    def __init__(self, response: "httpx.Response", timeout: float, clock: Clock) -> None:
-        self._url, self._status = str(response.url), response.status_code
+    def __init__(self, url: str, status: int, timeout: float, clock: Clock) -> None:
+        self._url, self._status = url, status
         self._data = bytearray()
         self._clock, self._end = clock, clock.now() + timeout
 

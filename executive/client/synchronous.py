@@ -13,7 +13,6 @@ from executive.api.events import Event, Status, Where
 from executive.api.move import HOME, Move
 from executive.api.operations import OPERATIONS
 from executive.api.outcome import CancelResult, GoalStatus, Outcome, cause_of
-from executive.api.token_file import KEEPALIVE
 from executive.errors import GoalFailed, Refused, ResultTimeout, ServerUnreachable
 from hardware import Clock, RealClock
 
@@ -22,7 +21,7 @@ from .responses import EventReader, ResponseBody
 from .values import OpenQuestion, Task
 
 if TYPE_CHECKING:
-    import httpx
+    import httpcore
 
 T = TypeVar("T")
 
@@ -42,13 +41,12 @@ class Client:
     def __init__(
         self, url: str | None = None, token: str | None = None, clock: Clock | None = None
     ) -> None:
-        import httpx  # slow to import, and `--help` does not need it
+        from httpcore import ConnectionPool  # slow to import, and `--help` does not need it
 
-        options = transport.http_options(url, token)
-        self.url: str = options["base_url"]
+        self._address = transport.Address.find(url, token)
+        self.url: str = self._address.url
         self._clock = clock or RealClock()
-        keepalive = httpx.HTTPTransport(trust_env=False, socket_options=KEEPALIVE)
-        self._http = httpx.Client(transport=keepalive, **options)
+        self._http = ConnectionPool(**transport.POOL)
 
     def __enter__(self) -> Self:
         return self
@@ -292,10 +290,11 @@ class Client:
         operation = OPERATIONS["events"]
         path, query, _ = operation.split({"events": ",".join(kinds) or None})
         with transport.transport_errors(self.url):
-            stream = self._http.stream("GET", path, params=query, timeout=transport.SILENCE_TIMEOUT)
-            with stream as response:
-                pieces = response.iter_raw()
-                if response.status_code != operation.status:
+            timeout = transport.SILENCE_TIMEOUT
+            request = self._address.request("GET", path, query, timeout=timeout)
+            with self._http.stream(**request) as response:
+                pieces = response.iter_stream()
+                if response.status != operation.status:
                     self._read(response, "events", transport.ANSWER_TIMEOUT)
                 first = next(pieces, b"")  # the server confirms the subscription
                 yield self._read_events(first, pieces)
@@ -310,8 +309,8 @@ class Client:
 
         def post(body: Iterator[bytes]) -> None:
             with suppress(ServerUnreachable), transport.transport_errors(self.url):
-                request = self._http.stream("POST", path, content=body)
-                with request:
+                request = self._address.request("POST", path) | {"content": body}
+                with self._http.stream(**request):
                     return  # the goal has ended, or the server refuses the hold
 
         with transport.posted(post):
@@ -354,13 +353,11 @@ class Client:
         path, query, body = operation.split(arguments)
         timeout = transport.ANSWER_TIMEOUT + extra_time
         with transport.transport_errors(self.url):
-            request = self._http.stream(
-                operation.method, path, params=query, json=body, timeout=timeout
-            )
-            with request as response:
+            request = self._address.request(operation.method, path, query, body, timeout)
+            with self._http.stream(**request) as response:
                 return read(self._read(response, name, timeout))
 
-    def _read(self, response: "httpx.Response", name: str, timeout: float) -> Any:
+    def _read(self, response: "httpcore.Response", name: str, timeout: float) -> Any:
         """Return the JSON of an answer.
 
         Args:
@@ -368,7 +365,7 @@ class Client:
             name: Name of the operation.
             timeout: Longest time for the body [s].
         """
-        body = ResponseBody(response, timeout, self._clock)
-        for piece in response.iter_raw():
+        body = ResponseBody(self.url, response.status, timeout, self._clock)
+        for piece in response.iter_stream():
             body.add(piece)
         return body.value(name)

@@ -1,42 +1,94 @@
 """Code that both clients share: address, timeouts, errors and the hold of a goal."""
 
-import asyncio
+import json
 import math
 import os
 import re
 import threading
-from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Mapping
 from contextlib import asynccontextmanager, contextmanager
-from typing import Any
-from urllib.parse import urlsplit
+from dataclasses import dataclass
+from typing import Any, Self
+from urllib.parse import quote, urlencode, urlsplit
 
 from executive.api import PORT, token_file
+from executive.api.token_file import KEEPALIVE
 from executive.errors import ServerUnreachable
 
 ANSWER_TIMEOUT = 10.0  # longest time for an answer that does not wait for anything [s]
 SILENCE_TIMEOUT = 45.0  # longest silence of an event stream [s]; the server sends every 15 s
 POLL_PERIOD = 15.0  # longest time to wait for a result in one request [s]
 BEAT_PERIOD = 0.2  # time between two bytes that hold a goal [s]
+# The connections of a client. The server closes those that are idle for longer.
+POOL: dict[str, Any] = {
+    "max_connections": 100,
+    "keepalive_expiry": 5.0,
+    "socket_options": KEEPALIVE,
+}
+_STEPS = ("connect", "read", "write", "pool")
 
 
-def http_options(url: str | None, token: str | None) -> dict[str, Any]:
-    """Find a server, and return the arguments of an httpx client for it.
+@dataclass(frozen=True, slots=True)
+class Address:
+    """A server, and what every request to it carries.
 
-    Args:
-        url: URL; default ARMTREE_SERVER, then the server on this machine.
-        token: Token; default ARMTREE_TOKEN, then the token file of the server.
-
-    Raises:
-        ServerUnreachable: The URL is invalid.
+    Attributes:
+        url: URL without a slash at its end.
+        headers: Headers of every request.
     """
-    port = os.environ.get("ARMTREE_TCP_PORT", PORT)
-    url = (url or os.environ.get("ARMTREE_SERVER") or f"http://localhost:{port}").rstrip("/")
-    token = token or os.environ.get("ARMTREE_TOKEN")
-    if own := _own_server(url):
-        url, token = own.url, token or own.token
-    headers = {"authorization": f"Bearer {token}"} if token else {}
-    headers["accept-encoding"] = "identity"  # a small answer must not unpack to a huge one
-    return {"base_url": url, "headers": headers, "timeout": ANSWER_TIMEOUT, "trust_env": False}
+
+    url: str
+    headers: Mapping[str, str]
+
+    @classmethod
+    def find(cls, url: str | None, token: str | None) -> Self:
+        """Find a server.
+
+        Args:
+            url: URL; default ARMTREE_SERVER, then the server on this machine.
+            token: Token; default ARMTREE_TOKEN, then the token file of the server.
+
+        Raises:
+            ServerUnreachable: The URL is invalid.
+        """
+        port = os.environ.get("ARMTREE_TCP_PORT", PORT)
+        url = (url or os.environ.get("ARMTREE_SERVER") or f"http://localhost:{port}").rstrip("/")
+        token = token or os.environ.get("ARMTREE_TOKEN")
+        if own := _own_server(url):
+            url, token = own.url, token or own.token
+        headers = {"authorization": f"Bearer {token}"} if token else {}
+        headers["accept-encoding"] = "identity"  # a small answer must not unpack to a huge one
+        headers["host"] = urlsplit(url).netloc.rpartition("@")[2]
+        return cls(url, headers)
+
+    def request(
+        self,
+        method: str,
+        path: str,
+        query: Mapping[str, Any] | None = None,
+        body: Mapping[str, Any] | None = None,
+        timeout: float = ANSWER_TIMEOUT,
+    ) -> dict[str, Any]:
+        """Return the arguments of `stream` of a connection pool.
+
+        Args:
+            method: HTTP method.
+            path: Path of the URL.
+            query: Parameters of the URL.
+            body: JSON object to send.
+            timeout: Longest time for each step of the request [s].
+        """
+        headers, content = dict(self.headers), None
+        if body is not None:
+            content = json.dumps(body, ensure_ascii=False, allow_nan=False).encode()
+            headers["content-type"] = "application/json"
+        return {
+            "method": method,
+            "url": self.url + quote(path) + (f"?{urlencode(query)}" if query else ""),
+            "headers": headers,
+            "content": content,
+            "extensions": {"timeout": dict.fromkeys(_STEPS, timeout)},
+        }
 
 
 def _own_server(url: str) -> token_file.ServerInfo | None:
@@ -47,6 +99,7 @@ def _own_server(url: str) -> token_file.ServerInfo | None:
     try:
         parts = urlsplit(url)
         port = parts.port or token_file.HTTP_PORT
+        url.encode("ascii")
     except ValueError as error:
         raise ServerUnreachable(url, str(error)) from error
     if parts.scheme != "http":
@@ -57,7 +110,7 @@ def _own_server(url: str) -> token_file.ServerInfo | None:
 
 @contextmanager
 def transport_errors(url: str, silence: float = 0.0) -> Iterator[None]:
-    """Turn httpx's errors inside this context into ServerUnreachable.
+    """Turn httpcore's errors inside this context into ServerUnreachable.
 
     Args:
         url: URL of the server.
@@ -66,14 +119,19 @@ def transport_errors(url: str, silence: float = 0.0) -> Iterator[None]:
     Raises:
         ServerUnreachable: The server could not be reached.
     """
-    import httpx
+    import httpcore  # slow to import
 
     try:
         yield
-    except httpx.ReadTimeout as error:
+    except httpcore.ReadTimeout as error:
         words = f"nothing came for {silence:g} s" if silence else "its answer takes too long"
         raise ServerUnreachable(url, words) from error
-    except (httpx.TransportError, httpx.InvalidURL) as error:
+    except (
+        httpcore.TimeoutException,
+        httpcore.NetworkError,
+        httpcore.ProtocolError,
+        httpcore.UnsupportedProtocol,
+    ) as error:
         words = re.sub(r"^\[Errno -?\d+\] ", "", str(error)) or type(error).__name__
         raise ServerUnreachable(url, words) from error
 
@@ -125,6 +183,8 @@ async def async_posted(
     Args:
         post: Sends a request with the given body.
     """
+    import asyncio  # slow to import
+
     released = asyncio.Event()
 
     async def beats() -> AsyncIterator[bytes]:

@@ -25,7 +25,7 @@ pytestmark = pytest.mark.slow
 pytest_plugins = ["tests.support.servers.server_fixtures"]
 
 ARMTREE = [sys.executable, "-P", "-m", "executive"]
-EVERYTHING_HEAVY = ("numpy", "pinocchio", "matplotlib", "starlette", "uvicorn", "httpx", "mcap")
+EVERYTHING_HEAVY = ("numpy", "pinocchio", "matplotlib", "starlette", "uvicorn", "httpcore", "mcap")
 
 
 class Shell:

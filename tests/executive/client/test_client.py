@@ -112,9 +112,7 @@ def test_the_token_is_read_from_a_regular_file_only(serve: Serve, tmp_path: Path
     assert token_file.read(port) is None
     file.unlink()
     os.mkfifo(file)
-    assert (
-        "authorization" not in transport.http_options(f"http://localhost:{port}", None)["headers"]
-    )
+    assert "authorization" not in transport.Address.find(f"http://localhost:{port}", None).headers
     aside.replace(file)
     assert token_file.read(port)
 

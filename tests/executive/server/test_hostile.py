@@ -285,7 +285,7 @@ def test_the_token_of_a_killed_server_is_not_used(serve: Serve) -> None:
     file = token_file.file_of(serve().server.port)
     left = token_file.ServerInfo("http://127.0.0.1:1", "secret", gone.pid)
     file.with_name("server-1.json").write_text(json.dumps(dataclasses.asdict(left)))
-    assert "authorization" not in transport.http_options(left.url, None)["headers"]
+    assert "authorization" not in transport.Address.find(left.url, None).headers
     serve()
     assert not token_file.file_of(1).exists()
     assert file.exists()

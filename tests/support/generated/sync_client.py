@@ -25,9 +25,9 @@ REPLACED = [
     (r"\basynccontextmanager\b", "contextmanager"),
     (r"\bAsyncIterator\b", "Iterator"),
     (r"\bAsyncClient\b", "Client"),
-    (r"\bAsyncHTTPTransport\b", "HTTPTransport"),
+    (r"\bAsyncConnectionPool\b", "ConnectionPool"),
     (r"__a(enter|exit)__", r"__\1__"),
-    (r"\ba(iter_raw|close)\b", r"\1"),
+    (r"\ba(iter_stream|close)\b", r"\1"),
     (r"\banext\b", "next"),
     (r"for event in events\.read\(piece\):\s+yield event", "yield from events.read(piece)"),
 ]

@@ -1,0 +1,134 @@
+"""Goals and events of a server, shown as those of `armtree run` are."""
+
+import logging
+import uuid
+from collections.abc import Iterator, Sequence
+from contextlib import nullcontext
+from functools import partial
+
+import logs
+from executive.api.codes import CLOSING
+from executive.api.events import Event, QuestionStatus
+from executive.api.move import Move, number_of
+from executive.api.outcome import GoalState, GoalStatus, Outcome
+from executive.cli.terminal.view import View
+from executive.cli.terminal.views import view_for
+from executive.client.synchronous import Client
+from executive.errors import ClientError, Refused
+from trees.compile.arguments import read_arguments
+
+from .interrupts import CANCELING, Interrupts
+
+_LAST_WORDS = "Ended at once. The goal may still run on the server: `armtree cancel` cancels it."
+
+logger = logging.getLogger(__name__)
+
+
+def send_and_wait(
+    client: Client,
+    task: int | str | Move,
+    settings: Sequence[str],
+    deadman: bool,
+    as_json: bool,
+    verbose: bool,
+) -> Outcome:
+    """Run a task or a move on a server, and show it as `armtree run` does. Ctrl-C cancels it.
+
+    Args:
+        client: Client of the server.
+        task: Number or name of the task, or a move.
+        settings: Values of its parameters, each as NAME=VALUE.
+        deadman: True to cancel the goal if this process dies.
+        as_json: True to print JSON. A rejected goal is then an outcome, as in `armtree run`.
+        verbose: True if the log is printed, so that lines are printed instead of a live picture.
+
+    Raises:
+        ClientError: The server cannot be reached, or it rejects the goal and `as_json` is false.
+    """
+    goal_id = uuid.uuid4().hex
+    if isinstance(task, Move):
+        send = partial(client.send_move, task)
+    else:
+        send = partial(client.send, task, parameters(settings))
+    with Interrupts(_LAST_WORDS) as interrupts, view_for(as_json, verbose) as view:
+
+        def work() -> Outcome:
+            hold = client.hold(goal_id) if deadman else nullcontext()
+            with client.events() as events, hold:
+                try:
+                    send(goal_id=goal_id, deadman=deadman)
+                except Refused as error:
+                    if not as_json:
+                        raise
+                    numbers = {each.name: each.number for each in client.tasks()}
+                    if isinstance(task, str) and task not in numbers:
+                        raise
+                    number = numbers[task] if isinstance(task, str) else number_of(task)
+                    outcome = Outcome.of(number, GoalState.ABORTED, error.cause)
+                    view.report(outcome)
+                    return outcome
+                interrupts.on_cancel(lambda: _cancel(client, goal_id, view))
+                return _show_goal(events, goal_id, view)
+
+        return interrupts.run(work)
+
+
+def parameters(settings: Sequence[str]) -> dict[str, str]:
+    """Return the values of parameters as texts. The server reads them as `armtree run` does.
+
+    Raises:
+        FileError: A setting is invalid.
+    """
+    read_arguments(settings)
+    return dict(setting.split("=", 1) for setting in settings)
+
+
+def watch(client: Client, as_json: bool, verbose: bool) -> None:
+    """Show every event of a server, until Ctrl-C.
+
+    Raises:
+        ClientError: The server cannot be reached, or has ended.
+    """
+    with view_for(as_json, verbose) as view, client.events() as events:
+        for event in events:
+            if not isinstance(event, GoalStatus):
+                _watch(event, view)
+            elif event.outcome:
+                view.report(event.outcome)
+    raise _ended()
+
+
+def _show_goal(events: Iterator[Event], goal_id: str, view: View) -> Outcome:
+    """Show the events of one goal until it ends."""
+    belongs = False
+    for event in events:
+        if isinstance(event, GoalStatus):
+            if event.identity == goal_id and event.outcome:
+                view.report(event.outcome)
+                return event.outcome
+            continue
+        if isinstance(event, logs.Goal):
+            belongs = event.goal_id == goal_id
+        if belongs or isinstance(event, logs.Transition):
+            _watch(event, view)
+    raise _ended()
+
+
+def _watch(event: logs.Record | QuestionStatus, view: View) -> None:
+    if isinstance(event, logs.LogLine) and event.level >= logging.WARNING:
+        view.say(f"warning: {event.message}")
+    view.watch(event)
+
+
+def _ended() -> Refused:
+    return Refused(
+        {"code": CLOSING, "message": "the server has ended, or this client read too slowly"}
+    )
+
+
+def _cancel(client: Client, goal_id: str, view: View) -> None:
+    try:
+        client.cancel(goal_id)
+        view.say(CANCELING)
+    except ClientError as error:
+        logger.warning("%s", error)

@@ -1,0 +1,42 @@
+"""Public names of a package that are loaded at their first use, so that importing it is quick.
+
+The package lists them as imports under `if typing.TYPE_CHECKING`, which this file reads.
+"""
+
+import ast
+import importlib
+import sys
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+
+def lazy_exports(package: str) -> Callable[[str], Any]:
+    """Return the `__getattr__` of a module (PEP 562).
+
+    Args:
+        package: Name of the module that calls this function.
+    """
+
+    def load(name: str) -> Any:
+        module = sys.modules[package]
+        if name not in (sources := _sources(str(module.__file__))):
+            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        value = getattr(importlib.import_module(sources[name], package), name)
+        setattr(module, name, value)
+        return value
+
+    return load
+
+
+@cache
+def _sources(file: str) -> dict[str, str]:
+    """Return the module of each name that a file imports by `from`."""
+    nodes = ast.walk(ast.parse(Path(file).read_bytes()))
+    return {
+        alias.name: "." * node.level + (node.module or "")
+        for node in nodes
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
