@@ -54,30 +54,40 @@ def convex_hull(shapes: Sequence[pin.GeometryObject]) -> coal.ConvexBase:
 class EnclosedVolume:
     """The volume inside a triangle mesh.
 
+    Few volumes are ever asked, so the triangles are read when one is.
+
     Args:
-        points: Vertices (V, 3) [m].
-        triangles: Indices of three vertices each (F, 3).
+        mesh: The mesh.
 
     Attributes:
         triangle_count: Number of triangles.
     """
 
-    def __init__(self, points: Array, triangles: NDArray[np.intp]) -> None:
-        self._points, self._triangles, self.triangle_count = points, triangles, len(triangles)
-        a, b, c = points[triangles.T]
-        self._normals = np.cross(b - a, c - a)
-        self._heights = _dots(a, self._normals)
-        self._half_squares = np.array([0.5 * _dots(side, side) for side in (b - a, c - b, a - c)])
+    def __init__(self, mesh: coal.BVHModelBase) -> None:
+        self._mesh, self.triangle_count = mesh, int(mesh.num_tris)
 
     @classmethod
     def of(cls, geometry: coal.CollisionGeometry) -> "EnclosedVolume | None":
         """Return the volume inside a mesh, or None if the geometry is a primitive."""
-        if not isinstance(geometry, coal.BVHModelBase):
-            return None
-        rows = map(geometry.tri_indices, range(geometry.num_tris))  # coal has no call for all
+        return cls(geometry) if isinstance(geometry, coal.BVHModelBase) else None
+
+    @cached_property
+    def _points(self) -> Array:
+        return np.array(self._mesh.vertices())
+
+    @cached_property
+    def _triangles(self) -> NDArray[np.intp]:
+        rows = map(self._mesh.tri_indices, range(self.triangle_count))  # coal has no call for all
         indices = (row[i] for row in rows for i in range(3))
-        triangles = np.fromiter(indices, np.intp, 3 * geometry.num_tris).reshape(-1, 3)
-        return cls(np.array(geometry.vertices()), triangles)
+        return np.fromiter(indices, np.intp, 3 * self.triangle_count).reshape(-1, 3)
+
+    @cached_property
+    def _planes(self) -> tuple[Array, Array, Array]:
+        """Normals, products of them with a vertex, and halves of the sides' squares."""
+        a, b, c = self._points[self._triangles.T]
+        normals = np.cross(b - a, c - a)
+        half_squares = np.array([0.5 * _dots(side, side) for side in (b - a, c - b, a - c)])
+        return normals, _dots(a, normals), half_squares
 
     @cached_property
     def closed(self) -> bool:
@@ -100,8 +110,9 @@ class EnclosedVolume:
         squares = _dots(offsets, offsets)
         la, lb, lc = np.sqrt(squares)[self._triangles.T]
         a, b, c = 0.5 * squares[self._triangles.T]
-        ab, bc, ca = np.array([a + b, b + c, c + a]) - self._half_squares  # dot products
-        volume = self._heights - self._normals @ point
+        normals, heights, half_squares = self._planes
+        ab, bc, ca = np.array([a + b, b + c, c + a]) - half_squares  # dot products
+        volume = heights - normals @ point
         rest = la * lb * lc + ab * lc + bc * la + ca * lb
         return bool(abs(np.arctan2(volume, rest).sum()) > np.pi)  # half solid angles
 
@@ -122,8 +133,7 @@ def _hull_of_points(points: Array) -> coal.ConvexBase:
         half = 0.5 * _MIN_THICKNESS * axis
         points = np.vstack((points - half, points + half))
     vertices = coal.StdVec_Vec3s()
-    for point in points:
-        vertices.append(point)
+    vertices.extend(points)
     return coal.Convex.convexHull(vertices, True, "Qt")
 
 

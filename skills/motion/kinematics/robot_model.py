@@ -6,6 +6,7 @@ import sys
 from collections import Counter
 from collections.abc import Iterator
 
+import coal
 import numpy as np
 import pinocchio as pin
 
@@ -56,7 +57,10 @@ class RobotModel:
             _check_placements(robot, self._free)
             self.kinematics = _with_mimic_joints(robot, self._free)
             text, kind = with_meshes(robot.urdf, robot.mesh), pin.GeometryType.COLLISION
-            geometry = pin.buildGeomFromUrdfString(self.kinematics, text, kind)
+            loader = coal.CachedMeshLoader()  # loads a file once, also if several links have it
+            geometry = pin.buildGeomFromUrdfString(
+                self.kinematics, text, kind, package_dirs="", mesh_loader=loader
+            )
             self.exact: list[pin.GeometryObject] = list(geometry.geometryObjects)
             self._check_counts(counts)
             self.hulls = self._link_hulls()

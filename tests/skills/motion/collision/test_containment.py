@@ -3,6 +3,7 @@
 from itertools import product
 from pathlib import Path
 
+import coal
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
@@ -109,6 +110,11 @@ def test_a_held_body_in_a_mesh(tmp_path: Path, shape: Shape) -> None:
 @given(st.tuples(*[st.floats(-1.5, 1.5)] * 3))
 def test_inside_and_outside(point: tuple[float, float, float]) -> None:
     if not np.isclose(np.abs(point), 1.0).any():
-        solid = EnclosedVolume(CUBE, np.array(TRIANGLES))
+        mesh = coal.BVHModelOBBRSS()
+        mesh.beginModel(len(TRIANGLES), len(CUBE))
+        mesh.addVertices(CUBE)
+        mesh.addTriangles(np.array(TRIANGLES))
+        mesh.endModel()
+        solid = EnclosedVolume(mesh)
         assert solid.closed
         assert solid.contains(np.array(point)) == (max(map(abs, point)) < 1.0)

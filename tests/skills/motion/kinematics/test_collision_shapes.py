@@ -10,6 +10,7 @@ from hardware import Robot, load_robot
 from skills.motion import ModelUnusable
 from skills.motion.kinematics.robot_model import RobotModel
 from tests.support.arms.robots import pair_file
+from tests.support.paths import DATA
 
 BOX = '<geometry><box size="0.1 0.1 0.1"/></geometry>'
 _LINK = '<link name="{0}"><collision>{1}</collision></link>'
@@ -151,3 +152,13 @@ def test_an_arm_with_too_many_joints_or_shapes(tmp_path: Path) -> None:
     many = chain(tmp_path, 2, shapes=1001)
     assert "it has 1001 collision shapes; the limit is 1000" in refusal(many)
     RobotModel(chain(tmp_path, 100))
+
+
+def test_a_mesh_of_several_links_is_loaded_once(tmp_path: Path) -> None:
+    mesh = f'<mesh filename="{DATA}/beam.stl"/>'
+    again = f"<collision><geometry>{mesh}</geometry></collision>"
+    model = RobotModel(arm(tmp_path, f"<geometry>{mesh}</geometry>", again))
+    pairs = zip(model.exact, model.volumes, strict=True)
+    meshes = [shape.geometry for shape, volume in pairs if volume]
+    assert len(meshes) == 2
+    assert len({mesh.id() for mesh in meshes}) == 1
