@@ -7,9 +7,8 @@ from pathlib import Path
 import click
 from click.shell_completion import get_completion_class
 
+from .support.command_group import COMPLETION_VARIABLE
 from .terminal.streams import echo
-
-VARIABLE = "_ARMTREE_COMPLETE"  # the environment variable with which a shell asks
 
 # How a shell loads the script, and where the script names the program: an alias is none.
 _LOAD = {"bash": 'eval "$({})"', "zsh": 'eval "$({})"', "fish": "{} | source"}
@@ -42,7 +41,7 @@ def completion(context: click.Context, shell: str) -> None:
     assert kind is not None
     program = _program()
     called, calls = _CALLS[shell]
-    script = kind(context.find_root().command, {}, "armtree", VARIABLE).source()
+    script = kind(context.find_root().command, {}, "armtree", COMPLETION_VARIABLE).source()
     script = script.replace(called, calls.format(program)).replace(_ZSH_CHECK, "")
     line = _LOAD[shell].format(f"{program} completion {shell}")
     begin = _ZSH_BEGIN if shell == "zsh" else ""

@@ -1,4 +1,4 @@
-"""The command line. Each command imports slow libraries only when it runs."""
+"""The command line. It imports a command when it is typed, and slow libraries when it runs."""
 
 import io
 import logging
@@ -9,33 +9,19 @@ import click
 
 from executive.api.codes import INTERRUPTED_EXIT, READER_ENDED_EXIT
 
-from .completion import VARIABLE, completion
-from .config import config
-from .doctor import doctor
-from .jog import jog
-from .log import log
-from .move import COMMANDS as MOVE_COMMANDS
-from .new_arm import new_arm
-from .plan import plan
-from .pose import pose
-from .replay import replay
-from .run import run
-from .serve import serve
-from .server_commands import COMMANDS as SERVER_COMMANDS
-from .support.command_group import CommandGroup, Diagnostics
-from .support.failures import print_error
+from .support.command_group import COMPLETION_VARIABLE, CommandGroup, Diagnostics
 from .support.process_end import forbid_exit
-from .tasks import COMMANDS as TASK_COMMANDS
-from .teach import teach
 from .terminal.streams import discard, echo, open_closed_streams
 
 SECTIONS = {
-    "Run and move": (run, *MOVE_COMMANDS, jog, pose, plan),
-    "Tasks": (*TASK_COMMANDS, teach),
-    "Server": (serve, *SERVER_COMMANDS),
-    "Recordings": (replay, log),
-    "Robot and board": (doctor, new_arm),
-    "Settings": (config, completion),
+    "Run and move": "run.run move.move move.home move.where move.stop jog.jog pose.pose plan.plan",
+    "Tasks": "tasks.tasks tasks.check tasks.schema tasks.skills tasks.show tasks.new teach.teach",
+    "Server": "serve.serve server_commands.send server_commands.cancel server_commands.answer "
+    "server_commands.pause server_commands.resume server_commands.step server_commands.break_ "
+    "server_commands.status server_commands.watch server_commands.arm",
+    "Recordings": "replay.replay log.log",
+    "Robot and board": "doctor.doctor new_arm.new_arm",
+    "Settings": "config.config completion.completion",
 }
 
 
@@ -77,7 +63,7 @@ def main() -> None:
     open_closed_streams()
     forbid_exit()
     output, wanted = sys.stdout, Diagnostics()
-    if VARIABLE in os.environ:
+    if COMPLETION_VARIABLE in os.environ:
         discard(sys.stderr)  # a shell would print it into the line that is being typed
     try:
         cli.main(prog_name="armtree", standalone_mode=False, obj=wanted)
@@ -94,4 +80,6 @@ def main() -> None:
     except Exception as error:
         if wanted.debug:
             raise
+        from .support.failures import print_error
+
         sys.exit(print_error(error))

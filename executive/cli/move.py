@@ -256,6 +256,3 @@ def stop(server: str | None, as_json: bool) -> None:
 
     urls = [server] if server else [info.url for info in running()]
     sys.exit(stop_all(urls, as_json))
-
-
-COMMANDS = (move, home, where, stop)

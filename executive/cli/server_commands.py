@@ -195,7 +195,7 @@ def step(client: "Client", as_json: bool, goal_id: str) -> None:
 @click.argument("node", required=False, shell_complete=complete_node)
 @click.option("--off", is_flag=True, help="Remove the breakpoint.")
 @_with_client
-def break_at(client: "Client", as_json: bool, node: str | None, off: bool) -> None:
+def break_(client: "Client", as_json: bool, node: str | None, off: bool) -> None:
     """Set or remove a breakpoint on a server, or list them.
 
     Each goal pauses before it starts NODE, such as pick/Execute. Without NODE, list all
@@ -219,6 +219,3 @@ def answer(client: "Client", as_json: bool, words: tuple[str, ...]) -> None:
     from .support.server_requests import answer_question
 
     echo(answer_question(client, words, as_json))
-
-
-COMMANDS = (send, cancel, answer, pause, resume, step, break_at, status, watch, arm)

@@ -299,6 +299,3 @@ def new(number: int, name: str, trees: Path, robot: Path | None) -> None:
     given = "" if trees == Path("trees") else f" --trees {trees}"
     given += f" --robot {robot}" if robot else ""
     echo(f"{path}\nNext, type: armtree check{given}, then armtree run {number}{given}")
-
-
-COMMANDS = (tasks, check, schema, skills, show, new)

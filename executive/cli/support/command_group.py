@@ -2,13 +2,16 @@
 
 import logging
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from importlib import import_module
 from typing import Any
 
 import click
 
 from executive.cli.terminal.streams import LogFormatter
+
+COMPLETION_VARIABLE = "_ARMTREE_COMPLETE"  # the environment variable with which a shell asks
 
 
 @dataclass
@@ -60,36 +63,61 @@ class CommandGroup(click.Group):
     """A group of commands. Each of them takes --verbose and --debug, before and after its name.
 
     Args:
-        sections: Commands by the title of their section in the help. Without sections, commands are
-            added by the decorator `command`.
+        sections: Commands by the title of their section in the help: the module and function of
+            each, such as `new_arm.new_arm`, separated by spaces. They are imported when they are
+            needed. Without sections, commands are added by the decorator `command`.
     """
 
     def __init__(
         self,
         *arguments: Any,
-        sections: Mapping[str, Sequence[click.Command]] | None = None,
+        sections: Mapping[str, str] | None = None,
         **settings: Any,
     ) -> None:
         super().__init__(*arguments, **settings)
-        self._sections = sections or {}
+        self._places = {
+            title: {_name(place): place for place in places.split()}
+            for title, places in (sections or {}).items()
+        }
         self.params += _EVERYWHERE
-        for commands in self._sections.values():
-            for command in commands:
-                self.add_command(command)
 
     def add_command(self, cmd: click.Command, name: str | None = None) -> None:
         """Add a command."""
         super().add_command(cmd, name)
         cmd.params += [option for option in _EVERYWHERE if option not in cmd.params]
 
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Return the names of the commands."""
+        return [name for section in self._sections().values() for name in section]
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Return a command, or None if there is no such command."""
+        places = {
+            name: place for section in self._places.values() for name, place in section.items()
+        }
+        if cmd_name in places and cmd_name not in self.commands:
+            module, function = places[cmd_name].split(".")
+            found = getattr(import_module(f"executive.cli.{module}"), function)
+            self.add_command(found, cmd_name)
+        return super().get_command(ctx, cmd_name)
+
+    def _sections(self) -> Mapping[str, Iterable[str]]:
+        """Return the names of the commands, by the title of their section."""
+        return self._places or {"Commands": self.commands}
+
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the commands of each section, each with its whole first sentence."""
-        width = max(map(len, self.commands))
-        sections = self._sections or {"Commands": tuple(self.commands.values())}
-        for title, commands in sections.items():
+        width = max(map(len, self.list_commands(ctx)))
+        for title, names in self._sections().items():
+            commands = filter(None, (self.get_command(ctx, name) for name in names))
             rows = [
                 (f"{command.name:<{width}}", command.get_short_help_str(limit=sys.maxsize))
                 for command in commands
             ]
             with formatter.section(title):
                 formatter.write_dl(rows)
+
+
+def _name(place: str) -> str:
+    """Return the name of a command from the place of its function."""
+    return place.partition(".")[2].rstrip("_").replace("_", "-")

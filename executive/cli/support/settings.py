@@ -9,14 +9,15 @@ import os
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 from click.core import ParameterSource
 
 from executive.api import PORT
-from hardware import DescriptionError
-from hardware.toml_table import TomlTable
+
+if TYPE_CHECKING:
+    from hardware.toml_table import TomlTable
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -71,7 +72,7 @@ class Setting:
     default: Any = None
     metavar: str | None = None
 
-    def read(self, table: TomlTable, key: str, folder: Path) -> Any:
+    def read(self, table: "TomlTable", key: str, folder: Path) -> Any:
         """Return the value of a key of a file. A relative path is in the folder of the file.
 
         Raises:
@@ -229,6 +230,8 @@ def configured(ctx: click.Context) -> Mapping[str, Configured]:
     if __name__ not in ctx.meta:
         ctx.meta[__name__] = dict[str, Configured]()
         for path in reversed(files()):
+            from hardware import DescriptionError
+
             try:
                 ctx.meta[__name__] |= _read(path)
             except DescriptionError as error:
@@ -264,6 +267,8 @@ def _upwards() -> Iterator[Path]:
 
 
 def _read(path: Path) -> dict[str, Configured]:
+    from hardware.toml_table import TomlTable  # only where there is a file
+
     _check_owner(path)
     table, values = TomlTable.read(path), dict[str, Configured]()
     for name, row in SETTINGS.items():
@@ -279,6 +284,8 @@ def _check_owner(path: Path) -> None:
 
     Its skills would run as this user.
     """
+    from hardware import DescriptionError
+
     owner, folder = path.stat().st_uid, path.parent.stat().st_uid
     if owner not in (os.getuid(), folder, 0):
         why = "belongs to another user, and so is not read; delete it, or work in another folder"

@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 from click.shell_completion import BashComplete
 
-from executive.cli.completion import VARIABLE
 from executive.cli.main import cli
+from executive.cli.support.command_group import COMPLETION_VARIABLE as VARIABLE
 from tests.support.paths import EXAMPLES
 
 PATIENCE = 60.0  # longer than any command takes [s]

@@ -18,6 +18,7 @@ from hypothesis import HealthCheck, Phase, given, seed, settings, strategies as 
 
 from executive.cli.main import cli
 from executive.cli.support.failures import print_error
+from tests.support.command_line.commands import commands_of
 from tests.support.paths import ROBOT_FILE
 
 pytestmark = pytest.mark.slow
@@ -41,9 +42,9 @@ WORDS = [
 def commands() -> dict[str, click.Command]:
     """Each command with its words."""
     found: dict[str, click.Command] = {}
-    for name, command in cli.commands.items():
+    for name, command in commands_of(cli).items():
         if isinstance(command, click.Group):
-            found |= {f"{name} {inner}": one for inner, one in command.commands.items()}
+            found |= {f"{name} {inner}": one for inner, one in commands_of(command).items()}
         elif name not in LEFT_OUT:
             found[name] = command
     return found

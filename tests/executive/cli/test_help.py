@@ -10,13 +10,14 @@ import pytest
 from click.testing import CliRunner
 
 from executive.cli.main import cli
+from tests.support.command_line.commands import commands_of
 from tests.support.command_line.typed import typed
 from trees import UnknownTask
 
 
 def commands(group: click.Group, *before: str) -> Iterator[tuple[str, ...]]:
     """Yield the names of a group's commands, those of groups within it too."""
-    for name, command in group.commands.items():
+    for name, command in commands_of(group).items():
         yield (*before, name)
         if isinstance(command, click.Group):
             yield from commands(command, *before, name)
@@ -46,7 +47,7 @@ def test_every_command_is_in_one_section() -> None:
     _, *sections = help_of().partition("Options:")[2].split("\n\n")
     assert all(re.fullmatch(r"[A-Z][a-z ]+:", section.splitlines()[0]) for section in sections)
     lines = [line for section in sections for line in section.splitlines()[1:]]
-    assert sorted(re.findall(r"^  (\S+)", "\n".join(lines), re.M)) == sorted(cli.commands)
+    assert sorted(re.findall(r"^  (\S+)", "\n".join(lines), re.M)) == sorted(commands_of(cli))
 
 
 @pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
