@@ -348,14 +348,7 @@ class Executive:
 
     def where(self) -> Where:
         """Return where the arm is."""
-        commanded = self._commanded()
-        return Where(
-            arm=self._arm.state,
-            units={joint.name: joint.unit for joint in self.robot.actuated},
-            commanded=commanded,
-            measured=None,
-            tool=self.robot.tool_position(commanded) if commanded else None,
-        )
+        return Where.of(self.robot, self._arm.state, self._commanded())
 
     def record(self, record: logs.Record) -> None:
         """Record something from outside, such as a line of the log."""

@@ -4,13 +4,15 @@
 """
 
 import dataclasses
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any, cast
 
 import logs
-from hardware import State
+from hardware import Robot, State
+from hardware.joints import rounded
 from hardware.printable import wire_bytes, wire_text
 from logs.records.field_types import frozen
 
@@ -136,26 +138,62 @@ class Status:
 
 @dataclass(frozen=True, slots=True)
 class Where:
-    """Where the arm is.
+    """Where the arm is, and what a view needs to draw it. `Where()` knows nothing.
 
     Attributes:
         arm: State of the hardware.
         units: Unit of each actuated joint, `rad` or `m`, by name.
+        limits: Smallest and largest position of each actuated joint [rad], by name; None for a
+            joint without limits.
+        boot_wait: Time from opening the port until the board is ready [s].
         commanded: Last commanded position by joint [rad]; None if the arm is not active.
         measured: Measured position by joint [rad]; None if the driver measures none.
         tool: x, y, z of the tool at the commanded position, in the frame of the robot's root [m];
             None if the arm is not active, or its robot file names no tool.
     """
 
-    arm: State
-    units: Mapping[str, str]
-    commanded: Mapping[str, float] | None
-    measured: Mapping[str, float] | None
-    tool: tuple[float, float, float] | None
+    arm: State = State.UNCONFIGURED
+    units: Mapping[str, str] = field(default_factory=dict)
+    limits: Mapping[str, tuple[float, float] | None] = field(default_factory=dict)
+    boot_wait: float = 0.0
+    commanded: Mapping[str, float] | None = None
+    measured: Mapping[str, float] | None = None
+    tool: tuple[float, float, float] | None = None
+
+    @classmethod
+    def of(cls, robot: Robot, arm: State, commanded: Mapping[str, float] | None) -> "Where":
+        """Return where a robot is.
+
+        Args:
+            robot: The robot.
+            arm: State of the hardware.
+            commanded: Last commanded position by joint [rad]; None if it is not known.
+        """
+        return cls(
+            arm,
+            {joint.name: joint.unit for joint in robot.actuated},
+            {joint.name: _finite(joint.lower, joint.upper) for joint in robot.actuated},
+            robot.serial.boot_wait,
+            commanded,
+            tool=robot.tool_position(commanded) if commanded else None,
+        )
+
+    def words(self, positions: Mapping[str, float]) -> str:
+        """Return positions by joint [rad] for people, as `joint_1 70.0 deg, joint_2 0.0 deg`."""
+        return ", ".join(
+            f"{name} {rounded(q, self.units.get(name, 'rad'))}" for name, q in positions.items()
+        )
+
+    @property
+    def tool_words(self) -> str:
+        """The position of the tool for people, as `120.0, 0.0, 85.5 mm`; empty if unknown."""
+        return ", ".join(f"{1e3 * q + 0.0:.1f}" for q in self.tool) + " mm" if self.tool else ""
 
     def to_json(self) -> dict[str, Any]:
         """Return it as a JSON object."""
-        return dataclasses.asdict(self)
+        plain = dataclasses.asdict(self)
+        plain["boot_wait_s"] = plain.pop("boot_wait")
+        return plain
 
     @classmethod
     def from_json(cls, plain: Mapping[str, Any]) -> "Where":
@@ -164,8 +202,18 @@ class Where:
         Raises:
             KeyError: A key is missing.
         """
-        tool = plain["tool"] and tuple(plain["tool"])
-        return from_fields(cls, {**plain, "arm": State(plain["arm"]), "tool": tool})
+        values = {
+            **plain,
+            "arm": State(plain["arm"]),
+            "limits": {name: pair and tuple(pair) for name, pair in plain["limits"].items()},
+            "boot_wait": plain["boot_wait_s"],
+            "tool": plain["tool"] and tuple(plain["tool"]),
+        }
+        return from_fields(cls, values)
+
+
+def _finite(lower: float, upper: float) -> tuple[float, float] | None:
+    return (lower, upper) if math.isfinite(upper - lower) else None
 
 
 def kind_of(event: Event) -> str:

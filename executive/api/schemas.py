@@ -223,6 +223,12 @@ WHERE = answer(
         "additionalProperties": {"type": "string", "enum": list(DISPLAY_UNITS)},
         "description": "Unit of the position of each joint.",
     },
+    limits={
+        "type": "object",
+        "additionalProperties": _or_null({**array(NUMBER), "minItems": 2, "maxItems": 2}),
+        "description": "Smallest and largest position of each joint; null if it has no limits.",
+    },
+    boot_wait_s=NUMBER,
     commanded={
         **_or_null(_BY_JOINT),
         "description": "Commanded position by joint; null if the arm is not active.",

@@ -220,24 +220,22 @@ def _recorded(robot: Any, recordings: Any) -> "tuple[Where, str]":
         raise ServerUnreachable("localhost", why)
     names = [joint.name for joint in arm.actuated]
     commanded = dict(zip(names, last.positions, strict=True))
-    units = {joint.name: joint.unit for joint in arm.actuated}
-    found = Where(State.UNCONFIGURED, units, commanded, None, arm.tool_position(commanded))
+    found = Where.of(arm, State.UNCONFIGURED, commanded)
     return found, f"{last.source}; the arm may have moved since"
 
 
 def _where_lines(found: "Where", source: str) -> Sequence[str]:
-    from hardware.joints import DISPLAY_UNITS
+    from hardware.joints import rounded
 
     lines = [f"{'arm':<12}{found.arm}, by {source}"]
     if not found.commanded:
         return [*lines, "The pose is known only of an active arm: `armtree arm activate`"]
     for name, q in found.commanded.items():
-        scale, unit = DISPLAY_UNITS[found.units[name]]
-        measured = found.measured and f", measured {scale * found.measured[name]:.1f} {unit}"
-        lines.append(f"{name:<12}{scale * q + 0.0:8.1f} {unit}{measured or ''}")
+        unit = found.units[name]
+        measured = found.measured and f", measured {rounded(found.measured[name], unit)}"
+        lines.append(f"{name:<12}{rounded(q, unit):>12}{measured or ''}")
     if found.tool:
-        x, y, z = (f"{1e3 * value + 0.0:.1f}" for value in found.tool)
-        lines.append(f"{'tool':<12}{x}, {y}, {z} mm")
+        lines.append(f"{'tool':<12}{found.tool_words}")
     return lines
 
 

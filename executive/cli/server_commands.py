@@ -124,7 +124,8 @@ def status(client: "Client", as_json: bool) -> None:
     from .support.server_requests import status_lines
 
     found = client.status()
-    echo(json.dumps(found.to_json()) if as_json else "\n".join(status_lines(found)))
+    lines = [] if as_json else status_lines(found, client.where())
+    echo(json.dumps(found.to_json()) if as_json else "\n".join(lines))
 
 
 @click.command()

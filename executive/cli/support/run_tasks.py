@@ -66,7 +66,7 @@ def execute(
             outcome = Outcome.of(number_of(tasks[0]), GoalState.ABORTED, cause_of(error))
             view.report(outcome)
             return [outcome]
-        view.describe(executive.robot)
+        view.describe(executive.where())
         view.say(port_line(executive))
         sequence = TaskSequence(executive)
 

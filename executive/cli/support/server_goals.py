@@ -53,6 +53,7 @@ def send_and_wait(
     with Interrupts(_LAST_WORDS) as interrupts, view_for(as_json, verbose) as view:
 
         def work() -> Outcome:
+            view.describe(client.where())
             hold = client.hold(goal_id) if deadman else nullcontext()
             with client.events() as events, hold:
                 try:
@@ -90,6 +91,7 @@ def watch(client: Client, as_json: bool, verbose: bool) -> None:
         ClientError: The server cannot be reached, or has ended.
     """
     with view_for(as_json, verbose) as view, client.events() as events:
+        view.describe(client.where())
         for event in events:
             if not isinstance(event, GoalStatus):
                 _watch(event, view)

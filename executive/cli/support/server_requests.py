@@ -9,7 +9,7 @@ from contextlib import contextmanager, suppress
 
 import click
 
-from executive.api.events import Status
+from executive.api.events import Status, Where
 from executive.api.outcome import CancelCode, CancelResult, cause_of
 from executive.cli.terminal.streams import echo
 from executive.client.synchronous import Client
@@ -102,15 +102,16 @@ def answer_question(client: Client, words: Sequence[str], as_json: bool) -> str:
     return json.dumps({"question_id": question, "answer": accepted}) if as_json else accepted
 
 
-def status_lines(status: Status) -> Iterator[str]:
-    """Yield the state of a server, line by line."""
+def status_lines(status: Status, where: Where) -> Iterator[str]:
+    """Yield the state of a server, and where its arm is, line by line."""
     yield f"Arm       {status.arm}, port {status.port or 'none'}"
     if fault := status.fault:
         yield f"Fault     {fault}"
         yield f"          -> {fault.hint}"
-    if status.commanded:
-        joints = ", ".join(f"{name} {q:.3f}" for name, q in status.commanded.items())
-        yield f"Commanded {joints} rad"
+    if where.commanded:
+        yield f"Commanded {where.words(where.commanded)}"
+    if where.tool:
+        yield f"Tool      {where.tool_words}"
     if status.goal:
         percentage = "" if status.percentage is None else f", {status.percentage} %"
         phase = " ".join(filter(None, ("PAUSED" if status.paused else status.phase, status.node)))

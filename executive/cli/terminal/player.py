@@ -5,9 +5,10 @@ import os
 import select
 from pathlib import Path
 
+from executive.api.events import Where
 from executive.api.outcome import Outcome
 from executive.recording.archive import restore_robot
-from hardware import HardwareError, RealClock
+from hardware import HardwareError, RealClock, State
 from logs import LogError, Record, Recording, Result
 
 from .keyboard import DOWN, LEFT, RIGHT, UP, key_by_key, keys_in
@@ -91,7 +92,7 @@ def play(path: Path, speed: float, at: float | None, as_json: bool, verbose: boo
     with view_for(as_json, verbose, lambda: player.now) as view, key_by_key() as keys:
         player = Player(recording, view, speed)
         with contextlib.suppress(HardwareError, LogError):  # without its robot, no bars are drawn
-            view.describe(restore_robot(recording))
+            view.describe(Where.of(restore_robot(recording), State.UNCONFIGURED, None))
         if keys is not None:
             view.say(_KEYS)
         if at is not None:

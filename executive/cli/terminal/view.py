@@ -5,11 +5,11 @@ from queue import Empty, SimpleQueue
 from typing import Self
 
 import logs
-from executive.api.events import QuestionStatus
+from executive.api.events import QuestionStatus, Where
 from executive.api.outcome import Outcome
-from hardware import RealClock, Robot
+from hardware import RealClock
 
-Item = logs.Record | QuestionStatus | Outcome | Robot | str
+Item = logs.Record | QuestionStatus | Outcome | Where | str
 
 
 class View:
@@ -39,9 +39,9 @@ class View:
         if self._error:
             raise self._error
 
-    def describe(self, robot: Robot) -> None:
-        """Take the robot whose goals are shown."""
-        self._queue.put(robot)
+    def describe(self, where: Where) -> None:
+        """Take the arm whose goals are shown."""
+        self._queue.put(where)
 
     def say(self, text: str) -> None:
         """Show a line of text."""

@@ -2,12 +2,11 @@
 
 import json
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 import logs
-from executive.api.events import QuestionStatus, event_to_json
+from executive.api.events import QuestionStatus, Where, event_to_json
 from executive.api.outcome import Outcome
-from hardware import Joint, Robot
 from hardware.printable import printable
 
 from .live.run_state import RunState
@@ -35,7 +34,7 @@ class _Lines(View):
 
 def _json_line(item: Item) -> str:
     """Return an event as JSON. The result is printed when its recording is closed."""
-    if isinstance(item, (str, Robot, logs.Result)):
+    if isinstance(item, (str, Where, logs.Result)):
         return ""
     if isinstance(item, Outcome):
         event = {"event": "result", **item.to_json()}
@@ -53,17 +52,16 @@ class _TextLine:
 
     def __init__(self, verbose: bool) -> None:
         self._verbose, self._state = verbose, RunState()
-        self._joints: Mapping[str, Joint] = {}
 
     def __call__(self, item: Item) -> str:
         """Return the line for an item, or "" for none."""
         match item:
             case str():
                 return item
-            case Robot():
-                self._joints = {joint.name: joint for joint in item.actuated}
+            case Where():
+                self._state.where = item
             case Outcome():
-                where = self._state.stopped(item, self._joints)
+                where = self._state.stopped(item)
                 return "\n".join(filter(None, (item.text(), where)))
             case QuestionStatus():
                 return item.text_with_command() if item.open else ""

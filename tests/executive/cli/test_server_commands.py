@@ -1,5 +1,6 @@
 """`armtree serve` and its clients, as processes."""
 
+import io
 import json
 import logging
 import os
@@ -12,9 +13,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from rich.console import Console
 
 from armtree import Client
+from executive.cli.support import server_goals
 from executive.cli.support.log_handler import LogHandler
+from executive.cli.terminal.live.live_view import LiveView
 from logs import LogLine, Recording
 from tests.logs.writing.test_compaction import run_journal
 from tests.support.paths import ROBOT_FILE
@@ -112,6 +116,8 @@ def test_a_day_in_the_life_of_a_server(typed: tuple[Served, Typed]) -> None:
     assert "Arm       inactive, port board" in type_in("status")[1]
     assert type_in("send", "1", "--wait")[0] == 6
     assert type_in("arm", "activate")[1] == "active\n"
+    assert "Commanded joint_1 0.0 deg, " in type_in("status")[1]
+    assert re.search("^Tool      .* mm$", type_in("status")[1], re.M)
     assert type_in("arm", "activate")[0] == 6
     status, out, error = type_in("send", "1", "--wait")
     assert (status, error) == (0, "")
@@ -121,6 +127,18 @@ def test_a_day_in_the_life_of_a_server(typed: tuple[Served, Typed]) -> None:
     events = [json.loads(line) for line in reported.splitlines()]
     assert events[-1]["event"] == "result"
     assert {"goal", "node", "feedback"} <= {event["event"] for event in events}
+
+
+def test_a_live_view_of_a_server_knows_the_joints(
+    typed: tuple[Served, Typed], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    served, type_in = typed
+    screen = io.StringIO()
+    view = LiveView(Console(file=screen, width=80, height=24))
+    monkeypatch.setattr(server_goals, "view_for", lambda *_: view)
+    served.executive.arm_to("activate")
+    assert type_in("send", "1", "--wait")[0] == 0
+    assert re.search("^joint_1 +-?[0-9.]+ deg ├.*●.*┤$", screen.getvalue(), re.M)
 
 
 def test_a_task_by_its_name(typed: tuple[Served, Typed]) -> None:

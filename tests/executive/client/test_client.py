@@ -1,6 +1,7 @@
 """The clients in Python, sync and async."""
 
 import asyncio
+import math
 import os
 import socket
 import threading
@@ -135,6 +136,7 @@ def test_moves_of_both_clients(serve: Serve) -> None:
         assert arm.move("upright", joint_4="-10 deg", joint_1=0.1, speed=0.5).success
         found = arm.where()
         assert found == served.executive.where()
+        assert found.limits["joint_1"] == pytest.approx((-math.pi / 2, math.pi / 2))
         assert (found.commanded or {})["joint_1"] == 0.1
         with pytest.raises(Refused, match="did you mean folded") as refused:
             arm.move("foldd")

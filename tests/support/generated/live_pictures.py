@@ -10,10 +10,11 @@ from tempfile import TemporaryDirectory
 from rich.console import Console
 
 import logs
+from executive.api.events import Where
 from executive.cli.terminal.live.live_view import Picture
 from executive.cli.terminal.live.run_state import RunState
 from executive.testing import SimulatedArm
-from hardware import Robot, load_robot
+from hardware import Robot, State, load_robot
 from tests.support.paths import DATA, EXAMPLES
 
 TARGET = DATA / "live_view.txt"
@@ -59,13 +60,11 @@ def picture(
         robot: The robot.
         later: Time since the last of these events [s].
     """
-    state = RunState()
+    state = RunState(Where.of(robot, State.UNCONFIGURED, None))
     for record in records[:moment]:
         state = state.begun(record) if isinstance(record, logs.Goal) else state
         state.update(record)
-    joints = {joint.name: joint for joint in robot.actuated}
-    now = records[moment - 1].time + later
-    return drawn(Picture(state, now, joints, robot.serial.boot_wait), size)
+    return drawn(Picture(state, records[moment - 1].time + later), size)
 
 
 def drawn(what: Picture, size: tuple[int, int]) -> str:

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 
 from rich.text import Text
 
-from hardware import Joint
+from executive.api.events import Where
 from hardware.joints import rounded
 from hardware.printable import printable
 
@@ -15,7 +15,7 @@ _AT_REST = 1e-9  # a smaller distance to the target is none [rad]
 
 
 def joint_rows(
-    joints: Mapping[str, Joint],
+    where: Where,
     positions: Mapping[str, float],
     targets: Mapping[str, float],
     width: int,
@@ -27,7 +27,7 @@ def joint_rows(
     Joints that do not fit are counted in the last place; those that move come first.
 
     Args:
-        joints: The joints by name; one that is not known here has no bar.
+        where: The arm; a joint that it does not have has no bar.
         positions: Commanded position by joint [rad].
         targets: Position at the end of the motion by joint [rad].
         width: Columns of the terminal.
@@ -35,9 +35,7 @@ def joint_rows(
     """
     if not positions:
         return []
-    cells = [
-        _Cell(name, joints.get(name), q, targets.get(name, q)) for name, q in positions.items()
-    ]
+    cells = [_Cell(where, name, q, targets.get(name, q)) for name, q in positions.items()]
     name_width = max(len(cell.name) for cell in cells)
     words_width = max(cell.widest for cell in cells)
     least = name_width + words_width + 1
@@ -56,13 +54,13 @@ def joint_rows(
 
 
 class _Cell:
-    def __init__(self, name: str, joint: Joint | None, position: float, target: float) -> None:
-        self.name, self._joint = printable(name), joint
+    def __init__(self, where: Where, name: str, position: float, target: float) -> None:
+        self.name, self._known = printable(name), name in where.units
         self._position, self._target = position, target
-        unit = joint.unit if joint else "rad"
+        self._limits, unit = where.limits.get(name), where.units.get(name, "rad")
         self.words = rounded(position, unit)
-        limits = (joint.lower, joint.upper) if joint and not joint.continuous else ()
-        self.widest = max(len(rounded(q, unit)) for q in (position, target, *limits))
+        widest = (position, target, *(self._limits or ()))
+        self.widest = max(len(rounded(q, unit)) for q in widest)
 
     @property
     def moves(self) -> bool:
@@ -72,7 +70,7 @@ class _Cell:
         """Return name, position and bar, each in a width."""
         words = f"{self.name:<{name_width}} {self.words:>{words_width}}"
         text = Text(words, style="" if self.moves else "dim")
-        if bar >= _NARROWEST and self._joint:
+        if bar >= _NARROWEST and self._known:
             text.append(" ").append(self._bar(bar - 2))
         return text
 
@@ -86,10 +84,8 @@ class _Cell:
         return text.append("".join(track[at + 1 :]) + "┤", style="dim")
 
     def _place(self, position: float, width: int) -> int:
-        assert self._joint
-        lower, upper = self._joint.lower, self._joint.upper
-        if not math.isfinite(upper - lower):
-            lower, upper = -math.pi, math.pi
+        lower, upper = self._limits or (-math.pi, math.pi)
+        if self._limits is None:
             position = math.remainder(position, 2 * math.pi)
         share = (position - lower) / (upper - lower) if upper > lower else 0.5
         return min(width - 1, max(0, round(share * (width - 1))))

@@ -1,7 +1,7 @@
 """The live view of a run in a terminal: progress, tree and joints, then the outcome."""
 
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from typing import TextIO, cast
 
 from rich.console import Console, ConsoleOptions, RenderResult
@@ -9,11 +9,11 @@ from rich.live import Live
 from rich.text import Text
 
 import logs
-from executive.api.events import QuestionStatus
+from executive.api.events import QuestionStatus, Where
 from executive.api.outcome import GoalState, Outcome
 from executive.cli.terminal.streams import LastingStream, fold
 from executive.cli.terminal.view import Item, View
-from hardware import Joint, RealClock, Robot
+from hardware import RealClock
 from hardware.printable import printable
 
 from .joint_rows import joint_rows
@@ -51,17 +51,15 @@ class LiveView(View):
         self._live: Live | None = None
         self._state = RunState()
         self._ahead = -float("inf")  # of the clock of the events [s]
-        self._joints: Mapping[str, Joint] = {}
-        self._boot_wait: float | None = None
 
     def show(self, item: Item) -> None:
         """Take an event into the picture, or print a text above it."""
         match item:
             case str():
                 self._print(item)
-            case Robot():
-                self._joints = {joint.name: joint for joint in item.actuated}
-                self._boot_wait = item.serial.boot_wait
+            case Where():
+                self._state.where = item
+                self._state.positions = item.commanded or {}
             case QuestionStatus():
                 if item.open:
                     self._print(item.text_with_command())
@@ -83,7 +81,7 @@ class LiveView(View):
 
     def picture(self) -> "Picture":
         """Return the run at this moment."""
-        return Picture(self._state, self._now() + self._ahead, self._joints, self._boot_wait)
+        return Picture(self._state, self._now() + self._ahead)
 
     def _take(self, record: logs.Record) -> None:
         if not isinstance(record, logs.Goal):
@@ -103,7 +101,7 @@ class LiveView(View):
     def _end(self, outcome: Outcome) -> None:
         self._state.end(self._now() + self._ahead, outcome.state.name)
         self.close()
-        where = self._state.stopped(outcome, self._joints)
+        where = self._state.stopped(outcome)
         text = "\n".join(filter(None, (outcome.text(), where)))
         self._print(text, outcome.state.name, _OUTCOMES[outcome.state])
 
@@ -119,21 +117,17 @@ class Picture:
     Args:
         state: The run.
         now: The moment, on the clock of its events [s].
-        joints: The joints by name, if they are known.
-        boot_wait: How long the board boots [s]; None if unknown.
     """
 
-    def __init__(
-        self, state: RunState, now: float, joints: Mapping[str, Joint], boot_wait: float | None
-    ) -> None:
-        self._state, self._now, self._joints, self._boot_wait = state, now, joints, boot_wait
+    def __init__(self, state: RunState, now: float) -> None:
+        self._state, self._now, self._boot_wait = state, now, state.where.boot_wait
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         """Yield its rows: at most one less than the console has."""
         state, width = self._state, options.max_width
         rows = max(3, console.height - 1) - 2
         for_joints = max(1, rows // 3, rows - max(1, len(state.nodes)))
-        joints = joint_rows(self._joints, state.positions, state.targets, width, for_joints)
+        joints = joint_rows(state.where, state.positions, state.targets, width, for_joints)
         yield _line((state.title, "bold"), f"   arm {state.arm}")
         yield self._progress(width)
         if state.nodes:

@@ -4,9 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import logs
+from executive.api.events import Where
 from executive.api.outcome import Outcome
-from hardware import Joint
-from hardware.joints import rounded
 from hardware.printable import printable
 
 from .tree_rows import HALTED
@@ -17,6 +16,7 @@ class RunState:
     """A run as it is at one moment. Times are those of the events [s].
 
     Attributes:
+        where: The arm before the run: its joints, and how long its board boots.
         goal_id: Identity of the goal.
         title: Number and name of the task.
         arm: State of the arm's lifecycle.
@@ -31,6 +31,7 @@ class RunState:
         motion_end: When the current motion ends; None if nothing moves.
     """
 
+    where: Where = field(default_factory=Where)
     goal_id: str = ""
     title: str = ""
     arm: str = "unconfigured"
@@ -50,6 +51,7 @@ class RunState:
         """Return the state at the begin of the next goal of the same arm."""
         title = printable(logs.goal_title(goal.task, goal.name))
         return RunState(
+            self.where,
             goal.goal_id,
             title,
             self.arm,
@@ -105,18 +107,9 @@ class RunState:
         self.motion_end = record.scheduled + self._due[-1] - self._due[self._sent]
         self._sent += 1
 
-    def stopped(self, outcome: Outcome, joints: Mapping[str, Joint]) -> str:
-        """Return where a goal stopped that did not succeed; empty if it sent no frame.
-
-        Args:
-            outcome: How the goal ended.
-            joints: The joints by name, if they are known.
-        """
+    def stopped(self, outcome: Outcome) -> str:
+        """Return where a goal stopped that did not succeed; empty if it sent no frame."""
         if outcome.success or not outcome.frames or not self.positions:
             return ""
-        place = ", ".join(
-            f"{name} {rounded(q, joints[name].unit if name in joints else 'rad')}"
-            for name, q in self.positions.items()
-        )
         done = f", after {self._sent} of {len(self._due)} frames of its motion" if self._due else ""
-        return printable(f"  stopped at {place}{done}")
+        return printable(f"  stopped at {self.where.words(self.positions)}{done}")

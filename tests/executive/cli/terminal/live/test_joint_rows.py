@@ -5,19 +5,25 @@ from dataclasses import replace
 
 import pytest
 
+from executive.api.events import Where
 from executive.cli.terminal.live.joint_rows import joint_rows
-from hardware import Joint, load_robot
+from hardware import Joint, State, load_robot
 
 ROBOT = load_robot(None)
-JOINTS = {joint.name: joint for joint in ROBOT.actuated}
-REST = dict.fromkeys(JOINTS, 0.0)
 
 
-def many(count: int) -> tuple[dict[str, Joint], dict[str, float]]:
-    joints = {
-        f"joint_{k}": replace(ROBOT.actuated[0], name=f"joint_{k}") for k in range(1, count + 1)
-    }
-    return joints, dict.fromkeys(joints, 0.5)
+def arm(*joints: Joint) -> Where:
+    return Where.of(replace(ROBOT, joints=joints), State.ACTIVE, None)
+
+
+ARM = arm(*ROBOT.actuated)
+REST = dict.fromkeys(ARM.units, 0.0)
+
+
+def many(count: int) -> tuple[Where, dict[str, float]]:
+    names = [f"joint_{k}" for k in range(1, count + 1)]
+    joints = (replace(ROBOT.actuated[0], name=name) for name in names)
+    return arm(*joints), dict.fromkeys(names, 0.5)
 
 
 def shown(*given: object) -> list[str]:
@@ -26,14 +32,14 @@ def shown(*given: object) -> list[str]:
 
 def test_a_joint_stands_between_its_limits() -> None:
     joint = ROBOT.actuated[0]
-    ends = [shown(JOINTS, REST | {joint.name: q}, {}, 80, 9)[0] for q in (joint.lower, joint.upper)]
+    ends = [shown(ARM, REST | {joint.name: q}, {}, 80, 9)[0] for q in (joint.lower, joint.upper)]
     assert ends[0].startswith("joint_1 -90.0 deg ├●─")
     assert ends[1].endswith("─●┤")
 
 
 def test_the_target_is_marked_until_it_is_reached() -> None:
-    assert "○" in shown(JOINTS, REST, REST | {"joint_1": 0.7}, 80, 9)[0]
-    assert "○" not in "".join(shown(JOINTS, REST, REST, 80, 9))
+    assert "○" in shown(ARM, REST, REST | {"joint_1": 0.7}, 80, 9)[0]
+    assert "○" not in "".join(shown(ARM, REST, REST, 80, 9))
 
 
 @pytest.mark.parametrize("width", [40, 60, 80, 200])
@@ -57,15 +63,15 @@ def test_joints_that_move_come_first() -> None:
 def test_a_prismatic_joint_is_in_mm_and_a_joint_without_limits_within_a_turn() -> None:
     slide = replace(ROBOT.actuated[0], name="slide", unit="m", lower=0.0, upper=0.1)
     wheel = replace(ROBOT.actuated[0], name="wheel", lower=-math.inf, upper=math.inf)
-    rows = shown({"slide": slide, "wheel": wheel}, {"slide": 0.05, "wheel": 7.0}, {}, 60, 2)
+    rows = shown(arm(slide, wheel), {"slide": 0.05, "wheel": 7.0}, {}, 60, 2)
     assert rows[0].startswith("slide   50.0 mm ├")
     assert rows[1].startswith("wheel 401.1 deg ├")
     assert rows[1].index("●") - rows[1].index("├") > 10
 
 
 def test_a_joint_without_known_limits_has_no_bar() -> None:
-    assert shown({}, {"joint_1": math.pi}, {}, 60, 2) == ["joint_1 180.0 deg"]
+    assert shown(Where(), {"joint_1": math.pi}, {}, 60, 2) == ["joint_1 180.0 deg"]
 
 
 def test_no_positions_no_rows() -> None:
-    assert shown(JOINTS, {}, {}, 60, 2) == []
+    assert shown(ARM, {}, {}, 60, 2) == []
