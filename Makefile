@@ -11,6 +11,7 @@ READY := $(VENV)/.ready
 TOOLS := $(VENV)/.tools
 PEERS := $(VENV)/.peers
 GROOT := $(VENV)/.behaviortree
+PAGE := $(VENV)/.page
 
 INSTALL := $(PIP) install --quiet --disable-pip-version-check
 COMPILE := uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header \
@@ -28,9 +29,10 @@ test: lint types rooms $(PEERS) $(GROOT)
 quick: $(TOOLS)
 	$(VENV)/bin/pytest -m "not slow"
 
-lint: $(TOOLS)
+lint: $(TOOLS) $(PAGE)
 	$(VENV)/bin/ruff format --check .
 	$(VENV)/bin/ruff check .
+	@command -v npm >/dev/null || exit 0; cd executive/server/page && npm run --silent check
 
 types: $(TOOLS)
 	$(VENV)/bin/mypy
@@ -80,6 +82,11 @@ $(TOOLS): $(READY) .ci/lock-dev.txt
 # JavaScript clients for the tests. Without npm, their tests report that they are skipped.
 $(PEERS): tests/peers/package-lock.json | $(PIP)
 	@command -v npm >/dev/null || exit 0; cd tests/peers && npm ci --silent --ignore-scripts --no-audit --no-fund
+	@touch $@
+
+# TypeScript checks the page's code. Without npm, it is not checked.
+$(PAGE): executive/server/page/package-lock.json | $(PIP)
+	@command -v npm >/dev/null || exit 0; cd executive/server/page && npm ci --silent --ignore-scripts --no-audit --no-fund
 	@touch $@
 
 # BehaviorTree.CPP for the tests. Without a C++ compiler, its test reports that it is skipped.

@@ -297,6 +297,14 @@ class Unauthorized(RequestError):
     hint = "the server printed it when it started"
 
 
+class WrongCode(RequestError):
+    """The code of a link to the page is unknown, or was used."""
+
+    status = 401
+    code = "request.code"
+    hint = "`armtree view` opens the page with a new link"
+
+
 class TooMuch(RequestError):
     """Too many requests or clients."""
 

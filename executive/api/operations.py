@@ -21,6 +21,7 @@ class Access(Enum):
 
     READ = "any program on this machine; from other machines only with the token"
     CHANGE = "only with the token"
+    SIGN_IN = "whoever has the code of a link, without the token"
     STOP = "every program, without a token and without a rate limit"
 
 
@@ -129,6 +130,31 @@ _ROWS = (
         "Report that the server answers.",
         s.answer("Health", ok=s.BOOLEAN, version=s.TEXT),
     ),
+    Operation(
+        "GET",
+        Access.CHANGE,
+        "/api/session",
+        "session",
+        "Report that the token is right.",
+        s.answer("Session", ok=s.BOOLEAN),
+    ),
+    Operation(
+        "POST",
+        Access.SIGN_IN,
+        "/api/session",
+        "sign_in",
+        "Exchange the code of a link, which works once, for the token.",
+        s.answer("SignedIn", token=s.TEXT),
+        body=s.body("code", code=s.words("The code in the link.")),
+    ),
+    _change(
+        "/api/links",
+        "link",
+        "Return a link to the page that signs one browser in.",
+        s.answer("Link", url=s.TEXT),
+        body=s.EMPTY,
+    ),
+    _read("/api/robot", "robot", "Describe the robot.", s.ROBOT),
     _read("/api/status", "status", "Return the state of the arm and of the goals.", s.STATUS),
     _read("/api/where", "where", "Return where the arm is, joints and tool.", s.WHERE),
     _read("/api/tasks", "tasks", "List the tasks.", s.answer("Tasks", tasks=s.array(s.TASK))),

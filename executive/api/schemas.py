@@ -215,6 +215,11 @@ STATUS = answer(
     breakpoints=array(TEXT),
     uptime_s=NUMBER,
 )
+ROBOT = answer(
+    "Robot",
+    name=TEXT,
+    opening={**TEXT, "description": "What the arm does when its port is opened."},
+)
 WHERE = answer(
     "Where",
     arm=ARM_STATE,

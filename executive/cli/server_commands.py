@@ -129,6 +129,22 @@ def status(client: "Client", as_json: bool) -> None:
 
 
 @click.command()
+@click.option("--print", "only_print", is_flag=True, help="Print the link, and open no browser.")
+@_with_client
+def view(client: "Client", as_json: bool, only_print: bool) -> None:
+    """Open the page of a server in a browser, signed in.
+
+    The link works once. It is printed too, for a browser elsewhere.
+    """
+    import webbrowser
+
+    link = client.page_link()
+    echo(json.dumps({"url": link}) if as_json else link)
+    if not (only_print or as_json):
+        webbrowser.open(link)
+
+
+@click.command()
 @_with_client
 def watch(client: "Client", as_json: bool) -> None:
     """Show everything that a server does, until Ctrl-C. Goals are not affected."""

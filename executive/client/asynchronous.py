@@ -276,6 +276,10 @@ class AsyncClient:
         """Return the state of the arm and of the goals."""
         return await self._call("status", Status.from_json)
 
+    async def page_link(self) -> str:
+        """Return a link that opens the page, and signs one browser in."""
+        return await self._call("link", lambda answer: str(answer["url"]))
+
     async def where(self) -> Where:
         """Return where the arm is."""
         return await self._call("where", Where.from_json)

@@ -272,6 +272,10 @@ class Client:
         """Return the state of the arm and of the goals."""
         return self._call("status", Status.from_json)
 
+    def page_link(self) -> str:
+        """Return a link that opens the page, and signs one browser in."""
+        return self._call("link", lambda answer: str(answer["url"]))
+
     def where(self) -> Where:
         """Return where the arm is."""
         return self._call("where", Where.from_json)

@@ -28,6 +28,7 @@ from .limits.descriptors import max_connections
 from .limits.fair_queue import FairQueue
 from .rosbridge.bridge import Bridge
 from .security import AccessRules, host_names, is_loopback
+from .sign_in import SignIn
 
 logger = logging.getLogger(__name__)
 
@@ -146,6 +147,7 @@ class Server:
         url: URL of the server, for clients on this machine.
         port: TCP port.
         token: Token for every request that changes something.
+        sign_in: Makes links that sign browsers in.
 
     Raises:
         ServerError: The options are unsafe or invalid, or the token file cannot be written.
@@ -163,6 +165,7 @@ class Server:
         address = _LOOPBACK.get(listen.address, listen.address)
         host = next(iter(host_names((address,), self.port)))
         self.url, self.token = f"http://{host}", token_file.new_token()
+        self.sign_in = SignIn(self.url, self.token)
         self._info = token_file.ServerInfo(self.url, self.token, os.getpid())
         try:
             token_file.write(self.port, self._info)
@@ -194,7 +197,9 @@ class Server:
         self._unsubscribe = self._executive.subscribe(self._hub.publish)
         self._questions.changed = self._hub.publish
         self._canceler = canceler = CancelThread(self._executive)
-        endpoints = Endpoints(self._executive, canceler, self._library, self._hub, self._questions)
+        endpoints = Endpoints(
+            self._executive, canceler, self._library, self._hub, self._questions, self.sign_in
+        )
         bridge = Bridge(self._executive, canceler, self._hub)
         serve_rosbridge = bridge.serve if self._options.rosbridge else None
         rules = self._options.rules(self.port, self.token)

@@ -47,7 +47,8 @@ def serve(setup: Setup, listen: ListenOptions) -> None:
         Server(executive, listen, questions) as server,
     ):
         logger.info("Token for requests that change something: %s", server.token)
-        with recorded_log(executive):  # everything but the token
+        logger.info("The page, to open once: %s", server.sign_in.link())
+        with recorded_log(executive):  # everything but the token and the link
             logger.info("%s", port_line(executive))
             _announce(server, executive, listen)
             executive.start()

@@ -34,6 +34,7 @@ from executive.errors import (
 )
 from executive.server.errors import failure
 from executive.server.limits.token_bucket import TokenBucket
+from executive.server.page.files import page_routes
 from executive.server.security import (
     AccessRules,
     is_authenticated,
@@ -93,6 +94,7 @@ class App:
             for o in operations
             if o.ignores_input
         ]
+        routes += page_routes()
         if rosbridge:
             routes.append(WebSocketRoute("/", rosbridge))
         starlette = Starlette(routes=routes, exception_handlers={HTTPException: _not_routed})
@@ -167,7 +169,8 @@ class App:
         if not self._buckets[known].take():
             rate, _ = RATE_LIMITS[known]
             raise TooMuch(f"more than {rate:g} requests per second", "wait a moment")
-        if self._rules.exposed or operation.access is Access.CHANGE:
+        changes = operation.access is Access.CHANGE
+        if changes or (self._rules.exposed and operation.access is Access.READ):
             self._rules.check_token(request.headers)
 
     @contextmanager

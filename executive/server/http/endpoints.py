@@ -23,7 +23,9 @@ from executive.server.errors import http_status
 from executive.server.event_hub import EventHub
 from executive.server.limits.cancel_thread import CancelThread
 from executive.server.metrics import Metrics
+from executive.server.page.robot import description
 from executive.server.security import is_authenticated
+from executive.server.sign_in import SignIn
 from trees.live_library import LiveLibrary
 
 from .openapi import document
@@ -48,6 +50,7 @@ class Endpoints:
         library: The tasks.
         hub: Source of events.
         questions: Open questions of tasks.
+        sign_in: Signs browsers in.
     """
 
     def __init__(
@@ -57,9 +60,11 @@ class Endpoints:
         library: LiveLibrary,
         hub: EventHub,
         questions: Questions,
+        sign_in: SignIn,
     ) -> None:
         self._executive, self._canceler = executive, canceler
         self._library, self._hub, self._questions = library, hub, questions
+        self._sign_in = sign_in
         self._metrics = Metrics(executive.status, lambda: len(hub.subscribers))
         self._document = document(OPERATIONS.values())
         self._listing = asyncio.Lock()
@@ -70,6 +75,22 @@ class Endpoints:
     async def health(self) -> Json:
         """Report that the server answers."""
         return {"ok": True, "version": version("armtree")}
+
+    async def session(self) -> Json:
+        """Report that the token is right."""
+        return {"ok": True}
+
+    async def sign_in(self, code: str) -> Json:
+        """Exchange the code of a link for the token."""
+        return {"token": self._sign_in.redeem(code)}
+
+    async def link(self) -> Json:
+        """Return a link that signs one browser in."""
+        return {"url": self._sign_in.link()}
+
+    async def robot(self) -> Json:
+        """Describe the robot."""
+        return description(self._executive.robot)
 
     async def status(self) -> Json:
         """Return the state of the arm and of the goals."""

@@ -418,3 +418,17 @@ def test_help_loads_nothing_heavy(words: tuple[str, ...]) -> None:
         [sys.executable, "-c", program], capture_output=True, text=True, check=False
     )
     assert ran.stderr == "[]\n"
+
+
+def test_view_opens_the_page_with_a_new_link(
+    typed: tuple[Served, Typed], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    served, type_in = typed
+    opened: list[str] = []
+    monkeypatch.setattr("webbrowser.open", opened.append)
+    status, printed, _ = type_in("view")
+    assert (status, opened) == (0, [printed.strip()])
+    assert printed.startswith(f"{served.server.url}/#code=")
+    status, printed, _ = type_in("view", "--print")
+    assert (status, len(opened)) == (0, 1)
+    assert printed.strip() not in opened

@@ -12,7 +12,7 @@ import pytest
 from websockets.frames import Close, Frame, Opcode
 
 from executive.api import token_file
-from executive.api.operations import OPERATIONS
+from executive.api.operations import OPERATIONS, Access
 from executive.client import transport
 from executive.errors import AddressInUse, ServerError
 from executive.server.http import app
@@ -32,14 +32,15 @@ def path_of(template: str) -> str:
 def test_only_a_stop_needs_no_token(serve: Serve) -> None:
     served = serve()
     for operation in OPERATIONS.values():
-        if operation.method == "GET":
+        if operation.access in (Access.READ, Access.SIGN_IN):
             continue
-        status, error = served.ask("POST", path_of(operation.path), token=False)
+        method, path = operation.method, path_of(operation.path)
+        status, error = served.ask(method, path, token=False)
         assert (status != 401) == operation.stops, operation.path
         if not operation.stops:
             assert error["code"] == "request.token"
             wrong = {"authorization": "Bearer x"}
-            assert served.ask("POST", path_of(operation.path), {}, wrong)[0] == 401
+            assert served.ask(method, path, {}, wrong)[0] == 401
     assert served.executive.goals() == ()
 
 
@@ -47,7 +48,8 @@ def test_an_exposed_server_needs_the_token_for_reading(serve: Serve) -> None:
     served = serve(expose=True)
     for operation in OPERATIONS.values():
         status = served.ask(operation.method, path_of(operation.path), token=False)[0]
-        assert (status == 401) != operation.stops, operation.path
+        open_to_all = operation.stops or operation.access is Access.SIGN_IN
+        assert (status == 401) != open_to_all, operation.path
     assert served.ask("GET", "/api/status")[0] == 200
 
 
@@ -325,5 +327,5 @@ def test_a_target_may_be_a_whole_url(serve: Serve) -> None:
     foreign = asked("http://evil.example/api/stop")
     assert foreign.startswith(b"HTTP/1.1 403")
     assert b'"request.host"' in foreign
-    assert asked(f"http://{own}").startswith(b"HTTP/1.1 404")
+    assert asked(f"http://{own}").startswith(b"HTTP/1.1 405")
     assert asked("*").startswith(b"HTTP/1.1 404")

@@ -1,0 +1,98 @@
+/**
+ * Requests to the server, and the token of this tab.
+ *
+ * The token is in the storage of this tab. Browsers send cookies to every port of a machine, so
+ * another program on it could read one; this storage belongs to this address with its port. The
+ * token survives a reload, and is of no use after the server has ended.
+ */
+
+const KEY = "armtree-token";
+
+/**
+ * @typedef {object} Cause Why a goal or a request failed.
+ * @property {string} code
+ * @property {string} message
+ * @property {string} node path of the node; empty if the cause is outside the tree
+ * @property {string} hint
+ */
+
+/** A request that the server refused. */
+export class Refused extends Error {
+  /**
+   * @param {number} status HTTP status
+   * @param {Cause} cause
+   */
+  constructor(status, cause) {
+    super(cause.hint ? `${cause.message}. ${cause.hint}` : cause.message);
+    this.status = status;
+    this.code = cause.code;
+  }
+}
+
+/** Events: `change` when this tab signs in or out. */
+export const session = new EventTarget();
+
+/** @returns {boolean} True if this tab has a token. */
+export function isSignedIn() {
+  return sessionStorage.getItem(KEY) !== null;
+}
+
+/** @param {string | null} token */
+function setToken(token) {
+  if (token === null) sessionStorage.removeItem(KEY);
+  else sessionStorage.setItem(KEY, token);
+  session.dispatchEvent(new Event("change"));
+}
+
+/**
+ * Sign in with the code in the address, and remove it from there. Without one, check the token,
+ * which may be that of an earlier run of the server.
+ */
+export async function signIn() {
+  const code = new URLSearchParams(location.hash.slice(1)).get("code");
+  if (code === null) return checkSession();
+  history.replaceState(null, "", location.pathname);
+  const { token } = await post("api/session", { code });
+  setToken(token);
+}
+
+/** Sign out if the token is that of an earlier run of the server. */
+export async function checkSession() {
+  if (isSignedIn()) await get("api/session").catch(() => undefined);
+}
+
+/**
+ * @param {string} path
+ * @param {AbortSignal} [signal]
+ * @returns {Promise<any>} the JSON
+ */
+export async function get(path, signal) {
+  return (await request(path, { signal })).json();
+}
+
+/**
+ * @param {string} path
+ * @param {object} [body]
+ * @param {AbortSignal} [signal]
+ * @returns {Promise<any>} the JSON
+ */
+export async function post(path, body = {}, signal) {
+  const headers = { "content-type": "application/json" };
+  return (await request(path, { method: "POST", body: JSON.stringify(body), headers, signal })).json();
+}
+
+/**
+ * Send a request; throw Refused if the server refuses it.
+ * @param {string} path
+ * @param {RequestInit} options
+ */
+export async function request(path, options) {
+  const headers = new Headers(options.headers);
+  const token = sessionStorage.getItem(KEY);
+  if (token !== null) headers.set("authorization", `Bearer ${token}`);
+  const response = await fetch(path, { ...options, headers, cache: "no-store" });
+  if (response.ok) return response;
+  const cause = await response.json();
+  if (cause.code === "request.token" && token !== null) setToken(null);
+  throw new Refused(response.status, cause);
+}

@@ -1,0 +1,151 @@
+/**
+ * The connection to the server: one stream of events, and its status once a second.
+ *
+ * A browser opens six connections to a server, over all tabs. So that a stop always gets one, at
+ * most four tabs have a stream, and a hidden tab closes its own.
+ */
+
+import { checkSession, get, request } from "./api.js";
+
+const PERIOD = 1000; // between two requests for the status [ms]
+const TIMEOUT = 1500; // longest time for an answer [ms]
+const MAX_STREAMS = 4; // over all tabs of a browser
+
+/**
+ * @typedef {object} Status What the server answers at `/api/status`.
+ * @property {string} arm state of the lifecycle
+ * @property {import("./api.js").Cause | null} fault
+ * @property {string} port
+ * @property {Record<string, number> | null} commanded
+ * @property {import("./model/run.js").Goal | null} goal
+ * @property {number | null} percentage
+ * @property {string} phase
+ * @property {string} node
+ * @property {number} attempt
+ * @property {string[]} waiting
+ * @property {string} policy
+ * @property {boolean} paused
+ * @property {string[]} breakpoints
+ * @property {number} uptime_s
+ */
+
+/**
+ * Events: `event` with an event of the server as `detail`, `begin` before the first one of a
+ * stream, `status` with a Status, `change` when the connection is lost or back.
+ */
+export class Connection extends EventTarget {
+  /** Time of the last answer [ms since 1970]; 0 before the first. */
+  heard = 0;
+  /** False if the last request had no answer. */
+  alive = false;
+  /** Why the server refuses to be watched; empty if it does not. */
+  refusal = "";
+  /** True if too many other tabs have a stream. */
+  crowded = false;
+
+  #stream = new AbortController();
+  #streaming = false;
+  #uptime = 0;
+  #timer = 0;
+
+  /** Begin to watch. */
+  start() {
+    document.addEventListener("visibilitychange", () => {
+      if (document.hidden) this.#stream.abort();
+      else this.refresh();
+    });
+    this.refresh();
+  }
+
+  /** Ask for the status now, and then once a period. */
+  async refresh() {
+    clearTimeout(this.#timer);
+    try {
+      const status = await get("api/status", AbortSignal.timeout(TIMEOUT));
+      this.#setAlive(true, "");
+      if (status.uptime_s < this.#uptime) checkSession();
+      this.#uptime = status.uptime_s;
+      this.dispatchEvent(new CustomEvent("status", { detail: status }));
+      if (!this.#streaming && !document.hidden) this.#follow();
+    } catch (error) {
+      const refused = error instanceof Error && "status" in error;
+      this.#setAlive(refused, refused ? error.message : "");
+    }
+    clearTimeout(this.#timer);
+    if (!document.hidden) this.#timer = setTimeout(() => this.refresh(), PERIOD);
+  }
+
+  /**
+   * @param {boolean} alive
+   * @param {string} refusal
+   */
+  #setAlive(alive, refusal) {
+    if (alive) this.heard = Date.now();
+    if (alive === this.alive && refusal === this.refusal) return;
+    this.alive = alive;
+    this.refusal = refusal;
+    if (!alive) this.#stream.abort();
+    this.dispatchEvent(new Event("change"));
+  }
+
+  /** @param {boolean} crowded */
+  #setCrowded(crowded) {
+    if (crowded === this.crowded) return;
+    this.crowded = crowded;
+    this.dispatchEvent(new Event("change"));
+  }
+
+  /** Read events until the stream ends, if this tab may have a stream. */
+  async #follow() {
+    this.#streaming = true;
+    const follows = await withSlot(() => {
+      this.#setCrowded(false);
+      return this.#read();
+    });
+    this.#streaming = false;
+    this.#setCrowded(!follows);
+    if (follows && !document.hidden) this.refresh();
+  }
+
+  async #read() {
+    this.#stream = new AbortController();
+    try {
+      const { body } = await request("api/events", { signal: this.#stream.signal });
+      if (!body) return;
+      this.dispatchEvent(new Event("begin"));
+      let text = "";
+      const reader = body.pipeThrough(new TextDecoderStream()).getReader();
+      for (let read = await reader.read(); !read.done; read = await reader.read()) {
+        const parts = (text + read.value).split("\n\n");
+        text = parts.pop() ?? "";
+        for (const part of parts) this.#publish(part);
+      }
+    } catch {
+      // The stream broke or was closed. The next status tells which.
+    }
+  }
+
+  /** @param {string} part a server-sent event, or a comment */
+  #publish(part) {
+    const data = part.split("\n").find((line) => line.startsWith("data: "));
+    if (!data) return;
+    const detail = JSON.parse(data.slice("data: ".length));
+    this.dispatchEvent(new CustomEvent("event", { detail }));
+  }
+}
+
+/**
+ * Act in one of the slots of this browser.
+ * @param {() => Promise<void>} act
+ * @returns {Promise<boolean>} false if all slots are taken
+ */
+async function withSlot(act) {
+  if (!navigator.locks) return act().then(() => true); // plain HTTP from another machine
+  for (let slot = 0; slot < MAX_STREAMS; slot++) {
+    const acted = await navigator.locks.request(`stream ${slot}`, { ifAvailable: true }, (lock) =>
+      lock ? act().then(() => true) : false,
+    );
+    if (acted) return true;
+  }
+  return false;
+}

@@ -1,0 +1,66 @@
+/** Small helpers for elements. Text is always set as text, never as HTML. */
+
+/**
+ * Return the element with an id, which must be of a kind.
+ * @template {HTMLElement} T
+ * @param {string} id
+ * @param {new () => T} kind such as HTMLButtonElement
+ * @returns {T}
+ */
+export function byId(id, kind) {
+  const found = document.getElementById(id);
+  if (!(found instanceof kind)) throw new Error(`index.html has no ${kind.name} ${id}`);
+  return found;
+}
+
+/**
+ * Return a new element.
+ * @template {keyof HTMLElementTagNameMap} K
+ * @param {K} tag
+ * @param {Record<string, string | boolean | number>} [attributes] true sets it without a value,
+ *   false leaves it out
+ * @param {...(Node | string)} children
+ * @returns {HTMLElementTagNameMap[K]}
+ */
+export function element(tag, attributes = {}, ...children) {
+  const made = document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes)) setAttribute(made, name, value);
+  made.append(...children);
+  return made;
+}
+
+/**
+ * Set or remove an attribute, if it differs.
+ * @param {Element} target
+ * @param {string} name
+ * @param {string | boolean | number} value
+ */
+export function setAttribute(target, name, value) {
+  const text = value === true ? "" : String(value);
+  if (value === false) target.removeAttribute(name);
+  else if (target.getAttribute(name) !== text) target.setAttribute(name, text);
+}
+
+/**
+ * Set the text of an element, if it differs.
+ * @param {Element} target
+ * @param {string} text
+ */
+export function setText(target, text) {
+  if (target.textContent !== text) target.textContent = text;
+}
+
+/**
+ * Return a function that calls another one at most once per frame of the screen.
+ * @param {() => void} draw
+ * @returns {() => void}
+ */
+export function oncePerFrame(draw) {
+  let asked = 0;
+  return () => {
+    asked ||= requestAnimationFrame(() => {
+      asked = 0;
+      draw();
+    });
+  };
+}

@@ -1,0 +1,179 @@
+/** The state of the run that is shown, computed from events. It knows no element of the page. */
+
+/** @typedef {import("../api.js").Cause} Cause */
+
+/**
+ * @typedef {object} Outcome How a goal ended.
+ * @property {string} state SUCCEEDED, CANCELED or ABORTED
+ * @property {string} message
+ * @property {number} duration_s
+ * @property {number} frames
+ * @property {string} recording
+ * @property {Cause | null} cause
+ */
+
+/**
+ * @typedef {object} Goal
+ * @property {string} goal_id
+ * @property {number} task
+ * @property {string} state
+ * @property {number} stamp_ns
+ * @property {Outcome | null} result
+ */
+
+/**
+ * @typedef {object} TreeNode
+ * @property {string} path
+ * @property {string} name
+ * @property {number} level from 1
+ * @property {TreeNode | null} parent
+ * @property {TreeNode[]} children
+ * @property {string} status RUNNING, SUCCESS, FAILURE, INVALID, or HALTED for INVALID after RUNNING
+ * @property {string} message
+ * @property {number | null} began time of the last start [s]
+ * @property {number | null} ended time of the last end [s]
+ * @property {number} starts how often it started
+ */
+
+const MOVE = -1; // task number of a move
+const LONGEST = 4000; // characters of a message that are kept
+
+/** One run, or none yet. */
+export class Run {
+  goalId = "";
+  title = "";
+  task = 0;
+  /** State of the goal; empty if there is none. */
+  state = "";
+  /** @type {number | null} */
+  percentage = null;
+  phase = "";
+  attempt = 1;
+  /** Time of the newest event [s]. */
+  time = 0;
+  /** @type {Outcome | null} */
+  outcome = null;
+  /** @type {Map<string, TreeNode>} by path, parents first */
+  nodes = new Map();
+  /** @type {Set<TreeNode>} nodes that have changed since they were drawn */
+  changed = new Set();
+
+  /**
+   * Take an event.
+   * @param {any} event as the server sends it
+   * @returns {boolean} True if another goal began
+   */
+  update(event) {
+    if (typeof event.time_s === "number") this.time = Math.max(this.time, event.time_s);
+    switch (event.event) {
+      case "goal":
+        if (event.goal_id === this.goalId) return false;
+        this.#begin(event);
+        return true;
+      case "node":
+        this.#updateNode(event);
+        break;
+      case "feedback":
+        this.percentage = event.percentage;
+        this.phase = event.phase;
+        this.attempt = event.attempt;
+        break;
+      case "status":
+        this.updateGoal(event);
+        break;
+    }
+    return false;
+  }
+
+  /**
+   * Take the state of a goal, if it is this one.
+   * @param {Goal} goal
+   */
+  updateGoal(goal) {
+    if (goal.goal_id !== this.goalId) return;
+    this.state = goal.state;
+    this.outcome = goal.result;
+    if (goal.result) this.phase = "";
+  }
+
+  /** @returns {TreeNode[]} the running leaves */
+  get running() {
+    return [...this.nodes.values()].filter(
+      (node) => node.status === "RUNNING" && !node.children.some((child) => child.status === "RUNNING"),
+    );
+  }
+
+  /** @returns {boolean} True while the goal is under way */
+  get active() {
+    return this.goalId !== "" && this.outcome === null;
+  }
+
+  /** @param {any} event */
+  #begin(event) {
+    Object.assign(this, new Run());
+    this.goalId = event.goal_id;
+    this.task = event.task;
+    this.title = goalTitle(event.task, event.name);
+    this.state = "EXECUTING";
+    this.time = event.time_s;
+  }
+
+  /** @param {any} event */
+  #updateNode(event) {
+    const node = this.nodes.get(event.path) ?? this.#newNode(event);
+    const before = node.status;
+    node.message = cut(event.message);
+    node.status = event.status === "INVALID" && before === "RUNNING" ? "HALTED" : event.status;
+    if (event.status === "RUNNING") {
+      node.began = event.time_s;
+      node.ended = null;
+      node.starts += 1;
+    } else if (event.status !== "INVALID" || before === "RUNNING") {
+      if (before !== "RUNNING") {
+        node.began = event.time_s; // it started and ended within one tick
+        node.starts += 1;
+      }
+      node.ended = event.time_s;
+    }
+    this.changed.add(node);
+  }
+
+  /**
+   * @param {any} event
+   * @returns {TreeNode}
+   */
+  #newNode(event) {
+    const above = event.path.slice(0, Math.max(0, event.path.lastIndexOf("/")));
+    const parent = this.nodes.get(above) ?? null;
+    /** @type {TreeNode} */
+    const node = {
+      path: event.path,
+      name: event.name,
+      level: (parent?.level ?? 0) + 1,
+      parent,
+      children: [],
+      status: "INVALID",
+      message: "",
+      began: null,
+      ended: null,
+      starts: 0,
+    };
+    parent?.children.push(node);
+    this.nodes.set(node.path, node);
+    return node;
+  }
+}
+
+/**
+ * Return how people call a goal.
+ * @param {number} task
+ * @param {string} [name]
+ */
+export function goalTitle(task, name = "") {
+  return task === MOVE ? "move" : `task ${task} ${name}`.trimEnd();
+}
+
+/** @param {string} message */
+function cut(message) {
+  return message.length > LONGEST ? `${message.slice(0, LONGEST)} …` : message;
+}

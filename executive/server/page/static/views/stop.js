@@ -1,0 +1,75 @@
+/** The STOP button. It needs no sign-in, and works from anywhere by Esc. */
+
+import { Refused, get, post } from "../api.js";
+import { byId, setText } from "../dom.js";
+
+const TIMEOUT = 2000; // longest time for the answer to a stop [ms]
+const SAFETY = "software stop, not an emergency stop";
+
+/**
+ * @param {() => boolean} isReachable whether the server answers
+ * @returns {() => void} draws the button again
+ */
+export function showStop(isReachable) {
+  const button = byId("stop", HTMLButtonElement);
+  const note = byId("stop-note", HTMLElement);
+  /** What the last stop did; empty if there was none. */
+  let answer = "";
+  let stops = 0;
+
+  function draw() {
+    const lost = isReachable() ? "" : "STOP cannot reach the server. Switch the servo power off.";
+    setText(note, answer || lost || SAFETY);
+    note.classList.toggle("alarm", Boolean(lost) || answer.startsWith("STOP"));
+  }
+
+  async function stop() {
+    const number = ++stops;
+    answer = `stopping… (${SAFETY})`;
+    button.classList.add("busy");
+    draw();
+    const result = await sendStop();
+    if (number !== stops) return; // a later stop reports
+    answer = result;
+    button.classList.remove("busy");
+    draw();
+    setTimeout(() => {
+      if (number !== stops) return;
+      answer = "";
+      draw();
+    }, 10_000);
+  }
+
+  button.addEventListener("click", stop);
+  window.addEventListener(
+    "keydown",
+    (event) => {
+      if (event.key !== "Escape" || event.repeat) return;
+      event.preventDefault();
+      stop();
+    },
+    { capture: true },
+  );
+  draw();
+  return draw;
+}
+
+/**
+ * Stop the arm, and wait until every goal has ended.
+ * @returns {Promise<string>} what happened
+ */
+async function sendStop() {
+  try {
+    const { goals } = await post("api/stop", {}, AbortSignal.timeout(TIMEOUT));
+    await Promise.all(goals.map(untilEnded));
+    return `stopped at ${new Date().toLocaleTimeString()} (${SAFETY})`;
+  } catch (error) {
+    if (error instanceof Refused) return `STOP is not confirmed: ${error.message}`;
+    return "STOP had no answer from the server. Switch the servo power off.";
+  }
+}
+
+/** @param {string} goal */
+async function untilEnded(goal) {
+  await get(`api/goals/${goal}/result?timeout=5`, AbortSignal.timeout(6000));
+}

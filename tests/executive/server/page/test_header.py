@@ -1,0 +1,97 @@
+"""The header of the page in a browser: state, sign-in, STOP, and a lost connection."""
+
+import pytest
+
+from tests.support.servers.browsing import Open, forget, shows
+from tests.support.servers.serving import Served
+
+pytestmark = pytest.mark.slow
+
+pytest_plugins = [
+    "tests.support.servers.server_fixtures",
+    "tests.support.servers.browser_fixtures",
+]
+
+WAIT = 10  # number of the task that waits for an hour
+
+
+def test_the_header_shows_the_robot_the_arm_and_the_goal(
+    open_page: Open, page_server: Served
+) -> None:
+    tab = open_page()
+    shows(tab, "#robot", "^arduinobot$")
+    shows(tab, "#arm-state", "^active$")
+    page_server.executive.send(WAIT)
+    shows(tab, "#goal-title", "^task 10 wait$")
+    shows(tab, "#goal-state", "waiting")
+    assert tab.title() == "arduinobot, armtree"
+
+
+def test_stop_works_without_sign_in_and_says_when_it_is_done(
+    open_page: Open, page_server: Served
+) -> None:
+    tab = open_page(page_server.server.url)
+    shows(tab, "#stop-note", "^software stop, not an emergency stop$")
+    tab.evaluate(
+        "note = document.getElementById('stop-note'); said = [];"
+        "new MutationObserver(() => said.push(note.textContent)).observe(note, {childList: true})"
+    )
+    for keys in (["Tab", "Enter"], ["Escape"], []):  # STOP is the first in the order of tabs
+        goal = page_server.executive.send(WAIT).identity
+        shows(tab, "#goal-state", "waiting")
+        tab.evaluate("said.length = 0")
+        for key in keys:
+            tab.keyboard.press(key)
+        if not keys:
+            tab.click("#stop")
+        shows(tab, "#stop-note", "^stopped at .*software stop, not an emergency stop")
+        assert tab.evaluate("said[0]").startswith("stopping…")
+        assert page_server.executive.goal(goal).state.name == "CANCELED"
+        shows(tab, "#goal-state", "^canceled$")
+
+
+def test_a_link_signs_in_once_and_a_reload_stays_signed_in(
+    open_page: Open, page_server: Served
+) -> None:
+    link = page_server.server.sign_in.link()
+    tab = open_page(link)
+    shows(tab, "#session", "^signed in$")
+    assert "code" not in tab.url
+    tab.reload()
+    shows(tab, "#session", "^signed in$")
+    assert tab.evaluate("document.cookie") == ""
+    other = open_page(link)
+    shows(other, "#sign-in-help", "this link is unknown, or was opened before.*armtree view")
+    shows(other, "#session", "^watching only$")
+    tab.evaluate("sessionStorage.setItem('armtree-token', 'of an earlier server')")
+    tab.reload()
+    shows(tab, "#session", "^watching only$")
+    forget(tab, "401")
+
+
+def test_a_lost_connection_greys_the_page_and_comes_back(open_page: Open) -> None:
+    tab = open_page()
+    shows(tab, "#robot", "arduinobot")
+    tab.context.set_offline(True)
+    shows(tab, "#connection", r"No connection for \d+ s")
+    shows(tab, "#stop-note", "STOP cannot reach the server. Switch the servo power off.")
+    assert tab.evaluate("getComputedStyle(document.querySelector('main')).filter") == "grayscale(1)"
+    tab.click("#stop")
+    shows(tab, "#stop-note", "STOP had no answer")
+    tab.context.set_offline(False)
+    tab.locator("#connection").wait_for(state="hidden")
+    forget(tab, "ERR_INTERNET_DISCONNECTED")
+
+
+def test_many_tabs_leave_a_connection_for_a_stop(open_page: Open, page_server: Served) -> None:
+    """Browsers open six connections to a server; no more than four tabs may keep one."""
+    first = open_page()
+    others = [first.context.new_page() for _ in range(4)]
+    for tab in others:
+        tab.goto(page_server.server.url)
+        shows(tab, "#arm-state", "active")
+    shows(others[-1], "#connection", "Too many tabs")
+    others[-1].keyboard.press("Escape")
+    shows(others[-1], "#stop-note", "^stopped at")
+    first.close()
+    others[-1].locator("#connection").wait_for(state="hidden")

@@ -1,0 +1,73 @@
+"""The page of a server in Chromium: one browser for all tests, one server for each module."""
+
+import shutil
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from executive.api.events import Policy
+from hardware import RealClock, load_robot
+from skills.motion import Pool
+from tests.support.servers.browsing import Open, Tab
+from tests.support.servers.serving import Served
+
+CHROMIUM = shutil.which("chromium")
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Any]:
+    if CHROMIUM is None:
+        pytest.skip("chromium is not installed")
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        # WebGL by the processor, as on a machine without a graphics card.
+        args = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+        chromium = playwright.chromium.launch(executable_path=CHROMIUM, args=args)
+        yield chromium
+        chromium.close()
+
+
+@pytest.fixture(scope="module")
+def page_server(
+    real_pool: Pool, real_clock: RealClock, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[Served]:
+    """A server with an active arm, for all tests of a module."""
+    folder = tmp_path_factory.mktemp("page")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_RUNTIME_DIR", str(folder))
+        served = Served(load_robot(None), real_pool, folder, real_clock)
+        served.start(Policy.REJECT, active=True)
+        yield served
+        served.stop()
+
+
+@pytest.fixture
+def open_page(browser: Any, page_server: Served) -> Iterator[Open]:
+    """Opens tabs. No tab may report an error, or ask another server for anything."""
+    problems: list[str] = []
+    contexts = []
+
+    def note(problem: str, is_one: bool) -> None:
+        problems.extend([problem] if is_one else [])
+
+    def open_tab(link: str = "", **options: Any) -> Tab:
+        """Open a link, by default one that signs in."""
+        context = browser.new_context(**options)
+        context.set_default_timeout(10_000)
+        contexts.append(context)
+        tab = context.new_page()
+        tab.on("pageerror", lambda error: problems.append(str(error)))
+        tab.on("console", lambda line: note(line.text, line.type == "error"))
+        own = (page_server.server.url, "data:", "blob:")
+        tab.on("request", lambda asked: note(asked.url, not asked.url.startswith(own)))
+        tab.goto(link or page_server.server.sign_in.link())
+        tab.problems = problems
+        return tab
+
+    yield open_tab
+    page_server.executive.cancel()
+    for context in contexts:
+        context.close()
+    assert problems == []
