@@ -1,28 +1,33 @@
 """The ROS 2 message types of a recording, and their bytes (CDR)."""
 
-from collections.abc import Iterable
+import re
+from collections.abc import Iterable, Iterator
 from functools import cache
 from importlib import resources
 from typing import Any
 
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.interfaces import Nodetype
+from rosbags.typesys import Stores, get_typestore
 
-# The `.msg` files beside this one define them.
+# Each `.msg` file beside this one defines one; `standard.msg` has those of ROS 2.
 _OURS = ("arduinobot_msgs/msg/SerialFrame", "arduinobot_msgs/msg/TaskFeedback")
 
 _NESTED = "=" * 80  # precedes each nested type in a definition
+_ARRAY = re.compile(r"(.+)\[(\d*)\]")
 
 
 class RosTypes:
-    """Message types by name: the standard types of ROS 2 Jazzy, and two of our own."""
+    """Message types by name: those of recordings, and what they consist of.
+
+    rosbags has all types of ROS 2, and a parser for definitions; both take 0.1 s to load.
+    """
 
     def __init__(self) -> None:
-        """Read the standard types; takes 0.1 s."""
-        self._store = get_typestore(Stores.ROS2_JAZZY)
+        self._store = get_typestore(Stores.EMPTY)  # Time and Duration
         self._schemas: dict[str, str] = {}  # every journal needs them
         self._hashes: dict[str, str] = {}
-        for name in _OURS:
-            self.learn(name, _text(name))
+        ours = "\n".join(f"MSG: {name}\n{_text(name)}" for name in _OURS)
+        self._store.register(dict(_definitions(f"{_text('standard')}\n{ours}")))
 
     def warm_up(self, names: Iterable[str]) -> None:
         """Generate the code of types in advance; takes 2 to 7 ms each."""
@@ -60,21 +65,42 @@ class RosTypes:
             self._hashes[name] = self._store.hash_rihs01(name)
         return self._hashes[name]
 
-    def learn(self, name: str, text: str) -> None:
-        """Add a type and its nested types from a definition; known types stay.
 
-        Raises:
-            TypesysError: The text is not a definition, or contradicts a known type.
-        """
-        self._store.register(get_types_from_msg(text, name))
+def _definitions(text: str) -> Iterator[tuple[str, Any]]:
+    """Yield each type of a text with its constants and fields, as rosbags has them.
+
+    Args:
+        text: Definitions, each after a line `MSG: ` with the name of its type.
+    """
+    for definition in text.split("MSG: ")[1:]:
+        name, _, lines = definition.partition("\n")
+        constants, fields = [], []
+        for line in filter(None, (line.partition("#")[0].strip() for line in lines.split("\n"))):
+            kind, field = line.split()
+            constant, _, value = field.partition("=")
+            if value:
+                constants.append((constant, kind, int(value)))
+            else:
+                fields.append((field, _kind(kind)))
+        yield name, (constants, fields)
+
+
+def _kind(kind: str) -> tuple[Any, Any]:
+    """Return the type of a field, such as `string`, `float64[]` or `std_msgs/Header`."""
+    if array := _ARRAY.fullmatch(kind):
+        node = Nodetype.ARRAY if array[2] else Nodetype.SEQUENCE
+        return node, (_kind(array[1]), int(array[2] or 0))
+    if "/" in kind:
+        return Nodetype.NAME, kind.replace("/", "/msg/")
+    return Nodetype.BASE, (kind, 0)
 
 
 def _text(name: str) -> str:
-    """Return the definition of one of our types."""
+    """Return the content of the file of a type."""
     return resources.files(__package__).joinpath(f"{name.rpartition('/')[2]}.msg").read_text()
 
 
 @cache
 def ros_types() -> RosTypes:
-    """Return the set of types that this process shares; the first call takes 0.1 to 0.3 s."""
+    """Return the set of types that this process shares; the first call is slow."""
     return RosTypes()

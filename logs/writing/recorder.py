@@ -168,7 +168,8 @@ class Recorder:
         try:
             from .journal import Journal  # here, because rosbags and mcap take 0.3 s to import
 
-            self._journal = Journal(stream, self._epoch_ns)
+            self._journal = journal = Journal(stream, self._epoch_ns)
+            self._jobs.put(journal.warm_up)  # after what is there already: a board may wait for it
         except Exception as cause:
             stream.close()
             self._fail(cause)
