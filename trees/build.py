@@ -17,13 +17,10 @@ from .compile.compiler import CompiledTree, TreeCompiler
 from .compile.leaf import Leaf
 from .compile.node_paths import paths
 from .compile.skill_hooks import Refusal
-from .errors import Mistake
 from .export.resolved import RESOLVED, resolved
 from .reading.document import Located
-from .reading.grammar import TaskFile
+from .reading.grammar import Draft
 from .reading.library import Library
-
-Draft = tuple[TaskFile, list[Mistake]]  # a task as far as it could be read, and its mistakes
 
 
 @dataclass(frozen=True)
@@ -81,7 +78,7 @@ def build(
         SkillError: A skill refuses an input of the task, such as a target out of bounds.
     """
     given = arguments or {}
-    tree = TreeCompiler(library, context).compile_draft(*draft, f"/{namespace}", given)
+    tree = TreeCompiler(library, context).compile(draft, f"/{namespace}", given)
     refusals(tree, context.robot)
     check_outcomes(tree)
     refused = tree.hooks.refused  # includes refusals of hooks that the analysis has called

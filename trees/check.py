@@ -114,7 +114,7 @@ def compile_task(robot: Robot, library: Library, number: int) -> CompiledTree:
         FileError: The files have mistakes.
     """
     context = _context(robot)
-    tree = TreeCompiler(library, context).compile_draft(*library.draft(number), "/show", None)
+    tree = TreeCompiler(library, context).compile(library.draft(number), "/show")
     check_outcomes(tree)
     if tree.mistakes.found or tree.hooks.refused:
         raise FileError(
@@ -210,7 +210,7 @@ def _all(library: Library) -> Iterator[tuple[Path, Library, Named]]:
     for path in library.pose_files:
         yield path, library, None
     for name in library.subtrees():
-        yield library.subtree_path(name), library, name
+        yield library.path(name), library, name
     for number in library.numbers():
         with suppress(FileError):  # several files have it, which is a mistake of the library
             yield library.path(number), library, number
@@ -238,17 +238,14 @@ class _Checker:
                 found = [mistake for mistake in found if mistake.place.path == path]
                 return [*found, *self._poses(next(f for f in files if f.path == path))]
             compiler = TreeCompiler(self._library, self._context)
-            if isinstance(name, int):
-                tree = compiler.compile_draft(*self._library.draft(name), "/check", None)
-                self._collisions.tasks.append(tree)
-            else:
-                place = Place(self._library.subtree_path(name), 1, 1)
-                tree = compiler.compile_subtree(*self._library.subtree(name, place), "/check")
+            tree = compiler.compile(self._library.draft(name), "/check")
         except TreeError as error:
             return _mistakes(error)
         check_outcomes(tree)
         refusals(tree, self._context.robot)  # reported at the end, with those of other hooks
         self._collisions.trees.append(tree)
+        if isinstance(name, int):
+            self._collisions.tasks.append(tree)
         return tree.mistakes.found
 
     def _poses(self, file: PosesFile) -> list[Mistake]:

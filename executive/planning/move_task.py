@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from executive.api.move import HOME, Move
@@ -9,8 +10,7 @@ from hardware import Robot
 from logs import MOVE
 from skills import BadTarget, Positions, check_joints, combine_errors, known_errors
 from skills.motion.query import MIN_SPEED
-from trees.build import Draft
-from trees.reading.grammar import TaskFile, draft_subtree
+from trees.reading.grammar import Draft, draft_subtree
 
 from .goal_words import Poses, Words, read_words
 
@@ -57,17 +57,7 @@ def draft_move(text: str) -> Draft:
         FileError: The text is not YAML.
     """
     subtree, mistakes = draft_subtree(FILE, text)
-    task = TaskFile(
-        path=subtree.path,
-        text=subtree.text,
-        number=MOVE,
-        name=subtree.name,
-        description=subtree.description,
-        parameters={},
-        replaces="",
-        tree=subtree.tree,
-    )
-    return task, mistakes
+    return replace(subtree, number=MOVE), mistakes
 
 
 def poses_with_home(robot: Robot, poses: Poses) -> Mapping[str, Mapping[str, float]]:

@@ -63,6 +63,8 @@ WRONG = [
     (["- Sukseed"], 6, 7, "no skill Sukseed; there are Succeed, "),
     (["- Sukseed"], 6, 7, "did you mean Succeed?"),
     (["- succeed"], 6, 7, "did you mean Succeed?"),
+    (["- subtree: rech"], 6, 7, "no subtree rech; there are "),
+    (["- subtree: rech"], 6, 7, "did you mean reach?"),
     (["- Skill"], 6, 7, "no skill Skill"),
     (["- _PlanGroup"], 6, 7, "is not a name"),
     (["- SetStart: {strat: $start}"], 6, 18, "strat is not a port of SetStart; there is only"),

@@ -1,7 +1,7 @@
 """The tree compiler: from a task file and skills to a py_trees tree, with every mistake found."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from py_trees.behaviour import Behaviour
@@ -10,11 +10,11 @@ from py_trees.behaviours import Dummy
 from hardware.suggestions import closest, corrections, there_are
 from skills import Context, Port, Skill
 from trees.declarations import ANY, Declaration, type_fits, words
-from trees.errors import Mistake, Mistakes, Place
+from trees.errors import Mistakes, Place
 from trees.nodes.kind import KINDS, Child, Control, ControlNodeKind, Flow
 from trees.nodes.unknown import UnknownKind
 from trees.reading.document import REFUSED, Located, StandIn
-from trees.reading.grammar import UNTYPED, SubtreeFile, TaskFile
+from trees.reading.grammar import UNTYPED, Draft, TaskFile
 from trees.reading.library import Library
 from trees.reading.specs import ControlNode, Key, SkillNode, SubtreeNode, TreeNode, Value
 from trees.reading.values import fit
@@ -33,7 +33,7 @@ from .port_types import (
 )
 from .scope import Scope, resolve
 from .skill_hooks import SkillHooks
-from .sources import Source, Sources
+from .sources import Sources
 from .values_by_port import as_mapping, by_port, with_lines
 
 MAX_NODES = 10_000
@@ -93,56 +93,33 @@ class TreeCompiler:
         self._calls: dict[Behaviour, Place] = {}
         self._nodes = 0
 
-    def compile_draft(
-        self,
-        task: TaskFile,
-        known: Iterable[Mistake],
-        namespace: str,
-        arguments: Mapping[str, Located] | None,
+    def compile(
+        self, draft: Draft, namespace: str, arguments: Mapping[str, Located] | None = None
     ) -> CompiledTree:
-        """Compile a task.
+        """Compile a task, or a subtree alone to check it.
 
         Args:
-            task: The task, as far as it could be read.
-            known: Mistakes that are known already.
+            draft: The file as far as it could be read, and its mistakes.
             namespace: Namespace of its keys.
-            arguments: Values of its parameters. If None, the task is only checked, and parameters
-                without a default have no value.
+            arguments: Values of the parameters of a task. If None, the file is only checked, and
+                parameters and ports have the declared types and no values, or their defaults if it
+                is a task.
         """
+        file, known = draft
         self._mistakes = Mistakes(known)
-        self._sources.files[task.path.name] = task.text
+        self._sources.files[file.path.name] = file.text
         self._sources.load_poses(self._mistakes)
-        given = self._arguments(task, arguments, Scope(namespace))
-        stand_ins = self._stand_ins(task.parameters, namespace)
-        scope = Scope(namespace, given, {}, stand_ins, task.parameters, "parameter")
-        return self._compiled(self._node(task.tree, scope, task.name), namespace)
-
-    def compile_subtree(
-        self, subtree: SubtreeFile, known: Iterable[Mistake], namespace: str
-    ) -> CompiledTree:
-        """Compile a subtree alone, to check it. Its ports have the declared types and no values.
-
-        Args:
-            subtree: The subtree, as far as it could be read.
-            known: Mistakes that are known already.
-            namespace: Namespace of its keys.
-        """
-        self._mistakes = Mistakes(known)
-        self._sources.load_poses(self._mistakes)
-        inputs = {name: port for name, port in subtree.ports.items() if not port.output}
-        stand_ins = self._stand_ins(inputs, namespace)
-        within = {subtree.name: subtree.tree.place}
-        scope = Scope(namespace, {}, within, stand_ins, subtree.ports)
-        root = self._node(subtree.tree, scope, subtree.name)
-        for name, port in subtree.ports.items():
-            self._given(name, port, None)
-            if port.output:
-                key = f"{namespace}/{name}"
-                self._check_output(subtree.tree.place, f"subtree {subtree.name}", name, port, key)
-                self._keys.reads.add(key)
-        return self._compiled(root, namespace)
-
-    def _compiled(self, root: Behaviour, namespace: str) -> CompiledTree:
+        inputs = {name: each for name, each in file.parameters.items() if not each.output}
+        within = {} if file.number is not None else {file.name: file.tree.place}
+        scope = Scope(file, namespace, {}, within, self._stand_ins(inputs, namespace))
+        given = self._arguments(file, arguments, scope)
+        if file.number is not None:
+            scope = replace(scope, ports=given)
+        root = self._node(file.tree, scope, file.name)
+        for name in file.parameters.keys() - inputs:
+            what, key = f"subtree {file.name}", f"{namespace}/{name}"
+            self._check_output(file.tree.place, what, name, file.parameters[name], key)
+            self._keys.reads.add(key)
         return CompiledTree(
             root,
             namespace,
@@ -176,7 +153,7 @@ class TreeCompiler:
         self, task: TaskFile, arguments: Mapping[str, Located] | None, scope: Scope
     ) -> dict[str, Value]:
         """Return the values of the parameters, from arguments and defaults."""
-        what = f"parameter of task {task.number}"
+        what = f"{task.port} of task {task.number}"
         known = self._known_ports(arguments or {}, task.parameters, what, scope)
         given: dict[str, Value] = {}
         for name, declared in task.parameters.items():
@@ -317,15 +294,15 @@ class TreeCompiler:
         ports = self._ports(spec, source, scope, what)
         missing = {
             name: declared
-            for name, declared in source.declared.items()
+            for name, declared in source.parameters.items()
             if name not in ports and not declared.output
         }
         namespace = f"{scope.namespace}/{source.name}_{self._nodes}"
         stand_ins = {**scope.stand_ins, **self._stand_ins(missing, namespace)}
-        inner = Scope(namespace, ports, way, stand_ins, source.declared, source.what)
+        inner = Scope(source, namespace, ports, way, stand_ins)
         node = self._node(source.tree, inner, shown or source.name)
         self._calls[node] = spec.place
-        for name, declared in source.declared.items():
+        for name, declared in source.parameters.items():
             key = ports.get(name)
             if declared.output and isinstance(key, Key):
                 self._check_output(spec.place, what, name, declared, key.name)
@@ -333,7 +310,7 @@ class TreeCompiler:
 
     def _source(
         self, spec: SubtreeNode, scope: Scope, label: str, way: Mapping[str, Place]
-    ) -> Source | None:
+    ) -> TaskFile | None:
         """Return the file of a node, or None if it cannot be used, which is reported."""
         if label in scope.within:
             self._cycle(label, way)
@@ -351,14 +328,14 @@ class TreeCompiler:
         self._wrong(way[cycle[0]], f"{cycle[0]} would contain itself: {' -> '.join(cycle)}")
 
     def _ports(
-        self, spec: SubtreeNode, source: Source, scope: Scope, what: str
+        self, spec: SubtreeNode, source: TaskFile, scope: Scope, what: str
     ) -> dict[str, Value]:
         """Return the values and keys at the ports of a subtree, without those that are wrong."""
         ports: dict[str, Value] = {}
-        named = f"{source.what} of {what}" if source.certain else ""
-        ported = by_port(spec.values, source.declared, (what, "with"), self._wrong)
-        values = self._known_ports(ported, source.declared, named, scope)
-        for name, declared in source.declared.items():
+        named = f"{source.port} of {what}" if spec.source not in self._sources.uncertain else ""
+        ported = by_port(spec.values, source.parameters, (what, "with"), self._wrong)
+        values = self._known_ports(ported, source.parameters, named, scope)
+        for name, declared in source.parameters.items():
             value = values.get(name)
             if declared.output and self._fixed(value, scope, f"{what}: {name}"):
                 continue
@@ -420,7 +397,7 @@ class TreeCompiler:
         """Report a subtree that is written like a skill; return it, with its values by port."""
         node = SubtreeNode(spec.place, name, spec.ports, shown)
         source, mistakes = self._sources.get(node, self._mistakes), Mistakes()
-        ports = by_port(spec.ports, source.declared if source else {}, ("", ""), mistakes.add)
+        ports = by_port(spec.ports, source.parameters if source else {}, ("", ""), mistakes.add)
         right = any(mistake.instead for mistake in mistakes.found)
         lines = with_lines(spec.place, spec.skill, name, ports if right else None)
         why = f"no skill {spec.skill}, but a subtree {name}: write subtree: {name}"
@@ -489,11 +466,11 @@ class TreeCompiler:
 
     def _fixed(self, value: Value | None, scope: Scope, what: str) -> bool:
         """Report a value that is a key that must not be written; return True for one."""
-        if not isinstance(value, Key) or not (declared := scope.declared.get(value.name)):
+        if not isinstance(value, Key) or not (declared := scope.file.parameters.get(value.name)):
             return False
         if declared.type == UNTYPED or declared.output:
             return False
-        self._wrong(value.place, f"{what}: ${value.name} is {_FIXED[scope.what]}")
+        self._wrong(value.place, f"{what}: ${value.name} is {_FIXED[scope.file.port]}")
         return True
 
     # Values

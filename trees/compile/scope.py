@@ -1,12 +1,12 @@
 """What `$name` means: a parameter, a port of the subtree, or a key of the blackboard."""
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 from hardware.suggestions import suggestion
-from trees.declarations import Declaration
 from trees.errors import Mistakes, Place
 from trees.reading.document import REFUSED, Located, StandIn
+from trees.reading.grammar import TaskFile
 from trees.reading.specs import Key, Value
 
 
@@ -15,21 +15,19 @@ class Scope:
     """The names in one file.
 
     Attributes:
+        file: The file.
         namespace: Namespace of its keys.
         ports: Values of its ports or parameters.
         within: Names of the files that use it, and its own name; and the places of the uses.
         stand_ins: Placeholders for parameters of the task, and for ports without a value, by full
             name of the key.
-        declared: Declarations of its ports or parameters.
-        what: `port` or `parameter`.
     """
 
+    file: TaskFile
     namespace: str
-    ports: Mapping[str, Value] = field(default_factory=dict)
-    within: Mapping[str, Place] = field(default_factory=dict)
-    stand_ins: Mapping[str, StandIn] = field(default_factory=dict)
-    declared: Mapping[str, Declaration] = field(default_factory=dict)
-    what: str = "port"
+    ports: Mapping[str, Value]
+    within: Mapping[str, Place]
+    stand_ins: Mapping[str, StandIn]
 
 
 def resolve(value: Value, scope: Scope, written: Collection[str], mistakes: Mistakes) -> Value:
@@ -83,13 +81,14 @@ def _without_names(
         return _used(given, value, stand_in)
     if stand_in:
         return replace(value, value=stand_in)
-    near = suggestion(inner[1:], scope.declared)
-    why, lines = f"there is no {scope.what} for {inner}{near}", ""
+    near = suggestion(inner[1:], scope.file.parameters)
+    what = scope.file.port
+    why, lines = f"there is no {what} for {inner}{near}", ""
     if key in written:
         why = f"{inner} has no value before the run; a mapping or a list may contain values, and "
         why += "parameters or ports that have one"
     elif not near:
-        why += f"; declare it above the tree, with {scope.what}s:, or write a value here"
-        lines = f"{scope.what}s:\n  {inner[1:]}: {{type: {kind}, default: 0}}"
+        why += f"; declare it above the tree, with {what}s:, or write a value here"
+        lines = f"{what}s:\n  {inner[1:]}: {{type: {kind}, default: 0}}"
     mistakes.add_last(value.place, why, lines)
     return replace(value, value=REFUSED)

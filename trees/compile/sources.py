@@ -1,34 +1,14 @@
 """The files that a tree is compiled from: subtrees, other tasks and poses."""
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 
-from trees.declarations import Declaration
-from trees.errors import FileError, Mistake, Mistakes
-from trees.reading.grammar import SubtreeFile, TaskFile
+from hardware.suggestions import there_are
+from trees.errors import FileError, Mistakes
+from trees.reading.grammar import TaskFile
 from trees.reading.library import Library, poses_of
-from trees.reading.specs import SubtreeNode, TreeNode
+from trees.reading.specs import SubtreeNode
 
 _SHOWN = 20  # numbers in a message
-
-
-@dataclass(frozen=True)
-class Source:
-    """A subtree, or a task that another one runs.
-
-    Attributes:
-        name: Name of the subtree or task.
-        tree: Root of its tree.
-        declared: Its ports or parameters.
-        what: `port` or `parameter`.
-        certain: Whether all of them could be read.
-    """
-
-    name: str
-    tree: TreeNode
-    declared: Mapping[str, Declaration]
-    what: str
-    certain: bool
 
 
 class _AnyPose(dict[str, Mapping[str, float]]):
@@ -49,14 +29,16 @@ class Sources:
 
     Attributes:
         files: Texts of the files that were used, by name.
+        uncertain: Numbers and names of files whose parameters or ports could not all be read.
         poses: Joint positions [rad] by joint name, by name of the pose.
     """
 
     def __init__(self, library: Library) -> None:
         self._library = library
-        self._read: dict[str | int, Source | None] = {}
+        self._read: dict[str | int, TaskFile | None] = {}
         self._pose_files: Mapping[str, str] = {}
         self.files: dict[str, str] = {}
+        self.uncertain: set[str | int] = set()
         self.poses: Mapping[str, Mapping[str, float]] = {}
 
     def load_poses(self, mistakes: Mistakes) -> None:
@@ -76,7 +58,7 @@ class Sources:
         """Record that a pose was used."""
         self.files |= self._pose_files
 
-    def get(self, spec: SubtreeNode, mistakes: Mistakes) -> Source | None:
+    def get(self, spec: SubtreeNode, mistakes: Mistakes) -> TaskFile | None:
         """Return a subtree or task, or None if it cannot be read, which is reported once."""
         if spec.source not in self._read:
             self._read[spec.source] = None
@@ -86,25 +68,19 @@ class Sources:
                 mistakes.take(error.mistakes)
         return self._read[spec.source]
 
-    def _load(self, spec: SubtreeNode, mistakes: Mistakes) -> Source | None:
-        file: SubtreeFile | TaskFile
-        if isinstance(spec.source, str):
-            file, wrong = self._library.subtree(spec.source, spec.place)
-            certain = _certain(wrong, "ports")
-            source = Source(spec.source, file.tree, file.ports, "port", certain)
-        elif spec.source not in (numbers := self._library.numbers()):
-            there = ", ".join(map(str, numbers[:_SHOWN])) + (", …" if numbers[_SHOWN:] else "")
-            mistakes.add(spec.place, f"no task {spec.source}; there are {there}")
+    def _load(self, spec: SubtreeNode, mistakes: Mistakes) -> TaskFile | None:
+        source, numbers, subtrees = spec.source, self._library.numbers(), self._library.subtrees()
+        if source not in (*numbers, *subtrees):
+            if isinstance(source, str):
+                message = f"no subtree {source}; {there_are(source, subtrees)}"
+            else:
+                there = ", ".join(map(str, numbers[:_SHOWN])) + (", …" if numbers[_SHOWN:] else "")
+                message = f"no task {source}; there are {there}"
+            mistakes.add_last(spec.place, message)
             return None
-        else:
-            file, wrong = self._library.draft(spec.source)
-            certain = _certain(wrong, "parameters")
-            source = Source(file.name, file.tree, file.parameters, "parameter", certain)
+        file, wrong = self._library.draft(source)
+        if {"", f"{file.port}s"} & {mistake.place.location for mistake in wrong}:
+            self.uncertain.add(source)
         mistakes.take(wrong)
         self.files[file.path.name] = file.text
-        return source
-
-
-def _certain(wrong: Iterable[Mistake], key: str) -> bool:
-    """Return whether all ports or parameters of a file could be read."""
-    return not any(mistake.place.location in ("", key) for mistake in wrong)
+        return file

@@ -7,7 +7,6 @@ from typing import Any
 
 from trees.compile.port_types import declarations, known_skills
 from trees.declarations import ANY, LIST, TYPES, UNITS, Declaration
-from trees.errors import Place
 from trees.nodes.kind import KINDS
 from trees.reading.library import Library
 from trees.reading.node_parser import MAX_NUMBER
@@ -31,10 +30,7 @@ def schema_text(library: Library) -> str:
     Raises:
         FileError: A subtree file is not YAML.
     """
-    subtrees = {
-        name: library.subtree(name, Place(library.subtree_path(name), 1, 1))[0].ports
-        for name in library.subtrees()
-    }
+    subtrees = {name: library.draft(name)[0].parameters for name in library.subtrees()}
     return json.dumps(_schema(subtrees), indent=1) + "\n"
 
 

@@ -34,50 +34,36 @@ _DECLARED_KEYS = ("type", "default", "min", "max", "choices", "description")
 
 @dataclass(frozen=True, slots=True)
 class TaskFile:
-    """A numbered task.
+    """A file with a tree: a numbered task, or a subtree that several tasks can use.
 
     Attributes:
-        path: Its file.
+        path: The file.
         text: Text of the file.
-        number: Task number.
-        name: Name of the task, one word.
+        number: Number of the task; None for a subtree.
+        name: Name of the task or subtree, one word.
         description: Description, one line.
-        parameters: Parameters by name; a default is a Located.
-        replaces: Name of the shipped task that it replaces; empty for none.
+        parameters: Parameters of the task, or ports of the subtree, by name. A default is a
+            Located. The type of an untyped port follows from its uses.
+        replaces: Name of the shipped task or subtree that it replaces; empty for none.
         tree: Root of its tree.
     """
 
     path: Path
     text: str
-    number: int
+    number: int | None
     name: str
     description: str
     parameters: Mapping[str, Declaration]
     replaces: str
     tree: TreeNode
 
+    @property
+    def port(self) -> str:
+        """What one of its `parameters` is called in messages."""
+        return "port" if self.number is None else "parameter"
 
-@dataclass(frozen=True, slots=True)
-class SubtreeFile:
-    """A tree that several tasks can use.
 
-    Attributes:
-        path: Its file.
-        text: Text of the file.
-        name: Name of the subtree, one word.
-        description: Description, one line.
-        ports: Ports by name. The type of an untyped port follows from its uses.
-        replaces: Its own name if it replaces a shipped subtree; else empty.
-        tree: Root of its tree.
-    """
-
-    path: Path
-    text: str
-    name: str
-    description: str
-    ports: Mapping[str, Declaration]
-    replaces: str
-    tree: TreeNode
+Draft = tuple[TaskFile, list[Mistake]]  # a file as far as it could be read, and its mistakes
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,16 +99,29 @@ def parse_task(path: Path, text: str) -> TaskFile:
 
 
 @repairing
-def draft_task(path: Path, text: str) -> tuple[TaskFile, list[Mistake]]:
+def draft_task(path: Path, text: str) -> Draft:
     """Read a task file, and continue after mistakes; return the task and the mistakes.
 
     Raises:
         FileError: The file is not YAML.
     """
-    parser = _Parser(path, text, _TASK_KEYS)
-    task = replace(_head(parser, path, text), tree=parser.tree("tree"))
-    parser.used("parameters", task.tree)
-    return task, parser.mistakes.found
+    return _draft(_Parser(path, text, _TASK_KEYS))
+
+
+@repairing
+def draft_subtree(path: Path, text: str) -> Draft:
+    """Read a subtree file, and continue after mistakes; return the subtree and the mistakes.
+
+    Raises:
+        FileError: The file is not YAML.
+    """
+    return _draft(_Parser(path, text, _SUBTREE_KEYS))
+
+
+def _draft(parser: "_Parser") -> Draft:
+    file = replace(parser.head(), tree=parser.tree("tree"))
+    parser.used(f"{file.port}s", file.tree)
+    return file, parser.mistakes.found
 
 
 def parse_head(path: Path, text: str) -> TaskFile:
@@ -137,44 +136,10 @@ def parse_head(path: Path, text: str) -> TaskFile:
         return parse_task(path, text)
     with suppress(NotYaml):
         parser = _Parser(path, head, _TASK_KEYS)
-        task = _head(parser, path, head)
+        task = parser.head()
         if not parser.mistakes.found:
             return task
     return parse_task(path, text)  # reports the mistakes
-
-
-def _head(parser: "_Parser", path: Path, text: str) -> TaskFile:
-    return TaskFile(
-        path=path,
-        text=text,
-        number=parser.number("task"),
-        name=parser.name("name"),
-        description=parser.line("description"),
-        parameters=parser.declared("parameters"),
-        replaces=parser.name("replaces", needed=False),
-        tree=SkillNode(parser.root.place, "", {}),
-    )
-
-
-@repairing
-def draft_subtree(path: Path, text: str) -> tuple[SubtreeFile, list[Mistake]]:
-    """Read a subtree file, and continue after mistakes; return the subtree and the mistakes.
-
-    Raises:
-        FileError: The file is not YAML.
-    """
-    parser = _Parser(path, text, _SUBTREE_KEYS)
-    subtree = SubtreeFile(
-        path=path,
-        text=text,
-        name=parser.name("subtree"),
-        description=parser.line("description"),
-        ports=parser.declared("ports", ("output",)),
-        replaces=parser.name("replaces", needed=False),
-        tree=parser.tree("tree"),
-    )
-    parser.used("ports", subtree.tree)
-    return subtree, parser.mistakes.found
 
 
 @lru_cache(maxsize=16)  # every task needs all of them
@@ -226,6 +191,7 @@ class _Parser:
     """Reads the top-level keys of a file, and collects mistakes."""
 
     def __init__(self, path: Path, text: str, keys: tuple[str, ...]) -> None:
+        self._path, self._text, self._keys = path, text, keys
         self.root, known = draft_document(path, text)
         self.mistakes = Mistakes(known)
         self.nodes = NodeParser(self.mistakes)
@@ -250,6 +216,20 @@ class _Parser:
         name = f"{named}.yaml" if other == "subtree" else f"{named}_{path.stem}.yaml"
         why = f"this is a {other}, whose file is named like {name}; rename this one"
         raise FileError([Mistake(self._values[other].label, why)])
+
+    def head(self) -> TaskFile:
+        """Return the task or subtree without its tree."""
+        task = "task" in self._keys
+        return TaskFile(
+            path=self._path,
+            text=self._text,
+            number=self.number("task") if task else None,
+            name=self.name("name" if task else "subtree"),
+            description=self.line("description"),
+            parameters=self.declared("parameters" if task else "ports"),
+            replaces=self.name("replaces", needed=False),
+            tree=SkillNode(self.root.place, "", {}),
+        )
 
     def get(self, key: str, needed: bool = True) -> Located | None:
         value = self._values.get(key)
@@ -314,7 +294,7 @@ class _Parser:
         value = self.get(key)
         return self.nodes.node(value) if value else SkillNode(self.root.place, "", {})
 
-    def declared(self, key: str, more: tuple[str, ...] = ()) -> dict[str, Declaration]:
+    def declared(self, key: str) -> dict[str, Declaration]:
         """Return the parameters or ports that a key declares, by name."""
         value = self.get(key, needed=False)
         if value is None:
@@ -327,10 +307,10 @@ class _Parser:
             )
             self._wrong(value.place, f"{key}: {value} is not {what}")
             return {}
-        declared = {}
+        declared, known = {}, _DECLARED_KEYS + ("output",) * (key == "ports")
         for name, item in value.value.items():
             self.nodes.name(Located(item.label, name, item.label), key)
-            declared[name] = self._declaration(item, f"{key}: {name}", (*_DECLARED_KEYS, *more))
+            declared[name] = self._declaration(item, f"{key}: {name}", known)
         return declared
 
     def used(self, key: str, tree: TreeNode) -> None:

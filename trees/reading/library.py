@@ -9,7 +9,7 @@ without reading the other files. `poses.yaml` contains poses. Any other `.yaml` 
 
 import os
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from functools import cache
 from importlib import resources
@@ -20,8 +20,8 @@ from trees.errors import SHIPPED_ROBOT, DuplicateTask, FileError, Mistake, Place
 
 from .document import read_text
 from .grammar import (
+    Draft,
     PosesFile,
-    SubtreeFile,
     TaskFile,
     draft_poses,
     draft_subtree,
@@ -77,7 +77,6 @@ class Library:
     ) -> None:
         self.robot, self.read = robot, read
         self.draft = cache(self.draft)  # type: ignore[method-assign]
-        self.subtree = cache(self.subtree)  # type: ignore[method-assign]
         self.draft_poses = cache(self.draft_poses)  # type: ignore[method-assign]
         self.shipped = with_robot(Path(str(resources.files("trees"))) / "tasks", robot)
         if folder is not None:
@@ -87,8 +86,8 @@ class Library:
                 folder = None
         self.folder = folder
         self.folders = (*self.shipped, *(with_robot(folder, robot) if folder else ()))
-        self._tasks: dict[int, Path] = {}
-        self._subtrees: dict[str, Path] = {}
+        # The file of each task, by number, and of each subtree, by name.
+        self._paths: dict[int | str, Path] = {}
         self._poses: list[Path] = []
         # The error of a number or name that several files have.
         self._claimed: dict[int | str, FileError] = {}
@@ -110,7 +109,7 @@ class Library:
         if not name.endswith(".yaml") and not _ALMOST_TASK.fullmatch(name):
             self._leave(path)
         elif named := _TASK.fullmatch(name):
-            self._add_task(int(named[1]), path)
+            self._claim(int(named[1]), path)
         elif _ALMOST_TASK.fullmatch(name):
             place = _top(path, self._text(path), "task")
             wrong = "a task's file is named like 3_wave.yaml; rename this one"
@@ -118,7 +117,7 @@ class Library:
         elif name == POSES:
             self._poses.append(path)
         else:
-            self._add_subtree(path.stem, path)
+            self._claim(path.stem, path)
 
     def _leave(self, path: Path) -> None:
         """Ignore a file that may belong to another program."""
@@ -128,43 +127,25 @@ class Library:
         mistake = Mistake(_top(path, text, head[1] if head else ""), message)
         (self.mistakes if head else self.notes).append(mistake)
 
-    def _add_task(self, number: int, path: Path) -> None:
-        there = self._tasks.setdefault(number, path)
+    def _claim(self, source: int | str, path: Path) -> None:
+        """Add the file of a task or subtree. A user's file may replace a shipped one."""
+        there = self._paths.setdefault(source, path)
         if there is path:
             return
-        stem = there.stem.partition("_")[2] if there.parent in self.shipped else ""
-        if not self._replaces(number, path, stem, draft_task):
-            place = _top(path, self._text(path), "task")
-            self._claimed[number] = DuplicateTask(number, there, place, stem)
-            raise self._claimed[number].with_traceback(None)
-        self._tasks[number], self._replaced[path] = path, there
-
-    def _add_subtree(self, name: str, path: Path) -> None:
-        there = self._subtrees.setdefault(name, path)
-        if there is path:
-            return
-        if not self._replaces(name, path, name, draft_subtree):
-            message = (
-                f"subtree {name} is in {there} already; rename this one, or add the line "
-                f"replaces: {name}"
-            )
-            place = _top(path, self._text(path), "subtree")
-            self._claimed[name] = FileError([Mistake(place, message)])
-            raise self._claimed[name].with_traceback(None)
-        self._subtrees[name], self._replaced[path] = path, there
-
-    def _replaces(
-        self,
-        claimed: int | str,
-        path: Path,
-        stem: str,
-        draft: Callable[[Path, str], tuple[TaskFile | SubtreeFile, object]],
-    ) -> bool:
-        """Return whether a user's file declares that it replaces a shipped one."""
+        name = source if isinstance(source, str) else ""
+        if not name and there.parent in self.shipped:
+            name = _name(there)
         try:
-            return bool(stem) and draft(path, self.read(path))[0].replaces == stem
+            if name and _draft(source, path, self.read(path))[0].replaces == name:
+                self._paths[source], self._replaced[path] = path, there
+                return
+            place = _top(path, self._text(path), _what(source))
+            if isinstance(source, int):
+                raise DuplicateTask(source, there, place, name)
+            why = f"subtree {name} is in {there} already; rename this one, or add the line "
+            raise FileError([Mistake(place, f"{why}replaces: {name}")])
         except FileError as error:
-            self._claimed[claimed] = error
+            self._claimed[source] = error
             raise
 
     def _text(self, path: Path) -> str:
@@ -185,11 +166,11 @@ class Library:
 
     def numbers(self) -> list[int]:
         """Return all task numbers, ascending."""
-        return sorted(self._tasks)
+        return sorted(number for number in self._paths if isinstance(number, int))
 
     def names(self) -> dict[str, int]:
         """Return the numbers of the tasks by their names, in the order of the numbers."""
-        return {self._tasks[n].stem.partition("_")[2]: n for n in self.numbers()}
+        return {_name(self._paths[number]): number for number in self.numbers()}
 
     def number(self, task: int | str) -> int:
         """Return the number of a task that is given by its number or name.
@@ -211,32 +192,29 @@ class Library:
 
     def subtrees(self) -> list[str]:
         """Return the names of all subtrees, in order."""
-        return sorted(self._subtrees)
-
-    def subtree_path(self, name: str) -> Path:
-        """Return the file of a subtree."""
-        return self._subtrees[name]
+        return sorted(name for name in self._paths if isinstance(name, str))
 
     @property
     def pose_files(self) -> tuple[Path, ...]:
         """Files of poses; the user's file is the last one."""
         return tuple(self._poses)
 
-    def path(self, number: int) -> Path:
-        """Return the file of a task.
+    def path(self, source: int | str) -> Path:
+        """Return the file of a task, by number, or of a subtree, by name.
 
         Raises:
             UnknownTask: No file has that number.
-            FileError: Several files have that number, or the name of its file is wrong.
+            FileError: Several files have that number or name, or the name of its file is wrong.
+            KeyError: No subtree has that name.
         """
-        if number in self._claimed:
-            raise self._claimed[number].with_traceback(None)
-        if number not in self._tasks:
-            called = re.compile(rf"0*{number}(?![0-9])")
+        if source in self._claimed:
+            raise self._claimed[source].with_traceback(None)
+        if isinstance(source, int) and source not in self._paths:
+            called = re.compile(rf"0*{source}(?![0-9])")
             if meant := [m for m in self.mistakes if called.match(m.place.path.name)]:
                 raise FileError(meant)
-            raise UnknownTask(number, self.numbers(), self.robot)
-        return self._tasks[number]
+            raise UnknownTask(source, self.numbers(), self.robot)
+        return self._paths[source]
 
     def task(self, number: int) -> TaskFile:
         """Read a task.
@@ -246,7 +224,7 @@ class Library:
             FileError: The file has mistakes.
         """
         path = self.path(number)
-        return _as_named(parse_task(path, self.read(path)), number)
+        return _as_named(parse_task(path, self.read(path)))
 
     def head(self, number: int) -> TaskFile:
         """Read a task without its tree, for lists.
@@ -256,56 +234,36 @@ class Library:
             FileError: The part before the tree has mistakes.
         """
         path = self.path(number)
-        return _as_named(parse_head(path, self.read(path)), number)
+        return _as_named(parse_head(path, self.read(path)))
 
-    def draft(self, number: int) -> tuple[TaskFile, list[Mistake]]:
-        """Read a task, and continue after mistakes; return the task and the mistakes.
+    def draft(self, source: int | str) -> Draft:
+        """Read a task or subtree, and continue after mistakes; return the file and the mistakes.
+
+        Args:
+            source: Number of the task, or name of the subtree.
 
         Raises:
             UnknownTask: No file has that number.
             FileError: The file is not YAML.
+            KeyError: No subtree has that name.
         """
-        path = self.path(number)
-        task, mistakes = draft_task(path, self.read(path))
+        path = self.path(source)
+        file, mistakes = _draft(source, path, self.read(path))
         reported = {mistake.place.location for mistake in mistakes}
-        named = [m for m in _misnaming(task, number) if not {"", m.place.location} & reported]
-        return task, [*mistakes, *named, *self._replacing(task, f"task {number}", _TASK)]
+        named = [m for m in _misnaming(file) if not {"", m.place.location} & reported]
+        return file, [*mistakes, *named, *self._replacing(file, source)]
 
-    def subtree(self, name: str, user: Place) -> tuple[SubtreeFile, list[Mistake]]:
-        """Read a subtree, and continue after mistakes; return the subtree and the mistakes.
-
-        Args:
-            name: Name of the subtree.
-            user: Place that refers to it.
-
-        Raises:
-            FileError: No subtree has that name, or its file is not YAML.
-        """
-        if name not in self._subtrees:
-            there = there_are(name, self._subtrees)
-            raise FileError([Mistake(user, f"no subtree {name}; {there}")])
-        if name in self._claimed:
-            raise self._claimed[name].with_traceback(None)
-        path = self._subtrees[name]
-        subtree, mistakes = draft_subtree(path, self.read(path))
-        if subtree.name not in ("", name):  # else it is reported already
-            message = f"the file is named {path.name} but says subtree {subtree.name}"
-            mistakes.append(Mistake(_top(path, subtree.text, "subtree"), message))
-        return subtree, [*mistakes, *self._replacing(subtree, f"subtree {name}", _SUBTREE)]
-
-    def _replacing(
-        self, file: TaskFile | SubtreeFile, what: str, names: re.Pattern[str]
-    ) -> Iterator[Mistake]:
+    def _replacing(self, file: TaskFile, source: int | str) -> list[Mistake]:
         """Return a mistake if a file replaces one that does not ship."""
-        if file.replaces and file.path not in self._replaced:
-            stems = [
-                Path(name).stem
-                for folder in self.shipped
-                for name in _files(folder)
-                if names.fullmatch(name)
-            ]
-            message = f"replaces: no {what} ships; {there_are(file.replaces, stems)}"
-            yield Mistake(_top(file.path, file.text, "replaces"), message)
+        if not file.replaces or file.path in self._replaced:
+            return []
+        names = _SUBTREE if isinstance(source, str) else _TASK
+        shipped = (Path(name) for folder in self.shipped for name in _files(folder))
+        there = there_are(
+            file.replaces, [each.stem for each in shipped if names.fullmatch(each.name)]
+        )
+        message = f"replaces: no {_what(source)} {source} ships; {there}"
+        return [Mistake(_top(file.path, file.text, "replaces"), message)]
 
     def poses(self) -> tuple[Mapping[str, Mapping[str, float]], Mapping[str, str]]:
         """Read the poses.
@@ -367,19 +325,33 @@ def _replaced_poses(file: PosesFile, shipped: Mapping[str, object]) -> list[Mist
     return mistakes
 
 
-def _misnaming(task: TaskFile, number: int) -> list[Mistake]:
-    """Return a mistake if a file contradicts its name."""
-    _, _, name = task.path.stem.partition("_")
-    wrong = {}
-    if task.number != number:
-        wrong["task"] = f"the file is named for task {number} but says task {task.number}"
-    if task.name != name:
-        wrong["name"] = f"the file is named {task.path.name} but says name {task.name}"
-    return [Mistake(_top(task.path, task.text, key), why) for key, why in wrong.items()]
+def _what(source: int | str) -> str:
+    return "subtree" if isinstance(source, str) else "task"
 
 
-def _as_named(task: TaskFile, number: int) -> TaskFile:
-    if wrong := _misnaming(task, number):
+def _name(path: Path) -> str:
+    """Return the name in the name of a task's file."""
+    return path.stem.partition("_")[2]
+
+
+def _draft(source: int | str, path: Path, text: str) -> Draft:
+    return (draft_subtree if isinstance(source, str) else draft_task)(path, text)
+
+
+def _misnaming(file: TaskFile) -> list[Mistake]:
+    """Return mistakes if a file contradicts its name."""
+    key, name, wrong = "subtree", file.path.stem, {}
+    if file.number is not None:
+        key, name, number = "name", _name(file.path), int(name.partition("_")[0])
+        if file.number != number:
+            wrong["task"] = f"the file is named for task {number} but says task {file.number}"
+    if file.name != name:
+        wrong[key] = f"the file is named {file.path.name} but says {key} {file.name}"
+    return [Mistake(_top(file.path, file.text, each), why) for each, why in wrong.items()]
+
+
+def _as_named(task: TaskFile) -> TaskFile:
+    if wrong := _misnaming(task):
         raise FileError(wrong)
     return task
 

@@ -209,7 +209,7 @@ def test_wrong_subtree_files(text: str, line: int, column: int, words: str) -> N
 def test_a_subtree() -> None:
     subtree, mistakes = draft_subtree(Path("s.yaml"), SUB)
     assert mistakes == []
-    assert (subtree.name, list(subtree.ports)) == ("s", ["a", "b"])
+    assert (subtree.name, list(subtree.parameters)) == ("s", ["a", "b"])
 
 
 @settings(max_examples=200, deadline=None)

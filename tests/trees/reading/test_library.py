@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.support.paths import TASKS
-from trees import FileError, Library, Place, UnknownTask
+from trees import FileError, Library, UnknownTask
 from trees.errors import DuplicateTask
 
 TASK = "task: {number}\nname: x\ndescription: y\ntree: Succeed\n"
@@ -24,7 +24,7 @@ def test_what_ships() -> None:
     library = Library()
     assert library.numbers() == [0, 1, 2]
     assert [library.task(n).name for n in library.numbers()] == ["home", "pick", "rest"]
-    assert library.subtree("reach", Place(Path(), 0, 0))[0].ports.keys() == {"arm", "gripper"}
+    assert library.draft("reach")[0].parameters.keys() == {"arm", "gripper"}
 
 
 def test_a_folder_on_top(tmp_path: Path) -> None:
@@ -91,7 +91,7 @@ def test_a_number_claimed_twice_costs_no_other(tmp_path: Path) -> None:
 
 def test_two_files_with_one_subtree(tmp_path: Path) -> None:
     with pytest.raises(FileError, match=r"reach.yaml:1:1: subtree reach is in .* already"):
-        Library(write(tmp_path, "reach.yaml", SUBTREE)).subtree("reach", Place(Path(), 0, 0))
+        Library(write(tmp_path, "reach.yaml", SUBTREE)).draft("reach")
 
 
 @pytest.mark.parametrize("name", ["3.yaml", "3-wave.yaml", "3_wave.yml", "3wave.yaml"])
@@ -118,14 +118,8 @@ def test_a_number_that_the_file_contradicts(tmp_path: Path) -> None:
 def test_a_subtree_that_the_file_contradicts(tmp_path: Path) -> None:
     text = "subtree: b\ndescription: y\nports: []\ntree: Succeed\n"
     library = Library(write(tmp_path, "a.yaml", text))
-    _, (mistake,) = library.subtree("a", Place(Path(), 0, 0))
+    _, (mistake,) = library.draft("a")
     assert "a.yaml:1:1: the file is named a.yaml but says subtree b" in str(mistake)
-
-
-def test_a_subtree_that_is_not_there() -> None:
-    asked = Place(Path("3_x.yaml"), 4, 7)
-    with pytest.raises(FileError, match=r"3_x.yaml:4:7: no subtree rech; .*did you mean reach\?"):
-        Library().subtree("rech", asked)
 
 
 def test_folders_that_are_none(tmp_path: Path) -> None:
