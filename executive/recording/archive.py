@@ -19,7 +19,7 @@ from hardware import Robot, load_robot
 from hardware.description.meshes import MAX_MESH_BYTES
 from hardware.description.urdf import UrdfError, mesh_names, with_meshes
 from hardware.files import read_file
-from logs import Recording, RecordingError
+from logs import Attachment, Recording, RecordingError, pack
 from skills.motion import World
 
 _NOTE = "robot"
@@ -32,19 +32,19 @@ class RobotMeshes:
 
     Attributes:
         names: Name of the attachment by the name in the URDF.
-        files: Content by the name of the attachment. The meshes that only a viewer needs are left
-            out if they would exceed `MAX_MESHES`.
+        files: Attachments by name. The meshes that only a viewer needs are left out if they would
+            exceed `MAX_MESHES`.
         left_out: Why the meshes of collision shapes are left out; empty if they are not.
     """
 
     names: Mapping[str, str]
-    files: Mapping[str, bytes]
+    files: Mapping[str, Attachment]
     left_out: str = ""
 
 
 def archive_meshes(robot: Robot) -> RobotMeshes:
     """Return the meshes that the URDF of a robot names, each once. Missing ones are left out."""
-    names, files, size = dict[str, str](), dict[str, bytes](), 0
+    names, files, size = dict[str, str](), dict[str, Attachment](), 0
     for name, collides in mesh_names(robot.urdf).items():
         with suppress(UrdfError, OSError):  # the planner reports it
             path = robot.mesh(name)
@@ -54,7 +54,8 @@ def archive_meshes(robot: Robot) -> RobotMeshes:
             if size + new > MAX_MESHES and collides:
                 return RobotMeshes({}, {}, _too_large(robot))
             if size + new <= MAX_MESHES:
-                names[name], files[attached], size = attached, data, size + new
+                names[name], size = attached, size + new
+                files[attached] = files.get(attached) or pack(attached, data)
     return RobotMeshes(names, files)
 
 
@@ -146,19 +147,19 @@ def robot_files_changed(recording: Recording) -> bool:
 
 
 @lru_cache(maxsize=8)
-def archive_world(world: World) -> tuple[tuple[dict[str, Any], ...], Mapping[str, bytes]]:
+def archive_world(world: World) -> tuple[tuple[dict[str, Any], ...], Mapping[str, Attachment]]:
     """Return a world as plain values, and its mesh files.
 
     Returns:
-        The bodies, each mesh named by its content, and the content of each mesh by that name.
+        The bodies, each mesh named by its content, and the attachment of each mesh by that name.
     """
-    bodies, files = world.plain(), dict[str, bytes]()
+    bodies, files = world.plain(), dict[str, Attachment]()
     for body in bodies:
         mesh = body.get("mesh")
         if mesh and (path := Path(mesh["path"])).is_file():
             data = path.read_bytes()
             mesh["path"] = _mesh_name(path, data)
-            files[mesh["path"]] = data
+            files[mesh["path"]] = pack(mesh["path"], data)
     return tuple(bodies), files
 
 

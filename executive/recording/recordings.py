@@ -277,11 +277,10 @@ class Recordings:
         ]
         return robot.urdf.read_text(), files, notes
 
-    def _attach_meshes(self, meshes: Mapping[str, bytes]) -> None:
+    def _attach_meshes(self, meshes: Mapping[str, logs.Attachment]) -> None:
         if self._recorder:
             for name in sorted(meshes.keys() - self._meshes):
-                file = logs.Attachment(name, "application/octet-stream", meshes[name])
-                self._recorder.put(file)
+                self._recorder.put(meshes[name])
                 self._meshes.add(name)
 
     def _create(self, task: int | str) -> logs.Recorder:

@@ -5,12 +5,14 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields
 from functools import cache, cached_property
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import TYPE_CHECKING, Any, get_type_hints
 
 from logs.errors import RecordingError
 from logs.records.field_types import LARGEST, frozen, has_type
 from logs.records.file_format import RECOVERED
+from logs.records.packing import unpack
 from logs.records.records import (
+    Attachment,
     LogLine,
     Plan,
     Received,
@@ -22,6 +24,9 @@ from logs.records.records import (
 
 from .reader import Message, content
 from .tolerant_reader import TolerantReader
+
+if TYPE_CHECKING:
+    from mcap import records as mcap
 
 _PLAN = "/plan/"
 
@@ -202,11 +207,19 @@ class Recording:
                 case mcap.Channel():
                     facts.topics.add(item.topic)
                 case mcap.Attachment():
-                    facts.files[item.name] = item.data
+                    name, data = self._unpacked(item)
+                    facts.files[name] = data
                 case mcap.Metadata():
                     facts.notes[item.name] = dict(item.metadata)
         facts.messages, facts.complete = reader.messages, reader.intact
         self._known = facts
+
+    def _unpacked(self, item: "mcap.Attachment") -> tuple[str, bytes]:
+        try:
+            return unpack(Attachment(item.name, item.media_type, item.data))
+        except ValueError as error:
+            what = f"has an attachment of another program: {error}"
+            raise RecordingError(self.path, what) from error
 
 
 def _epoch_ns(path: Path) -> int:

@@ -5,6 +5,8 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
+import zstandard
+from mcap.reader import make_reader
 
 from executive.recording import archive
 from executive.recording.archive import extract_robot
@@ -59,6 +61,15 @@ def test_it_is_verified_where_the_meshes_are_gone(site: Path) -> None:
     assert verified.holds, verified.text()
     names = Counter(name.partition("_")[2] for name in Recording(recording).files)
     assert (names["beam.stl"], names["shell.stl"]) == (1, 1)
+
+
+def test_meshes_are_compressed(site: Path) -> None:
+    with open(recorded(site), "rb") as stream:
+        files = {each.name: each for each in make_reader(stream).iter_attachments()}
+    (name,) = (name for name in files if "beam.stl" in name)
+    assert name.endswith("_beam.stl.zst")
+    unpacked = zstandard.decompress(files[name].data)
+    assert unpacked == (DATA / "beam.stl").read_bytes()
 
 
 def test_a_run_without_a_motion_needs_no_meshes(site: Path) -> None:

@@ -1,0 +1,45 @@
+"""Attachments that are compressed: the file `NAME.zst`, as the program zstd writes and reads it."""
+
+from .records import Attachment
+
+MEDIA_TYPE = "application/zstd"
+_SUFFIX = ".zst"
+# Most bytes that each packed byte unpacks to. Meshes have about 3; a file of another program must
+# not fill the memory.
+_MAX_RATIO = 100
+
+
+def pack(name: str, data: bytes) -> Attachment:
+    """Return an attachment with a file, compressed if that makes it smaller.
+
+    Args:
+        name: Name of the file.
+        data: Its content.
+    """
+    from zstandard import ZstdCompressor
+
+    packed = ZstdCompressor().compress(data)
+    if len(packed) < len(data) <= _MAX_RATIO * len(packed):
+        return Attachment(f"{name}{_SUFFIX}", MEDIA_TYPE, packed)
+    return Attachment(name, "application/octet-stream", data)
+
+
+def unpack(attachment: Attachment) -> tuple[str, bytes]:
+    """Return the name and the content of the file in an attachment.
+
+    Raises:
+        ValueError: It is compressed, but not by `pack`.
+    """
+    if attachment.media_type != MEDIA_TYPE:
+        return attachment.name, attachment.data
+    from zstandard import ZstdDecompressor, ZstdError, get_frame_parameters
+
+    name, data = attachment.name.removesuffix(_SUFFIX), attachment.data
+    try:
+        # The size that the frame claims would be allocated, whatever limit is given.
+        size, most = get_frame_parameters(data).content_size, _MAX_RATIO * len(data)
+        if size > most:
+            raise ValueError(f"{name} has {size} bytes in {len(data)}; {most} are allowed")
+        return name, ZstdDecompressor().decompress(data)
+    except ZstdError as error:
+        raise ValueError(f"{name} cannot be unpacked: {error}") from error
