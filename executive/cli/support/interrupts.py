@@ -9,7 +9,7 @@ from types import FrameType
 from typing import Any, Self, TypeVar
 
 from executive.api.codes import INTERRUPTED_EXIT
-from executive.cli.terminal.streams import last_words
+from executive.cli.terminal.full_screen import last_words
 from hardware import RealClock
 
 from .process_end import end_process

@@ -1,7 +1,6 @@
 """Runs tasks for `armtree run` and `armtree replay --on`, on their own executive."""
 
 import shlex
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
@@ -14,7 +13,7 @@ from executive.api.events import Event
 from executive.api.move import Move, number_of
 from executive.api.outcome import CANCELED_CAUSE, GoalState, GoalStatus, Outcome, cause_of
 from executive.cli.terminal.operator import Terminal
-from executive.cli.terminal.streams import LastingStream
+from executive.cli.terminal.streams import echo
 from executive.cli.terminal.view import View
 from executive.cli.terminal.views import view_for
 from executive.executive import Executive
@@ -57,7 +56,7 @@ def execute(
             executive = stack.enter_context(
                 open_executive(
                     setup,
-                    operator=Terminal(_to_errors if as_json else view.say),
+                    operator=Terminal(_to_errors if as_json else view.prompt),
                     subscriber=partial(_show, view),
                     report=view.say,
                 )
@@ -112,9 +111,8 @@ def _server_with(port: str) -> token_file.ServerInfo | None:
 
 
 def _to_errors(text: str) -> None:
-    errors = LastingStream(sys.stderr)
-    errors.write(f"{text}\n")
-    errors.flush()
+    if text:
+        echo(text, err=True)
 
 
 class TaskSequence:

@@ -20,11 +20,11 @@ class Terminal:
     constructor must run on the main thread.
 
     Args:
-        say: Prints a line.
+        prompt: Asks the operator; an empty text when no answer is expected any more.
     """
 
-    def __init__(self, say: Callable[[str], None]) -> None:
-        self._say = say
+    def __init__(self, prompt: Callable[[str], None]) -> None:
+        self._prompt = prompt
         self._lock = threading.Lock()
         self._open: deque[Question] = deque()
         self._lines: deque[str] = deque()
@@ -50,11 +50,13 @@ class Terminal:
             next_one = self._open[0] if shown and self._open else None
         if next_one:
             self._show(next_one)
+        elif shown:
+            self._prompt("")
 
     def _show(self, question: Question) -> None:
         if self._reader is None:
             _discard_input()
-        self._say(f"? {question}")
+        self._prompt(f"? {question}")
         if self._reader is None:
             self._reader = threading.Thread(target=self._read, name="operator", daemon=True)
             self._reader.start()
@@ -74,7 +76,7 @@ class Terminal:
                     question.reject("no answer is possible: standard input has ended")
                 return
             if not question.answer(line):
-                self._say(f"? {line or 'nothing'} is not an answer to: {question}")
+                self._prompt(f"? {line or 'nothing'} is not an answer to: {question}")
 
     def _read(self) -> None:
         for path in ("", _TERMINAL):

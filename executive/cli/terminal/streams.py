@@ -4,15 +4,12 @@ import logging
 import os
 import sys
 import textwrap
-import threading
-from contextlib import suppress
 from typing import Any, TextIO
 
 import click
 
 from hardware.printable import printable
 
-_SHOW_CURSOR = b"\x1b[?25h"
 _STREAMS = (("stdin", "r"), ("stdout", "w"), ("stderr", "w"))
 
 
@@ -65,23 +62,6 @@ def _folded(line: str, width: int) -> list[str]:
         break_long_words=False,
         break_on_hyphens=False,
     )
-
-
-def last_words(text: str) -> None:
-    """Print a text to standard error, and show the cursor again, before the process is ended.
-
-    A terminal that does not take it within 0.2 s is left.
-    """
-
-    def write() -> None:
-        with suppress(OSError):
-            if os.isatty(1):
-                os.write(1, _SHOW_CURSOR)
-            os.write(2, f"\n{text}\n".encode())
-
-    thread = threading.Thread(target=write, daemon=True)
-    thread.start()
-    thread.join(0.2)
 
 
 def echo(text: object, err: bool = False, nl: bool = True) -> None:

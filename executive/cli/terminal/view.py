@@ -1,6 +1,8 @@
 """A view of a run: it shows on its own thread."""
 
 import threading
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
 from queue import Empty, SimpleQueue
 from typing import Self
 
@@ -9,10 +11,22 @@ from executive.api.events import QuestionStatus, Where
 from executive.api.outcome import Outcome
 from hardware import RealClock
 
-Item = logs.Record | QuestionStatus | Outcome | Where | str
+
+@dataclass(frozen=True, slots=True)
+class Prompt:
+    """What the operator is asked at this terminal.
+
+    Attributes:
+        text: The question; empty when no answer is expected any more.
+    """
+
+    text: str
 
 
-class View:
+Item = logs.Record | QuestionStatus | Outcome | Where | Prompt | str
+
+
+class View(ABC):
     """Shows a run. Any thread may call its methods, which do not block.
 
     Items are shown in the order of their arrival, by a thread of the view, so that a slow terminal
@@ -47,6 +61,10 @@ class View:
         """Show a line of text."""
         self._queue.put(text)
 
+    def prompt(self, text: str) -> None:
+        """Ask the operator at this terminal; empty when no answer is expected any more."""
+        self._queue.put(Prompt(text))
+
     def watch(self, record: logs.Record | QuestionStatus) -> None:
         """Show an event."""
         self._queue.put(record)
@@ -55,14 +73,14 @@ class View:
         """Show the outcome of a goal."""
         self._queue.put(outcome)
 
+    @abstractmethod
     def show(self, item: Item) -> None:
         """Show an item. Only the view's thread calls it."""
-        raise NotImplementedError
 
-    def refresh(self) -> None:
+    def refresh(self) -> None:  # noqa: B027, a view of lines does not change with time
         """Show the progress of time. Only the view's thread calls it."""
 
-    def close(self) -> None:
+    def close(self) -> None:  # noqa: B027, as above
         """End the view. Only the view's thread calls it."""
 
     def _run(self) -> None:

@@ -11,7 +11,7 @@ from hardware.printable import printable
 
 from .live.run_state import RunState
 from .streams import LastingStream, is_screen
-from .view import Item, View
+from .view import Item, Prompt, View
 
 
 class _Lines(View):
@@ -34,7 +34,7 @@ class _Lines(View):
 
 def _json_line(item: Item) -> str:
     """Return an event as JSON. The result is printed when its recording is closed."""
-    if isinstance(item, (str, Where, logs.Result)):
+    if isinstance(item, (str, Prompt, Where, logs.Result)):
         return ""
     if isinstance(item, Outcome):
         event = {"event": "result", **item.to_json()}
@@ -58,6 +58,8 @@ class _TextLine:
         match item:
             case str():
                 return item
+            case Prompt():
+                return item.text
             case Where():
                 self._state.where = item
             case Outcome():

@@ -22,17 +22,27 @@ class Screen:
     Attributes:
         cursor: False while the cursor is hidden.
         styles: The styles that were set, as the numbers of SGR sequences.
+        pictures: What the alternate screen showed each time that it was drawn, line by line.
     """
 
     def __init__(self, columns: int, rows: int) -> None:
         self.columns, self.rows = columns, rows
         self._lines, self._row, self._column = [""], 0, 0
+        self._before: list[str] | None = None  # lines of the normal screen, while it is not shown
         self.cursor, self.styles = True, set[str]()
+        self.pictures: list[list[str]] = []
 
     @property
     def lines(self) -> list[str]:
         """All lines, those that were scrolled away included."""
         return [line.rstrip() for line in self._lines]
+
+    def resize(self, columns: int, rows: int) -> None:
+        """Change the size. What no longer fits on the alternate screen is lost."""
+        self.columns, self.rows = columns, rows
+        if self._before is not None:
+            self._lines = [line[:columns] for line in self._lines[:rows]]
+            self._row = min(self._row, len(self._lines) - 1)
 
     def show(self, text: str) -> None:
         """Take what a program writes."""
@@ -40,18 +50,31 @@ class Screen:
             match command:
                 case "":
                     self._put(character)
-                case "A":
-                    moved = self._row - int(numbers or 1)
-                    assert moved >= len(self._lines) - self.rows, "moved above the screen"
-                    self._row = moved
+                case "H":
+                    assert not numbers
+                    assert self._before is not None
+                    self._row = self._column = 0
                 case "K":
-                    assert numbers == "2"
-                    self._lines[self._row] = ""
+                    assert not numbers
+                    self._lines[self._row] = self._lines[self._row][: self._column]
+                case "J":
+                    assert not numbers
+                    del self._lines[self._row + 1 :]
+                    self._lines[self._row] = self._lines[self._row][: self._column]
+                    self.pictures.append(self.lines)
                 case "m":
                     self.styles.update(numbers.split(";"))
-                case "h" | "l":
-                    assert numbers == "?25", numbers
+                case "h" | "l" if numbers == "?25":
                     self.cursor = command == "h"
+                case "h":
+                    assert numbers == "?1049"
+                    assert self._before is None
+                    self._before, self._lines, self._row, self._column = self._lines, [""], 0, 0
+                case "l":
+                    assert numbers == "?1049"
+                    assert self._before is not None
+                    self._lines, self._before, self._column = self._before, None, 0
+                    self._row = len(self._lines) - 1
                 case _:
                     raise AssertionError((numbers, command))
 
@@ -62,6 +85,7 @@ class Screen:
             self._row, self._column = self._row + 1, 0
             if self._row == len(self._lines):
                 self._lines.append("")
+            assert self._before is None or len(self._lines) <= self.rows, "the picture scrolls"
         if character not in "\r\n":
             line = self._lines[self._row].ljust(self._column)
             self._lines[self._row] = line[: self._column] + character + line[self._column + 1 :]

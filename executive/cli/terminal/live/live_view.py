@@ -2,17 +2,18 @@
 
 import sys
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from typing import TextIO, cast
 
 from rich.console import Console, ConsoleOptions, RenderResult
-from rich.live import Live
 from rich.text import Text
 
 import logs
 from executive.api.events import QuestionStatus, Where
 from executive.api.outcome import GoalState, Outcome
+from executive.cli.terminal.full_screen import FullScreen
 from executive.cli.terminal.streams import LastingStream, fold
-from executive.cli.terminal.view import Item, View
+from executive.cli.terminal.view import Item, Prompt, View
 from hardware import RealClock
 from hardware.printable import printable
 
@@ -34,7 +35,9 @@ _BAR = 30  # most columns of the progress bar
 
 
 class LiveView(View):
-    """Draws the running goal, in at most one row less than the terminal has.
+    """Draws the running goal on the alternate screen; then prints how it ended on the other one.
+
+    The alternate screen is left while the operator is asked something, who types the answer.
 
     Args:
         console: Console to draw on. Default: standard output.
@@ -48,62 +51,95 @@ class LiveView(View):
         super().__init__(_PERIOD)
         self._console = console or Console(file=cast(TextIO, LastingStream(sys.stdout)))
         self._now = now or RealClock().now
-        self._live: Live | None = None
+        self._screen: FullScreen | None = None
         self._state = RunState()
         self._ahead = -float("inf")  # of the clock of the events [s]
+        self._said: list[str] = []  # while the alternate screen is shown
+        self._running = self._asks = False
 
     def show(self, item: Item) -> None:
-        """Take an event into the picture, or print a text above it."""
+        """Take an event into the picture, or show a text."""
         match item:
             case str():
-                self._print(item)
+                self._say(item)
             case Where():
                 self._state.where = item
                 self._state.positions = item.commanded or {}
+            case Prompt():
+                self._asks = bool(item.text)
+                if item.text:
+                    self._leave()
+                    self._print(item.text)
             case QuestionStatus():
                 if item.open:
-                    self._print(item.text_with_command())
+                    self._say(item.text_with_command())
             case Outcome():
                 self._end(item)
             case _:
                 self._take(item)
 
     def refresh(self) -> None:
-        """Draw the picture."""
-        if self._live:
-            self._live.refresh()
+        """Draw the picture, if a goal runs or the board boots."""
+        shown = self._running or self._state.activated is not None
+        if self._asks or not shown or not self._console.is_terminal:
+            self._leave()
+            return
+        if self._screen is None:
+            self._screen = FullScreen(self._console.file).__enter__()
+        width, rows = self._console.size
+        said = [line for text in self._said for line in fold(printable(text), width).split("\n")]
+        said = said[-max(1, rows // 4) :]
+        lines = self._rendered(self.picture(), rows - 1 - len(said))
+        self._screen.draw(lines + [line[:width] for line in said])
 
     def close(self) -> None:
-        """Keep the last picture."""
-        live, self._live = self._live, None
-        if live:
-            live.stop()
+        """Print the last picture of a goal without an outcome."""
+        self._leave()
+        if self._running:
+            self._console.print(self.picture())
+        self._running = False
 
     def picture(self) -> "Picture":
         """Return the run at this moment."""
         return Picture(self._state, self._now() + self._ahead)
 
     def _take(self, record: logs.Record) -> None:
-        if not isinstance(record, logs.Goal):
+        if isinstance(record, logs.Goal):
+            self._ahead = record.time - self._now()
+            self._state, self._running = self._state.begun(record), True
+        else:
             self._ahead = max(self._ahead, record.time - self._now())
             self._state.update(record)
-            return
-        self._ahead = record.time - self._now()
-        again = record.goal_id == self._state.goal_id  # a recording was rewound
-        self._state = self._state.begun(record)
-        if not (again and self._live):
-            self.close()
-            self._live = Live(
-                console=self._console, get_renderable=self.picture, auto_refresh=False
-            )
-            self._live.start()
 
     def _end(self, outcome: Outcome) -> None:
         self._state.end(self._now() + self._ahead, outcome.state.name)
-        self.close()
+        self._leave()
         where = self._state.stopped(outcome)
+        if self._running:
+            self._console.print(replace(self.picture(), joints=not where))
+        self._running = False
         text = "\n".join(filter(None, (outcome.text(), where)))
         self._print(text, outcome.state.name, _OUTCOMES[outcome.state])
+
+    def _leave(self) -> None:
+        """Leave the alternate screen, and print what was said there."""
+        screen, self._screen = self._screen, None
+        if screen:
+            screen.__exit__()
+            for text in self._said:
+                self._print(text)
+            self._said.clear()
+
+    def _say(self, text: str) -> None:
+        if self._screen:
+            self._said.append(text)
+        else:
+            self._print(text)
+
+    def _rendered(self, picture: "Picture", rows: int) -> list[str]:
+        with self._console.capture() as captured:
+            self._console.print(picture, height=rows)
+        return captured.get().rstrip("\n").split("\n")
 
     def _print(self, words: str, styled: str = "", style: str = "") -> None:
         text = Text(fold(printable(words), self._console.width))
@@ -111,24 +147,28 @@ class LiveView(View):
         self._console.print(text, soft_wrap=True)
 
 
+@dataclass(frozen=True, slots=True)
 class Picture:
     """A run at one moment, drawn to the size of a terminal.
 
-    Args:
+    Attributes:
         state: The run.
         now: The moment, on the clock of its events [s].
+        joints: True to draw the joints.
     """
 
-    def __init__(self, state: RunState, now: float) -> None:
-        self._state, self._now, self._boot_wait = state, now, state.where.boot_wait
+    state: RunState
+    now: float
+    joints: bool = True
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
-        """Yield its rows: at most one less than the console has."""
-        state, width = self._state, options.max_width
-        rows = max(3, console.height - 1) - 2
+        """Yield its rows: at most the height of the options, or one less than the console has."""
+        state, width = self.state, options.max_width
+        rows = max(3, options.height or console.height - 1) - 2
         for_joints = max(1, rows // 3, rows - max(1, len(state.nodes)))
-        joints = joint_rows(state.where, state.positions, state.targets, width, for_joints)
-        yield _line((state.title, "bold"), f"   arm {state.arm}")
+        positions = state.positions if self.joints else {}
+        joints = joint_rows(state.where, positions, state.targets, width, for_joints)
+        yield _line((state.title, "bold"), f"{'   ' if state.title else ''}arm {state.arm}")
         yield self._progress(width)
         if state.nodes:
             for row in tree_rows(state.nodes, max(1, rows - len(joints))):
@@ -137,10 +177,11 @@ class Picture:
 
     def _progress(self, width: int) -> Text:
         """Return the line with the bar, the phase and the times."""
-        state = self._state
+        state = self.state
         done, words = state.percentage, state.phase
-        if (booted := self._booted()) is not None:
-            done = int(100 * min(1.0, booted / self._boot_wait)) if self._boot_wait else None
+        wait, booted = state.where.boot_wait, self._booted()
+        if booted is not None:
+            done = int(100 * min(1.0, booted / wait)) if wait else None
             words = "the board boots"
         percentage = "" if done is None else f"{done:3d} %"
         after = "  ".join(filter(None, (percentage, words, *self._times())))
@@ -150,19 +191,19 @@ class Picture:
 
     def _booted(self) -> float | None:
         """Return how long the board has booted [s]; None if it does not boot."""
-        began = self._state.activated
-        return None if began is None else max(0.0, self._now - began)
+        began = self.state.activated
+        return None if began is None else max(0.0, self.now - began)
 
     def _times(self) -> Iterator[str]:
         """Yield the elapsed time, and the time that is left."""
-        state, end = self._state, self._state.motion_end
+        state, end = self.state, self.state.motion_end
         if state.began is not None:
-            yield f"{_seconds((state.ended or self._now) - state.began)} elapsed"
-        booted = self._booted()
-        if booted is not None and self._boot_wait and booted < self._boot_wait:
-            yield f"{_seconds(self._boot_wait - booted)} left"
+            yield f"{_seconds((state.ended or self.now) - state.began)} elapsed"
+        wait, booted = state.where.boot_wait, self._booted()
+        if booted is not None and booted < wait:
+            yield f"{_seconds(wait - booted)} left"
         elif end is not None:
-            yield f"motion {_seconds(end - self._now)} left"
+            yield f"motion {_seconds(end - self.now)} left"
 
 
 def _seconds(seconds: float) -> str:

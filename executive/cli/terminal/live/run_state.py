@@ -98,6 +98,7 @@ class RunState:
         self.targets = dict(zip(record.start, last, strict=True))
         self._due, self._sent = record.times, 0
         self.motion_end = record.time + record.times[-1] if record.times else None
+        self._finish()
 
     def _frame(self, record: logs.Sent) -> None:
         self.positions = dict(zip(record.joints, record.positions, strict=True))
@@ -106,6 +107,12 @@ class RunState:
             return
         self.motion_end = record.scheduled + self._due[-1] - self._due[self._sent]
         self._sent += 1
+        self._finish()
+
+    def _finish(self) -> None:
+        """After the last frame, the arm moves to the end of the motion: both are the same frame."""
+        if self._sent == len(self._due):
+            self.positions = self.targets
 
     def stopped(self, outcome: Outcome) -> str:
         """Return where a goal stopped that did not succeed; empty if it sent no frame."""

@@ -1,6 +1,7 @@
 """The live view: pictures of real runs, and a run in a terminal."""
 
 import io
+import math
 import os
 import signal
 import subprocess
@@ -11,8 +12,12 @@ import pytest
 from rich.console import Console
 
 import logs
+from executive.api.events import Where
 from executive.api.outcome import CANCELED_CAUSE, GoalState, Outcome
 from executive.cli.terminal.live.live_view import LiveView
+from executive.cli.terminal.live.run_state import RunState
+from executive.cli.terminal.view import Prompt
+from hardware import State, load_robot
 from tests.end_to_end.test_command_line import robot
 from tests.support.command_line.screen import Screen, on_screen
 from tests.support.generated import live_pictures
@@ -50,6 +55,83 @@ def test_times_of_another_clock() -> None:
     view.show(Outcome.of(1, GoalState.CANCELED, CANCELED_CAUSE))
     now = 100.0
     assert "1 min 00 s elapsed" in live_pictures.drawn(view.picture(), (80, 24))
+
+
+class Terminal(io.StringIO):
+    """Writes to a screen."""
+
+    def __init__(self, screen: Screen) -> None:
+        super().__init__()
+        self.screen = screen
+
+    def write(self, text: str) -> int:
+        self.screen.show(text.replace("\n", "\r\n"))
+        return len(text)
+
+
+def test_a_terminal_that_changes_its_size_shows_one_whole_picture() -> None:
+    screen = Screen(80, 24)
+    console = Console(file=Terminal(screen), width=80, height=24, force_terminal=True)
+    view = LiveView(console, lambda: 0.0)
+    view.show("Port virtual")
+    for record in live_pictures.events(1, EXAMPLES):
+        view.show(record)
+        if isinstance(record, logs.Sent):
+            size = SIZES[len(screen.pictures) % len(SIZES)]
+            console.size = size
+            screen.resize(*size)
+            view.refresh()
+            picture = screen.pictures[-1]
+            assert [line.startswith("task 1 pick ") for line in picture].count(True) == 1
+            assert picture[0].startswith("task 1 pick ")
+            assert any("Execute" in line for line in picture)
+    assert len({max(map(len, picture)) for picture in screen.pictures}) > 1
+    view.show("Canceling")
+    view.refresh()
+    assert screen.pictures[-1][-1] == "Canceling"
+    view.show(Outcome.of(1, GoalState.SUCCEEDED, None))
+    assert screen.lines[:3] == ["Port virtual", "Canceling", screen.pictures[-2][0]]
+    assert [line.startswith("task 1 pick ") for line in screen.lines].count(True) == 1
+
+
+def test_a_question_is_typed_on_the_normal_screen() -> None:
+    screen = Screen(80, 24)
+    view = LiveView(Console(file=Terminal(screen), width=80, height=24, force_terminal=True))
+    view.show(logs.Goal(0.0, "ab" * 16, 1, "pick", 1))
+    view.refresh()
+    assert screen.lines[0] == "task 1 pick   arm unconfigured"
+    view.show(Prompt("? Is the box there? [yes/no]"))
+    view.refresh()
+    assert screen.lines == ["? Is the box there? [yes/no]", ""]
+    assert screen.cursor
+    view.show(Prompt(""))
+    view.refresh()
+    assert screen.lines[0] == "task 1 pick   arm unconfigured"
+    view.close()
+
+
+def test_the_boot_of_a_server_is_shown_without_a_goal() -> None:
+    screen = Screen(80, 24)
+    console = Console(file=Terminal(screen), width=80, height=24, force_terminal=True)
+    view = LiveView(console, lambda: 0.0)
+    view.show(Where.of(load_robot(None), State.INACTIVE, None))
+    view.show(logs.Transition(0.0, "activate", "inactive", "activating"))
+    view.refresh()
+    assert screen.lines[0] == "arm activating"
+    assert "the board boots  2.0 s left" in screen.lines[1]
+    view.show(logs.Transition(2.0, "transition_success", "activating", "active"))
+    view.refresh()
+    assert screen.lines == [""]
+
+
+def test_the_angles_at_the_end_are_those_of_the_end_of_the_motion(tmp_path: Path) -> None:
+    """The last frame is sent before the motion ends: both are 70 servo degrees."""
+    task = "task: 70\nname: end\ndescription: End.\ntree:\n  subtree: move_joints\n"
+    (tmp_path / "70_end.yaml").write_text(task + "  with: {joints: {joint_1: 70.9 deg}}\n")
+    state = RunState()
+    for record in live_pictures.events(70, tmp_path):
+        state.update(record)
+    assert state.positions["joint_1"] == pytest.approx(math.radians(70.9))
 
 
 def command(folder: Path, robot: Path, *tasks: str) -> list[str]:
@@ -114,6 +196,7 @@ def test_after_ctrl_c_it_is_said_what_became_of_the_run(tmp_path: Path, robot: P
     assert "Canceling: the arm stops." in shown
     assert "task 4 CANCELED" in shown
     assert "  stopped at joint_1 " in shown
+    assert not any(line.startswith("joint_") for line in screen.lines)  # where it is, is said once
     assert " frames of its motion" in " ".join(shown.split())
     assert "not started: task 1" in shown
     assert screen.cursor
