@@ -9,8 +9,8 @@ from hardware import Arm, Clock, Robot, Schedule
 
 from .merged_motion import MergedMotion
 from .motion.errors import MotionError
-from .motion.plan import Plan
 from .motion.query import Query
+from .motion.trajectory.plan import Plan
 from .motion.workers.pool import Pool
 from .motion.world import EMPTY, World
 from .operator import NoOperator, Operator

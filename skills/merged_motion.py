@@ -6,8 +6,8 @@ import numpy as np
 
 from hardware import Robot, Schedule, servo_path
 
-from .motion.plan import Plan
 from .motion.query import Rest, Verify
+from .motion.trajectory.plan import Plan
 from .motion.world import World
 
 # Margin of the check of frames as the board plays them [m]. With whole degrees, and servos that

@@ -12,8 +12,8 @@ from skills.context import Scheduled
 from skills.errors import Interrupted, StartMoved
 from skills.merged_motion import MergedMotion, verify_query
 from skills.motion.errors import MotionError
-from skills.motion.plan import Plan
 from skills.motion.query import Rest
+from skills.motion.trajectory.plan import Plan
 from skills.planning_skill import PlannerJob
 
 

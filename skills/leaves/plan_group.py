@@ -19,8 +19,8 @@ from skills.motion.errors import (
     PlanCanceled,
     StartInCollision,
 )
-from skills.motion.plan import Plan
 from skills.motion.query import MIN_SPEED, Query, Result, Verify
+from skills.motion.trajectory.plan import Plan
 from skills.planning_skill import PlanningSkill
 from skills.ports import Port, Positions
 

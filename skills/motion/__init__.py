@@ -33,7 +33,6 @@ from .errors import (
     WorkerDied as WorkerDied,
     shown as shown,
 )
-from .plan import Plan as Plan
 from .query import (
     Carry as Carry,
     Query as Query,
@@ -44,6 +43,7 @@ from .query import (
     ToolQuery as ToolQuery,
     Verify as Verify,
 )
+from .trajectory.plan import Plan as Plan
 from .workers.pool import Pool as Pool
 from .world import (
     EMPTY as EMPTY,

@@ -34,16 +34,16 @@ from .kinematics.robot_model import RobotModel
 from .path.barrier import check_passable
 from .path.bend import find_bend
 from .path.blend import blend
-from .path.curve import Curve
 from .path.motion_validator import MotionValidator
 from .path.motion_verification import verify_plan, verify_rows
 from .path.rrt_connect import RRTConnect
 from .path.shortcut import shortcut
-from .plan import Plan
 from .query import Answer, Carry, Query, Reached, Request, Rest, ToolQuery, Verify, check_types
 from .timing.remaining import check_rest, remaining_plan
-from .timing.time_law import TimeLaw
 from .timing.time_parameterization import time_curve
+from .trajectory.curve import Curve
+from .trajectory.plan import Plan
+from .trajectory.time_law import TimeLaw
 from .validation import joint_positions
 from .world import EMPTY, Body, World
 

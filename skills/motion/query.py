@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .arrays import readonly
 from .errors import BadQuery, MotionError, shown
-from .plan import Plan
+from .trajectory.plan import Plan
 from .world import EMPTY, Body, Vector, World
 
 MIN_SPEED = 0.01  # least share of the robot's speed

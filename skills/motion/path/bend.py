@@ -13,8 +13,8 @@ import numpy as np
 
 from skills.motion.arrays import Array, norms
 from skills.motion.kinematics.joint_group import JointGroup
+from skills.motion.trajectory.curve import Curve
 
-from .curve import Curve
 from .motion_validator import MotionValidator
 
 _CANDIDATES = 128

@@ -7,8 +7,8 @@ of Technology, 2011. Unlike there, a blend is a curve in space, which is timed l
 import numpy as np
 
 from skills.motion.arrays import Array, norms
+from skills.motion.trajectory.curve import Curve
 
-from .curve import Curve
 from .motion_validator import MotionValidator
 
 VIA_TOLERANCE = 0.01  # largest distance of any part of the arm from its pose at a via point [m]

@@ -14,8 +14,7 @@ from skills.motion.arrays import Array
 from skills.motion.collision.checker import BATCH, CollisionChecker, Proximity
 from skills.motion.deadline import Deadline
 from skills.motion.kinematics.joint_group import JointGroup
-
-from .curve import Curve
+from skills.motion.trajectory.curve import Curve
 
 # Least distance between checked configurations, in metres of travel. If the margin is so small that
 # it proves nothing, contacts with less than half this depth can be missed.

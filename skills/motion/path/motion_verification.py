@@ -9,8 +9,8 @@ from skills.motion.arrays import Array
 from skills.motion.collision.checker import CollisionChecker
 from skills.motion.deadline import Deadline
 from skills.motion.errors import BadQuery, MotionCollides, NotFinite, shown
-from skills.motion.plan import Plan
 from skills.motion.query import Verify
+from skills.motion.trajectory.plan import Plan
 from skills.motion.validation import MAX_MAGNITUDE, is_number
 
 from .motion_validator import MIN_STEP, MotionValidator, uniform_travel

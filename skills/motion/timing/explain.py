@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skills.motion.arrays import Array, Mask
-from skills.motion.plan import Plan
+from skills.motion.trajectory.plan import Plan
 
 from .time_parameterization import line_duration
 

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from skills.motion.arrays import Array, norms
 from skills.motion.errors import BadQuery, NotFinite, shown
-from skills.motion.path.curve import Curve
-from skills.motion.plan import Plan
 from skills.motion.query import Rest
+from skills.motion.trajectory.curve import Curve
+from skills.motion.trajectory.plan import Plan
 from skills.motion.validation import is_number
 
 from .time_parameterization import time_curve

@@ -5,9 +5,8 @@ from itertools import pairwise
 import numpy as np
 
 from skills.motion.arrays import Array
-from skills.motion.path.curve import Curve
-
-from .time_law import TimeLaw
+from skills.motion.trajectory.curve import Curve
+from skills.motion.trajectory.time_law import TimeLaw
 
 
 def time_curve(curve: Curve, velocity: Array, acceleration: Array) -> TimeLaw | None:

@@ -27,9 +27,8 @@ from typing import Any
 import numpy as np
 
 from skills.motion.arrays import Array
-from skills.motion.path.curve import Curve
-
-from .time_law import TimeLaw
+from skills.motion.trajectory.curve import Curve
+from skills.motion.trajectory.time_law import TimeLaw
 
 _UNUSED = ("scipy.interpolate", "scipy.sparse", "matplotlib", "matplotlib.pyplot")
 

@@ -16,10 +16,10 @@ from hardware.description.kinematics import ForwardKinematics
 from skills.motion.arrays import Array
 from skills.motion.errors import MotionError, shown
 from skills.motion.kinematics.joint_group import JointGroup
-from skills.motion.path.curve import Curve
-from skills.motion.plan import Plan
 from skills.motion.query import Carry, Query, Reached, Request, Rest, Result, ToolQuery, Verify
-from skills.motion.timing.time_law import TimeLaw
+from skills.motion.trajectory.curve import Curve
+from skills.motion.trajectory.plan import Plan
+from skills.motion.trajectory.time_law import TimeLaw
 from skills.motion.validation import MAX_MAGNITUDE, is_number, joint_positions
 from skills.motion.world import Body
 

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from skills.motion import MotionError, Plan
 from skills.motion.collision.scene import PlanningScene
-from skills.motion.path.curve import Curve
 from skills.motion.planner import Planner
 from skills.motion.timing.time_parameterization import time_curve
+from skills.motion.trajectory.curve import Curve
 from tests.bench.planners.padded import padded
 from tests.bench.planners.problems import Problem
 from tests.bench.planners.reference_checker import TICK, ReferenceChecker, excess, ticks

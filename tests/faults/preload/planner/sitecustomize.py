@@ -16,9 +16,9 @@ from typing import Any, cast
 if "skills.motion.workers.worker_main" in sys.orig_argv:
     import numpy as np
 
-    from skills.motion.plan import Plan
     from skills.motion.planner import Planner
     from skills.motion.query import Reached
+    from skills.motion.trajectory.plan import Plan
 
     def curve(plan: Plan, **changes: Any) -> Plan:
         return dataclasses.replace(plan, curve=dataclasses.replace(plan.curve, **changes))

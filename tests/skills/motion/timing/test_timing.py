@@ -6,10 +6,10 @@ from hypothesis import given, settings, strategies as st
 from numpy.typing import NDArray
 
 from skills.motion.arrays import norms
-from skills.motion.path.curve import Curve
-from skills.motion.timing.time_law import TimeLaw
 from skills.motion.timing.time_parameterization import line_duration, time_curve
 from skills.motion.timing.toppra_timing import time_section
+from skills.motion.trajectory.curve import Curve
+from skills.motion.trajectory.time_law import TimeLaw
 
 Array = NDArray[np.float64]
 

@@ -28,9 +28,9 @@ from skills.motion import (
     World,
 )
 from skills.motion.errors import GoalInCollision, Unreachable
-from skills.motion.path.curve import Curve
 from skills.motion.planner import Planner
-from skills.motion.timing.time_law import TimeLaw
+from skills.motion.trajectory.curve import Curve
+from skills.motion.trajectory.time_law import TimeLaw
 from skills.motion.workers.answer_checker import AnswerChecker
 from skills.motion.workers.messages import InvalidMessage
 from tests.support.arms.robots import ARMS, foreign

@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .arrays import Array, readonly
-from .path.curve import Curve
-from .timing.time_law import TimeLaw
+from skills.motion.arrays import Array, readonly
+
+from .curve import Curve
+from .time_law import TimeLaw
 
 # Names of the arrays in a plan, its curve and its time law.
 _PLAN = ("start", "origin", "goal", "velocity", "acceleration", "waypoints")

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from skills.motion.arrays import Array, readonly
-from skills.motion.path.curve import Curve
+
+from .curve import Curve
 
 
 @dataclass(frozen=True, eq=False)
