@@ -8,15 +8,18 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import logs
-from hardware import Robot, State
+from hardware import State
 from hardware.joints import rounded
 from hardware.printable import wire_bytes, wire_text
 from logs.records.field_types import frozen
 
 from .outcome import Cause, GoalStatus, from_fields
+
+if TYPE_CHECKING:
+    from hardware import Robot
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,7 +164,7 @@ class Where:
     tool: tuple[float, float, float] | None = None
 
     @classmethod
-    def of(cls, robot: Robot, arm: State, commanded: Mapping[str, float] | None) -> "Where":
+    def of(cls, robot: "Robot", arm: State, commanded: Mapping[str, float] | None) -> "Where":
         """Return where a robot is.
 
         Args:

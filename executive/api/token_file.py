@@ -2,7 +2,6 @@
 
 import json
 import os
-import secrets
 import socket
 import stat
 import tempfile
@@ -43,6 +42,8 @@ class ServerInfo:
 
 def new_token() -> str:
     """Return a random token of 256 bits."""
+    import secrets  # slow to import, and only a server needs it
+
     return secrets.token_urlsafe(32)
 
 

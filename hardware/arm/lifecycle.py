@@ -9,8 +9,6 @@ import threading
 from collections.abc import Callable
 from enum import Enum, StrEnum
 
-from transitions import Machine
-
 from hardware.errors import HardwareError, TransitionRefused
 
 logger = logging.getLogger(__name__)
@@ -92,6 +90,8 @@ class Lifecycle:
     def __init__(self, callbacks: dict[State, Callback], on_change: ChangeCallback) -> None:
         self._callbacks, self._on_change = callbacks, on_change
         self._changing = threading.Lock()
+        from transitions import Machine  # here, because clients need only the states
+
         self._machine = Machine(states=State, initial=State.UNCONFIGURED, auto_transitions=False)
         for label, start, goal in EDGES:
             self._machine.add_transition(label, start, goal)

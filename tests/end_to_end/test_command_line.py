@@ -366,14 +366,6 @@ def test_doctor_looks_and_opens_nothing(tmp_path: Path, listener: Listener) -> N
     assert listener.frames() == []
 
 
-def test_help_loads_nothing_heavy() -> None:
-    code = "import sys; import executive.cli.main; print(*sorted(sys.modules))"
-    command = [sys.executable, "-P", "-c", code]
-    loaded = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
-    heavy = {"numpy", "py_trees", "pinocchio", "rosbags", "mcap", "ruamel.yaml", "rich", "serial"}
-    assert heavy.isdisjoint(loaded)
-
-
 @pytest.mark.parametrize("module", ["click", "numpy"])
 def test_ctrl_c_while_it_loads(tmp_path: Path, module: str) -> None:
     (tmp_path / f"{module}.py").write_text("import os, signal\nos.kill(os.getpid(), signal.SIGINT)")

@@ -29,7 +29,6 @@ pytestmark = pytest.mark.slow
 pytest_plugins = ["tests.support.servers.server_fixtures"]
 
 ARMTREE = [sys.executable, "-P", "-m", "executive"]
-EVERYTHING_HEAVY = ("numpy", "pinocchio", "matplotlib", "starlette", "uvicorn", "httpcore", "mcap")
 
 
 class Shell:
@@ -405,19 +404,6 @@ def test_without_a_server_the_answer_comes_at_once() -> None:
     assert ran.stderr.startswith(
         "Error: no server answers at http://127.0.0.1:9: Connection refused. Start one with"
     )
-
-
-@pytest.mark.parametrize("words", [(), ("serve",), ("send",), ("status",), ("arm",)])
-def test_help_loads_nothing_heavy(words: tuple[str, ...]) -> None:
-    program = (
-        "import sys; from executive.cli.main import cli\n"
-        f"cli.main([*{words!r}, '--help'], standalone_mode=False)\n"
-        f"sys.exit(str(sorted(set({EVERYTHING_HEAVY!r}) & set(sys.modules))))"
-    )
-    ran = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=False
-    )
-    assert ran.stderr == "[]\n"
 
 
 def test_view_opens_the_page_with_a_new_link(

@@ -1,0 +1,70 @@
+"""What a command imports before it does its work: imports are most of the time that it takes."""
+
+import subprocess
+import sys
+
+import pytest
+
+from tests.support.paths import ROOT
+
+ROOMS = {"executive", "hardware", "logs", "skills", "trees"}
+
+# Typed as a user does, or imported, because the command would do more.
+ROWS = {
+    "--help": ("typed", "--help"),
+    "send --help": ("typed", "send --help"),
+    "serve --help": ("typed", "serve --help"),
+    "stop": ("typed", "stop --server http://127.0.0.1:9"),
+    "status": ("typed", "status --server http://127.0.0.1:9"),
+    "tasks": ("typed", "tasks"),
+    "run": ("imported", "executive.cli.support.run_tasks"),
+    "serve": ("imported", "executive.cli.support.run_server"),
+}
+HTTP = {"anyio", "certifi", "h11", "httpcore"}
+RUN = {"click", "numpy", "py_trees", "pydot", "ruamel"}
+SERVER = {"fastjsonschema", "prometheus_client", "starlette", "uvicorn", "websockets"}
+LIBRARIES = {
+    "--help": {"click"},
+    "send --help": {"click"},
+    "serve --help": {"click"},
+    "stop": {"click", *HTTP},
+    "status": {"click", *HTTP},
+    "tasks": {"click", "ruamel", "serial"},
+    "run": RUN,
+    "serve": RUN | SERVER | {"anyio", "h11", "typing_extensions"},
+}
+# Folders of this project that a command leaves alone. What a run needs, it needs.
+UNUSED = {
+    "--help": {"executive.client", "hardware.description", "logs", "skills", "trees"},
+    "stop": {"executive.goals", "hardware.description", "logs.reading", "skills", "trees.reading"},
+    "status": {"executive.goals", "hardware.description", "logs.reading", "skills"},
+    "tasks": {"executive.client", "executive.executive", "skills", "trees.compile"},
+    "run": {"executive.client", "executive.replay", "executive.server", "logs.views"},
+}
+CODE = """\
+import sys
+sys.path += {path}
+sys.argv = ["armtree", *{words}]
+{code}
+print("", *sys.modules, file=sys.stderr)
+"""
+TYPE = """\
+from executive.cli.main import main
+try:
+    main()
+except SystemExit:
+    pass"""
+
+
+@pytest.mark.parametrize("row", ROWS)
+def test_a_command_imports_no_more_than_it_needs(row: str) -> None:
+    how, words = ROWS[row]
+    code = TYPE if how == "typed" else f"import {words}"
+    program = CODE.format(path=sys.path, words=words.split(), code=code)
+    command = [sys.executable, "-S", "-c", program]  # without packages' own imports at the start
+    ran = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT)
+    loaded = set(ran.stderr.splitlines()[-1].split())
+    packages = {name.partition(".")[0] for name in loaded} - sys.stdlib_module_names
+    assert packages - ROOMS - {"__main__", "__mp_main__"} <= LIBRARIES[row]
+    assert packages >= {"click", "executive"}
+    assert UNUSED.get(row, set()) & loaded == set()
