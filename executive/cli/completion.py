@@ -45,7 +45,9 @@ def completion(context: click.Context, shell: str) -> None:
     script = script.replace(called, calls.format(program)).replace(_ZSH_CHECK, "")
     line = _LOAD[shell].format(f"{program} completion {shell}")
     begin = _ZSH_BEGIN if shell == "zsh" else ""
-    echo(f"# To install this, add to {_FILES[shell]}:  {line}\n{begin}{script}", nl=False)
+    echo(
+        f"# To install this, add to {_FILES[shell]}:  {line}\n{begin}{script}", nl=False, whole=True
+    )
 
 
 def _program() -> str:

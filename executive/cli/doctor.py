@@ -66,7 +66,7 @@ def doctor(
     numbers = library.numbers()
     first = ["run", f"{numbers[0]}"] if numbers else first_motion(loaded)
     command = ["armtree", *first, *_given(context, "port", "robot", "trees", "recordings")]
-    echo(f"\nNext, type: {shlex.join(command)}")
+    echo(f"\nNext, type: {shlex.join(command)}", whole=True)
 
 
 def _given(context: click.Context, *names: str) -> Iterator[str]:

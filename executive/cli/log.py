@@ -12,7 +12,7 @@ from executive.api.codes import DIFFERS, look_up
 
 from .support.command_group import CommandGroup
 from .support.failures import for_each, print_incomplete
-from .support.names import RECORDING
+from .support.names import RECORDING, recordings_folder
 from .support.options import DRAWING
 from .support.settings import AT_LEAST_0, PATH, find_setting
 from .terminal.streams import echo
@@ -21,11 +21,6 @@ if TYPE_CHECKING:
     from logs.views.narrative import Overview
     from logs.views.run_figure import Scene
 
-_FOLDER = click.argument(
-    "folder",
-    type=click.Path(path_type=Path, file_okay=False),
-    default=lambda: find_setting(click.get_current_context(), "recordings")[0],
-)
 _FILE = click.argument("recording", type=RECORDING)
 _FILES = click.argument(
     "recordings", metavar="RECORDING...", nargs=-1, required=True, type=RECORDING
@@ -57,12 +52,17 @@ def log() -> None:
 
 
 @log.command()
-@_FOLDER
+@click.argument(
+    "folder",
+    type=click.Path(path_type=Path, file_okay=False),
+    default=lambda: recordings_folder(click.get_current_context()),
+)
 @_JSON
 def ls(folder: Path, as_json: bool) -> None:
     """List the recordings of FOLDER, with task, outcome, duration and size.
 
-    The default of FOLDER is the setting `recordings`, which is ./recordings by default.
+    The default of FOLDER is the setting `recordings`, which is ./recordings by default, or the
+    working directory if only it has recordings.
     """
     from logs import LogError, goal_title
     from logs.views.narrative import overview
@@ -92,7 +92,7 @@ def ls(folder: Path, as_json: bool) -> None:
 def _recordings_in(folder: Path) -> list[Path]:
     paths = sorted(folder.glob("*.mcap"))
     if not paths:
-        echo(f"{folder}: there are no recordings here", err=True)
+        echo(f"{folder.absolute()}: there are no recordings here", err=True)
     return paths
 
 
@@ -293,7 +293,11 @@ def pin(recordings: tuple[Path, ...], off: bool, as_json: bool) -> None:
 
 
 @log.command()
-@_FOLDER
+@click.argument(
+    "folder",
+    type=click.Path(path_type=Path, file_okay=False),
+    default=lambda: find_setting(click.get_current_context(), "recordings")[0],
+)
 @click.option("--days", type=AT_LEAST_0, help="Delete recordings older than this [days].")
 @click.option("--mb", type=AT_LEAST_0, help="Delete the oldest beyond this total size [MB].")
 @click.option("--dry-run", is_flag=True, help="Delete nothing; list what would be deleted.")

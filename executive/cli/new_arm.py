@@ -88,7 +88,10 @@ def new_arm(
     saved = create_poses(robot, trees, allowed.poses, _SWAP) if allowed.poses else None
     for line in _report(robot, allowed, saved):
         echo(line)
-    echo(f"\nNext, type: {shlex.join(['armtree', *first_motion(robot), '--robot', str(output)])}")
+    echo(
+        f"\nNext, type: {shlex.join(['armtree', *first_motion(robot), '--robot', str(output)])}",
+        whole=True,
+    )
 
 
 def _report(robot: "Robot", allowed: "AllowedPairs", saved: Path | None) -> list[str]:

@@ -186,7 +186,7 @@ def schema(trees: Path | None, robot: Path | None, output: Path | None) -> None:
         output.write_text(text)
         echo(output)
     else:
-        echo(text, nl=False)
+        echo(text, nl=False, whole=True)
 
 
 @click.command()
@@ -298,4 +298,4 @@ def new(number: int, name: str, trees: Path, robot: Path | None) -> None:
     path = write_task(load_robot(robot), trees, number, name)
     given = "" if trees == Path("trees") else f" --trees {trees}"
     given += f" --robot {robot}" if robot else ""
-    echo(f"{path}\nNext, type: armtree check{given}, then armtree run {number}{given}")
+    echo(f"{path}\nNext, type: armtree check{given}, then armtree run {number}{given}", whole=True)

@@ -109,6 +109,13 @@ def complete_node(context: click.Context, word: str) -> Iterator[tuple[str, str]
     yield from ((path, "") for _, path in paths(root))
 
 
+def recordings_folder(context: click.Context) -> Path:
+    """Return the folder of the setting; if there is none, the working directory if it has some."""
+    folder: Path = find_setting(context, "recordings")[0]
+    here = Path()
+    return here if not folder.is_dir() and any(here.glob("*.mcap")) else folder
+
+
 @completing
 def complete_recording(context: click.Context, word: str) -> Iterator[tuple[str, str]]:
     """Complete the name of a recording in the folder of recordings."""
@@ -117,7 +124,7 @@ def complete_recording(context: click.Context, word: str) -> Iterator[tuple[str,
     yield LATEST, "the last run"
     if word.startswith(LATEST):
         yield from ((f"{LATEST}:{name}", "") for name in _chosen(context)[1].names())
-    folder = find_setting(context, "recordings")[0]
+    folder = recordings_folder(context)
     yield from ((path.name, f"task {number}") for _, number, path in islice(runs(folder), _SHOWN))
 
 
@@ -170,7 +177,7 @@ class RecordingName(click.Path):
         """
         from logs import find_recording
 
-        folder = find_setting(ctx or click.get_current_context(), "recordings")[0]
+        folder = recordings_folder(ctx or click.get_current_context())
         return find_recording(str(value), folder)
 
     def shell_complete(

@@ -8,8 +8,9 @@ from typing import IO, Self
 
 from .streams import LastingStream
 
+_SHOW_CURSOR = "\x1b[?25h"
 _ENTER = "\x1b[?1049h\x1b[?25l"  # another screen, without a cursor
-_EXIT = "\x1b[H\x1b[J\x1b[?25h\x1b[?1049l"  # cleared, for terminals that have only one
+_EXIT = f"\x1b[H\x1b[J{_SHOW_CURSOR}\x1b[?1049l"  # cleared, for terminals that have only one
 
 _left = threading.Event()  # not set while the screen is shown
 _left.set()
@@ -54,8 +55,8 @@ def last_words(text: str) -> None:
 
     def write() -> None:
         with suppress(OSError):
-            if not _left.is_set():
-                os.write(1, _EXIT.encode())
+            if os.isatty(1):
+                os.write(1, (_SHOW_CURSOR if _left.is_set() else _EXIT).encode())
             os.write(2, f"\n{text}\n".encode())
 
     thread = threading.Thread(target=write, daemon=True)

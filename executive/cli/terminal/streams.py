@@ -10,6 +10,7 @@ import click
 
 from hardware.printable import printable
 
+_COLUMNS = 80  # of a terminal that does not know its own
 _STREAMS = (("stdin", "r"), ("stdout", "w"), ("stderr", "w"))
 
 
@@ -48,12 +49,12 @@ def fold(text: str, width: int) -> str:
         text: The text.
         width: Columns of the terminal.
     """
-    return "\n".join(
-        part for line in text.split("\n") for part in _folded(line, max(width, 20)) or [""]
-    )
+    return "\n".join(part for line in text.split("\n") for part in _folded(line, max(width, 20)))
 
 
 def _folded(line: str, width: int) -> list[str]:
+    if len(line) <= width:
+        return [line]
     indent = len(line) - len(line.lstrip()) + 4
     return textwrap.wrap(
         line,
@@ -64,9 +65,29 @@ def _folded(line: str, width: int) -> list[str]:
     )
 
 
-def echo(text: object, err: bool = False, nl: bool = True) -> None:
-    """Print a text that may have parts from outside."""
-    click.echo(printable(str(text)), err=err, nl=nl)  # noqa: TID251
+def fit(text: str, stream: TextIO) -> str:
+    """Return a text with its lines broken at spaces if the stream is a terminal, except JSON."""
+    if not stream.isatty() or text.startswith("{"):
+        return text
+    try:
+        columns = os.get_terminal_size(stream.fileno()).columns
+    except OSError:  # it was just closed
+        return text
+    return fold(text, columns or _COLUMNS)
+
+
+def echo(text: object, err: bool = False, nl: bool = True, whole: bool = False) -> None:
+    """Print a text that may have parts from outside.
+
+    Args:
+        text: The text.
+        err: True to print to standard error.
+        nl: True to print a line break after it.
+        whole: True for a text that is copied, such as a command: its lines are not broken.
+    """
+    words = printable(str(text))
+    words = words if whole else fit(words, sys.stderr if err else sys.stdout)
+    click.echo(words, err=err, nl=nl)  # noqa: TID251
 
 
 class LogFormatter(logging.Formatter):

@@ -10,7 +10,7 @@ from executive.api.outcome import Outcome
 from hardware.printable import printable
 
 from .live.run_state import RunState
-from .streams import LastingStream, is_screen
+from .streams import LastingStream, fit, is_screen
 from .view import Item, Prompt, View
 
 
@@ -28,7 +28,7 @@ class _Lines(View):
     def show(self, item: Item) -> None:
         """Print the line for an item."""
         if line := self._line(item):
-            self._stream.write(printable(line) + "\n")
+            self._stream.write(fit(printable(line), sys.stdout) + "\n")
             self._stream.flush()
 
 

@@ -9,6 +9,24 @@ from executive.cli.main import cli
 from tests.logs.writing.test_compaction import run_journal
 
 
+def test_ls_lists_the_folder_in_which_it_is_typed_or_says_where_it_looked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("ARMTREE_RECORDINGS", raising=False)
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    nothing = CliRunner().invoke(cli, ["log", "ls"]).output
+    assert nothing == f"{tmp_path}/recordings: there are no recordings here\n"
+    recordings = tmp_path / "recordings"
+    recordings.mkdir()
+    run_journal(recordings / "20261123T151517.770Z-1.mcap")
+    above = CliRunner().invoke(cli, ["log", "ls"]).output
+    monkeypatch.chdir(recordings)
+    assert CliRunner().invoke(cli, ["log", "ls"]).output == above
+    assert "20261123T151517.770Z-1.mcap " in above
+    assert CliRunner().invoke(cli, ["log", "show", "latest"]).exit_code == 0
+
+
 @pytest.mark.parametrize(
     ("command", "last", "status"),
     [
