@@ -9,7 +9,7 @@ from hardware import Robot
 from hardware.files import write_file
 from hardware.suggestions import plural
 from trees.declarations import Declaration
-from trees.errors import FileError, Mistake, Place
+from trees.errors import BadArguments, FileError, Mistake, Place
 from trees.reading.grammar import parse_value
 from trees.reading.library import Library
 from trees.reading.values import fit
@@ -101,13 +101,20 @@ class TaughtTask:
         return self._add(Step(f"move to {', '.join(words)}", tuple(nodes), dict(positions)))
 
     def wait(self, duration: str) -> Step:
-        """Add a wait, such as `500 ms`; return it."""
+        """Add a wait, such as `500 ms`; return it.
+
+        Raises:
+            BadArguments: It is not a duration.
+        """
 
         def wrong(place: Place, why: str, _instead: str = "") -> NoReturn:
             raise FileError([Mistake(place, why)])
 
         longest = Declaration("duration", least=0.0)
-        seconds = fit(parse_value(duration, "wait"), longest, {}, wrong)
+        try:
+            seconds = fit(parse_value(duration, "wait"), longest, {}, wrong)
+        except FileError as error:
+            raise BadArguments(error.mistakes) from None
         node = f"    - Wait: {{duration: {seconds:g} s}}\n"
         return self._add(Step(f"wait {seconds:g} s", (node,), {}))
 

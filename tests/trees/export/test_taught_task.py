@@ -101,7 +101,7 @@ def test_what_exists_is_refused(robot: Robot, tmp_path: Path) -> None:
 )
 def test_a_wrong_wait_is_refused(robot: Robot, tmp_path: Path, duration: str, why: str) -> None:
     task = TaughtTask(robot, tmp_path, 5, "fetch")
-    with pytest.raises(FileError, match=why):
+    with pytest.raises(FileError, match=f"^wait: .*{why}"):
         task.wait(duration)
     assert not task.path.exists()
 
