@@ -367,6 +367,7 @@ class Executive:
         try:
             return None, move_text(move, self.robot, self.library.latest.poses()[0])
         except (SkillError, TreeError) as error:
+            vars(error).update(heading="", hint="")  # the message says all that there is to say
             return error, ""
 
     def _accept(

@@ -190,7 +190,8 @@ class Where:
     @property
     def tool_words(self) -> str:
         """The position of the tool for people, as `120.0, 0.0, 85.5 mm`; empty if unknown."""
-        return ", ".join(f"{1e3 * q + 0.0:.1f}" for q in self.tool) + " mm" if self.tool else ""
+        shown = (f"{round(1e3 * q, 1) + 0.0:.1f}" for q in self.tool or ())  # no -0
+        return f"{', '.join(shown)} mm" if self.tool else ""
 
     def to_json(self) -> dict[str, Any]:
         """Return it as a JSON object."""

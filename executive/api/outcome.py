@@ -124,13 +124,19 @@ class Outcome:
         """True if the task was done."""
         return self.state is GoalState.SUCCEEDED
 
+    @property
+    def hint(self) -> str:
+        """What to do next; empty if the message says it."""
+        cause = self.cause
+        return cause.hint if cause and cause.hint not in cause.message else ""
+
     def text(self) -> str:
         """Return the outcome in words, with its hint and its recording on further lines."""
         state = f"{self.state.name} ({self.duration:.2f} s, {self.frames} frames)"
         if self.state is GoalState.ABORTED and not (self.duration or self.recording):
             state = "not started"
         text = f"{logs.goal_title(self.task)} {state}: {self.cause or self.message}"
-        text += f"\n  -> {self.cause.hint}" if self.cause and self.cause.hint else ""
+        text += f"\n  -> {self.hint}" if self.hint else ""
         return f"{text}\n  recording {self.recording}" if self.recording else text
 
     def to_json(self) -> dict[str, Any]:
@@ -289,10 +295,10 @@ def cause_of(error: Exception, node: str = "", message: str = "") -> Cause:
     """
     code = getattr(error, "code", INTERNAL)
     known = look_up(code)
-    words = message or str(error)
+    heading, words = getattr(error, "heading", known.heading), message or str(error)
     return Cause(
         code=code,
-        message=f"{known.heading}: {words}" if known.heading else words,
+        message=f"{heading}: {words}" if heading else words,
         node=node or str(getattr(error, "node", None) or ""),
         joint=str(getattr(error, "joint", "")),
         value=_number(error, _VALUES),

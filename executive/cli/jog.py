@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from .move import find_server, pose_of
-from .support.options import run_options, source_options
-from .support.settings import ABOVE_0, option
+from .support.options import run_options, source_options, speed_option
+from .support.settings import option
 
 if TYPE_CHECKING:
     from executive.api.events import Where
@@ -18,13 +18,7 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.option(
-    "--speed",
-    type=ABOVE_0,
-    default=1.0,
-    show_default=True,
-    help="Share of the robot's speed, 0.01 to 1.",
-)
+@speed_option
 @option("server")
 @source_options
 @run_options

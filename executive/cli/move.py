@@ -19,9 +19,10 @@ from .support.options import (
     robot_option,
     run_options,
     source_options,
+    speed_option,
     words_of_goal,
 )
-from .support.settings import ABOVE_0, option
+from .support.settings import option
 from .terminal.streams import echo
 
 if TYPE_CHECKING:
@@ -54,13 +55,7 @@ def find_server(server: str | None) -> str | None:
 def _moving(function: Callable[..., "Move"]) -> Callable[..., None]:
     """Add the options of a move to a command; execute the move that it returns."""
 
-    @click.option(
-        "--speed",
-        type=ABOVE_0,
-        default=1.0,
-        show_default=True,
-        help="Share of the robot's speed, 0.01 to 1.",
-    )
+    @speed_option
     @option("server")
     @source_options
     @run_options
@@ -122,6 +117,7 @@ def move(words: tuple[str, ...], relative: bool, speed: float) -> "Move":
     \b
       JOINT=VALUE, JOINT+=CHANGE  joints; the others stay
       POSE                        a saved pose, or home
+      width=VALUE                 the distance between the fingers
       X Y Z                       a point for the tool
 
     Numbers without a unit are in rad and m. Joints and poses can be combined.
@@ -132,6 +128,7 @@ def move(words: tuple[str, ...], relative: bool, speed: float) -> "Move":
       armtree move --by joint_1=5deg
       armtree move folded
       armtree move open
+      armtree move width=20mm
       armtree move 0.1 0.05 8cm
     """  # noqa: D301
     from executive.api.move import Move

@@ -10,8 +10,8 @@ from hardware.suggestions import plural
 
 from .jog import saving
 from .move import find_server
-from .support.options import run_options, source_options
-from .support.settings import ABOVE_0, option
+from .support.options import run_options, source_options, speed_option
+from .support.settings import option
 from .terminal.streams import LastingStream
 
 if TYPE_CHECKING:
@@ -22,13 +22,7 @@ if TYPE_CHECKING:
 @click.command()
 @click.argument("number", type=click.IntRange(0, 2**31 - 1))
 @click.argument("name")
-@click.option(
-    "--speed",
-    type=ABOVE_0,
-    default=1.0,
-    show_default=True,
-    help="Share of the robot's speed, 0.01 to 1.",
-)
+@speed_option
 @option("server")
 @source_options
 @run_options
@@ -66,7 +60,14 @@ def teach(number: int, name: str, server: str | None, speed: float, **options: A
     }
     setup = {**options, "robot": robot, "trees": folder}
     try:
-        status = run_jog(find_server(server), setup, speed, commands)
+        status = run_jog(
+            find_server(server),
+            setup,
+            speed,
+            commands,
+            title=f"armtree teach {name}",
+            steps=lambda: [step.words for step in task.steps],
+        )
     finally:
         terminal = LastingStream(sys.stdout)
         terminal.write(f"{_summary(task)}\n")

@@ -1,15 +1,26 @@
 """The words of a goal, as `armtree move` and `armtree plan` take them: joints, poses, a point."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
-from hardware import Robot
-from hardware.suggestions import choices
-from skills import TOOL_PORTS, BadTarget, check_distances
-from trees import UNITS, Declaration, FileError, Place, fit, parse_value
+from hardware import BadPosition, Robot
+from hardware.description.gripper import WIDTH
+from hardware.suggestions import choices, did_you_mean
+from skills import (
+    TOOL_PORTS,
+    BadTarget,
+    OutOfBounds,
+    Positions,
+    SkillError,
+    check_distances,
+    check_joints,
+)
+from trees import UNITS, Declaration, FileError, Place, fit, in_smaller_units, parse_value
 from trees.compile.port_types import declaration
+
+_ANGLE, _LENGTH = Declaration("angle"), Declaration("length")
 
 Poses = Mapping[str, Mapping[str, float]]
 
@@ -43,7 +54,8 @@ def read_words(
 
     Args:
         words: Either x, y, z; or `JOINT=VALUE`, `JOINT+=CHANGE` and names of poses, applied in
-            order, each joint at most once. Values are written as in task files.
+            order, each joint at most once; `width=VALUE` is the width of the gripper. Values are
+            written as in task files.
         robot: Description of the robot.
         poses: The poses.
         also: What else the words may be, for messages.
@@ -51,7 +63,8 @@ def read_words(
 
     Raises:
         BadTarget: The words cannot be read.
-        OutOfBounds: A change is larger than the range of its joint.
+        OutOfBounds: A change is larger than the range of its joint, or the gripper does not open
+            so far. A number without a unit is out of bounds, but not if it is in degrees or mm.
     """
     units = {joint.name: joint.unit for joint in robot.actuated}
     _check_spelling(words, next(iter(units)), quoted)
@@ -68,13 +81,17 @@ def read_words(
             joints |= poses[word]
             _check_names(poses[word], units)
             continue
+        if joint == WIDTH and WIDTH not in units:
+            if joint != name:
+                raise BadTarget(f"{WIDTH} cannot be changed; give all of it, such as {WIDTH}=20mm")
+            joints |= _at_width(robot, text)
+            continue
         _check_names((joint,), units)
         if joint in once:
             raise BadTarget(f"{joint} is given twice; give it once, with its whole change")
         once.add(joint)
-        value: float = read_value(
-            joint, text, Declaration("length" if units[joint] == "m" else "angle")
-        )
+        check = check_joints if joint == name else check_distances
+        value = _joint_value(robot, joint, text, check)
         if joint == name:
             joints[joint] = value
             continue
@@ -84,6 +101,49 @@ def read_words(
         else:
             changes[joint] = value
     return Words(joints, {name: by for name, by in changes.items() if name not in joints})
+
+
+def _joint_value(
+    robot: Robot, joint: str, text: str, check: Callable[[Robot, Positions], None]
+) -> float:
+    """Return a position or a change of a joint."""
+    unit = robot.joint(joint).unit
+    value: float = read_value(joint, text, _LENGTH if unit == "m" else _ANGLE)
+    _ask_unit(lambda q: check(robot, Positions({joint: q})), joint, unit, text, value)
+    return value
+
+
+def _at_width(robot: Robot, text: str) -> Mapping[str, float]:
+    """Return the position of the gripper's joint from its width."""
+    if robot.gripper is None:
+        why = f"{robot.path} has no [gripper.pads], so the width of the gripper is not known"
+        raise BadTarget(f"{why}; give a pose or JOINT=VALUE")
+    width = read_value(WIDTH, text, _LENGTH)
+    try:
+        _ask_unit(robot.at_width, WIDTH, "m", text, width)
+        return robot.at_width(width)
+    except BadPosition as error:
+        raise OutOfBounds([error]) from error
+
+
+def _ask_unit(
+    check: Callable[[float], object], name: str, unit: str, text: str, value: float
+) -> None:
+    """Raise the error of a number without a unit that passes a check only in a smaller unit."""
+    if not (error := _error(check, value)):
+        return
+    for near, factor in in_smaller_units(parse_value(text, name).value, unit):
+        if not _error(check, value * factor):
+            error.args = (f"{error}{did_you_mean(near)}",)
+            raise error
+
+
+def _error(check: Callable[[float], object], value: float) -> Exception | None:
+    try:
+        check(value)
+    except (SkillError, BadPosition) as error:
+        return error
+    return None
 
 
 def read_value(name: str, text: str, wanted: Declaration) -> Any:
@@ -137,7 +197,7 @@ def _no_pose(word: str, poses: Poses, also: Sequence[str], quoted: bool) -> str:
     if TASK in also and word.isdecimal():
         why = f"{word!r} is the number of a task, which must be the only word"
         return f"{why}; plan one task at a time, or give x y z of the tool"
-    others = ["JOINT=VALUE", "JOINT+=CHANGE", "x y z of the tool", *also]
+    others = ["JOINT=VALUE", "JOINT+=CHANGE", "width=20mm", "x y z of the tool", *also]
     instead = f"{', '.join(others[:-1])} or {others[-1]}"
     instead += ", all of it in one pair of quotes" if quoted else ""
     there = choices(word, poses)

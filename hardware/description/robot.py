@@ -16,6 +16,7 @@ from hardware.drivers.wire_format import WireFormat
 from hardware.joints import Joint, rounded
 from hardware.link.link import VIRTUAL, Link
 
+from .gripper import Gripper
 from .kinematics import ForwardKinematics, reach
 from .meshes import find_mesh
 
@@ -84,6 +85,7 @@ class Robot:
         firmware: Firmware of the board.
         collision: Rules of collision checking.
         tool: The tool, or None if the robot file has none.
+        gripper: The gripper, or None if the robot file does not say how its width is measured.
         brake: How long a stop slows the motion down before it holds [s]; 0 to hold at once.
         links: Names of all links.
         home: Target of `armtree home`: poses and JOINT=VALUE; empty for the boot pose.
@@ -101,6 +103,7 @@ class Robot:
     firmware: Firmware
     collision: CollisionRules
     tool: Tool | None = None
+    gripper: Gripper | None = None
     brake: float = 0.0
     links: tuple[str, ...] = ()
     home: tuple[str, ...] = ()
@@ -184,6 +187,15 @@ class Robot:
         if self.tool is None:
             return None
         return self._kinematics.locate(self.tool.link, self.tool.offset, positions)
+
+    def at_width(self, width: float) -> dict[str, float]:
+        """Return the position of the joint of the gripper [rad] by name, from its width [m].
+
+        Raises:
+            BadPosition: The gripper does not open or close so far.
+        """
+        assert self.gripper
+        return {self.gripper.joint.name: self.gripper.position(self._kinematics, width)}
 
     def joint(self, name: str) -> Joint:
         """Return the joint of that name.

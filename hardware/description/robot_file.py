@@ -1,5 +1,6 @@
 """The reader of robot files: one TOML file and the URDF that it names."""
 
+from collections.abc import Mapping
 from pathlib import Path
 
 from hardware.drivers.driver import Driver, load_driver
@@ -8,8 +9,11 @@ from hardware.drivers.null_driver import NO_BAUD, NO_FIRMWARE, NullDriver
 from hardware.errors import DescriptionError
 from hardware.joints import Joint
 from hardware.link.link import VIRTUAL
+from hardware.suggestions import there_are
 from hardware.toml_table import TomlTable
 
+from .gripper import Gripper
+from .kinematics import ForwardKinematics
 from .robot import CollisionRules, Robot, Serial, Tool
 from .urdf import Urdf, UrdfError, UrdfJoint, read_urdf
 
@@ -51,6 +55,7 @@ def load_robot(path: Path | None = None, urdf: Path | None = None) -> Robot:
         firmware=firmware,
         collision=_collision(root.table("collision"), described.links),
         tool=_tool(root.table("tool"), described.links) if "tool" in root else None,
+        gripper=_gripper(root, joints, groups, described, urdf_path) if "gripper" in root else None,
         links=described.links,
         home=tuple(root.text("home", default="").split()),
         brake=root.number("brake_s", least=0, most=MAX_BRAKE) if "brake_s" in root else 0.0,
@@ -202,3 +207,29 @@ def _tool(table: TomlTable, links: tuple[str, ...]) -> Tool:
         table.fail("axis", "is zero; give a vector with a length")
     table.done()
     return tool
+
+
+def _gripper(
+    root: TomlTable,
+    joints: tuple[Joint, ...],
+    groups: Mapping[str, tuple[str, ...]],
+    described: Urdf,
+    urdf: Path,
+) -> Gripper:
+    table = root.table("gripper")
+    pads = table.table("pads")
+    if len([*pads]) != 2:
+        table.fail("pads", "does not name two points; give one of each finger, by its link")
+    for link in pads:
+        if link not in described.links:
+            pads.fail(link, f"the URDF has no such link; {there_are(link, described.links)}")
+    points = {link: pads.vector(link) for link in pads}
+    table.done()
+    own = [each for each in joints if each.name in groups["gripper"] and each.mimic is None]
+    if len(own) != 1:
+        root.fail("gripper", f"the group gripper has {len(own)} joints of its own, not one")
+    gripper = Gripper(own[0], points)
+    if not gripper.is_monotonic(ForwardKinematics(urdf.read_text())):
+        why = "two positions of the joint have the same distance between these points"
+        table.fail("pads", f"{why}; give points on the inner faces of the fingers")
+    return gripper

@@ -235,7 +235,11 @@ class Unreachable(MotionError):
     ) -> None:
         self.point, self.nearest, self.distance, self.askew = point, nearest, distance, askew
         self.direction, self.tolerance = direction, tolerance
-        super().__init__(self._too_far() if distance > tolerance else self._too_askew())
+        far = distance > tolerance
+        self.hint = (
+            "choose a point within reach" if far else "choose another direction, or leave it out"
+        )
+        super().__init__(f"{self._too_far() if far else self._too_askew()}; {self.hint}")
 
     def _too_far(self) -> str:
         # Enough digits that two different points look different.
@@ -246,15 +250,14 @@ class Unreachable(MotionError):
         anyhow = "" if self.direction is None else ", in any direction"
         return (
             f"The tool cannot reach {_place(self.point, digits)}{anyhow}. The nearest point is "
-            f"{_place(self.nearest, digits)}, {off}; choose a point within reach"
+            f"{_place(self.nearest, digits)}, {off}"
         )
 
     def _too_askew(self) -> str:
         direction = ", ".join(f"{x:.4g}" for x in self.direction or ())
         return (
             f"The tool can reach {_place(self.point)}, but there its axis is at least "
-            f"{math.degrees(self.askew):.3g} deg off the direction ({direction}); "
-            "choose another direction, or leave it out"
+            f"{math.degrees(self.askew):.3g} deg off the direction ({direction})"
         )
 
 

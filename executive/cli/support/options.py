@@ -12,7 +12,7 @@ from executive.cli.terminal.streams import echo
 from hardware.suggestions import closest
 
 from .names import complete_port
-from .settings import F, option
+from .settings import F, Finite, option
 
 _NUMBER = re.compile(r"-\.?[0-9]")
 
@@ -57,6 +57,13 @@ own_trees_option = option(
     default=Path("trees"),
     show_default=True,
     help="Folder with your own files. It is created if it does not exist.",
+)
+speed_option = click.option(
+    "--speed",
+    type=Finite(0.01, 1.0),
+    default=1.0,
+    show_default=True,
+    help="Share of the robot's speed, 0.01 to 1.",
 )
 set_option = click.option(
     "--set",

@@ -2,27 +2,26 @@
 
 import signal
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
 import click
 
 from executive.api.codes import INTERRUPTED_EXIT
-from executive.api.events import Where
+from executive.api.events import EVENTS, Event, Where
 from executive.api.move import Move
 from executive.api.outcome import GoalState, Outcome
 from executive.cli.terminal.jog_model import Command
-from executive.cli.terminal.jog_screen import Act, JogArm, JogScreen
+from executive.cli.terminal.jog_screen import Act, JogArm, JogScreen, unknown
 from executive.cli.terminal.streams import echo
 from executive.client.synchronous import Client
-from executive.errors import Refused
+from executive.errors import ClientError, Refused, ServerUnreachable
 from executive.executive import Executive
 from executive.session import finish_recording, open_executive, port_line
 from executive.setup import Setup
 from hardware import HardwareError
-from hardware.joints import DISPLAY_UNITS
-from logs import MOVE
+from logs import MOVE, Sent, Transition
 from trees import TreeError
 
 from .interrupts import Interrupts
@@ -30,6 +29,7 @@ from .log_handler import recorded_log
 
 # Errors of a command of a key; they do not end the jog.
 _SHOWN = (HardwareError, TreeError, click.ClickException)
+_CHANGES = (Sent, Transition)  # events after which the arm is elsewhere, or in another state
 
 
 class _OwnArm:
@@ -53,6 +53,15 @@ class _OwnArm:
     def where(self) -> Where:
         """Return where the arm is."""
         return self._executive.where()
+
+    def watch(self, changed: Callable[[], None]) -> None:
+        """Call a function at every change."""
+
+        def note(event: Event) -> None:
+            if isinstance(event, _CHANGES):
+                changed()
+
+        self._executive.subscribe(note)
 
 
 class _ServerArm:
@@ -78,12 +87,21 @@ class _ServerArm:
         """Return where the arm is."""
         return self._client.where()
 
+    def watch(self, changed: Callable[[], None]) -> None:
+        """Call a function at every change, until the server ends."""
+        with self._client.events(*(EVENTS[kind] for kind in _CHANGES)) as events:
+            for _ in events:
+                changed()
+        raise ServerUnreachable(self._client.url, "it has ended")
+
 
 def run_jog(
     server: str | None,
     options: Mapping[str, Any],
     speed: float,
     commands: Mapping[str, tuple[Command, Act]],
+    title: str = "armtree jog",
+    steps: Callable[[], Sequence[str]] | None = None,
 ) -> int:
     """Jog an arm until a key or a signal ends it; print where it is then.
 
@@ -92,6 +110,8 @@ def run_jog(
         options: Fields of a `Setup`.
         speed: Share of the robot's speed.
         commands: Further commands, by key, each with its function.
+        title: Title of the screen.
+        steps: Returns the steps that were taken, for people; None for a jog that takes none.
 
     Returns:
         The exit status.
@@ -104,8 +124,8 @@ def run_jog(
             "a jog needs a terminal; `armtree move --by joint_1=5deg` does without"
         )
     left = False
-    with Interrupts() as interrupts, _arm(server, options) as (title, arm, note):
-        screen = JogScreen(arm, commands, speed, note, _SHOWN)
+    with Interrupts() as interrupts, _arm(server, options) as (port, arm, note):
+        screen = JogScreen(arm, commands, speed, note, title, steps, _SHOWN)
 
         def leave() -> None:
             nonlocal left
@@ -116,9 +136,12 @@ def run_jog(
         before = signal.signal(signal.SIGWINCH, lambda *_: screen.wake())
         try:
             where = interrupts.run(screen.run)
+        except ClientError as error:
+            echo(f"Error: {unknown(error)}", err=True)
+            return error.exit_status
         finally:
             signal.signal(signal.SIGWINCH, before)
-        echo(f"{title}\nThe arm holds at {_positions(where)}")
+        echo(f"{port}\nThe arm holds at {_positions(where)}")
     return INTERRUPTED_EXIT if left else 0
 
 
@@ -146,8 +169,4 @@ def _arm(server: str | None, options: Mapping[str, Any]) -> Iterator[tuple[str, 
 def _positions(where: Where) -> str:
     if not where.commanded:
         return "the pose in which it was: it was never active"
-    shown = []
-    for name, q in where.commanded.items():
-        scale, unit = DISPLAY_UNITS[where.units[name]]
-        shown.append(f"{name} {scale * q + 0.0:.1f} {unit}")
-    return ", ".join(shown)
+    return where.words(where.commanded)

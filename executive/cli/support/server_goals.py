@@ -39,11 +39,12 @@ def send_and_wait(
         task: Number or name of the task, or a move.
         settings: Values of its parameters, each as NAME=VALUE.
         deadman: True to cancel the goal if this process dies.
-        as_json: True to print JSON. A rejected goal is then an outcome, as in `armtree run`.
+        as_json: True to print JSON. A rejected goal is then an outcome, as in `armtree run`; a
+            rejected move always is.
         verbose: True if the log is printed, so that lines are printed instead of a live picture.
 
     Raises:
-        ClientError: The server cannot be reached, or it rejects the goal and `as_json` is false.
+        ClientError: The server cannot be reached, or it rejects the task and `as_json` is false.
     """
     goal_id = uuid.uuid4().hex
     if isinstance(task, Move):
@@ -59,7 +60,7 @@ def send_and_wait(
                 try:
                     send(goal_id=goal_id, deadman=deadman)
                 except Refused as error:
-                    if not as_json:
+                    if not (as_json or isinstance(task, Move)):
                         raise
                     numbers = {each.name: each.number for each in client.tasks()}
                     if isinstance(task, str) and task not in numbers:

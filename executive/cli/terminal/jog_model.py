@@ -8,13 +8,16 @@ from typing import Self
 from executive.api.events import Where
 from executive.api.move import HOME, Move
 from hardware.joints import DISPLAY_UNITS
+from hardware.suggestions import plural
 
 from .keyboard import DELETE, DOWN, ENTER, ESCAPE, LEFT, RIGHT, UP
 
 STEPS = (0.1, 0.5, 1.0, 2.0, 5.0, 10.0)  # size of a step [deg], or [mm]
 _POSES = {"h": HOME, "o": "open", "c": "closed"}
 _TOOL = "xyz"
-_MESSAGE = 3  # most lines of a message
+_UP, _DOWN = "tool up", "tool down"  # z of the tool
+_MESSAGE = 4  # the share of the lines that a message has at most is 1 in this number
+_LISTED = 34  # columns of the axes, if a list is beside them
 _HARD = "\xa0"  # a space at which no line is broken
 
 
@@ -44,6 +47,12 @@ class Axis:
             return (f"{self.name}={change}",)
         return tuple(change if each == self.column else "0" for each in range(len(_TOOL)))
 
+    def change(self, amount: float) -> str:
+        """Return a change by an amount [deg], or [mm], for people, such as `tool down 10 mm`."""
+        if self.column == len(_TOOL) - 1:
+            return f"{_UP if amount > 0 else _DOWN} {abs(amount):g} {self.people_unit}"
+        return f"{self.name} by {amount:+g} {self.people_unit}"
+
     def shown(self, where: Where) -> str:
         """Return the position for people."""
         if self.column is None:
@@ -51,14 +60,22 @@ class Axis:
         else:
             value = where.tool[self.column] if where.tool else None
         scale, unit = DISPLAY_UNITS[self.unit]
-        return f"{'?':>8} {unit}" if value is None else f"{scale * value + 0.0:8.1f} {unit}"
+        if value is None:
+            return f"{'?':>8} {unit}"
+        return f"{round(scale * value, 1) + 0.0:8.1f} {unit}"  # no -0
 
 
 @dataclass(frozen=True, slots=True)
 class Go:
-    """Action: start a move."""
+    """Action: start a move.
+
+    Attributes:
+        move: The move.
+        words: The move, for people.
+    """
 
     move: Move
+    words: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,6 +130,8 @@ class Jog:
         moving: The move under way; None for none.
         waiting: The move that follows; None for none. Only the last key pressed during a move
             counts, so that the arm stops soon after a key is released.
+        dropped: Number of keys pressed during the move that do not count.
+        lost: True if nothing is known of the arm any more. Keys then do nothing; q leaves.
         prompt: Key of the command whose text is typed; empty for none.
         typed: What was typed for it.
         message: Last message, for people.
@@ -124,8 +143,10 @@ class Jog:
     speed: float = 1.0
     selected: int = 0
     step: int = 3
-    moving: Move | None = None
-    waiting: Move | None = None
+    moving: Go | None = None
+    waiting: Go | None = None
+    dropped: int = 0
+    lost: bool = False
     prompt: str = ""
     typed: str = ""
     message: str = ""
@@ -154,8 +175,11 @@ class Jog:
 
     def press(self, key: str) -> tuple["Jog", Action | None]:
         """Return the state after a key, and what to do."""
+        if self.lost:
+            return self, Leave() if key == "q" else None
         if key == " ":
-            return replace(self, waiting=None, prompt="", message="Stopped", failed=False), Stop()
+            stopped = replace(self, waiting=None, dropped=0, prompt="")
+            return stopped.said("Stopped"), Stop()
         if self.prompt:
             return self._type(key)
         if key == "q":
@@ -167,10 +191,11 @@ class Jog:
         if key in ("+", "=", "-"):
             step = self.step + (-1 if key == "-" else 1)
             return replace(self, step=min(max(step, 0), len(STEPS) - 1)), None
-        if move := self._move(key):
-            if self.moving:
-                return replace(self, waiting=move), None
-            return self._started(move)
+        if go := self._go(key):
+            if not self.moving:
+                return self._started(go)
+            dropped = self.dropped + bool(self.waiting)
+            return replace(self, waiting=go, dropped=dropped).said(""), None
         return self, None
 
     def ended(self, message: str, failed: bool) -> tuple["Jog", Action | None]:
@@ -181,47 +206,75 @@ class Jog:
             failed: True if it failed. The move that waits is then dropped.
         """
         waiting = None if failed else self.waiting
-        state = replace(self, moving=None, waiting=None, message=message, failed=failed)
+        state = replace(self, moving=None, waiting=None, dropped=0).said(message, failed)
         return state._started(waiting) if waiting else (state, None)
+
+    def lose(self, why: str) -> "Jog":
+        """Return the state after the arm is lost.
+
+        Args:
+            why: Why nothing is known of it any more, for people.
+        """
+        state = replace(self, lost=True, moving=None, waiting=None, dropped=0, prompt="")
+        return state.said(why, failed=True)
 
     def said(self, message: str, failed: bool = False) -> "Jog":
         """Return the state with a message."""
         return replace(self, message=message, failed=failed)
 
-    def lines(self, where: Where, width: int, rows: int) -> Iterator[tuple[str, bool]]:
+    def lines(
+        self, where: Where, width: int, rows: int, title: str, steps: Sequence[str] | None = None
+    ) -> Iterator[tuple[str, bool]]:
         """Return the lines of the screen, each with whether it belongs to an error.
 
         Args:
             where: Where the arm is.
             width: Number of columns.
-            rows: Number of lines. With few, only the axes around the selected one are shown.
+            rows: Number of lines. With few, only the axes around the selected one are shown, and
+                the last steps.
+            title: What the screen is, such as `armtree jog`.
+            steps: Steps that were taken, for people; None for a jog that takes none.
         """
-        said = wrap(self._said, width)[:_MESSAGE] or [""]
-        head = f"armtree jog   arm {where.arm}"
-        tail = [*wrap(self._state, width), *said, *self._help(width)]
-        listed = max(rows - len(tail) - 1, 1)
-        first = min(max(self.selected - listed // 2, 0), max(len(self.axes) - listed, 0))
-        for line in (head, *self._listed(where, first, first + listed), *tail):
-            yield line[:width], self.failed and line in said
+        said = wrap(self._said, width)[: max(rows // _MESSAGE, 1)] or [""]
+        head = f"{title}   arm {'unknown' if self.lost else where.arm}"
+        tail = [*self._state(width), *said, *self._help(width)]
+        most = max(rows - len(tail) - 1, 1)
+        body = list(self._listed(where, most))
+        if steps is not None:
+            beside = list(_last(steps, most))
+            body += [""] * (len(beside) - len(body))
+            beside += [""] * (len(body) - len(beside))
+            body = [
+                f"{axis[:_LISTED]:<{_LISTED}} | {step}"
+                for axis, step in zip(body, beside, strict=True)
+            ]
+        for line in (head, *body, *tail)[:rows]:
+            yield line[:width].rstrip(), self.failed and line in said
 
-    def _listed(self, where: Where, first: int, end: int) -> Iterator[str]:
-        for number, axis in enumerate(self.axes[first:end], first):
+    def _listed(self, where: Where, most: int) -> Iterator[str]:
+        first = min(max(self.selected - most // 2, 0), max(len(self.axes) - most, 0))
+        for number, axis in enumerate(self.axes[first : first + most], first):
             mark = ">" if number == self.selected else " "
             key = number + 1 if axis.column is None else _TOOL[axis.column]
             yield f"{mark} {key:>2} {axis.name:<16}{axis.shown(where)}"
 
-    @property
-    def _state(self) -> str:
-        state = f"step {STEPS[self.step]:g} {self.axis.people_unit}   speed {self.speed:g}"
-        return f"{state}   moving {' '.join(self.moving.words)}" if self.moving else state
+    def _state(self, width: int) -> list[str]:
+        """Return the size of a step, and what moves."""
+        size = f"step {STEPS[self.step]:g} {self.axis.people_unit}   speed {self.speed:g}"
+        return [*wrap(size, width), f"moving {self.moving.words}" if self.moving else ""]
 
     @property
     def _said(self) -> str:
         if self.prompt:
             return f"{self.commands[self.prompt].prompt}: {self.typed}_"
+        if self.waiting and not self.message:
+            before = f"; {plural(self.dropped, 'key')} before it not taken" if self.dropped else ""
+            return f"next: {self.waiting.words}{before}"
         return self.message
 
     def _help(self, width: int) -> list[str]:
+        if self.lost:
+            return ["q leave"]
         count = min(len(self.axes) - len(_TOOL), 9)
         more = (f"{key} {each.title}" for key, each in self.commands.items())
         keys = ("<- -> move", f"up down 1-{count} x y z choose", "+ - step", "space stop")
@@ -240,15 +293,17 @@ class Jog:
         number = int(key) if key.isdecimal() else 0
         return number - 1 if 0 < number <= joints else None
 
-    def _move(self, key: str) -> Move | None:
+    def _go(self, key: str) -> Go | None:
         """Return the move of a key; None if it moves nothing."""
         if key in (LEFT, RIGHT):
             amount = STEPS[self.step] if key == RIGHT else -STEPS[self.step]
-            return Move(self.axis.words(amount), relative=True, speed=self.speed)
-        return Move((_POSES[key],), speed=self.speed) if key in _POSES else None
+            move = Move(self.axis.words(amount), relative=True, speed=self.speed)
+            return Go(move, self.axis.change(amount))
+        pose = _POSES.get(key)
+        return Go(Move((pose,), speed=self.speed), f"to {pose}") if pose else None
 
-    def _started(self, move: Move) -> tuple["Jog", Action]:
-        return replace(self, moving=move, message="", failed=False), Go(move)
+    def _started(self, go: Go) -> tuple["Jog", Action]:
+        return replace(self, moving=go, message="", failed=False), go
 
     def _call(self, key: str) -> tuple["Jog", Action | None]:
         if self.moving:
@@ -268,3 +323,13 @@ class Jog:
             return replace(self, typed=self.typed[:-1]), None
         more = key if len(key) == 1 and key.isprintable() else ""
         return replace(self, typed=self.typed + more), None
+
+
+def _last(steps: Sequence[str], most: int) -> Iterator[str]:
+    """Return the last steps with their numbers, in at most that many lines."""
+    if not steps:
+        yield "no step yet; t takes one"
+        return
+    first = max(len(steps) - most, 0)
+    for number, step in enumerate(steps[first:], first + 1):
+        yield f"{number} {step}"

@@ -5,10 +5,10 @@ import select
 import shutil
 import sys
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from queue import SimpleQueue
 from typing import Protocol
 
@@ -16,6 +16,7 @@ from executive.api.codes import CANCELED, OK
 from executive.api.events import Where
 from executive.api.move import Move
 from executive.api.outcome import Outcome
+from executive.errors import ClientError, Refused
 from hardware.printable import printable
 
 from .jog_model import Action, Call, Command, Go, Jog, Leave, Stop
@@ -43,6 +44,12 @@ class JogArm(Protocol):
     def where(self) -> Where:
         """Return where the arm is."""
 
+    def watch(self, changed: Callable[[], None]) -> None:
+        """Call a function whenever the arm has moved or its state has changed.
+
+        May return at once, or last as long as the arm is open.
+        """
+
 
 # A command of a key: receives where the arm is and what was typed, returns a message. An exception
 # is shown as its message.
@@ -62,7 +69,7 @@ class _Ended:
     where: Where
 
 
-_Event = _Ended | Exception | None  # None only wakes the screen
+_Event = _Ended | Where | Exception | None  # None only wakes the screen
 
 
 class JogScreen:
@@ -73,6 +80,8 @@ class JogScreen:
         commands: Further commands, by key, each with its function.
         speed: Share of the robot's speed.
         note: First message.
+        title: What the screen is, such as `armtree jog`.
+        steps: Returns the steps that were taken, for people; None for a jog that takes none.
         known: Errors of a command that are shown; any other ends the jog.
     """
 
@@ -82,9 +91,12 @@ class JogScreen:
         commands: Mapping[str, tuple[Command, Act]],
         speed: float,
         note: str,
+        title: str,
+        steps: Callable[[], Sequence[str]] | None,
         known: tuple[type[Exception], ...],
     ) -> None:
         self._arm, self._acts, self._known = arm, commands, known
+        self._title, self._steps = title, steps
         self._where = arm.where()
         titles = {key: command for key, (command, _) in commands.items()}
         self._jog = Jog.start(self._where, titles, speed, note)
@@ -94,6 +106,8 @@ class JogScreen:
         self._screen = LastingStream(sys.stdout)
         self._moves: Future[None] | None = None
         self._stops = 0  # number of stops
+        self._changed, self._looking = threading.Event(), threading.Lock()
+        self._lost: ClientError | None = None
 
     def leave(self) -> None:
         """Stop the arm, and end the jog. Any thread may call."""
@@ -109,9 +123,10 @@ class JogScreen:
         """Jog until a key or `leave` ends it; return where the arm is then.
 
         Raises:
-            Exception: The arm failed in a way that no further move can mend, such as a server that
-                is gone.
+            ClientError: The server is gone. It was shown until a key or `leave` ended the jog.
         """
+        for each in (self._watch, self._follow):
+            threading.Thread(target=each, name="jog positions", daemon=True).start()
         with ThreadPoolExecutor(1, "jog") as worker:
             try:
                 with key_by_key() as keys, _full_screen(self._screen):
@@ -120,9 +135,32 @@ class JogScreen:
                         self._draw()
                         self._wait(keys, worker)
             finally:
+                self._left.set()
                 if self._moves and not self._moves.done():
                     self._stop()
+        if self._lost:
+            raise self._lost
         return self._arm.where()
+
+    def _watch(self) -> None:
+        try:
+            self._arm.watch(self._changed.set)
+        except Exception as error:
+            self._post(error)
+
+    def _follow(self) -> None:
+        """Look where the arm is after every change. Changes during a look need only one more."""
+        while self._changed.wait() and not self._left.is_set():
+            self._changed.clear()
+            try:
+                self._look(lambda where: where)
+            except Exception as error:
+                self._post(error)
+
+    def _look(self, event: Callable[[Where], _Event]) -> None:
+        """Post where the arm is. Two threads look, and the later look is posted later."""
+        with self._looking:
+            self._post(event(self._arm.where()))
 
     def _wait(self, keys: int, worker: ThreadPoolExecutor) -> None:
         """Wait for keys and for the end of a move."""
@@ -145,8 +183,16 @@ class JogScreen:
         match event:
             case None:
                 return
+            case Refused():  # a look or a stop; the answer to a move is its outcome
+                self._jog = self._jog.said(str(event), failed=True)
+            case ClientError():
+                self._lost = self._lost or event
+                self._jog = self._jog.lose(unknown(self._lost))
+                self._where = replace(self._where, commanded=None, measured=None, tool=None)
             case Exception():
                 raise event
+            case Where():
+                self._where = event
             case _Ended(outcome, where):
                 self._where = where
                 self._jog, action = self._jog.ended(*_words(outcome))
@@ -154,7 +200,7 @@ class JogScreen:
 
     def _do(self, action: Action | None, worker: ThreadPoolExecutor) -> None:
         match action:
-            case Go(move):
+            case Go(move=move):
                 self._moves = worker.submit(self._move, move, self._stops)
             case Stop():
                 threading.Thread(target=self._stop, name="stop", daemon=True).start()
@@ -172,7 +218,8 @@ class JogScreen:
                 self._stop()
 
         try:
-            self._post(_Ended(self._arm.move(move, accepted), self._arm.where()))
+            outcome = self._arm.move(move, accepted)
+            self._look(lambda where: _Ended(outcome, where))
         except Exception as error:
             self._post(error)
 
@@ -190,12 +237,21 @@ class JogScreen:
     def _draw(self) -> None:
         width, rows = shutil.get_terminal_size()
         colored = "NO_COLOR" not in os.environ
+        steps = self._steps() if self._steps else None
         shown = [
             f"{_RED}{printable(line)}{_PLAIN}" if wrong and colored else printable(line)
-            for line, wrong in self._jog.lines(self._where, width, rows)
+            for line, wrong in self._jog.lines(self._where, width, rows, self._title, steps)
         ]
         self._screen.write("\x1b[H" + "\x1b[K\r\n".join(shown) + "\x1b[J")
         self._screen.flush()
+
+
+def unknown(error: ClientError) -> str:
+    """Return what to know, and to do, when the server does not answer any more."""
+    return (
+        f"The server does not answer [{error.code}], so the pose of the arm is not known now. Look "
+        "at the arm, start the server again, then type: armtree where"
+    )
 
 
 def _words(outcome: Outcome) -> tuple[str, bool]:
@@ -204,8 +260,8 @@ def _words(outcome: Outcome) -> tuple[str, bool]:
         return "", False
     if outcome.code == CANCELED or outcome.cause is None:
         return "Stopped", False
-    hint = outcome.cause.hint
-    return f"{outcome.cause} -> {hint}" if hint else str(outcome.cause), True
+    hint = f" -> {outcome.hint}" if outcome.hint else ""
+    return f"{outcome.code}: {outcome.cause.message}{hint}", True  # what is cut is at the end
 
 
 @contextmanager

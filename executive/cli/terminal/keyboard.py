@@ -23,7 +23,10 @@ def keys_in(data: bytes) -> list[str]:
 
 @contextlib.contextmanager
 def key_by_key() -> Iterator[int | None]:
-    """Read the keyboard key by key. Yield its file handle, or None if there is no terminal."""
+    """Read the keyboard key by key. Yield its file handle, or None if there is no terminal.
+
+    Keys that were not read are dropped at the end, so that no shell takes them for a command.
+    """
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
         yield None
         return
@@ -34,4 +37,4 @@ def key_by_key() -> Iterator[int | None]:
         yield handle
     finally:
         with contextlib.suppress(termios.error):  # the terminal is closed
-            termios.tcsetattr(handle, termios.TCSADRAIN, before)
+            termios.tcsetattr(handle, termios.TCSAFLUSH, before)

@@ -1,5 +1,8 @@
 """`armtree jog` in a real pseudo-terminal: each step, and every way in which it ends."""
 
+import errno
+import re
+import shutil
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,6 +14,7 @@ from executive.api.token_file import running
 from executive.replay.verification import verify
 from logs import Recording, Sent
 from tests.end_to_end.test_command_line import robot
+from tests.faults.wrong_calls import WrongCalls
 from tests.support.command_line.pseudo_terminal import ARMTREE, PseudoTerminal
 from tests.support.servers.serving import Serve
 
@@ -43,11 +47,11 @@ def recordings(folder: Path) -> list[Path]:
 
 def test_every_step_is_a_recorded_move(own: PseudoTerminal, tmp_path: Path) -> None:
     own.type(RIGHT)
-    own.until("joint_1              2.0 deg", "arm active")
+    own.at_rest("joint_1              2.0 deg", "arm active")
     own.type("2+" + RIGHT)
-    own.until("joint_2              5.0 deg")
+    own.at_rest("joint_2              5.0 deg")
     own.type("z" + RIGHT)
-    lifted = own.until("joint_3              2.0 deg")
+    lifted = own.at_rest("joint_3              2.0 deg")
     assert ">  z tool z             147.3 mm" in lifted
     own.type("sthere\r")
     own.until("Saved the pose there of the arm to trees/poses.yaml")
@@ -75,9 +79,9 @@ def test_the_arm_holds_whatever_ends_a_move(command: list[str], tmp_path: Path, 
     with PseudoTerminal(tmp_path, *command, "--speed", "0.02") as terminal:
         terminal.until("The first step opens the port")
         terminal.type("--" + RIGHT)
-        terminal.until("joint_1              0.5 deg")
+        terminal.at_rest("joint_1              0.5 deg")
         terminal.type("h")
-        terminal.until("moving home")
+        terminal.until("moving to home")
         if way == "closed terminal":
             terminal.close()
             terminal.process.wait()
@@ -93,13 +97,32 @@ def test_the_arm_holds_whatever_ends_a_move(command: list[str], tmp_path: Path, 
     assert all(verify(path).holds for path in recordings(tmp_path))
 
 
+@pytest.mark.skipif(not shutil.which("gcc"), reason="needs gcc")
+def test_a_full_disk_stops_the_step(command: list[str], tmp_path: Path) -> None:
+    disk = WrongCalls(tmp_path, "-move.mcap")
+    slow = (*command, "--speed", "0.02")
+    with PseudoTerminal(tmp_path, *slow, environment=disk.environment) as terminal:
+        terminal.until("The first step opens the port")
+        terminal.type("++" + RIGHT)
+        between(terminal)
+        disk.start(f"errno {errno.ENOSPC}")
+        shown = " ".join(terminal.at_rest("log.disk_full: ").split())
+        assert "the disk is full, so the run was stopped. Remove old recordings, or give" in shown
+        assert "joint_1 10.0 deg" not in shown  # the arm holds
+        disk.stop()
+        terminal.type("1--" + RIGHT)
+        terminal.until("moving joint_1 by +2 deg")
+        terminal.type("q")
+        assert terminal.end()[0] == 0
+
+
 def test_a_jog_on_a_server(serve: Serve, tmp_path: Path) -> None:
     served = serve()
     (info,) = running()
     with PseudoTerminal(tmp_path, "jog") as terminal, Client(info.url) as client:
         terminal.until("arm active", "joint_1              0.0 deg")
         terminal.type(RIGHT)
-        terminal.until("joint_1              2.0 deg")
+        terminal.at_rest("joint_1              2.0 deg")
         assert client.where().commanded == served.executive.where().commanded
         goal = client.send(10)
         terminal.type(RIGHT)
@@ -107,15 +130,68 @@ def test_a_jog_on_a_server(serve: Serve, tmp_path: Path) -> None:
         assert f"goal {goal} for task 10 is under way; wait, or cancel it" in shown
         client.cancel(goal)
         client.result(goal)
+        client.move(joint_1="-5 deg")
+        terminal.until("joint_1             -5.0 deg")
         client.arm("deactivate")
+        terminal.until("arm inactive")
         terminal.type(RIGHT)
-        terminal.until("hw.not_active", "arm inactive")
+        terminal.until("hw.not_active")
         served.stop()
-        terminal.type(RIGHT)
+        gone = (
+            "The server does not answer [server.unreachable], so the pose of the arm is not known"
+        )
+        assert gone in " ".join(terminal.until("arm unknown", "q leave").split())
+        terminal.type("rm x\r" + RIGHT + "q")
         status, printed = terminal.end()
     assert status == 13
-    assert "no server answers at" in printed
+    assert f"Error: {gone}" in " ".join(printed.split())
+    assert "rm x" not in printed
     assert "Traceback" not in printed
+
+
+def between(terminal: PseudoTerminal) -> None:
+    """Read until the first joint is on its way to 10 deg."""
+    while not re.search(r"joint_1 +[1-9]\.\d deg", terminal.screen):
+        assert terminal.read()
+
+
+def step_is_shown_live(terminal: PseudoTerminal) -> None:
+    """Move 10 deg slowly: the joint is on the screen at a position between."""
+    terminal.type("1++" + RIGHT)
+    terminal.until("moving joint_1 by +10 deg")
+    between(terminal)
+    assert "moving joint_1 by +10 deg" in terminal.screen
+    terminal.type(RIGHT + "z" + RIGHT)
+    terminal.until("next: tool up 10 mm; 1 key before it not taken")
+    terminal.type(" ")
+    terminal.until("Stopped")
+
+
+def test_joints_move_on_the_screen_during_a_step(command: list[str], tmp_path: Path) -> None:
+    with PseudoTerminal(tmp_path, *command, "--speed", "0.02") as terminal:
+        terminal.until("The first step opens the port")
+        step_is_shown_live(terminal)
+
+
+def test_joints_of_a_server_move_on_the_screen(serve: Serve, tmp_path: Path) -> None:
+    serve()
+    with PseudoTerminal(tmp_path, "jog", "--speed", "0.02") as terminal:
+        terminal.until("arm active")
+        step_is_shown_live(terminal)
+
+
+def test_the_screen_follows_the_size_of_the_terminal(own: PseudoTerminal) -> None:
+    for rows, columns in ((12, 60), (40, 120), (24, 80)):
+        own.resize(rows, columns)
+        while not (fits(own.screen, rows, columns) and "joint_1" in own.screen):
+            assert own.read()
+    own.type("q")
+    assert own.end()[0] == 0
+
+
+def fits(screen: str, rows: int, columns: int) -> bool:
+    lines = screen.split("\n")
+    return len(lines) <= rows and max(map(len, lines)) <= columns and screen.endswith("leave")
 
 
 def test_a_jog_needs_a_terminal(tmp_path: Path) -> None:

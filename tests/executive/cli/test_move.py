@@ -26,7 +26,6 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (("joint_1=70dg",), 4, "did you mean 70 deg? [goal.bad_target]"),
         (("joint_1=100deg",), 4, "is outside its limits, -90 deg to 90 deg [goal.out_of_bounds]"),
         (("foldd",), 4, "did you mean folded? Or give JOINT=VALUE"),
-        (("folded", "--speed", "3"), 4, "speed 3 is not between 0.01 and 1"),
         (("--by", "folded"), 4, "folded is a pose, not a change"),
     ],
 )
@@ -36,6 +35,7 @@ def test_a_wrong_move_opens_no_port(
     found, out, error = type_command(folder, "move", *words, "--port", "virtual")
     assert (found, error) == (status, "")
     assert why in out
+    assert out.count("\n") == len(("Port", "move not started: "))
     assert "move not started: " in out
     assert list(folder.glob("*.mcap")) == []
 
@@ -65,8 +65,22 @@ def test_moves_on_the_server_of_this_machine(serve: Serve, folder: Path) -> None
     where = json.loads(type_command(folder, "where", "--json")[1])
     assert where["commanded"] == {"joint_1": 0.0, "joint_2": 0.0, "joint_3": 0.0, "joint_4": -0.7}
     assert where["measured"] is None
-    status, _, error = type_command(folder, "move", "joint_1=700deg")
-    assert (status, "goal.out_of_bounds" in error) == (4, True)
+    status, out, error = type_command(folder, "move", "joint_1=100deg")
+    assert (status, error) == (4, "")
+    assert out == (
+        f"Server {served.server.url}\nmove not started: joint_1 = 100 deg is outside its limits, "
+        "-90 deg to 90 deg [goal.out_of_bounds]\n"
+    )
+    status, out, _ = type_command(folder, "move", "9", "9", "9")
+    assert (status, out.count("cannot reach"), out.count("choose a point")) == (5, 1, 1)
+
+
+@pytest.mark.parametrize("command", [("move", "folded"), ("home",), ("jog",), ("teach", "5", "a")])
+@pytest.mark.parametrize("speed", ["3", "0", "nan", "-1"])
+def test_a_speed_is_a_share(folder: Path, command: tuple[str, ...], speed: str) -> None:
+    status, out, error = type_command(folder, *command, "--port", "virtual", "--speed", speed)
+    assert (status, out) == (2, "")
+    assert "Invalid value for '--speed'" in error
 
 
 def test_a_move_needs_an_active_arm(typed: tuple[Served, Typed]) -> None:

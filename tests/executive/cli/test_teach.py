@@ -38,7 +38,7 @@ def begin(terminal: PseudoTerminal) -> None:
     terminal.type("t")
     terminal.until("move it first")
     terminal.type(RIGHT)
-    terminal.until("joint_1              2.0 deg", "arm active")
+    terminal.at_rest("joint_1              2.0 deg", "arm active")
     terminal.type("t")
     terminal.until("Step 1: move to joint_1: 2 deg")
 
@@ -49,7 +49,9 @@ def steps(folder: Path) -> str:
 
 def test_a_task_is_taught_and_runs(command: list[str], tmp_path: Path, robot: Path) -> None:
     with PseudoTerminal(tmp_path, *command) as terminal:
+        terminal.until("armtree teach fetch   arm unconfigured", "| no step yet")
         begin(terminal)
+        terminal.until("| 1 move to joint_1: 2 deg")
         assert steps(tmp_path) == FIRST
         terminal.type("t")
         terminal.until("The arm has not moved since the last step")
@@ -58,11 +60,11 @@ def test_a_task_is_taught_and_runs(command: list[str], tmp_path: Path, robot: Pa
         terminal.type("wsoon\r")
         terminal.until("is not a duration in s, ms, min or h")
         terminal.type("o")
-        terminal.until("joint_4            -40.1 deg")
+        terminal.at_rest("joint_4            -40.1 deg")
         terminal.type("t")
         terminal.until("Step 3: move to open")
         terminal.type("u")
-        terminal.until("Undone: move to open")
+        assert "3 move to" not in terminal.until("Undone: move to open", "| 2 wait 0.5 s")
         assert steps(tmp_path) == FIRST + WAIT
         terminal.type("t")
         terminal.until("Step 3: move to open")

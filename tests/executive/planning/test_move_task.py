@@ -25,6 +25,7 @@ UPRIGHT = {"joint_1": 0.0, "joint_2": 0.0, "joint_3": 0.0, "joint_4": 0.0}
         (("folded", "joint_3+=0.2"), False, {"joint_1": -1.57, "joint_3": -0.7}),
         (("joint_1=5deg",), True, {"joint_1": math.radians(5)}),
         (("home",), False, {}),
+        (("joint_1=0.3", "width=20mm"), False, {"joint_1": 0.3, "joint_4": -0.2158}),
     ],
 )
 def test_a_move_ends_where_its_words_say(
@@ -36,7 +37,7 @@ def test_a_move_ends_where_its_words_say(
     assert outcome.success
     opened = {"joint_4": -0.7} if {"open", "home"} & {*words} else {}
     found = arm.executive.where()
-    assert found.commanded == pytest.approx({**UPRIGHT, **changed, **opened})
+    assert found.commanded == pytest.approx({**UPRIGHT, **changed, **opened}, abs=1e-5)
 
 
 def test_the_tool_moves_to_a_point_and_by_a_distance(server: RigMaker) -> None:
@@ -83,7 +84,14 @@ def test_a_move_is_canceled_like_any_goal(rig: RigMaker, shared_clock: Simulated
         (("joint_1=",), False, 1.0, "goal.bad_target", "joint_1 has no value"),
         (("joint_1=.nan",), False, 1.0, "goal.bad_target", "is not finite"),
         (("joint_1=91deg",), False, 1.0, "goal.out_of_bounds", "-90 deg to 90 deg"),
-        (("joint_1=2", "joint_2=2"), False, 1.0, "goal.out_of_bounds", "; joint_2"),
+        (("joint_1=100deg", "joint_2=2"), False, 1.0, "goal.out_of_bounds", "did you mean 2 deg?"),
+        (("joint_1=100deg", "joint_2=99deg"), False, 1.0, "goal.out_of_bounds", "; joint_2"),
+        (("joint_1=70",), False, 1.0, "goal.out_of_bounds", "90 deg; did you mean 70 deg?"),
+        (("joint_1=5",), True, 1.0, "goal.out_of_bounds", "180 deg; did you mean 5 deg?"),
+        (("width=200mm",), False, 1.0, "goal.out_of_bounds", "0.8 mm to 105.8 mm"),
+        (("width=20",), False, 1.0, "goal.out_of_bounds", "did you mean 20 mm?"),
+        (("width=5mm",), True, 1.0, "goal.bad_target", "such as width=20mm"),
+        (("20mm",), False, 1.0, "goal.bad_target", "width=20mm or x y z"),
         (("joint_1=200deg",), True, 1.0, "goal.out_of_bounds", "more than its range, 180 deg"),
         (("foldd",), False, 1.0, "goal.bad_target", "did you mean folded?"),
         (("folded",), True, 1.0, "goal.bad_target", "folded is a pose, not a change"),
@@ -101,6 +109,9 @@ def test_a_wrong_move_is_refused(
     answer = arm.executive.send(Move(words, relative, speed))
     assert (answer.accepted, answer.code) == (False, code)
     assert why in answer.message
+    assert answer.cause
+    assert answer.cause.hint == ""  # the message says it
+    assert not answer.message.startswith(("Target position", "The target"))
     assert not arm.frames
 
 

@@ -9,7 +9,9 @@ import subprocess
 import sys
 import termios
 import threading
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Self
 
 _CONTROL = re.compile("\x1b\\[[0-9;?]*[A-Za-z]|\r")
@@ -23,11 +25,14 @@ class PseudoTerminal:
     Args:
         folder: Working directory, and runtime folder of the user.
         arguments: The command.
+        environment: Further variables of its environment.
     """
 
-    def __init__(self, folder: Path, *arguments: str) -> None:
+    def __init__(
+        self, folder: Path, *arguments: str, environment: Mapping[str, str] = MappingProxyType({})
+    ) -> None:
         self._keys, slave = pty.openpty()
-        fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 80, 0, 0))
+        self.resize(24, 80)
         kept = {k: v for k, v in os.environ.items() if not k.startswith("ARMTREE")}
         self.process = subprocess.Popen(
             ["setsid", "--ctty", *ARMTREE, *arguments],  # so that Ctrl-C and a hang-up arrive
@@ -35,7 +40,7 @@ class PseudoTerminal:
             stdout=slave,
             stderr=slave,
             cwd=folder,
-            env={**kept, "XDG_RUNTIME_DIR": str(folder), "TERM": "xterm"},
+            env={**kept, "XDG_RUNTIME_DIR": str(folder), "TERM": "xterm", **environment},
         )
         os.close(slave)
         self._heard = ""
@@ -59,6 +64,10 @@ class PseudoTerminal:
         """What the screen shows: all since it was last drawn from its first line."""
         return _CONTROL.sub("", self._heard.rpartition("\x1b[H")[2])
 
+    def resize(self, rows: int, columns: int) -> None:
+        """Give the terminal another size."""
+        fcntl.ioctl(self._keys, termios.TIOCSWINSZ, struct.pack("HHHH", rows, columns, 0, 0))
+
     def type(self, keys: str) -> None:
         """Press keys."""
         os.write(self._keys, keys.encode())
@@ -66,12 +75,18 @@ class PseudoTerminal:
     def until(self, *words: str) -> str:
         """Read until the screen shows all of these words; return it."""
         while not all(each in self.screen for each in words):
-            assert self._read(), f"{words} are not on the screen: {self.screen}"
+            assert self.read(), f"{words} are not on the screen: {self.screen}"
+        return self.screen
+
+    def at_rest(self, *words: str) -> str:
+        """Read until the whole screen shows all of these words, and no motion; return it."""
+        while "moving" in self.until(*words) or "\x1b[J" not in self._heard.rpartition("\x1b[H")[2]:
+            assert self.read(), f"the arm still moves: {self.screen}"
         return self.screen
 
     def end(self) -> tuple[int, str]:
         """Read until the command ends; return its exit status, and what it printed last."""
-        while self._read():
+        while self.read():
             pass
         return self.process.wait(), self._heard.rpartition("\x1b[?1049l")[2].replace("\r", "")
 
@@ -80,7 +95,8 @@ class PseudoTerminal:
         os.close(self._keys)
         self._keys = -1
 
-    def _read(self) -> bool:
+    def read(self) -> bool:
+        """Read what comes next; return False at the end."""
         try:
             data = os.read(self._keys, 65536)
         except OSError:  # the last process that had it open has ended

@@ -23,6 +23,10 @@ def begun(speed: float = 1.0) -> Jog:
     return Jog.start(WHERE, {"s": Command("save pose", "Name")}, speed, "hello")
 
 
+def drawn(jog: Jog, width: int = 80, rows: int = 24, steps: list[str] | None = None) -> list[str]:
+    return [line for line, _ in jog.lines(WHERE, width, rows, "armtree jog", steps)]
+
+
 def pressed(jog: Jog, *keys: str) -> tuple[Jog, object]:
     action: object = None
     for key in keys:
@@ -31,42 +35,51 @@ def pressed(jog: Jog, *keys: str) -> tuple[Jog, object]:
 
 
 @pytest.mark.parametrize(
-    ("keys", "words"),
+    ("keys", "words", "shown"),
     [
-        ((RIGHT,), ("base=2deg",)),
-        ((LEFT,), ("base=-2deg",)),
-        (("2", RIGHT), ("lift=2mm",)),
-        ((DOWN, DOWN, LEFT), ("finger=-2deg",)),
-        ((UP, RIGHT), ("0", "0", "2mm")),
-        (("x", LEFT), ("-2mm", "0", "0")),
-        (("y", "+", RIGHT), ("0", "5mm", "0")),
-        (("-", "-", RIGHT), ("base=0.5deg",)),
-        (("9", "0", RIGHT), ("base=2deg",)),
+        ((RIGHT,), ("base=2deg",), "base by +2 deg"),
+        ((LEFT,), ("base=-2deg",), "base by -2 deg"),
+        (("2", RIGHT), ("lift=2mm",), "lift by +2 mm"),
+        ((DOWN, DOWN, LEFT), ("finger=-2deg",), "finger by -2 deg"),
+        ((UP, RIGHT), ("0", "0", "2mm"), "tool up 2 mm"),
+        (("z", "+", "+", LEFT), ("0", "0", "-10mm"), "tool down 10 mm"),
+        (("x", LEFT), ("-2mm", "0", "0"), "tool x by -2 mm"),
+        (("y", "+", RIGHT), ("0", "5mm", "0"), "tool y by +5 mm"),
+        (("-", "-", RIGHT), ("base=0.5deg",), "base by +0.5 deg"),
+        (("9", "0", RIGHT), ("base=2deg",), "base by +2 deg"),
     ],
 )
-def test_an_arrow_moves_what_is_chosen(keys: tuple[str, ...], words: tuple[str, ...]) -> None:
+def test_an_arrow_moves_what_is_chosen(
+    keys: tuple[str, ...], words: tuple[str, ...], shown: str
+) -> None:
     jog, action = pressed(begun(0.3), *keys)
-    assert action == Go(Move(words, relative=True, speed=0.3))
-    assert jog.moving == Move(words, relative=True, speed=0.3)
+    assert action == jog.moving == Go(Move(words, relative=True, speed=0.3), shown)
+    assert f"moving {shown}" in drawn(jog)
 
 
 @pytest.mark.parametrize(("key", "pose"), [("h", "home"), ("o", "open"), ("c", "closed")])
 def test_a_key_moves_to_a_pose(key: str, pose: str) -> None:
-    assert pressed(begun(), key)[1] == Go(Move((pose,)))
+    assert pressed(begun(), key)[1] == Go(Move((pose,)), f"to {pose}")
 
 
 def test_the_size_of_a_step_has_limits() -> None:
     for key, size in (("+", STEPS[-1]), ("-", STEPS[0])):
         jog, _ = pressed(begun(), *(key,) * 20)
-        assert pressed(jog, RIGHT)[1] == Go(Move((f"base={size:g}deg",), relative=True))
+        _, action = pressed(jog, RIGHT)
+        assert isinstance(action, Go)
+        assert action.move == Move((f"base={size:g}deg",), relative=True)
 
 
 def test_only_the_last_key_of_a_move_counts() -> None:
     jog, _ = pressed(begun(), RIGHT)
-    jog, action = pressed(jog, RIGHT, RIGHT, "2", LEFT)
+    jog, action = pressed(jog, RIGHT)
+    assert (action, "next: base by +2 deg" in drawn(jog)) == (None, True)
+    jog, action = pressed(jog, RIGHT, "2", LEFT)
     assert action is None
+    assert "next: lift by -2 mm; 2 keys before it not taken" in drawn(jog)
     jog, action = jog.ended("", failed=False)
-    assert action == Go(Move(("lift=-2mm",), relative=True))
+    assert action == Go(Move(("lift=-2mm",), relative=True), "lift by -2 mm")
+    assert not any("next" in line for line in drawn(jog))
     jog, action = jog.ended("", failed=False)
     assert (jog.moving, action) == (None, None)
 
@@ -106,7 +119,7 @@ def test_other_keys_do_nothing() -> None:
 def test_the_screen_fits(size: tuple[int, int]) -> None:
     long = "The tool cannot reach the point " * 5
     for jog in (begun(), replace(begun(), selected=5), begun().said(long, failed=True)):
-        lines = list(jog.lines(WHERE, *size))
+        lines = list(jog.lines(WHERE, *size, "armtree jog"))
         assert len(lines) <= size[1]
         assert max(len(line) for line, _ in lines) <= size[0]
         (chosen,) = (line for line, _ in lines if line.startswith(">"))
@@ -116,11 +129,38 @@ def test_the_screen_fits(size: tuple[int, int]) -> None:
 
 
 def test_positions_are_in_degrees_and_millimetres() -> None:
-    shown = [line for line, _ in begun().lines(WHERE, 80, 24)]
-    assert shown[1:4] == [
+    assert drawn(begun())[1:4] == [
         ">  1 base                28.6 deg",
         "   2 lift                20.0 mm",
         "   3 finger              -5.7 deg",
     ]
     unknown = replace(WHERE, arm=State.INACTIVE, commanded=None, tool=None)
-    assert all(" ? " in line for line, _ in list(begun().lines(unknown, 80, 24))[1:7])
+    shown = begun().lines(unknown, 80, 24, "armtree jog")
+    assert all(" ? " in line for line, _ in list(shown)[1:7])
+
+
+def test_no_position_is_minus_zero() -> None:
+    near = replace(WHERE, commanded={"base": -1e-5, "lift": -1e-5, "finger": 0.0})
+    shown = begun().lines(near, 80, 24, "armtree jog")
+    assert not any("-0.0" in line for line, _ in shown)
+
+
+def test_nothing_moves_after_the_arm_is_lost() -> None:
+    jog = pressed(begun(), RIGHT, LEFT)[0].lose("The server does not answer")
+    for key in (RIGHT, "h", "s", " ", "1", ENTER):
+        assert jog.press(key) == (jog, None)
+    assert jog.press("q") == (jog, Leave())
+    shown = drawn(jog)
+    assert (shown[0], shown[-2:]) == (
+        "armtree jog   arm unknown",
+        ["The server does not answer", "q leave"],
+    )
+
+
+@pytest.mark.parametrize("size", [(120, 40), (80, 24), (60, 12)])
+def test_the_last_steps_are_beside_the_joints(size: tuple[int, int]) -> None:
+    assert "| no step yet" in drawn(begun(), *size, [])[1]
+    shown = drawn(begun(), *size, [f"wait {n} s" for n in range(1, 31)])
+    assert any(line.endswith("| 30 wait 30 s") for line in shown)
+    assert len(shown) <= size[1]
+    assert shown[1].startswith(">  1 base                28.6 deg  | ")
