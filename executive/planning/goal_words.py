@@ -116,7 +116,7 @@ def _joint_value(
 def _at_width(robot: Robot, text: str) -> Mapping[str, float]:
     """Return the position of the gripper's joint from its width."""
     if robot.gripper is None:
-        why = f"{robot.path} has no [gripper.pads], so the width of the gripper is not known"
+        why = f"{robot.path} names no pads of its gripper, so its width is not known"
         raise BadTarget(f"{why}; give a pose or JOINT=VALUE")
     width = read_value(WIDTH, text, _LENGTH)
     try:
