@@ -1,11 +1,19 @@
 """`armtree completion`: completes commands in a shell."""
 
+import os
+import re
 import shlex
 import sys
 from pathlib import Path
 
 import click
-from click.shell_completion import get_completion_class
+from click.shell_completion import (
+    BashComplete,
+    CompletionItem,
+    add_completion_class,
+    get_completion_class,
+    split_arg_string,
+)
 
 from .support.command_group import COMPLETION_VARIABLE
 from .terminal.streams import echo
@@ -20,6 +28,32 @@ _CALLS = {
 }
 _ZSH_CHECK = "    (( ! $+commands[armtree] )) && return 1\n"
 _ZSH_BEGIN = "(( $+functions[compdef] )) || { autoload -Uz compinit && compinit }\n"
+
+
+class _Bash(BashComplete):
+    """Completes a word with a colon. Bash itself breaks it there, and replaces what follows."""
+
+    source_template = BashComplete.source_template.replace(
+        'COMP_WORDS="${COMP_WORDS[*]}" COMP_CWORD=$COMP_CWORD',
+        'COMP_LINE="${COMP_LINE:0:$COMP_POINT}" COMP_WORDBREAKS="$COMP_WORDBREAKS"',
+    )
+    _kept = ""  # the part of the word that Bash keeps
+
+    def get_completion_args(self) -> tuple[list[str], str]:
+        """Return the words before the one at the cursor, and that word so far."""
+        line, breaks = os.environ["COMP_LINE"], os.environ["COMP_WORDBREAKS"]
+        words = split_arg_string(line)
+        word = "" if line[-1:].isspace() else words.pop()
+        end = re.search(f"[{re.escape(breaks)}][^{re.escape(breaks)}]*$", word)
+        self._kept = word[: end.start() + 1] if end else ""
+        return words[1:], word
+
+    def format_completion(self, item: CompletionItem) -> str:
+        """Return the line for an item."""
+        return f"{item.type},{str(item.value).removeprefix(self._kept)}"
+
+
+add_completion_class(_Bash)
 
 
 @click.command()

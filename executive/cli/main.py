@@ -64,6 +64,8 @@ def main() -> None:
     forbid_exit()
     output, wanted = sys.stdout, Diagnostics()
     if COMPLETION_VARIABLE in os.environ:
+        from . import completion  # noqa: F401  adds to what click does for Bash
+
         discard(sys.stderr)  # a shell would print it into the line that is being typed
     try:
         cli.main(prog_name="armtree", standalone_mode=False, obj=wanted)

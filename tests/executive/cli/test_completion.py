@@ -11,8 +11,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from click.shell_completion import BashComplete
+from click.shell_completion import BashComplete, get_completion_class
 
+from executive.cli import completion  # noqa: F401  adds to what click does for Bash
 from executive.cli.main import cli
 from executive.cli.support.command_group import COMPLETION_VARIABLE as VARIABLE
 from tests.support.paths import EXAMPLES
@@ -79,6 +80,28 @@ def test_what_is_wrong_completes_nothing_and_prints_nothing(
     assert capfd.readouterr() == ("", "")
 
 
+@pytest.mark.usefixtures("folder")
+@pytest.mark.parametrize(
+    ("line", "found"),
+    [
+        ("armtree log info latest:pi", ["pick"]),
+        ("armtree log info latest:", ["home", "pick", "rest"]),
+        ("armtree run --port=virt", ["virtual"]),
+        ("armtree run ", ["home", "pick", "rest"]),
+        ("armtree break pick/E", ["pick/Execute"]),
+    ],
+)
+def test_bash_gets_what_follows_its_break(
+    line: str, found: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COMP_LINE", line)
+    monkeypatch.setenv("COMP_WORDBREAKS", " \t\n\"'><=;|&(:")
+    kind = get_completion_class("bash")
+    assert kind
+    lines = kind(cli, {}, "armtree", VARIABLE).complete().splitlines()
+    assert [line.removeprefix("plain,") for line in lines if line.startswith("plain")] == found
+
+
 class Shell:
     """An interactive shell on a pseudo-terminal."""
 
@@ -135,3 +158,7 @@ def test_in_a_real_shell(shell: Shell) -> None:
     shell.type("\t", "w")
     shell.type("p\t", "ck")
     assert "SetStart" in shell.type("\n", "Succeed")
+    shell.type("echo log=latest:no; armtree log info latest:pi", "latest:pi")
+    shell.type("\t", "ck")
+    shell.type("\x15armtree run --port virt\t", "ual")
+    shell.type("\x15armtree break pick/E\t", "xecute")
