@@ -28,6 +28,9 @@ class _Snapshot:
         own: The user's folder; None if there is none.
         robot: Name of the robot.
         before: The last snapshot. Files that have not changed since are not read again.
+
+    Attributes:
+        nodes: Paths of all nodes of each task that was compiled, by its number.
     """
 
     def __init__(
@@ -41,6 +44,7 @@ class _Snapshot:
         self._stamps = {folder: _stamp(folder) for folder in folders}
         self._texts: dict[Path, str | FileError] = {}
         self._errors: dict[tuple[int, bool], TreeError | None] = {}
+        self.nodes: dict[int, list[str]] = {}
         for path in (path for folder in folders for path in sorted(folder.glob("*.y*ml"))):
             self._stamps[path] = _stamp(path)
             if before and path in before._texts and before._stamps[path] == self._stamps[path]:
@@ -79,7 +83,8 @@ class _Snapshot:
         """
         if (number, validated) not in self._errors:
             try:
-                (check_task if validated else compile_task)(robot, self.library, number)
+                tree = (check_task if validated else compile_task)(robot, self.library, number)
+                self.nodes[number] = [path for _, path in paths(tree.root)]
                 self._errors[number, validated] = None
             except UnknownTask as error:
                 return error  # any number may be requested
@@ -123,18 +128,33 @@ class LiveLibrary:
             TreeError: The task is not valid in any snapshot.
         """
         with self._lock:
-            now, *before = self._updated()
-            error = now.error(number, self._robot)
-            if error is None:
-                return now.library, ""
-            valid = (each for each in before if each.error(number, self._robot) is None)
-            if isinstance(error, UnknownTask) or not (last := next(valid, None)):
-                if now.error(number, self._robot, validated=False) is None:
-                    return now.library, ""  # the goal fails with the error of the skill
-                raise error.with_traceback(None)  # or each raise would add to it
-            warning = f"Task {number} runs in its last valid version, "
-            warning += "because its changed files are wrong: "
-            return last.library, f"{warning}{error}"
+            snapshot, warning = self._valid(number)
+            return snapshot.library, warning
+
+    def node_paths(self, number: int) -> list[str]:
+        """Return the paths of all nodes of a task, as the next goal would run it.
+
+        Raises:
+            UnknownTask: No task has that number.
+            TreeError: The task is not valid in any snapshot.
+        """
+        with self._lock:
+            return self._valid(number)[0].nodes[number]
+
+    def _valid(self, number: int) -> tuple[_Snapshot, str]:
+        """Return the snapshot from which a task runs, and a warning if it is not the latest."""
+        now, *before = self._updated()
+        error = now.error(number, self._robot)
+        if error is None:
+            return now, ""
+        valid = (each for each in before if each.error(number, self._robot) is None)
+        if isinstance(error, UnknownTask) or not (last := next(valid, None)):
+            if now.error(number, self._robot, validated=False) is None:
+                return now, ""  # the goal fails with the error of the skill
+            raise error.with_traceback(None)  # or each raise would add to it
+        warning = f"Task {number} runs in its last valid version, "
+        warning += "because its changed files are wrong: "
+        return last, f"{warning}{error}"
 
     @property
     def latest(self) -> Library:
@@ -175,16 +195,6 @@ class LiveLibrary:
                 library = now.library
                 self._rows = now, [_row(library, number) for number in library.numbers()]
             return self._rows[1]
-
-    def node_paths(self, number: int) -> list[str]:
-        """Return the paths of all nodes of a task, as the next goal would run it.
-
-        Raises:
-            UnknownTask: No task has that number.
-            TreeError: The task is not valid in any snapshot.
-        """
-        library, _ = self.for_task(number)
-        return [path for _, path in paths(compile_task(self._robot, library, number).root)]
 
     def _updated(self) -> deque[_Snapshot]:
         """Return the snapshots, the first of which is current."""

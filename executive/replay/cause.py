@@ -18,19 +18,13 @@ from trees.nodes import KINDS
 PLANNING = ("planner", "numpy", "ompl", "pin", "coal", "toppra", "python", "machine", "system")
 
 
-def source(
-    recording: Recording, robot: Robot, records: Sequence[Record], entries: Collection[str]
-) -> str:
-    """Return the source of a difference in words.
+def source(recording: Recording, entries: Collection[str]) -> str:
+    """Return the source of a difference that no contradiction explains, in words.
 
     Args:
         recording: The recording.
-        robot: The robot as it was recorded.
-        records: The records, in file order.
         entries: Entries of `versions` that could be the source.
     """
-    if wrong := contradiction(recording, robot, records):
-        return wrong
     if (part := recording.changed) and part != f"note {DIGESTS}":  # missing digests name no part
         return f"the recording: {part} was changed or removed after the run"
     if new := changes(recording, entries):

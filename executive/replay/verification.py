@@ -7,6 +7,7 @@ Goal to plan: the recorded queries, planned again, give the recorded plans.
 import json
 import os
 import signal
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
@@ -17,6 +18,7 @@ from pathlib import Path
 from executive.api.codes import DIFFERS
 from executive.recording.archive import restore_robot
 from hardware import HardwareError, Robot
+from hardware.suggestions import plural
 from logs import (
     Goal,
     LogError,
@@ -123,12 +125,10 @@ def verify(path: Path) -> Verification:
     except OSError as error:
         return Verification(path, (), str(error), RecordingError.code, 0.0)
     motion = sum(record.duration for record in records if isinstance(record, Schedule))
+    words, code = (str(cut), cut.code) if cut else ("", "")
     if recording.complete and (part := recording.changed):
-        words = f"{part} was changed or removed after the run"
-        return Verification(path, checks, words, DIFFERS, motion)
-    if cut:
-        return Verification(path, checks, str(cut), cut.code, motion)
-    return Verification(path, checks, "", "", motion)
+        words, code = f"{part} was changed or removed after the run", DIFFERS
+    return Verification(path, checks, words, code, motion)
 
 
 def verify_all(paths: Sequence[Path], jobs: int) -> Iterator[Verification]:
@@ -162,21 +162,29 @@ def _checks(recording: Recording, records: Sequence[Record]) -> tuple[Check, ...
         words = wrong or "the file was cut before the first record"
         return tuple(Check(question, not wrong, words) for question in (_FRAMES, _PLANS))
     robot, planned = restore_robot(recording), topic.startswith(_PLAN)
-    return (
-        _frames(recording, robot, records, "" if planned else wrong),
-        _plans(recording, robot, records, wrong if planned else ""),
+    planner = partial(_planner, robot)
+    joints, conflict = joints_difference(robot, records), contradiction(recording, robot, records)
+    frames = _goal_difference(recording, records) or joints
+    frames = frames or frames_difference(robot, records, recording.whole)
+    frames = frames or result_difference(records) or ("" if planned else wrong)
+    plans = joints or plans_difference(planner, robot, records, recording.files)
+    plans = plans or (wrong if planned else "")
+    count = Counter(
+        type(record) for record in records if not isinstance(record, Sent) or record.joints
     )
-
-
-def _frames(recording: Recording, robot: Robot, records: Sequence[Record], wrong: str) -> Check:
-    words = _goal_difference(recording, records) or joints_difference(robot, records)
-    words = words or frames_difference(robot, records, recording.whole)
-    words = words or result_difference(records) or wrong
-    if words:
-        return Check(_FRAMES, False, words, source(recording, robot, records, ("frames",)))
-    schedules = sum(isinstance(record, Schedule) for record in records)
-    frames = sum(isinstance(record, Sent) and bool(record.joints) for record in records)
-    return Check(_FRAMES, True, f"{_many(frames, 'frame')} of {_many(schedules, 'schedule')}")
+    if frames:
+        first = Check(_FRAMES, False, frames, conflict or source(recording, ("frames",)))
+    else:
+        words = f"{plural(count[Sent], 'frame')} of {plural(count[Schedule], 'schedule')}"
+        first = Check(_FRAMES, True, words)
+    if plans:
+        return first, Check(_PLANS, False, plans, conflict or source(recording, PLANNING))
+    if conflict:
+        words = "the plans are the same, but their inputs differ"
+        return first, Check(_PLANS, False, words, conflict)
+    new = changes(recording, PLANNING)
+    also = f", also with {new}" if new else ""
+    return first, Check(_PLANS, True, plural(count[Plan], "plan") + also)
 
 
 def _goal_difference(recording: Recording, records: Sequence[Record]) -> str:
@@ -195,19 +203,6 @@ def _goal_difference(recording: Recording, records: Sequence[Record]) -> str:
     return ""
 
 
-def _plans(recording: Recording, robot: Robot, records: Sequence[Record], wrong: str) -> Check:
-    words = joints_difference(robot, records)
-    planner = partial(_planner, robot)
-    words = words or plans_difference(planner, robot, records, recording.files) or wrong
-    if words:
-        return Check(_PLANS, False, words, source(recording, robot, records, PLANNING))
-    if cause := contradiction(recording, robot, records):
-        return Check(_PLANS, False, "the plans are the same, but their inputs differ", cause)
-    plans = sum(isinstance(record, Plan) for record in records)
-    new = changes(recording, PLANNING)
-    return Check(_PLANS, True, _many(plans, "plan") + (f", also with {new}" if new else ""))
-
-
 _planners: dict[str, Planner] = {}
 
 
@@ -217,7 +212,3 @@ def _planner(robot: Robot) -> Planner:
     if key not in _planners:
         _planners[key] = Planner(robot)
     return _planners[key]
-
-
-def _many(count: int, what: str) -> str:
-    return f"{count} {what}{'' if count == 1 else 's'}"
