@@ -98,13 +98,35 @@ def last_command(robot: Robot, recordings: Path) -> LastCommand | None:
     files = sorted(recordings.glob("*.mcap"), key=lambda path: path.name, reverse=True)
     for path in files[:_SEARCHED]:
         try:
-            sent = list(logs.Recording(path).frames())
+            last = _last_pose(robot, names, logs.Recording(path))
         except logs.LogError:
             continue  # a file of another program
-        for record in reversed(sent):
-            if record.joints == names and _possible(robot, record.positions):
-                return LastCommand(record.positions, str(path))
+        if last:
+            return LastCommand(last, str(path))
     return None
+
+
+def _last_pose(
+    robot: Robot, names: tuple[str, ...], recording: logs.Recording
+) -> tuple[float, ...] | None:
+    """Return the positions at the end of the last motion, or of the last frame of a stopped one.
+
+    The end of a motion may differ from the positions of its last frame, but is the same frame.
+    """
+    last: tuple[float, ...] | None = None
+    end: tuple[float, ...] = ()
+    left = -1  # frames of the motion that are not sent yet
+    for record in recording.records(logs.Schedule, logs.Sent):
+        match record:
+            case logs.Schedule() if tuple(record.start) == names and record.samples:
+                end, left = record.samples[-1], len(record.times)
+            case logs.Sent(hold=True):
+                left = -1
+            case logs.Sent() if record.joints == names and _possible(robot, record.positions):
+                last, left = record.positions, left - 1
+        if left == 0 and _possible(robot, end):
+            last = end
+    return last
 
 
 def _possible(robot: Robot, positions: tuple[float, ...]) -> bool:
@@ -118,10 +140,8 @@ def _offer(robot: Robot, last: LastCommand | None) -> str:
     boot = f'the pose "boot" if the arm is in its {robot.firmware.words.start_pose}'
     if last is None:
         return f"{reason} Confirm {boot}; no recording holds a commanded pose"
-    pose = ", ".join(
-        f"{joint.name} {q:.3f}" for joint, q in zip(robot.actuated, last.positions, strict=True)
-    )
+    positions = dict(zip((joint.name for joint in robot.actuated), last.positions, strict=True))
     return (
-        f"{reason} The last commanded pose is {pose} rad ({last.source}). "
+        f"{reason} The last commanded pose is {robot.words(positions)} ({last.source}). "
         f'Confirm the pose "last" if the arm is still there, or {boot}'
     )

@@ -52,6 +52,13 @@ def test_without_a_server_or_a_recording_no_pose_is_known(folder: Path) -> None:
         assert "server.unreachable" in error
 
 
+def test_where_after_a_move_is_its_target(folder: Path) -> None:
+    """The last frame leaves before the motion ends; both are 70 servo degrees."""
+    assert type_command(folder, "move", "joint_1=70.9deg", "--port", "virtual")[0] == 0
+    status, out, _ = type_command(folder, "where")
+    assert (status, out.splitlines()[1]) == (0, "joint_1         70.9 deg")
+
+
 def test_moves_on_the_server_of_this_machine(serve: Serve, folder: Path) -> None:
     served = serve()
     status, out, _ = type_command(folder, "move", "--by", "joint_1=-5deg")
