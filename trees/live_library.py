@@ -10,8 +10,8 @@ from typing import Any
 from hardware import Robot
 
 from .check import check_task, compile_task
-from .compile.node_paths import paths
 from .errors import FileError, TreeError, UnknownTask
+from .export.node_table import node_table
 from .reading.document import read_text
 from .reading.library import Library, with_robot
 
@@ -30,7 +30,7 @@ class _Snapshot:
         before: The last snapshot. Files that have not changed since are not read again.
 
     Attributes:
-        nodes: Paths of all nodes of each task that was compiled, by its number.
+        nodes: The table of all nodes of each task that was compiled, by its number.
     """
 
     def __init__(
@@ -44,7 +44,7 @@ class _Snapshot:
         self._stamps = {folder: _stamp(folder) for folder in folders}
         self._texts: dict[Path, str | FileError] = {}
         self._errors: dict[tuple[int, bool], TreeError | None] = {}
-        self.nodes: dict[int, list[str]] = {}
+        self.nodes: dict[int, list[dict[str, Any]]] = {}
         for path in (path for folder in folders for path in sorted(folder.glob("*.y*ml"))):
             self._stamps[path] = _stamp(path)
             if before and path in before._texts and before._stamps[path] == self._stamps[path]:
@@ -84,7 +84,7 @@ class _Snapshot:
         if (number, validated) not in self._errors:
             try:
                 tree = (check_task if validated else compile_task)(robot, self.library, number)
-                self.nodes[number] = [path for _, path in paths(tree.root)]
+                self.nodes[number] = node_table(tree)
                 self._errors[number, validated] = None
             except UnknownTask as error:
                 return error  # any number may be requested
@@ -131,8 +131,8 @@ class LiveLibrary:
             snapshot, warning = self._valid(number)
             return snapshot.library, warning
 
-    def node_paths(self, number: int) -> list[str]:
-        """Return the paths of all nodes of a task, as the next goal would run it.
+    def nodes(self, number: int) -> list[dict[str, Any]]:
+        """Return all nodes of a task, as the next goal would run it: see `node_table`.
 
         Raises:
             UnknownTask: No task has that number.

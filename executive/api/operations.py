@@ -159,6 +159,14 @@ _ROWS = (
     _read("/api/where", "where", "Return where the arm is, joints and tool.", s.WHERE),
     _read("/api/tasks", "tasks", "List the tasks.", s.answer("Tasks", tasks=s.array(s.TASK))),
     _read(
+        "/api/tasks/{task}/nodes",
+        "nodes",
+        "List the nodes of a task's tree, with kinds, ports and lines in the files.",
+        s.answer("Nodes", nodes=s.array(s.NODE)),
+        {"task": s.TASK_NUMBER},
+        errors=("goal.unknown_task", "file"),
+    ),
+    _read(
         "/api/goals",
         "goals",
         "List the newest goals, one page at a time.",
@@ -210,6 +218,15 @@ _ROWS = (
         s.RESULT,
         {**_GOAL, "timeout": _TIMEOUT},
         errors=("goal.unknown", "goal.result_timeout"),
+        streams=True,
+    ),
+    _read(
+        "/api/goals/{goal_id}/events",
+        "recorded_events",
+        "Return the recorded events of a goal that has ended, as `/api/events` sends them.",
+        parameters={**_GOAL, "events": _KINDS},
+        media="text/event-stream",
+        errors=("goal.unknown", "log"),
         streams=True,
     ),
     _change(

@@ -256,4 +256,17 @@ TASK = answer(
     parameters={"type": "object", "additionalProperties": TEXT},
     wrong=TEXT,
 )
+NODE = _object(
+    {
+        "path": TEXT,
+        "kind": TEXT,
+        "file": TEXT,
+        "line": COUNT,
+        "called_at": {
+            **TEXT,
+            "description": "`FILE:LINE` that refers to it, if it is the root of a subtree.",
+        },
+        "ports": {"type": "object", "additionalProperties": TEXT},
+    }
+)
 QUESTION = _object({"question_id": QUESTION_ID, "text": TEXT, "choices": array(TEXT)})

@@ -30,7 +30,7 @@ def check_node(library: LiveLibrary, path: str) -> None:
     if name not in tasks:
         likely = suggestion(name, tasks) or f"; it begins with a task's name: {', '.join(tasks)}"
         raise NoSuchNode(f"no task is called {name}{likely}")
-    nodes = library.node_paths(tasks[name])
+    nodes = [row["path"] for row in library.nodes(tasks[name])]
     if path not in nodes:
         there = ", ".join(nodes[:_SHOWN]) + suggestion(path, nodes)
         raise NoSuchNode(f"{name} has no node {path}; there are {there}")

@@ -95,7 +95,7 @@ class EventHub:
         subscriber = Subscriber(kinds, authenticated)
         for event in self._current.values():
             if not kinds or kind_of(event) in kinds:
-                subscriber.put(_as_text(event))
+                subscriber.put(event_text(event))
         self.subscribers.add(subscriber)
         return subscriber
 
@@ -118,7 +118,7 @@ class EventHub:
         kind = kind_of(event)
         interested = [each for each in self.subscribers if not each.kinds or kind in each.kinds]
         if kind and interested:
-            text = _as_text(event)
+            text = event_text(event)
             for subscriber in interested:
                 subscriber.put(text)
 
@@ -153,7 +153,8 @@ class EventHub:
         }
 
 
-def _as_text(event: Event) -> bytes:
+def event_text(event: Event) -> bytes:
+    """Return an event that has a name, as a server-sent event."""
     fields = event_to_json(event)
     text = json.dumps(fields, allow_nan=False, separators=(",", ":"))
     return f"event: {fields['event']}\ndata: {text}\n\n".encode()

@@ -1,7 +1,7 @@
 """The endpoints of the HTTP interface: one method per row of `operations`, with the row's name."""
 
 import asyncio
-from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping, Sequence
 from importlib.metadata import version
 from json import dumps
 from types import MappingProxyType
@@ -15,7 +15,7 @@ from executive.api.move import Move
 from executive.api.operations import OPERATIONS
 from executive.api.outcome import GoalStatus, Outcome
 from executive.api.schemas import MAX_LISTED
-from executive.errors import BadRequest, NotHeld, ResultTimeout, TooMuch
+from executive.errors import BadRequest, NotFound, NotHeld, ResultTimeout, TooMuch
 from executive.executive import Executive
 from executive.goals.breakpoints import check_node
 from executive.goals.questions import Questions
@@ -24,6 +24,7 @@ from executive.server.event_hub import EventHub
 from executive.server.limits.cancel_thread import CancelThread
 from executive.server.metrics import Metrics
 from executive.server.page.robot import description
+from executive.server.recorded_events import recorded_events
 from executive.server.security import is_authenticated
 from executive.server.sign_in import SignIn
 from trees.live_library import LiveLibrary
@@ -104,6 +105,10 @@ class Endpoints:
         """List the tasks."""
         async with self._listing:
             return {"tasks": await asyncio.to_thread(self._library.listed)}
+
+    async def nodes(self, task: int) -> Json:
+        """List the nodes of a task's tree."""
+        return {"nodes": await asyncio.to_thread(self._library.nodes, task)}
 
     async def goals(self, limit: int | None = None, before: int | None = None) -> Json:
         """List the newest goals, or the newest accepted before a time."""
@@ -232,10 +237,14 @@ class Endpoints:
         known = is_authenticated(request.scope)
         if sum(each.authenticated is known for each in self._hub.subscribers) >= MAX_SUBSCRIBERS:
             raise TooMuch(f"{MAX_SUBSCRIBERS} clients watch already", "close one of them")
-        kinds = frozenset(filter(None, events.split(",")))
-        if kinds - KINDS:
-            raise BadRequest(f"kinds of events are {', '.join(sorted(KINDS))}", status=422)
-        return StreamingResponse(self._stream(kinds, known), media_type="text/event-stream")
+        return _stream_of(self._stream(_kinds(events), known))
+
+    async def recorded_events(self, request: Request, goal_id: str, events: str = "") -> Response:
+        """Return the recorded events of a goal that has ended."""
+        goal, kinds = self._executive.goal(goal_id), _kinds(events)
+        if not (goal.outcome and goal.outcome.recording):
+            raise NotFound(f"goal {goal_id} has no finished recording", "wait for its end")
+        return _stream_of(recorded_events(goal, kinds))
 
     async def metrics(self) -> bytes:
         """Return metrics for Prometheus."""
@@ -273,6 +282,22 @@ class Endpoints:
             ended = self._ended.pop(event.identity, None)
             if ended:
                 ended.set_result(event.outcome)
+
+
+def _kinds(events: str) -> frozenset[str]:
+    """Return the kinds of events in a list; empty for all.
+
+    Raises:
+        BadRequest: A kind is unknown.
+    """
+    kinds = frozenset(filter(None, events.split(",")))
+    if kinds - KINDS:
+        raise BadRequest(f"kinds of events are {', '.join(sorted(KINDS))}", status=422)
+    return kinds
+
+
+def _stream_of(texts: AsyncIterator[bytes] | Iterator[bytes]) -> Response:
+    return StreamingResponse(texts, media_type="text/event-stream")
 
 
 def _as_text(value: Any) -> str:

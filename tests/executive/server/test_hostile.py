@@ -25,8 +25,8 @@ pytestmark = pytest.mark.slow
 pytest_plugins = ["tests.support.servers.server_fixtures"]
 
 
-def path_of(template: str) -> str:
-    return template.format(goal_id=GOAL, transition="configure", question_id="01234567")
+def path_of(template: str, goal: str = GOAL, transition: str = "configure") -> str:
+    return template.format(goal_id=goal, transition=transition, question_id="01234567", task=0)
 
 
 def test_only_a_stop_needs_no_token(serve: Serve) -> None:
@@ -66,7 +66,7 @@ def test_a_foreign_page_or_name_may_do_nothing(serve: Serve, headers: dict[str, 
     served = serve()
     goal = served.executive.send(10).identity
     for operation in OPERATIONS.values():
-        path = operation.path.format(goal_id=goal, transition="deactivate", question_id="01234567")
+        path = path_of(operation.path, goal, "deactivate")
         status, error = served.ask(operation.method, path, headers=headers)
         assert (status, error["code"].partition(".")[0]) == (403, "request")
     assert served.executive.goals()[0].outcome is None

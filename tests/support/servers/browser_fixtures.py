@@ -55,7 +55,7 @@ def open_page(browser: Any, page_server: Served) -> Iterator[Open]:
     def open_tab(link: str = "", **options: Any) -> Tab:
         """Open a link, by default one that signs in."""
         context = browser.new_context(**options)
-        context.set_default_timeout(10_000)
+        context.set_default_timeout(20_000)  # also on a busy machine
         contexts.append(context)
         tab = context.new_page()
         tab.on("pageerror", lambda error: problems.append(str(error)))

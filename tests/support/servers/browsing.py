@@ -4,6 +4,10 @@ import re
 from collections.abc import Callable
 from typing import Any
 
+import pytest
+
+from tests.support.paths import ROOT
+
 Tab = Any  # a page of playwright, whose interface takes mypy long to read
 Open = Callable[..., Tab]
 
@@ -11,6 +15,16 @@ Open = Callable[..., Tab]
 def shows(tab: Tab, selector: str, words: str) -> None:
     """Wait until an element shows a text."""
     tab.locator(selector, has_text=re.compile(words)).first.wait_for()
+
+
+def is_accessible(tab: Tab) -> None:
+    """Check the page with axe-core, if `make lint` has installed it."""
+    axe = ROOT / "executive/server/page/node_modules/axe-core/axe.min.js"
+    if not axe.is_file():
+        pytest.skip("axe-core is not installed")
+    tab.evaluate(axe.read_text())
+    found = tab.evaluate("axe.run()")["violations"]
+    assert [(each["id"], [node["html"] for node in each["nodes"]]) for each in found] == []
 
 
 def forget(tab: Tab, words: str) -> None:

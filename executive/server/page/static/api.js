@@ -13,6 +13,7 @@ const KEY = "armtree-token";
  * @property {string} code
  * @property {string} message
  * @property {string} node path of the node; empty if the cause is outside the tree
+ * @property {string} joint empty if the cause concerns none
  * @property {string} hint
  */
 

@@ -6,6 +6,7 @@
  */
 
 import { checkSession, get, request } from "./api.js";
+import { readEvents } from "./event_stream.js";
 
 const PERIOD = 1000; // between two requests for the status [ms]
 const TIMEOUT = 1500; // longest time for an answer [ms]
@@ -110,27 +111,13 @@ export class Connection extends EventTarget {
   async #read() {
     this.#stream = new AbortController();
     try {
-      const { body } = await request("api/events", { signal: this.#stream.signal });
-      if (!body) return;
+      const response = await request("api/events", { signal: this.#stream.signal });
       this.dispatchEvent(new Event("begin"));
-      let text = "";
-      const reader = body.pipeThrough(new TextDecoderStream()).getReader();
-      for (let read = await reader.read(); !read.done; read = await reader.read()) {
-        const parts = (text + read.value).split("\n\n");
-        text = parts.pop() ?? "";
-        for (const part of parts) this.#publish(part);
-      }
+      for await (const detail of readEvents(response))
+        this.dispatchEvent(new CustomEvent("event", { detail }));
     } catch {
       // The stream broke or was closed. The next status tells which.
     }
-  }
-
-  /** @param {string} part a server-sent event, or a comment */
-  #publish(part) {
-    const data = part.split("\n").find((line) => line.startsWith("data: "));
-    if (!data) return;
-    const detail = JSON.parse(data.slice("data: ".length));
-    this.dispatchEvent(new CustomEvent("event", { detail }));
   }
 }
 

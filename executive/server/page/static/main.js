@@ -3,38 +3,73 @@
 import { get, session, signIn } from "./api.js";
 import { Connection } from "./connection.js";
 import { byId, oncePerFrame, setText } from "./dom.js";
-import { Run } from "./model/run.js";
+import { ShownRun } from "./model/shown_run.js";
+import { Controls } from "./views/controls.js";
 import { drawHeader } from "./views/header.js";
+import { RunsView } from "./views/runs.js";
+import { drawFailure, drawNode, drawPause, drawRunning } from "./views/side.js";
 import { showStop } from "./views/stop.js";
+import { TreeView } from "./views/tree.js";
 
 const connection = new Connection();
-const run = new Run();
+const shown = new ShownRun();
 /** @type {import("./connection.js").Status | null} */
 let status = null;
 
 const drawStop = showStop(() => connection.alive || connection.heard === 0);
+const tree = new TreeView(shown);
+const controls = new Controls(shown, () => connection.refresh());
+const runs = new RunsView();
+
 const draw = oncePerFrame(() => {
   drawStop();
-  drawHeader(connection, run, status);
+  drawHeader(connection, shown.live, status);
+  setText(byId("shown", HTMLElement), shown.isLive ? "" : `${shown.run.title}, recorded`);
+  tree.draw(status?.breakpoints);
+  drawRunning(shown);
+  drawFailure(shown);
+  drawNode(shown, tree.selected);
+  drawPause(shown, status?.paused ?? false);
+  controls.draw(status);
+  runs.draw(shown.run.goalId);
 });
 
-connection.addEventListener("event", (event) => {
-  run.update(/** @type {CustomEvent} */ (event).detail);
-  draw();
-});
-connection.addEventListener("status", (event) => {
-  status = /** @type {CustomEvent} */ (event).detail;
-  if (status?.goal) run.updateGoal(status.goal);
-  draw();
-});
 connection.addEventListener("begin", async () => {
   const robot = await get("api/robot");
   setText(byId("robot", HTMLElement), robot.name);
   document.title = `${robot.name}, armtree`;
+  await runs.refresh();
+  if (!shown.live.goalId && runs.newest?.result) await open(runs.newest);
+  draw();
+});
+connection.addEventListener("event", (event) => {
+  const { detail } = /** @type {CustomEvent} */ (event);
+  shown.update(detail);
+  if (detail.event === "status") runs.refresh().then(draw);
+});
+connection.addEventListener("status", (event) => {
+  status = /** @type {CustomEvent} */ (event).detail;
+  if (status?.goal) shown.live.updateGoal(status.goal);
+  draw();
 });
 connection.addEventListener("change", draw);
+shown.addEventListener("change", draw);
 session.addEventListener("change", () => connection.refresh().then(draw));
+tree.addEventListener("select", draw);
+tree.addEventListener("break", (event) => {
+  const path = /** @type {CustomEvent} */ (event).detail;
+  controls.setBreakpoint(path, !status?.breakpoints.includes(path));
+});
+runs.addEventListener("open", (event) => open(/** @type {CustomEvent} */ (event).detail));
+byId("side", HTMLElement).addEventListener("click", (event) => {
+  if (event.target instanceof HTMLElement && event.target.dataset.path) tree.reveal(event.target.dataset.path);
+});
 setInterval(draw, 1000); // the age of what is shown
+
+/** @param {import("./model/run.js").Goal} goal */
+async function open(goal) {
+  await shown.open(goal).catch((error) => setText(byId("control-error", HTMLElement), error.message));
+}
 
 connection.start();
 signIn().catch((error) => setText(byId("sign-in-error", HTMLElement), error.message));

@@ -49,8 +49,8 @@ export class Run {
   percentage = null;
   phase = "";
   attempt = 1;
-  /** Time of the newest event [s]. */
-  time = 0;
+  /** When the goal began [s]. */
+  began = 0;
   /** @type {Outcome | null} */
   outcome = null;
   /** @type {Map<string, TreeNode>} by path, parents first */
@@ -64,7 +64,6 @@ export class Run {
    * @returns {boolean} True if another goal began
    */
   update(event) {
-    if (typeof event.time_s === "number") this.time = Math.max(this.time, event.time_s);
     switch (event.event) {
       case "goal":
         if (event.goal_id === this.goalId) return false;
@@ -115,7 +114,7 @@ export class Run {
     this.task = event.task;
     this.title = goalTitle(event.task, event.name);
     this.state = "EXECUTING";
-    this.time = event.time_s;
+    this.began = event.time_s;
   }
 
   /** @param {any} event */

@@ -39,7 +39,7 @@ export function drawHeader(connection, run, status) {
     setAttribute(arm, "title", status.fault ? `${status.fault.message} ${status.fault.hint}` : "");
     arm.classList.toggle("failed", status.fault !== null);
   }
-  setText(byId("goal-title", HTMLElement), run.title || "none yet");
+  setText(byId("goal-title", HTMLElement), run.title || "none");
   const state = byId("goal-state", HTMLElement);
   setText(state, goalWords(run, status));
   state.dataset.state = run.state;

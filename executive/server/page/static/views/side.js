@@ -1,0 +1,130 @@
+/** Beside the tree: what runs now, why the goal failed, and the selected node. */
+
+import { byId, element, setText } from "../dom.js";
+import { mark } from "./tree.js";
+
+/** @typedef {import("../model/shown_run.js").ShownRun} ShownRun */
+
+/**
+ * Return the place of a node in the task's files, and the places that lead there.
+ * @param {ShownRun} shown
+ * @param {string} path
+ */
+function places(shown, path) {
+  const facts = shown.facts.get(path);
+  if (!facts) return "";
+  const found = [`${facts.file}:${facts.line}`];
+  for (let node = shown.run.nodes.get(path) ?? null; node; node = node.parent) {
+    const call = shown.facts.get(node.path)?.called_at;
+    if (call) found.push(call);
+  }
+  return found.join(", used by ");
+}
+
+/**
+ * A button that leads to a node.
+ * @param {string} path
+ * @param {string} text
+ */
+function link(path, text) {
+  const button = element("button", { type: "button", class: "link" }, text);
+  button.dataset.path = path;
+  return button;
+}
+
+/** @param {ShownRun} shown */
+export function drawRunning(shown) {
+  const list = byId("running", HTMLElement);
+  const { running } = shown.run;
+  const key = running.map((node) => `${node.path}\n${node.message}`).join("\n\n");
+  if (list.dataset.key === key) return;
+  list.dataset.key = key;
+  const items = running.map((node) => {
+    const message = element("span", { class: "message" }, node.message);
+    return element("li", {}, link(node.path, node.name), message);
+  });
+  list.replaceChildren(...(items.length ? items : [element("li", { class: "quiet" }, "nothing")]));
+}
+
+/** @param {ShownRun} shown */
+export function drawFailure(shown) {
+  const { run } = shown;
+  const card = byId("failure", HTMLElement);
+  const cause = run.state === "ABORTED" ? run.outcome?.cause : null;
+  card.hidden = !cause;
+  const place = cause ? places(shown, cause.node) : "";
+  const key = `${run.goalId} ${place}`;
+  if (!cause || card.dataset.key === key) return;
+  card.dataset.key = key;
+  card.replaceChildren(
+    element("h2", {}, `${run.title} failed`),
+    element("p", { class: "cause" }, cause.message),
+    ...(cause.hint ? [element("p", {}, `What to do: ${cause.hint}`)] : []),
+    facts([
+      ["Node", cause.node && run.nodes.has(cause.node) ? link(cause.node, cause.node) : cause.node],
+      ["Joint", cause.joint],
+      ["Line", place],
+      ["Code", cause.code],
+      ["Recording", run.outcome?.recording ?? ""],
+    ]),
+  );
+}
+
+/**
+ * @param {ShownRun} shown
+ * @param {string} path of the selected node; empty for none
+ */
+export function drawNode(shown, path) {
+  const card = byId("node", HTMLElement);
+  const node = shown.run.nodes.get(path);
+  card.hidden = !node;
+  if (!node) return;
+  const known = shown.facts.get(path);
+  const key = JSON.stringify([path, node.status, node.message, node.began, known?.line, shown.run.goalId]);
+  if (card.dataset.key === key) return;
+  card.dataset.key = key;
+  const began = node.began === null ? "" : `${(node.began - shown.run.began).toFixed(2)} s after the goal began`;
+  card.replaceChildren(
+    element("h2", {}, node.name),
+    facts([
+      ["Status", mark(node.status)[1]],
+      ["Message", node.message],
+      ["Kind", known?.kind ?? ""],
+      ["Started", began],
+      ["Starts", node.starts > 1 ? String(node.starts) : ""],
+      ["Line", places(shown, path)],
+      ["Path", path],
+    ]),
+    ...ports(known?.ports ?? {}),
+  );
+}
+
+/** @param {Record<string, string>} values */
+function ports(values) {
+  const rows = Object.entries(values);
+  if (rows.length === 0) return [];
+  return [element("h3", {}, "Ports"), facts(rows)];
+}
+
+/**
+ * A list of terms, without those that have no value.
+ * @param {[string, string | Node][]} rows
+ */
+function facts(rows) {
+  const known = rows.filter(([, value]) => value);
+  const parts = known.map(([name, value]) =>
+    element("div", {}, element("dt", {}, name), element("dd", {}, value)),
+  );
+  return element("dl", { class: "table" }, ...parts);
+}
+
+/**
+ * @param {ShownRun} shown
+ * @param {boolean} paused
+ */
+export function drawPause(shown, paused) {
+  const note = byId("paused", HTMLElement);
+  note.hidden = !(paused && shown.isLive);
+  const next = shown.run.running.at(-1)?.name;
+  setText(note, next ? `Paused at ${next}. Step or resume.` : "Paused. Step or resume.");
+}

@@ -1,0 +1,302 @@
+/** The tree of a run as an outline: folded, searched, followed, and moved through by keys. */
+
+import { byId, element, setAttribute, setText } from "../dom.js";
+
+/** @typedef {import("../model/run.js").TreeNode} TreeNode */
+/** @typedef {import("../model/shown_run.js").ShownRun} ShownRun */
+
+const OPEN_UP_TO = 60; // nodes of a tree that is shown unfolded
+const MARKS = /** @type {Record<string, [string, string]>} */ ({
+  RUNNING: ["▶", "running"],
+  SUCCESS: ["✓", "done"],
+  FAILURE: ["✕", "failed"],
+  HALTED: ["■", "stopped"],
+  INVALID: ["·", "to come"],
+});
+
+/** @param {string} status @returns {[string, string]} a sign, and the status in words */
+export function mark(status) {
+  return MARKS[status] ?? ["?", status.toLowerCase()];
+}
+
+/** Events: `select` with the selected node, `break` with the path of a breakpoint to switch. */
+export class TreeView extends EventTarget {
+  #shown;
+  #list = byId("tree", HTMLElement);
+  #search = byId("search", HTMLInputElement);
+  #follow = byId("follow", HTMLInputElement);
+  /** @type {Map<string, HTMLElement>} */
+  #rows = new Map();
+  /** @type {Map<string, boolean>} what the user has opened and closed, by path */
+  #opened = new Map();
+  /** @type {TreeNode[]} in the order of the rows */
+  #visible = [];
+  #breakpoints = "";
+  #goal = "";
+  #followed = "";
+  selected = "";
+
+  /** @param {ShownRun} shown */
+  constructor(shown) {
+    super();
+    this.#shown = shown;
+    this.#search.addEventListener("input", () => this.draw());
+    this.#list.addEventListener("click", (event) => this.#click(event));
+    this.#list.addEventListener("keydown", (event) => this.#key(event));
+  }
+
+  /**
+   * Select a node, and unfold what is above it.
+   * @param {string} path
+   */
+  reveal(path) {
+    let node = this.#shown.run.nodes.get(path) ?? null;
+    if (!node) return;
+    for (node = node.parent; node; node = node.parent) this.#opened.set(node.path, true);
+    this.#search.value = "";
+    this.#select(path);
+  }
+
+  /** @param {string[]} [breakpoints] paths; default those of the last time */
+  draw(breakpoints) {
+    const { run } = this.#shown;
+    const all = run.changed.size === 0 || run.goalId !== this.#goal;
+    if (run.goalId !== this.#goal) this.#begin(run.goalId);
+    const marked = breakpoints ? breakpoints.join("\n") : this.#breakpoints;
+    const redraw = all || marked !== this.#breakpoints;
+    this.#breakpoints = marked;
+    const atWork = nodesAtWork(run.nodes.values());
+    const visible = this.#find(atWork);
+    if (visible.some((node, index) => node !== this.#visible[index]) || visible.length !== this.#visible.length) {
+      this.#visible = visible;
+      this.#list.replaceChildren(...visible.map((node) => this.#row(node)));
+    }
+    const points = new Set(marked.split("\n"));
+    for (const node of visible)
+      if (redraw || run.changed.has(node) || !this.#row(node).dataset.status)
+        this.#drawRow(node, atWork, points);
+    for (const node of visible) setAttribute(this.#row(node), "aria-expanded", this.#expanded(node, atWork));
+    run.changed.clear();
+    this.#keepOneTabStop();
+    if (this.#follow.checked) this.#scrollToRunning(run.running.at(-1));
+  }
+
+  /** @param {string} goal */
+  #begin(goal) {
+    this.#goal = goal;
+    this.#rows.clear();
+    this.#opened.clear();
+    this.#visible = [];
+    this.#list.replaceChildren();
+    this.selected = "";
+  }
+
+  /**
+   * @param {Set<TreeNode>} atWork
+   * @returns {TreeNode[]}
+   */
+  #find(atWork) {
+    const { nodes } = this.#shown.run;
+    const wanted = this.#search.value.trim().toLowerCase();
+    const matches = wanted ? matching(nodes.values(), wanted) : null;
+    /** @type {TreeNode[]} */
+    const found = [];
+    /** @param {TreeNode} node */
+    const add = (node) => {
+      if (matches && !matches.has(node)) return;
+      found.push(node);
+      if (matches || this.#isOpen(node, atWork)) node.children.forEach(add);
+    };
+    for (const node of nodes.values()) if (!node.parent) add(node);
+    return found;
+  }
+
+  /**
+   * @param {TreeNode} node
+   * @param {Set<TreeNode>} atWork
+   */
+  #isOpen(node, atWork) {
+    const small = this.#shown.run.nodes.size <= OPEN_UP_TO;
+    return this.#opened.get(node.path) ?? (small || node.level === 1 || atWork.has(node));
+  }
+
+  /**
+   * @param {TreeNode} node
+   * @param {Set<TreeNode>} atWork
+   */
+  #expanded(node, atWork) {
+    if (node.children.length === 0) return false; // leaves have no aria-expanded
+    return String(this.#search.value.trim() !== "" || this.#isOpen(node, atWork));
+  }
+
+  /** @param {TreeNode} node */
+  #row(node) {
+    const known = this.#rows.get(node.path);
+    if (known) return known;
+    const row = element(
+      "div",
+      { role: "treeitem", class: "row", "aria-level": node.level, tabindex: -1 },
+      element("span", { class: "point", title: "Breakpoint: b" }),
+      element("span", { class: "fold", "aria-hidden": "true" }),
+      element("span", { class: "mark" }),
+      element("span", { class: "name" }, node.name),
+      element("span", { class: "kind" }),
+      element("span", { class: "message" }),
+      element("span", { class: "time" }),
+    );
+    row.style.setProperty("--level", String(node.level - 1));
+    row.dataset.path = node.path;
+    this.#rows.set(node.path, row);
+    return row;
+  }
+
+  /**
+   * @param {TreeNode} node
+   * @param {Set<TreeNode>} atWork
+   * @param {Set<string>} points
+   */
+  #drawRow(node, atWork, points) {
+    const row = this.#row(node);
+    const [point, , sign, , kind, message, time] = /** @type {HTMLElement[]} */ ([...row.children]);
+    const [text, words] = mark(node.status);
+    const facts = this.#shown.facts.get(node.path);
+    row.dataset.status = node.status;
+    row.classList.toggle("at-work", atWork.has(node));
+    setText(point, points.has(node.path) ? "●" : "");
+    setAttribute(point, "aria-label", points.has(node.path) ? "breakpoint" : false);
+    setAttribute(point, "role", points.has(node.path) ? "img" : false);
+    setText(sign, text);
+    setAttribute(sign, "role", "img");
+    setAttribute(sign, "aria-label", words);
+    setText(kind, facts && facts.kind !== node.name ? facts.kind : "");
+    setText(message, node.message);
+    setText(time, duration(node));
+    setAttribute(row, "aria-selected", String(node.path === this.selected));
+  }
+
+  /** @param {string} path */
+  #select(path) {
+    const before = this.#rows.get(this.selected);
+    if (before) setAttribute(before, "aria-selected", "false");
+    this.selected = path;
+    this.draw();
+    const row = this.#rows.get(path);
+    if (row) {
+      setAttribute(row, "aria-selected", "true");
+      row.focus({ preventScroll: true });
+      row.scrollIntoView({ block: "nearest" });
+    }
+    this.dispatchEvent(new CustomEvent("select", { detail: path }));
+  }
+
+  /** Only one row is reached by Tab; arrows reach the others. */
+  #keepOneTabStop() {
+    const stop = this.#rows.get(this.selected);
+    const first = stop?.isConnected ? stop : this.#list.firstElementChild;
+    for (const row of this.#list.children) setAttribute(row, "tabindex", row === first ? 0 : -1);
+  }
+
+  /** @param {TreeNode | undefined} node */
+  #scrollToRunning(node) {
+    if (!node || node.path === this.#followed) return;
+    this.#followed = node.path;
+    const row = this.#rows.get(node.path);
+    if (!row) return;
+    const { top, height } = this.#list.getBoundingClientRect();
+    const offset = row.getBoundingClientRect().top - top;
+    if (offset < 0 || offset > height - row.offsetHeight) this.#list.scrollTop += offset - height / 2;
+  }
+
+  /** @param {MouseEvent} event */
+  #click(event) {
+    if (!(event.target instanceof Element)) return;
+    const row = event.target.closest(".row");
+    if (!(row instanceof HTMLElement) || !row.dataset.path) return;
+    const { path } = row.dataset;
+    if (event.target.closest(".point")) this.#break(path);
+    else if (event.target.closest(".fold")) this.#fold(path, row.getAttribute("aria-expanded") !== "true");
+    else this.#select(path);
+  }
+
+  /** @param {string} path */
+  #break(path) {
+    this.dispatchEvent(new CustomEvent("break", { detail: path }));
+  }
+
+  /** @param {string} path @param {boolean} open */
+  #fold(path, open) {
+    this.#opened.set(path, open);
+    this.draw();
+  }
+
+  /** @param {KeyboardEvent} event */
+  #key(event) {
+    const focused = document.activeElement;
+    const path = focused instanceof HTMLElement ? focused.dataset.path : undefined;
+    const node = path === undefined ? undefined : this.#shown.run.nodes.get(path);
+    if (!node || event.ctrlKey || event.metaKey || event.altKey) return;
+    const index = this.#visible.indexOf(node);
+    const expanded = focused?.getAttribute("aria-expanded");
+    /** @type {Record<string, () => void>} */
+    const acts = {
+      ArrowDown: () => this.#goTo(this.#visible[index + 1]),
+      ArrowUp: () => this.#goTo(this.#visible[index - 1]),
+      ArrowRight: () => (expanded === "false" ? this.#fold(node.path, true) : this.#goTo(node.children[0])),
+      ArrowLeft: () => (expanded === "true" ? this.#fold(node.path, false) : this.#goTo(node.parent)),
+      Home: () => this.#goTo(this.#visible[0]),
+      End: () => this.#goTo(this.#visible.at(-1)),
+      Enter: () => this.#select(node.path),
+      b: () => this.#break(node.path),
+    };
+    const act = acts[event.key];
+    if (!act) return;
+    event.preventDefault();
+    act();
+  }
+
+  /** @param {TreeNode | null | undefined} node */
+  #goTo(node) {
+    if (node) this.#select(node.path);
+  }
+}
+
+/**
+ * Return the nodes that run, were stopped, or failed and with them the node above.
+ * @param {Iterable<TreeNode>} nodes parents first
+ * @returns {Set<TreeNode>}
+ */
+export function nodesAtWork(nodes) {
+  /** @type {Set<TreeNode>} */
+  const found = new Set();
+  for (const node of nodes) {
+    const above = node.parent;
+    const failed = node.status === "FAILURE" && (!above || (above.status === "FAILURE" && found.has(above)));
+    if (failed || node.status === "RUNNING" || node.status === "HALTED") found.add(node);
+  }
+  return found;
+}
+
+/**
+ * Return the nodes that contain a text, and all nodes above them.
+ * @param {Iterable<TreeNode>} nodes
+ * @param {string} wanted in lower case
+ */
+function matching(nodes, wanted) {
+  /** @type {Set<TreeNode>} */
+  const found = new Set();
+  for (const node of nodes) {
+    if (!`${node.name} ${node.message} ${mark(node.status)[1]}`.toLowerCase().includes(wanted)) continue;
+    for (let each = /** @type {TreeNode | null} */ (node); each; each = each.parent) found.add(each);
+  }
+  return found;
+}
+
+/**
+ * Return how long a node took, and how often it started.
+ * @param {TreeNode} node
+ */
+function duration(node) {
+  const times = node.starts > 1 ? `${node.starts}× ` : "";
+  if (node.began === null || node.ended === null) return times.trim();
+  return `${times}${(node.ended - node.began).toFixed(2)} s`;
+}

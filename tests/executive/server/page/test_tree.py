@@ -1,0 +1,130 @@
+"""The tree of a run in a browser: live and recorded, with its failure, and how it is held."""
+
+import pytest
+
+from tests.support.servers.browsing import Open, Tab, forget, is_accessible, shows
+from tests.support.servers.serving import Served
+
+pytestmark = pytest.mark.slow
+
+pytest_plugins = [
+    "tests.support.servers.server_fixtures",
+    "tests.support.servers.browser_fixtures",
+]
+
+DELIVER = """task: 20
+name: deliver
+description: Fail deep inside.
+tree:
+  sequence:
+    - Say: {text: hello}
+    - retry:
+        sequence:
+          - subtree: show
+            with: {what: "<b>bold</b>"}
+          - Fail: {reason: "<img src=x onerror=alert(1)> is not there"}
+      attempts: 2
+"""
+SHOW = """subtree: show
+description: Say something.
+ports: {what: {type: text, description: what}}
+tree:
+  Say: {text: $what}
+"""
+WAIT, LARGE = 10, 21
+STEPS = 24
+
+
+def write_tasks(served: Served) -> None:
+    part = "".join(f"        - Say: {{text: line {k}}}\n" for k in range(STEPS))
+    parts = f"    - sequence:\n{part}" * 40
+    large = f"task: {LARGE}\nname: large\ndescription: Many nodes.\ntree:\n  sequence:\n{parts}"
+    (served.tasks / "21_large.yaml").write_text(f"{large}    - Wait: {{duration: 1 h}}\n")
+    (served.tasks / "20_deliver.yaml").write_text(DELIVER)
+    (served.tasks / "show.yaml").write_text(SHOW)
+
+
+def ended(served: Served, task: int) -> None:
+    served.executive.result(served.executive.send(task).identity)
+
+
+def row(name: str) -> str:
+    return f".row:has(> .name:text-is('{name}'))"
+
+
+def focused(tab: Tab) -> str:
+    return str(tab.evaluate("document.activeElement.dataset.path"))
+
+
+def test_why_an_earlier_run_failed(open_page: Open, page_server: Served) -> None:
+    write_tasks(page_server)
+    ended(page_server, 20)
+    tab = open_page(color_scheme="dark")
+    shows(tab, "#shown", "^task 20 deliver, recorded$")
+    shows(tab, "#failure", "deliver failed.*<img src=x onerror=alert.1.> is not there")
+    shows(tab, "#failure", "20_deliver.yaml:11")
+    assert tab.get_attribute(row("Fail"), "data-status") == "FAILURE"
+    assert tab.locator("#tree .at-work").count() == 4  # the path to the failure
+    tab.click("#failure .link")
+    assert tab.get_attribute(row("Fail"), "aria-selected") == "true"
+    shows(tab, "#node", "deliver/retry/sequence/Fail")
+    tab.keyboard.press("ArrowUp")
+    assert focused(tab) == "deliver/retry/sequence/show"
+    shows(tab, "#node", "show.yaml:5, used by 20_deliver.yaml:9.*text.*<b>bold</b>")
+    for key in ("ArrowLeft", "ArrowLeft"):  # to the sequence, which it then folds
+        tab.keyboard.press(key)
+    assert tab.locator(row("Fail")).count() == 0
+    assert tab.get_attribute(row("sequence"), "aria-expanded") == "false"
+    tab.fill("#search", "is not there")
+    assert tab.locator("#tree .name").all_inner_texts() == ["deliver", "retry", "sequence", "Fail"]
+    is_accessible(tab)
+
+
+def test_a_breakpoint_holds_the_goal_until_a_step(open_page: Open, page_server: Served) -> None:
+    write_tasks(page_server)
+    ended(page_server, 20)
+    tab = open_page()
+    tab.locator(row("show")).wait_for()
+    tab.click(f"{row('show')} .point")
+    shows(tab, f"{row('show')} .point", "●")
+    page_server.executive.send(20)
+    shows(tab, "#paused", "^Paused at .*Step or resume")
+    is_accessible(tab)
+    assert page_server.executive.status().paused
+    tab.click("#resume")
+    shows(tab, "#paused", "^Paused at")  # the second attempt
+    tab.focus(row("show"))
+    tab.keyboard.press("b")
+    tab.click("#resume")
+    shows(tab, "#goal-state", "^failed$")
+    assert page_server.executive.status().breakpoints == ()
+    assert tab.is_disabled("#pause")
+
+
+def test_a_tab_that_is_not_signed_in_changes_nothing(open_page: Open, page_server: Served) -> None:
+    tab = open_page(page_server.server.url)
+    page_server.executive.send(WAIT)
+    shows(tab, "#running", "^wait$")
+    assert tab.is_disabled("#pause")
+    tab.click(".row .point")
+    shows(tab, "#control-error", "needs the server's token")
+    forget(tab, "401")
+    assert page_server.executive.status().breakpoints == ()
+
+
+def test_a_thousand_nodes_are_folded_around_what_runs(open_page: Open, page_server: Served) -> None:
+    write_tasks(page_server)
+    tab = open_page()
+    page_server.executive.send(LARGE)
+    shows(tab, "#running", "^Wait$")
+    assert tab.locator("#tree .row").count() == 42
+    assert tab.get_attribute(row("Wait"), "data-status") == "RUNNING"
+    assert tab.evaluate("document.getElementById('tree').scrollTop") > 0  # it follows
+    tab.click(".row:nth-child(2) .fold")
+    assert tab.locator("#tree .row").count() == 42 + STEPS
+    tab.fill("#search", "line 7")
+    assert tab.locator("#tree .row").count() == 1 + 40 + 40
+    is_accessible(tab)
+    tab.keyboard.press("Escape")
+    shows(tab, "#goal-state", "^canceled$")
+    shows(tab, "#runs [aria-current]", "large")

@@ -1,0 +1,28 @@
+"""The nodes of a tree as a table: kinds, ports, and places in the files."""
+
+from typing import Any
+
+from trees.compile.compiler import CompiledTree
+from trees.compile.node_paths import paths
+from trees.errors import Place
+
+from .outline import outline
+
+
+def node_table(tree: CompiledTree) -> list[dict[str, Any]]:
+    """Return one JSON object per node, parents first.
+
+    Each has its `path` in the tree; the name of its `kind` or skill; the `file` and the `line` that
+    contain it; `called_at`, the place that refers to it if it is the root of a subtree, else empty;
+    and its `ports`, values and keys as text by name.
+    """
+    found = []
+    for (node, path), entry in zip(paths(tree.root), outline(tree).walk(), strict=True):
+        place, call = tree.places[node], tree.calls.get(node)
+        row = {"path": path, "kind": entry.kind, "file": place.path.name, "line": place.line}
+        found.append(row | {"called_at": _words(call) if call else "", "ports": dict(entry.ports)})
+    return found
+
+
+def _words(place: Place) -> str:
+    return f"{place.path.name}:{place.line}"
