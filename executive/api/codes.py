@@ -11,6 +11,7 @@ from typing import Any
 
 OK = "ok"
 INTERNAL = "internal"
+USAGE = "usage"
 CANCELED = "goal.canceled"
 BUSY = "goal.busy"
 QUEUE_FULL = "goal.queue_full"
@@ -55,6 +56,7 @@ ROWS = {
     INTERNAL: Code(
         1, "A bug in armtree", "report it, with --debug and the recording", "A bug in armtree"
     ),
+    USAGE: Code(2, "The command line is wrong", "see `armtree COMMAND --help`"),
     "file": Code(3, "A file is wrong", "correct it at the line that the message names"),
     CANCELED: Code(7, "The goal was canceled", "", "Canceled"),
     BUSY: Code(4, "Another goal is under way", "wait for it, cancel it, or choose another policy"),

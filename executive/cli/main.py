@@ -1,6 +1,5 @@
 """The command line. It imports a command when it is typed, and slow libraries when it runs."""
 
-import io
 import logging
 import os
 import sys
@@ -11,7 +10,7 @@ from executive.api.codes import INTERRUPTED_EXIT, READER_ENDED_EXIT
 
 from .support.command_group import COMPLETION_VARIABLE, CommandGroup, Diagnostics
 from .support.process_end import forbid_exit
-from .terminal.streams import discard, echo, open_closed_streams
+from .terminal.streams import discard, open_closed_streams
 
 SECTIONS = {
     "Run and move": "run.run move.move move.home move.where move.stop jog.jog pose.pose plan.plan",
@@ -69,10 +68,6 @@ def main() -> None:
         discard(sys.stderr)  # a shell would print it into the line that is being typed
     try:
         cli.main(prog_name="armtree", standalone_mode=False, obj=wanted)
-    except click.ClickException as error:
-        error.show(shown := io.StringIO())
-        echo(shown.getvalue(), err=True, nl=False)
-        sys.exit(error.exit_code)
     except (click.Abort, KeyboardInterrupt):
         sys.exit(INTERRUPTED_EXIT)
     except SystemExit:
@@ -80,7 +75,7 @@ def main() -> None:
             sys.exit(READER_ENDED_EXIT)
         raise
     except Exception as error:
-        if wanted.debug:
+        if wanted.debug and not isinstance(error, click.ClickException):
             raise
         from .support.failures import print_error
 

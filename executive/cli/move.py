@@ -86,9 +86,8 @@ def _execute(
     from executive.client.synchronous import Client
 
     from .support.server_goals import send_and_wait
-    from .support.server_requests import errors_as_json
 
-    with errors_as_json(as_json), Client(server) as client:
+    with Client(server) as client:
         if not as_json:
             echo(f"Server {client.url}")
         outcome = send_and_wait(client, move, (), False, as_json, verbose)
@@ -160,10 +159,7 @@ def where(server: str | None, as_json: bool, **options: Any) -> None:
     Asks the server on this machine. Without one, prints the last pose that a recording in this
     folder holds.
     """
-    from .support.server_requests import errors_as_json
-
-    with errors_as_json(as_json):
-        found, source = find_arm(server, **options)
+    found, source = find_arm(server, **options)
     echo(json.dumps(found.to_json()) if as_json else "\n".join(_where_lines(found, source)))
 
 

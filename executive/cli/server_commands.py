@@ -38,10 +38,7 @@ def _local_server() -> str:
 
 
 def _with_client(function: Callable[..., None]) -> Callable[..., None]:
-    """Add --json and --server to a command; call it with the client and `as_json`.
-
-    An error is printed as JSON too if `as_json` is true.
-    """
+    """Add --json and --server to a command; call it with the client and `as_json`."""
 
     @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
     @option("server", default=_local_server)
@@ -49,9 +46,7 @@ def _with_client(function: Callable[..., None]) -> Callable[..., None]:
     def command(server: str, as_json: bool, **options: Any) -> None:
         from executive.client.synchronous import Client
 
-        from .support.server_requests import errors_as_json
-
-        with errors_as_json(as_json), Client(server) as client:
+        with Client(server) as client:
             function(client, as_json, **options)
 
     return command

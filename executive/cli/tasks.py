@@ -11,7 +11,7 @@ import click
 from hardware.printable import printable
 from hardware.suggestions import plural
 
-from .support.failures import print_incomplete
+from .support.failures import plain_mistake, print_incomplete
 from .support.names import TASK_OR_RECORDING, load_library
 from .support.options import (
     recordings_option,
@@ -24,7 +24,6 @@ from .terminal.streams import echo
 
 if TYPE_CHECKING:
     from trees import Declaration
-    from trees.errors import Mistake
 
 _MOST_RECORDINGS = 200  # that `armtree tasks` opens, so that it does not take long
 
@@ -145,8 +144,8 @@ def check(
     if as_json:
         row = {
             "files": [str(path) for path in findings.files],
-            "mistakes": [_plain(mistake) for mistake in mistakes],
-            "notes": [_plain(note) for note in findings.notes],
+            "mistakes": [plain_mistake(mistake) for mistake in mistakes],
+            "notes": [plain_mistake(note) for note in findings.notes],
         }
         echo(json.dumps(row))
     elif mistakes:
@@ -156,17 +155,6 @@ def check(
         echo(f"{checked} {'is' if len(findings.files) == 1 else 'are'} right")
     if mistakes:
         sys.exit(FileError.exit_status)
-
-
-def _plain(mistake: "Mistake") -> dict[str, Any]:
-    return {
-        "file": str(mistake.place.path),
-        "line": mistake.place.line,
-        "column": mistake.place.column,
-        "path": mistake.place.location,
-        "message": mistake.message,
-        "instead": mistake.instead,
-    }
 
 
 @click.command()

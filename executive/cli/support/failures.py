@@ -1,27 +1,72 @@
 """Errors on the terminal, and the exit status that follows from them."""
 
 import errno
+import io
+import json
+import sys
 from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from executive.api.codes import INTERNAL, look_up
+import click
+
+from executive.api.codes import INTERNAL, USAGE, look_up
 from executive.cli.terminal.streams import echo
+
+if TYPE_CHECKING:
+    from executive.api.outcome import Cause
+    from trees import Mistake
 
 
 def print_error(error: Exception) -> int:
-    """Print an error with its code and hint. Return the exit status."""
-    code, words = getattr(error, "code", INTERNAL), str(error)
+    """Print an error with its code and hint to standard error. Return the exit status.
+
+    If the command line has --json, also print it to standard output, as the definition `error` of
+    `docs/output.schema.json` describes it.
+    """
+    from executive.api.outcome import Cause, cause_for, cause_of
+    from executive.errors import Refused
+
+    if isinstance(error, click.ClickException):
+        error.show(shown := io.StringIO())
+        echo(shown.getvalue(), err=True, nl=False)
+        _print_json(Cause(USAGE, error.format_message(), hint=look_up(USAGE).hint), error)
+        return error.exit_code
+    cause = error.cause if isinstance(error, Refused) else cause_of(error)
     if isinstance(error, OSError) and error.filename:
-        code, words = "file", f"{error.filename}: {error.strerror}; check the path"
+        cause = cause_for("file", f"{error.filename}: {error.strerror}; check the path")
     elif isinstance(error, OSError) and error.errno == errno.ENOSPC:
-        code, words = "file", "the disk is full; make room, then try again"
-    elif code == INTERNAL:
-        words = f"a bug in armtree: {error!r}; --debug shows where"
+        cause = cause_for("file", "the disk is full; make room, then try again")
+    elif cause.code == INTERNAL:
+        cause = cause_for(INTERNAL, f"a bug in armtree: {error!r}; --debug shows where")
+    words = cause.message if isinstance(error, OSError) or cause.code == INTERNAL else str(error)
     hint = vars(error).get("hint")  # an error that a server returned
     more = f"\n  -> {hint}" if hint and hint not in words else ""
-    lines = f"{words} [{code}]".replace("\n", "\n  ")
+    lines = f"{words} [{cause.code}]".replace("\n", "\n  ")
     echo(f"Error: {lines}{more}", err=True)
-    return look_up(code).exit_status
+    _print_json(cause, error)
+    return look_up(cause.code).exit_status
+
+
+def _print_json(cause: "Cause", error: Exception) -> None:
+    if "--json" not in sys.argv:
+        return
+    places = [plain_mistake(each) for each in getattr(error, "mistakes", ())]
+    status = look_up(cause.code).exit_status
+    event = {"event": "error", "code": cause.code, "message": cause.message, "hint": cause.hint}
+    echo(json.dumps({**event, "exit_status": status, "places": places, "cause": cause.to_json()}))
+
+
+def plain_mistake(mistake: "Mistake") -> dict[str, Any]:
+    """Return a mistake in a file as a JSON object."""
+    return {
+        "file": str(mistake.place.path),
+        "line": mistake.place.line,
+        "column": mistake.place.column,
+        "path": mistake.place.location,
+        "message": mistake.message,
+        "instead": mistake.instead,
+    }
 
 
 def for_each(recordings: Iterable[Path], act: Callable[[Path], int]) -> int:
@@ -46,10 +91,13 @@ def print_incomplete(*recordings: Path) -> int:
     Raises:
         RecordingError: A recording cannot be read.
     """
+    from executive.api.outcome import cause_of
     from logs import Recording
     from logs.reading.file_state import why_incomplete
 
-    reasons = [why_incomplete(Recording(recording)) for recording in recordings]
-    for reason in filter(None, reasons):
+    found = (why_incomplete(Recording(recording)) for recording in recordings)
+    reasons = [reason for reason in found if reason]
+    for reason in reasons:
         echo(reason, err=True)
-    return max((reason.exit_status for reason in reasons if reason), default=0)
+        _print_json(cause_of(reason), reason)
+    return max((reason.exit_status for reason in reasons), default=0)

@@ -5,17 +5,15 @@ import json
 import re
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager, suppress
 
 import click
 
 from executive.api.events import Status, Where
-from executive.api.outcome import CancelCode, CancelResult, cause_of
+from executive.api.outcome import CancelCode, CancelResult
 from executive.cli.terminal.streams import echo
 from executive.client.synchronous import Client
-from executive.errors import ClientError, Refused
+from executive.errors import ClientError
 from logs import goal_title
-from trees import TreeError
 
 from .failures import print_error
 
@@ -45,8 +43,6 @@ def stop_all(urls: Sequence[str], as_json: bool) -> int:
     with ThreadPoolExecutor(len(urls) or 1, "stop") as threads:
         for url, answer in threads.map(stop, urls or [None]):
             if isinstance(answer, ClientError):
-                with suppress(ClientError), errors_as_json(as_json):
-                    raise answer
                 status = print_error(answer)
             elif as_json:
                 echo(json.dumps({"server": url, **answer.to_json()}))
@@ -55,19 +51,6 @@ def stop_all(urls: Sequence[str], as_json: bool) -> int:
                 done = f"canceled {canceled}" if canceled else "no goal was under way"
                 echo(f"Stopped the arm of {url}; {done}")
     return status
-
-
-@contextmanager
-def errors_as_json(as_json: bool) -> Iterator[None]:
-    """Print an error as JSON if `as_json` is true, then raise it."""
-    try:
-        yield
-    except (ClientError, TreeError) as error:
-        if as_json:
-            cause = error.cause if isinstance(error, Refused) else cause_of(error)
-            event = {"event": "error", "code": cause.code, "message": cause.message}
-            echo(json.dumps({**event, "cause": cause.to_json()}))
-        raise
 
 
 def answer_question(client: Client, words: Sequence[str], as_json: bool) -> str:

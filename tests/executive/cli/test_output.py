@@ -10,6 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from executive.cli.main import cli
+from tests.support.command_line.typed import typed
 from tests.support.paths import ROOT
 from trees import EXAMPLES
 
@@ -120,3 +121,34 @@ def test_plan_takes_skills(tmp_path: Path) -> None:
     words = ("30", "--trees", tmp_path, "--skills", tmp_path, "-o", tmp_path / "plan.png")
     (row,) = printed("plan", "plan", *words)
     assert row["motions"][0]["goal"][0] == pytest.approx(0.349, abs=1e-3)
+
+
+FAILURES = [
+    ("plan nowhere", "goal.bad_target", 4, "'nowhere' is not a pose"),
+    ("plan joint_1=900deg", "goal.out_of_bounds", 4, "900 deg"),
+    ("plan --world none.json folded", "file.world", 3, "none.json"),
+    ("plan", "usage", 2, "Missing argument"),
+    ("check --nonsense", "usage", 2, "--nonsense"),
+    ("check --robot none.toml", "file.robot", 3, "none.toml"),
+    ("log show none.mcap", "log.unreadable", 3, "none.mcap"),
+    ("log diff none.mcap latest", "log.no_such", 3, "no recording"),
+    ("log plot none.mcap -o plot.xyz", "usage", 2, "plot.xyz"),
+    ("tasks --trees none", "file.task", 3, "none"),
+    ("tasks --robot none.toml", "file.robot", 3, "none.toml"),
+    ("status --server http://127.0.0.1:9", "server.unreachable", 13, "armtree serve"),
+    ("status --server nowhere", "usage", 2, "nowhere"),
+]
+
+
+@pytest.mark.parametrize(("line", "code", "status", "words"), FAILURES)
+def test_an_error_is_one_object(
+    line: str, code: str, status: int, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    ended, out, err = typed(tmp_path, *line.split(), "--json")
+    row = json.loads(out)
+    fastjsonschema.compile({**SCHEMA, "$ref": "#/$defs/error"})(row)
+    assert (ended, row["code"], row["exit_status"]) == (status, code, status)
+    assert words in row["message"]
+    assert words in err
+    assert len(row["places"]) == (code in ("file.task", "file.world"))
