@@ -11,6 +11,7 @@ from enum import Enum
 from typing import Any, TypeVar
 
 import logs
+from hardware.suggestions import plural
 
 from .codes import CANCELED, INTERNAL, OK, look_up
 
@@ -132,7 +133,7 @@ class Outcome:
 
     def text(self) -> str:
         """Return the outcome in words, with its hint and its recording on further lines."""
-        state = f"{self.state.name} ({self.duration:.2f} s, {self.frames} frames)"
+        state = f"{self.state.name} ({self.duration:.2f} s, {plural(self.frames, 'frame')})"
         if self.state is GoalState.ABORTED and not (self.duration or self.recording):
             state = "not started"
         text = f"{logs.goal_title(self.task)} {state}: {self.cause or self.message}"

@@ -2,6 +2,7 @@
 
 import logging
 import os
+import re
 import sys
 import textwrap
 from typing import Any, TextIO
@@ -10,6 +11,8 @@ import click
 
 from hardware.printable import printable
 
+_HARD = "\xa0"  # a space at which no line is broken
+_UNIT = re.compile(r"(?<=\d) (?=(?:deg|mm|s|ms|kB)\b)")
 _COLUMNS = 80  # of a terminal that does not know its own
 _STREAMS = (("stdin", "r"), ("stdout", "w"), ("stderr", "w"))
 
@@ -41,7 +44,7 @@ def is_screen(stream: TextIO) -> bool:
 
 
 def fold(text: str, width: int) -> str:
-    """Return a text with its lines broken at spaces.
+    """Return a text with its lines broken at spaces, but not between a number and its unit.
 
     Lines that continue another are indented. A word that is too long, such as a path, stays whole.
 
@@ -56,13 +59,14 @@ def _folded(line: str, width: int) -> list[str]:
     if len(line) <= width:
         return [line]
     indent = len(line) - len(line.lstrip()) + 4
-    return textwrap.wrap(
-        line,
+    parts = textwrap.wrap(
+        _UNIT.sub(_HARD, line),
         width,
         subsequent_indent=" " * indent,
         break_long_words=False,
         break_on_hyphens=False,
     )
+    return [part.replace(_HARD, " ") for part in parts]
 
 
 def fit(text: str, stream: TextIO) -> str:

@@ -118,5 +118,6 @@ class RunState:
         """Return where a goal stopped that did not succeed; empty if it sent no frame."""
         if outcome.success or not outcome.frames or not self.positions:
             return ""
-        done = f", after {self._sent} of {len(self._due)} frames of its motion" if self._due else ""
+        sent, due = self._sent, len(self._due)
+        done = f", after {sent} of {due} frames of its motion" if sent < due else ""
         return printable(f"  stopped at {self.where.words(self.positions)}{done}")

@@ -88,4 +88,6 @@ def test_json_and_short_lines_stay_as_they_are(folder: Path) -> None:
     (line,) = printed(terminal, ["log", "ls", "--json"], folder)
     terminal.close()
     assert len(line) > 60
+    assert fold("joint_1 -80.2 deg", 10) == fold("joint_1 -80.2 deg", 20) == "joint_1 -80.2 deg"
+    assert fold("joint_1 0.0 deg, joint_2 10.5 deg", 30) == "joint_1 0.0 deg, joint_2\n    10.5 deg"
     assert fold("a\tb  c \nd", 60) == "a\tb  c \nd"
