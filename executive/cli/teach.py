@@ -59,9 +59,10 @@ def teach(number: int, name: str, server: str | None, speed: float, **options: A
         **saving(robot, folder),
     }
     setup = {**options, "robot": robot, "trees": folder}
+    url = find_server(server)
     try:
         status = run_jog(
-            find_server(server),
+            url,
             setup,
             speed,
             commands,
@@ -70,16 +71,19 @@ def teach(number: int, name: str, server: str | None, speed: float, **options: A
         )
     finally:
         terminal = LastingStream(sys.stdout)
-        terminal.write(f"{_summary(task)}\n")
+        terminal.write(f"{summary(task, server, url)}\n")
         terminal.flush()
     sys.exit(status)
 
 
-def _summary(task: "TaughtTask") -> str:
+def summary(task: "TaughtTask", server: str | None, url: str | None) -> str:
+    """Return what was taught, and the command that runs it: on the server, if that has the arm."""
     if not task.steps:
         return "No step was taken, so there is no new task"
     steps, number = plural(len(task.steps), "step"), task.path.stem.partition("_")[0]
-    return f"{task.path} has {steps}. Next, type: armtree run {number}"
+    given = f" --server {server}" if server else ""
+    command = f"send {number} --wait{given}" if url else f"run {number}"
+    return f"{task.path} has {steps}. Next, type: armtree {command}"
 
 
 class _Teaching:

@@ -21,6 +21,7 @@ import pytest
 from mcap.reader import make_reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from executive.api import token_file
 from tests.support.command_line.typed import typed
 from tests.support.paths import EXAMPLES, ROBOT_FILE
 
@@ -338,6 +339,19 @@ def test_a_run_on_the_arm_of_a_server_offers_to_send(
     assert status == 9
     offered = f"armtree send 3 --wait --set 'swing=5 deg' --server {url}\n"
     assert f"  -> an armtree server has the arm; give {offered}" in out
+
+
+def test_a_second_virtual_arm_says_so(
+    tmp_path: Path, robot: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    arguments = ["run", "99", "--robot", str(robot), "--port", "virtual"]
+    assert "Note" not in typed(tmp_path, *arguments)[1]
+    token_file.write(1, token_file.ServerInfo("http://127.0.0.1:1", "", os.getpid()))
+    assert (
+        "Note: this is not the arm of the server http://127.0.0.1:1; "
+        "for that, give armtree send 99 --wait --server http://127.0.0.1:1\n"
+    ) in typed(tmp_path, *arguments)[1]
 
 
 def test_tasks_are_listed(tmp_path: Path) -> None:

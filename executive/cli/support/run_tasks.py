@@ -19,7 +19,7 @@ from executive.cli.terminal.views import view_for
 from executive.executive import Executive
 from executive.session import finish_recording, open_executive, port_line
 from executive.setup import Setup
-from hardware import HardwareError, State
+from hardware import VIRTUAL, HardwareError, State
 from hardware.errors import PortBusy
 from hardware.link.serial_ports import owner_of
 from trees import Located, TreeError
@@ -67,6 +67,10 @@ def execute(
             return [outcome]
         view.describe(executive.where())
         view.say(port_line(executive))
+        if known and executive.port == VIRTUAL:
+            for server in token_file.running():
+                there = _on_server(server, number_of(tasks[0]), settings)
+                view.say(f"Note: this is not the arm of the server {server.url}; for that, {there}")
         sequence = TaskSequence(executive)
 
         def cancel() -> None:
@@ -94,14 +98,18 @@ def _report(view: View, port: str, settings: Sequence[str], outcome: Outcome) ->
     """Report an outcome; if a server has the arm, with the command that sends the task to it."""
     cause = outcome.cause
     if cause and cause.code == PortBusy.code and (server := _server_with(port)):
-        words = f"--server {server.url}"
-        if outcome.task != logs.MOVE:
-            parameters = [word for setting in settings for word in ("--set", setting)]
-            command = ["armtree", "send", str(outcome.task), "--wait", *parameters]
-            words = f"{shlex.join(command)} {words}"
-        hint = f"an armtree server has the arm; give {words}"
+        hint = f"an armtree server has the arm; {_on_server(server, outcome.task, settings)}"
         outcome = replace(outcome, cause=replace(cause, hint=hint))
     view.report(outcome)
+
+
+def _on_server(server: token_file.ServerInfo, task: int, settings: Sequence[str]) -> str:
+    """Return what to type, so that a server runs a task or a move."""
+    words = ["--server", server.url]
+    if task != logs.MOVE:
+        parameters = [word for setting in settings for word in ("--set", setting)]
+        words = ["armtree", "send", str(task), "--wait", *parameters, *words]
+    return f"give {shlex.join(words)}"
 
 
 def _server_with(port: str) -> token_file.ServerInfo | None:

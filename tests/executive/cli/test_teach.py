@@ -5,11 +5,14 @@ from pathlib import Path
 
 import pytest
 
+from executive.cli.teach import summary
 from executive.replay.verification import verify
 from executive.testing import SimulatedArm
+from hardware import load_robot
 from tests.end_to_end.test_command_line import robot
 from tests.support.command_line.pseudo_terminal import ARMTREE, PseudoTerminal
 from tests.support.command_line.typed import typed
+from trees.export.taught_task import TaughtTask
 
 pytestmark = pytest.mark.slow
 
@@ -81,6 +84,14 @@ def test_a_task_is_taught_and_runs(command: list[str], tmp_path: Path, robot: Pa
         assert outcome.success, outcome.text()
         assert arm.frames[-1] == "b092,s090,e090,g080,"
         assert verify(Path(outcome.recording)).holds
+
+
+def test_what_runs_a_task_that_is_taught_on_a_server(tmp_path: Path, robot: Path) -> None:
+    task = TaughtTask(load_robot(robot), tmp_path, 5, "fetch")
+    task.wait("1s")
+    for server, words in ((None, ""), ("http://arm:1", " --server http://arm:1")):
+        said = summary(task, server, "http://arm:1")
+        assert said.endswith(f"1 step. Next, type: armtree send 5 --wait{words}")
 
 
 @pytest.mark.parametrize("way", ["Ctrl-C", "closed terminal", "killed"])
