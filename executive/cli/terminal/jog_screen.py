@@ -5,9 +5,8 @@ import select
 import shutil
 import sys
 import threading
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from queue import SimpleQueue
 from typing import Protocol
@@ -19,11 +18,11 @@ from executive.api.outcome import Outcome
 from executive.errors import ClientError, Refused
 from hardware.printable import printable
 
+from .full_screen import FullScreen
 from .jog_model import Action, Call, Command, Go, Jog, Leave, Stop
 from .keyboard import key_by_key, keys_in
 from .streams import LastingStream
 
-_ENTER, _EXIT = "\x1b[?1049h\x1b[?25l", "\x1b[?25h\x1b[?1049l"  # another screen, without a cursor
 _RED, _PLAIN = "\x1b[31m", "\x1b[0m"
 
 
@@ -103,7 +102,7 @@ class JogScreen:
         self._events: SimpleQueue[_Event] = SimpleQueue()
         self._reader, self._writer = os.pipe()
         self._left = threading.Event()
-        self._screen = LastingStream(sys.stdout)
+        self._screen = FullScreen(LastingStream(sys.stdout))
         self._moves: Future[None] | None = None
         self._stops = 0  # number of stops
         self._changed, self._looking = threading.Event(), threading.Lock()
@@ -129,7 +128,7 @@ class JogScreen:
             threading.Thread(target=each, name="jog positions", daemon=True).start()
         with ThreadPoolExecutor(1, "jog") as worker:
             try:
-                with key_by_key() as keys, _full_screen(self._screen):
+                with key_by_key() as keys, self._screen:
                     assert keys is not None
                     while not self._left.is_set():
                         self._draw()
@@ -242,8 +241,7 @@ class JogScreen:
             f"{_RED}{printable(line)}{_PLAIN}" if wrong and colored else printable(line)
             for line, wrong in self._jog.lines(self._where, width, rows, self._title, steps)
         ]
-        self._screen.write("\x1b[H" + "\x1b[K\r\n".join(shown) + "\x1b[J")
-        self._screen.flush()
+        self._screen.draw(shown)
 
 
 def unknown(error: ClientError) -> str:
@@ -262,13 +260,3 @@ def _words(outcome: Outcome) -> tuple[str, bool]:
         return "Stopped", False
     hint = f" -> {outcome.hint}" if outcome.hint else ""
     return f"{outcome.code}: {outcome.cause.message}{hint}", True  # what is cut is at the end
-
-
-@contextmanager
-def _full_screen(screen: LastingStream) -> Iterator[None]:
-    screen.write(_ENTER)
-    try:
-        yield
-    finally:
-        screen.write(_EXIT)
-        screen.flush()
