@@ -14,7 +14,7 @@ from executive.api.move import Move, number_of
 from executive.api.outcome import CANCELED_CAUSE, GoalState, GoalStatus, Outcome, cause_of
 from executive.cli.terminal.operator import Terminal
 from executive.cli.terminal.streams import echo
-from executive.cli.terminal.view import View
+from executive.cli.terminal.view import Prompt, View
 from executive.cli.terminal.views import view_for
 from executive.executive import Executive
 from executive.session import finish_recording, open_executive, port_line
@@ -56,42 +56,42 @@ def execute(
             executive = stack.enter_context(
                 open_executive(
                     setup,
-                    operator=Terminal(_to_errors if as_json else view.prompt),
+                    operator=Terminal(_to_errors if as_json else _prompt(view)),
                     subscriber=partial(_show, view),
-                    report=view.say,
+                    report=view.put,
                 )
             )
         except (HardwareError, TreeError) as error:
             outcome = Outcome.of(number_of(tasks[0]), GoalState.ABORTED, cause_of(error))
-            view.report(outcome)
+            view.put(outcome)
             return [outcome]
-        view.describe(executive.where())
-        view.say(port_line(executive))
+        view.put(executive.where())
+        view.put(port_line(executive))
         if known and executive.port == VIRTUAL:
             for server in token_file.running():
                 there = _on_server(server, number_of(tasks[0]), settings)
-                view.say(f"Note: this is not the arm of the server {server.url}; for that, {there}")
+                view.put(f"Note: this is not the arm of the server {server.url}; for that, {there}")
         sequence = TaskSequence(executive)
 
         def cancel() -> None:
             sequence.stop()
-            view.say(CANCELING)
+            view.put(CANCELING)
 
         interrupts.on_cancel(cancel)
         with recorded_log(executive):
-            report = partial(_report, view, executive.port, settings) if known else view.report
+            report = partial(_report, view, executive.port, settings) if known else view.put
             outcomes = interrupts.run(lambda: sequence.run(tasks, report, arguments))
         remaining = [number_of(task) for task in tasks]
         for outcome in outcomes:
             remaining.remove(outcome.task)
         if remaining:
-            view.say(f"not started: {', '.join(map(logs.goal_title, remaining))}")
+            view.put(f"not started: {', '.join(map(logs.goal_title, remaining))}")
         return outcomes
 
 
 def _show(view: View, event: Event) -> None:
     if not isinstance(event, GoalStatus):
-        view.watch(event)
+        view.put(event)
 
 
 def _report(view: View, port: str, settings: Sequence[str], outcome: Outcome) -> None:
@@ -100,7 +100,7 @@ def _report(view: View, port: str, settings: Sequence[str], outcome: Outcome) ->
     if cause and cause.code == PortBusy.code and (server := _server_with(port)):
         hint = f"an armtree server has the arm; {_on_server(server, outcome.task, settings)}"
         outcome = replace(outcome, cause=replace(cause, hint=hint))
-    view.report(outcome)
+    view.put(outcome)
 
 
 def _on_server(server: token_file.ServerInfo, task: int, settings: Sequence[str]) -> str:
@@ -116,6 +116,10 @@ def _server_with(port: str) -> token_file.ServerInfo | None:
     """Return the server of this user that has locked a port."""
     owner = owner_of(port)
     return next((server for server in token_file.running() if server.pid == owner), None)
+
+
+def _prompt(view: View) -> Callable[[str], None]:
+    return lambda text: view.put(Prompt(text))
 
 
 def _to_errors(text: str) -> None:

@@ -54,7 +54,7 @@ def send_and_wait(
     with Interrupts(_LAST_WORDS) as interrupts, view_for(as_json, verbose) as view:
 
         def work() -> Outcome:
-            view.describe(client.where())
+            view.put(client.where())
             hold = client.hold(goal_id) if deadman else nullcontext()
             with client.events() as events, hold:
                 try:
@@ -67,7 +67,7 @@ def send_and_wait(
                         raise
                     number = numbers[task] if isinstance(task, str) else number_of(task)
                     outcome = Outcome.of(number, GoalState.ABORTED, error.cause)
-                    view.report(outcome)
+                    view.put(outcome)
                     return outcome
                 interrupts.on_cancel(lambda: _cancel(client, goal_id, view))
                 return _show_goal(events, goal_id, view)
@@ -92,12 +92,12 @@ def watch(client: Client, as_json: bool, verbose: bool) -> None:
         ClientError: The server cannot be reached, or has ended.
     """
     with view_for(as_json, verbose) as view, client.events() as events:
-        view.describe(client.where())
+        view.put(client.where())
         for event in events:
             if not isinstance(event, GoalStatus):
                 _watch(event, view)
             elif event.outcome:
-                view.report(event.outcome)
+                view.put(event.outcome)
     raise _ended()
 
 
@@ -107,7 +107,7 @@ def _show_goal(events: Iterator[Event], goal_id: str, view: View) -> Outcome:
     for event in events:
         if isinstance(event, GoalStatus):
             if event.identity == goal_id and event.outcome:
-                view.report(event.outcome)
+                view.put(event.outcome)
                 return event.outcome
             continue
         if isinstance(event, logs.Goal):
@@ -119,8 +119,8 @@ def _show_goal(events: Iterator[Event], goal_id: str, view: View) -> Outcome:
 
 def _watch(event: logs.Record | QuestionStatus, view: View) -> None:
     if isinstance(event, logs.LogLine) and event.level >= logging.WARNING:
-        view.say(f"warning: {event.message}")
-    view.watch(event)
+        view.put(f"warning: {event.message}")
+    view.put(event)
 
 
 def _ended() -> Refused:
@@ -132,6 +132,6 @@ def _ended() -> Refused:
 def _cancel(client: Client, goal_id: str, view: View) -> None:
     try:
         client.cancel(goal_id)
-        view.say(CANCELING)
+        view.put(CANCELING)
     except ClientError as error:
         logger.warning("%s", error)

@@ -70,9 +70,9 @@ class Player:
             self._next = next(self._records, None)
 
     def _show(self, record: Record) -> None:
-        self._view.watch(record)
+        self._view.put(record)
         if isinstance(record, Result):
-            self._view.report(Outcome.from_record(record, str(self._recording.path)))
+            self._view.put(Outcome.from_record(record, str(self._recording.path)))
 
 
 def play(path: Path, speed: float, at: float | None, as_json: bool, verbose: bool) -> None:
@@ -92,9 +92,9 @@ def play(path: Path, speed: float, at: float | None, as_json: bool, verbose: boo
     with view_for(as_json, verbose, lambda: player.now) as view, key_by_key() as keys:
         player = Player(recording, view, speed)
         with contextlib.suppress(HardwareError, LogError):  # without its robot, no bars are drawn
-            view.describe(Where.of(restore_robot(recording), State.UNCONFIGURED, None))
+            view.put(Where.of(restore_robot(recording), State.UNCONFIGURED, None))
         if keys is not None:
-            view.say(_KEYS)
+            view.put(_KEYS)
         if at is not None:
             player.show_until(at)
         else:

@@ -23,11 +23,13 @@ class Prompt:
     text: str
 
 
+# A line of text, an event, the arm whose goals are shown, the outcome of one, or a question to the
+# operator at this terminal.
 Item = logs.Record | QuestionStatus | Outcome | Where | Prompt | str
 
 
 class View(ABC):
-    """Shows a run. Any thread may call its methods, which do not block.
+    """Shows a run. Any thread may call `put`, which does not block.
 
     Items are shown in the order of their arrival, by a thread of the view, so that a slow terminal
     or a closed pipe cannot block the arm. An exception while showing is raised at the end of the
@@ -53,25 +55,9 @@ class View(ABC):
         if self._error:
             raise self._error
 
-    def describe(self, where: Where) -> None:
-        """Take the arm whose goals are shown."""
-        self._queue.put(where)
-
-    def say(self, text: str) -> None:
-        """Show a line of text."""
-        self._queue.put(text)
-
-    def prompt(self, text: str) -> None:
-        """Ask the operator at this terminal; empty when no answer is expected any more."""
-        self._queue.put(Prompt(text))
-
-    def watch(self, record: logs.Record | QuestionStatus) -> None:
-        """Show an event."""
-        self._queue.put(record)
-
-    def report(self, outcome: Outcome) -> None:
-        """Show the outcome of a goal."""
-        self._queue.put(outcome)
+    def put(self, item: Item) -> None:
+        """Show an item soon."""
+        self._queue.put(item)
 
     @abstractmethod
     def show(self, item: Item) -> None:

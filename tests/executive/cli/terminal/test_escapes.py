@@ -108,12 +108,12 @@ def test_the_live_view() -> None:
     stream = io.StringIO()
     console = Console(file=stream, force_terminal=True, color_system=None, width=200)
     with LiveView(console) as view:
-        view.watch(logs.Goal(0.0, "ab" * 16, 60, f"name{EVIL}", 0))
-        view.watch(logs.NodeStatus(0.0, "a", f"node{EVIL}", "RUNNING", f"words{EVIL}"))
-        view.watch(logs.Feedback(0.0, "ab" * 16, 5, f"phase{EVIL}", ""))
-        view.watch(logs.Transition(0.0, "a", "b", f"arm{EVIL}"))
-        view.say(f"said{EVIL}")
-        view.report(Outcome.of(60, GoalState.ABORTED, Cause("task.failed", f"why{EVIL}")))
+        view.put(logs.Goal(0.0, "ab" * 16, 60, f"name{EVIL}", 0))
+        view.put(logs.NodeStatus(0.0, "a", f"node{EVIL}", "RUNNING", f"words{EVIL}"))
+        view.put(logs.Feedback(0.0, "ab" * 16, 5, f"phase{EVIL}", ""))
+        view.put(logs.Transition(0.0, "a", "b", f"arm{EVIL}"))
+        view.put(f"said{EVIL}")
+        view.put(Outcome.of(60, GoalState.ABORTED, Cause("task.failed", f"why{EVIL}")))
     shown = stream.getvalue()
     assert all(word in shown for word in ("name", "node", "words", "phase", "arm", "said", "why"))
     assert "\x1b]" not in shown
