@@ -129,7 +129,8 @@ TARGET = {
     "minItems": 1,
     "maxItems": 64,
     "items": {"anyOf": [{"type": "string", "maxLength": 64, "minLength": 1}, NUMBER]},
-    "description": "Words of `armtree move`: `joint_1=70deg`, poses, or x, y, z of the tool [m].",
+    "description": "Words of `armtree move`: `joint_1=70deg`, `width=20mm` (gripper), poses, or "
+    "x, y, z of the tool [m].",
 }
 SPEED = {
     "type": "number",

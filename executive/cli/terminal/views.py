@@ -46,14 +46,12 @@ def _json_line(item: Item) -> str:
 class _TextLine:
     """Returns the line for a goal, an ended node with a message, a question or an outcome.
 
-    A move has no nodes of the user's. Its outcome says what they do.
-
     Args:
         verbose: True to return one for each frame, too.
     """
 
     def __init__(self, verbose: bool) -> None:
-        self._verbose, self._state, self._nodes = verbose, RunState(), True
+        self._verbose, self._state = verbose, RunState()
 
     def __call__(self, item: Item) -> str:
         """Return the line for an item, or "" for none."""
@@ -70,7 +68,7 @@ class _TextLine:
             case QuestionStatus():
                 return item.text_with_command() if item.open else ""
             case logs.Goal():
-                self._state, self._nodes = self._state.begun(item), item.task != logs.MOVE
+                self._state = self._state.begun(item)
                 return self._state.title
             case _:
                 self._state.update(item)
@@ -79,7 +77,9 @@ class _TextLine:
 
     def _line(self, record: logs.Record) -> str:
         match record:
-            case logs.NodeStatus(status="SUCCESS" | "FAILURE") if record.message and self._nodes:
+            case logs.NodeStatus(status="SUCCESS" | "FAILURE") if (
+                record.message and self._state.has_nodes
+            ):
                 return f"  {record.name:<12} {record.status.lower()}  {record.message}"
             case logs.Sent() if self._verbose:
                 return f"  {'sent':<12} {record.text}"

@@ -194,6 +194,30 @@ def fits(screen: str, rows: int, columns: int) -> bool:
     return len(lines) <= rows and max(map(len, lines)) <= columns and screen.endswith("leave")
 
 
+@pytest.mark.parametrize("way", ["Ctrl-C", "closed terminal"])
+def test_the_arm_of_a_server_holds_whatever_ends_a_jog(
+    serve: Serve, tmp_path: Path, way: str
+) -> None:
+    served = serve()
+    with PseudoTerminal(tmp_path, "jog", "--speed", "0.02") as terminal:
+        terminal.until("arm active")
+        terminal.type("++" + RIGHT)
+        between(terminal)
+        if way == "Ctrl-C":
+            terminal.type("\x03")
+            assert terminal.end()[0] == 130
+        else:
+            terminal.close()
+            terminal.process.wait()
+    (goal,) = served.executive.goals()
+    outcome = served.executive.result(goal.identity)
+    assert outcome.code == "goal.canceled"
+    held = served.executive.where().commanded
+    assert held
+    assert 0.0 < held["joint_1"] < 0.17
+    assert verify(Path(outcome.recording)).holds
+
+
 def test_a_jog_needs_a_terminal(tmp_path: Path) -> None:
     done = subprocess.run(
         [*ARMTREE, "jog", "--port", "virtual"],

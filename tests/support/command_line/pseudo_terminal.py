@@ -64,6 +64,12 @@ class PseudoTerminal:
         """What the screen shows: all since it was last drawn from its first line."""
         return _CONTROL.sub("", self._heard.rpartition("\x1b[H")[2])
 
+    @property
+    def _whole(self) -> bool:
+        """Whether the last full screen was drawn to its end."""
+        _, begin, drawn = self._heard.rpartition("\x1b[H")
+        return not begin or "\x1b[J" in drawn
+
     def resize(self, rows: int, columns: int) -> None:
         """Give the terminal another size."""
         fcntl.ioctl(self._keys, termios.TIOCSWINSZ, struct.pack("HHHH", rows, columns, 0, 0))
@@ -74,13 +80,13 @@ class PseudoTerminal:
 
     def until(self, *words: str) -> str:
         """Read until the screen shows all of these words; return it."""
-        while not all(each in self.screen for each in words):
+        while not (self._whole and all(each in self.screen for each in words)):
             assert self.read(), f"{words} are not on the screen: {self.screen}"
         return self.screen
 
     def at_rest(self, *words: str) -> str:
-        """Read until the whole screen shows all of these words, and no motion; return it."""
-        while "moving" in self.until(*words) or "\x1b[J" not in self._heard.rpartition("\x1b[H")[2]:
+        """Read until the screen shows all of these words, and no motion; return it."""
+        while "moving" in self.until(*words):
             assert self.read(), f"the arm still moves: {self.screen}"
         return self.screen
 

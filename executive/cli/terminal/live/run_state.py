@@ -19,6 +19,7 @@ class RunState:
         where: The arm before the run: its joints, and how long its board boots.
         goal_id: Identity of the goal.
         title: Number and name of the task.
+        has_nodes: False for a move: nobody wrote its nodes, and its outcome says what they do.
         arm: State of the arm's lifecycle.
         activated: When the arm began to activate; None if it does not.
         began: When the goal started; None before.
@@ -34,6 +35,7 @@ class RunState:
     where: Where = field(default_factory=Where)
     goal_id: str = ""
     title: str = ""
+    has_nodes: bool = True
     arm: str = "unconfigured"
     activated: float | None = None
     began: float | None = None
@@ -54,6 +56,7 @@ class RunState:
             self.where,
             goal.goal_id,
             title,
+            goal.task != logs.MOVE,
             self.arm,
             self.activated,
             goal.time,
@@ -63,7 +66,7 @@ class RunState:
     def update(self, record: logs.Record) -> None:
         """Take an event of the run."""
         match record:
-            case logs.NodeStatus():
+            case logs.NodeStatus() if self.has_nodes:
                 self._node(record)
             case logs.Feedback():
                 self.percentage, self.phase = record.percentage, printable(record.phase)

@@ -69,6 +69,13 @@ class Terminal(io.StringIO):
         return len(text)
 
 
+@pytest.mark.parametrize(("task", "nodes"), [(1, 1), (logs.MOVE, 0)])
+def test_a_move_has_no_tree(task: int, nodes: int) -> None:
+    state = RunState().begun(logs.Goal(0.0, "ab" * 16, task, "a", 1))
+    state.update(logs.NodeStatus(1.0, "a/ReachPoint", "ReachPoint", "FAILURE", "out of reach"))
+    assert len(state.nodes) == nodes
+
+
 def test_a_terminal_that_changes_its_size_shows_one_whole_picture() -> None:
     screen = Screen(80, 24)
     console = Console(file=Terminal(screen), width=80, height=24, force_terminal=True)
