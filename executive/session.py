@@ -124,7 +124,7 @@ def _outcome(
 
 
 def _text(name: str, value: object) -> str:
-    """Return an argument as a task file would have it."""
+    """Return an argument as text, as it is written in a task file."""
     try:
         return value if isinstance(value, str) else json.dumps(value)
     except TypeError as error:

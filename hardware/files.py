@@ -17,7 +17,7 @@ def read_file(path: Path, most: int) -> bytes:
         most: Largest size [bytes].
 
     Raises:
-        OSError: The file cannot be read, is not ordinary, or is larger; `strerror` says it.
+        OSError: The file cannot be read, is not ordinary, or is larger; `strerror` says why.
         ValueError: The path is invalid.
     """
     _check_ordinary(os.stat(path), path)

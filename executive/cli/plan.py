@@ -32,7 +32,7 @@ from .terminal.streams import echo
 @click.option(
     "--start",
     multiple=True,
-    help="Start, written like GOAL but no task, in quotes. Default: that of the robot file.",
+    help="Start in quotes: joints, poses or a point, as in GOAL. Default: that of the robot file.",
 )
 @click.option(
     "--via",

@@ -25,9 +25,9 @@ _name = click.argument("name", shell_complete=complete_pose)
 def pose() -> None:
     """Save, list, show and remove poses.
 
-    Your poses are in the file poses.yaml in your folder of tasks; those of another robot than the
-    Arduinobot are in the folder of its name in there. Tasks, `armtree move` and `armtree plan` take
-    the names of poses.
+    Your poses are in the file poses.yaml in your folder of tasks. For another robot than the
+    Arduinobot, the file is in the subfolder with the name of the robot. Tasks, `armtree move` and
+    `armtree plan` take the names of poses.
     """
 
 

@@ -60,7 +60,7 @@ class ResponseBody:
         if self._status >= 400 and _fits_schema("", value):
             raise Refused(value)
         if self._status != OPERATIONS[name].status or not _fits_schema(name, value):
-            raise WrongAnswer(self._url, f"it answers {self._status} with other fields")
+            raise WrongAnswer(self._url, f"it answers {self._status}, but its fields are wrong")
         return value
 
 
@@ -98,7 +98,7 @@ class EventReader:
         except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
             raise WrongAnswer(self._url, "it sends other events") from error
         if not has_type(event, type(event)):
-            raise WrongAnswer(self._url, "it sends events with other fields")
+            raise WrongAnswer(self._url, "it sends events with wrong fields")
         return event
 
 

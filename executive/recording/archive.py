@@ -99,7 +99,7 @@ def restore_robot(recording: Recording) -> Robot:
         }
         return _load(files, note["firmware"], tuple((n, p) for n, p in paths.items() if p))
     except KeyError as missing:
-        what = f"lacks {missing}, so its robot is unknown; another armtree recorded it"
+        what = f"lacks {missing}, so its robot is unknown; another version of armtree recorded it"
         raise RecordingError(recording.path, what) from missing
     except (ValueError, RecursionError) as cause:
         what = f"holds an invalid robot ({cause}); another program wrote it"

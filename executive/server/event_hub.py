@@ -147,7 +147,7 @@ class EventHub:
         return isinstance(goal, logs.Goal) and goal.goal_id == identity
 
     def _keep(self, *kinds: str) -> None:
-        """Forget all but these kinds of events."""
+        """Drop all current events of other kinds."""
         self._current = {
             key: event for key, event in self._current.items() if key.partition(" ")[0] in kinds
         }

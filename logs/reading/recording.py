@@ -269,7 +269,7 @@ def _sent(messages: Sequence[Message]) -> Sent:
     topics, times = zip(*((message.topic, message.time_ns) for message in messages), strict=True)
     if topics not in (_SENT, _SENT[:2]) or len(set(times)) > 1:
         what = (
-            f"a frame has no message on each of {', '.join(_SENT)}; another program wrote the file"
+            f"a frame lacks a message on one of {', '.join(_SENT)}; another program wrote the file"
         )
         raise RecordingError(messages[0].path, what)
     frame, timing, *joints = messages
@@ -294,9 +294,8 @@ def _checked(kind: type[Any], known: dict[str, Any], message: Message) -> Any:
     """Make a record after checking its fields, because any program may have written the file."""
     needed = {field.name for field in fields(kind) if field.default is MISSING}
     if missing := sorted(needed - known.keys()):
-        what = (
-            f"a message on {message.topic} lacks {', '.join(missing)}; another armtree recorded it"
-        )
+        why = "another version of armtree recorded it"
+        what = f"a message on {message.topic} lacks {', '.join(missing)}; {why}"
         raise RecordingError(message.path, what)
     if wrong := _invalid_field(kind, known):
         what = (

@@ -240,10 +240,7 @@ class _Parser:
     def _with_tree(
         self, values: Mapping[str, Located], known: tuple[str, ...]
     ) -> Mapping[str, Located]:
-        """Report nodes that are not below the key tree, and poses not below poses.
-
-        Return the values with them below it.
-        """
+        """Report nodes outside the key `tree`, or poses outside `poses`; move them to that key."""
         head = "poses" if "poses" in known else "tree"
         if head in values or not values.keys() - {*known}:
             return values

@@ -146,9 +146,9 @@ SETTINGS = {
         type=ABOVE_0,
         default=5.0,
         metavar="SECONDS",
-        help="Longest time that a frame waits until the one before it is recorded [s]; then the "
-        "motion ends (log.behind). A longer time lets a slow disk finish the motion, but the arm "
-        "stands still in the middle of it for as long; a shorter one ends more motions.",
+        help="Longest time that a frame may wait for the recording of the previous frame [s]. "
+        "After that time the motion ends with log.behind. While a frame waits, the arm stands "
+        "still in the middle of its motion; a shorter time ends more motions on a slow disk.",
     ),
     "keep_days": Setting(type=AT_LEAST_0, help="Delete recordings older than this [days]."),
     "keep_mb": Setting(

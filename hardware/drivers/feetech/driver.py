@@ -41,7 +41,10 @@ FIRMWARES = {
 
 @dataclass(frozen=True)
 class Feetech:
-    """A bus with one servo for each joint. Its firmware is the series of the servos."""
+    """A bus with one servo for each joint.
+
+    The key `firmware` of a robot file names the series of the servos.
+    """
 
     @property
     def firmwares(self) -> Mapping[str, Firmware]:

@@ -26,8 +26,8 @@ class JointGroup:
         lower: Lower limits (J,) [rad]. Limits of mimic joints are included, as limits of the joints
             that they follow.
         upper: Upper limits (J,) [rad].
-        continuous: True for each joint with a pose that repeats after a whole turn (J,). A
-            continuous joint with followers is none.
+        continuous: True for each joint with a pose that repeats after a whole turn (J,). False
+            for a continuous joint that other joints mimic.
         velocity: Velocity limits (J,) [rad/s].
         acceleration: Acceleration limits (J,) [rad/s2].
 

@@ -57,7 +57,7 @@ class MotionValidator:
 
     @property
     def step(self) -> float:
-        """Longest section that is proved free by the margin at its middle [m of travel]."""
+        """Longest section that is free if its middle keeps the margin [m of travel]."""
         return max(2.0 * (self.margin - self.guaranteed), MIN_STEP)
 
     def full(self, points: Array) -> Array:
@@ -114,7 +114,7 @@ class MotionValidator:
     def _refine(
         self, path: Path, middles: Array, half: float, travels: Array, level: int
     ) -> float | None:
-        """Do the work of `first_collision` for sections that reach `half` beyond their middles."""
+        """Return the share of the first collision in sections of length 2 * `half`, or None."""
         pairs = self.checker.pairs
         while middles.size:
             near, close = list[Array](), set[int]()
