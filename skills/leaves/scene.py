@@ -1,9 +1,9 @@
 """Leaves that change the world: add, remove, attach and detach bodies."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from py_trees.common import Status
 from py_trees.ports import PortInformation
@@ -42,14 +42,14 @@ _PLACE: Ports = {
 
 
 class _Add(Skill, register=False):
-    """Add a body to the world, or replace the body of the same name."""
+    """Add a body to the world, or replace the body of the same name.
+
+    Attributes:
+        form: Class of its shape. Its arguments are the inputs that are not in `_PLACE`, in order.
+    """
 
     world_change = WorldChange.ADDS
-
-    @classmethod
-    def shape(cls, given: Mapping[str, Any]) -> Shape:
-        """Return the shape that the inputs describe."""
-        raise NotImplementedError
+    form: ClassVar[Callable[..., Shape]]
 
     @classmethod
     def validate(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
@@ -74,9 +74,11 @@ class _Add(Skill, register=False):
         if not all(map(math.isfinite, rotation)):
             why = f"the rotation of {inputs['body']} is not finite; give radians"
             raise BadBody(why).at("rotation")
+        sizes = {port: inputs[port] for port in cls.INPUT_PORTS if port not in _PLACE}
+        vectors = {port: xyz(port, size) for port, size in sizes.items() if isinstance(size, list)}
         return Body(
             inputs["body"],
-            cls.shape(inputs),
+            cls.form(*(sizes | vectors).values()),
             xyz("position", inputs["position"]),
             quaternion(*rotation),
             touches=frozenset(inputs["touches"]),
@@ -94,39 +96,28 @@ class _Add(Skill, register=False):
 class AddBox(_Add):
     """Add a box to the world."""
 
+    form = Box
     INPUT_PORTS = {**_PLACE, "size": vector("edges along x, y and z [m]", "m", least=_LEAST)}
-
-    @classmethod
-    def shape(cls, given: Mapping[str, Any]) -> Box:
-        """Return the shape."""
-        return Box(xyz("size", given["size"]))
 
 
 class AddSphere(_Add):
     """Add a sphere to the world."""
 
+    form = Sphere
     INPUT_PORTS = {**_PLACE, "radius": _length("radius")}
-
-    @classmethod
-    def shape(cls, given: Mapping[str, Any]) -> Sphere:
-        """Return the shape."""
-        return Sphere(given["radius"])
 
 
 class AddCylinder(_Add):
     """Add a cylinder to the world. Its axis is z before the rotation."""
 
+    form = Cylinder
     INPUT_PORTS = {**_PLACE, "radius": _length("radius"), "length": _length("length")}
-
-    @classmethod
-    def shape(cls, given: Mapping[str, Any]) -> Cylinder:
-        """Return the shape."""
-        return Cylinder(given["radius"], given["length"])
 
 
 class AddMesh(_Add):
     """Add a body with the shape of a mesh file to the world."""
 
+    form = Mesh
     INPUT_PORTS = {
         **_PLACE,
         "file": PortInformation(str, description="STL, DAE or OBJ file"),
@@ -144,11 +135,6 @@ class AddMesh(_Add):
         except (BadBody, MotionError) as error:
             errors.append(error)
         refuse(errors)
-
-    @classmethod
-    def shape(cls, given: Mapping[str, Any]) -> Mesh:
-        """Return the shape."""
-        return Mesh(given["file"], xyz("scale", given["scale"]))
 
 
 def _file_error(file: Path) -> str:
