@@ -13,6 +13,7 @@ from py_trees.blackboard import Blackboard
 import logs
 from executive.api.events import Event, QuestionStatus
 from executive.api.outcome import GoalStatus, Outcome
+from executive.cli.support import process
 from executive.cli.support.run_tasks import TaskSequence
 from executive.executive import Executive
 from executive.setup import Setup
@@ -28,6 +29,7 @@ from trees.compile.arguments import read_arguments
 # start, too; some tests want them to count.
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
 signal.signal(signal.SIGINT, signal.default_int_handler)
+process.NICE = 0  # a command that runs in the process of the tests leaves their niceness alone
 os.environ["XDG_CONFIG_HOME"] = os.devnull  # no settings of the person who runs the tests
 
 # How long an example takes says how busy the machine is.

@@ -9,7 +9,7 @@ import click
 from executive.api.codes import INTERRUPTED_EXIT, READER_ENDED_EXIT
 
 from .support.command_group import COMPLETION_VARIABLE, CommandGroup, Diagnostics
-from .support.process_end import forbid_exit
+from .support.process import forbid_exit
 from .terminal.streams import discard, open_closed_streams
 
 SECTIONS = {

@@ -107,7 +107,7 @@ def _main() -> None:
     import mcap.reader
     import mcap.writer  # noqa: F401, import now, not with the first recording
 
-    os.nice(_BEHIND)
+    os.nice(_BEHIND - min(0, os.nice(0)))
     requests = socket.socket(fileno=sys.stdin.fileno())
     for _ in range(_AT_ONCE):
         threading.Thread(target=_serve, args=(requests,)).start()

@@ -58,9 +58,16 @@ class Board:
     def __init__(self, folder: Path, firmware: str = "stock", boot_s: float = 0.1) -> None:
         number = len(list(folder.glob("board*.log")))
         self.port, self._log = folder / "ttyACM0", folder / f"board{number}.log"
+        self._known, self._rest = 0, b""  # bytes of the log that are in the lists; of no frame yet
+        self._reads: list[Read] = []
+        self._frames: list[Read] = []
         command = [sys.executable, "-I", __file__, str(self.port), str(self._log), firmware]
         self._process = subprocess.Popen(
-            [*command, str(boot_s)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+            [*command, str(boot_s)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            start_new_session=True,  # Linux schedules sessions apart from each other
         )
         self.pid = self._process.pid
         self.ask("state")
@@ -86,21 +93,30 @@ class Board:
 
     def reads(self) -> list[Read]:
         """Everything that it read until now, on all its pseudo-terminals."""
-        lines = [line.split() for line in self._log.read_text().splitlines(keepends=True)]
-        return [Read(float(line[0]), bytes.fromhex(line[1])) for line in lines if len(line) == 2]
+        with self._log.open("rb") as log:  # only what is new: rows ask every 2 ms
+            log.seek(self._known)
+            lines = log.read().splitlines(keepends=True)
+        for line in lines:
+            if line.endswith(b"\n"):
+                self._known += len(line)
+                time, data = line.decode().split()
+                self._note(Read(float(time), bytes.fromhex(data)))
+        return list(self._reads)
 
     def data(self) -> bytes:
         return b"".join(read.data for read in self.reads())
 
     def frames(self) -> list[Read]:
         """Its frames, each with the time of its last byte."""
-        found, rest = [], b""
-        for read in self.reads():
-            rest += read.data
-            while match := re.search(rb"b\d{3},s\d{3},e\d{3},g\d{3},", rest):
-                found.append(Read(read.time, match.group()))
-                rest = rest[match.end() :]
-        return found
+        self.reads()
+        return list(self._frames)
+
+    def _note(self, read: Read) -> None:
+        self._reads.append(read)
+        self._rest += read.data
+        while match := re.search(rb"b\d{3},s\d{3},e\d{3},g\d{3},", self._rest):
+            self._frames.append(Read(read.time, match.group()))
+            self._rest = self._rest[match.end() :]
 
     def close(self) -> None:
         assert self._process.stdin

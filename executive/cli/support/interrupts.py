@@ -12,7 +12,7 @@ from executive.api.codes import INTERRUPTED_EXIT
 from executive.cli.terminal.full_screen import last_words
 from hardware import RealClock
 
-from .process_end import end_process
+from .process import end_process
 
 T = TypeVar("T")
 

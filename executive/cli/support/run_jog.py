@@ -26,6 +26,7 @@ from trees import TreeError
 
 from .interrupts import Interrupts
 from .log_handler import recorded_log
+from .process import raise_priority
 
 # Errors of a command of a key; they do not end the jog.
 _SHOWN = (HardwareError, TreeError, click.ClickException)
@@ -123,6 +124,7 @@ def run_jog(
         raise click.UsageError(
             "a jog needs a terminal; `armtree move --by joint_1=5deg` does without"
         )
+    raise_priority()
     left = False
     with Interrupts() as interrupts, _arm(server, options) as (port, arm, note):
         screen = JogScreen(arm, commands, speed, note, title, steps, _SHOWN)

@@ -21,6 +21,7 @@ from logs import LogError
 
 from .interrupts import Interrupts
 from .log_handler import recorded_log
+from .process import raise_priority
 
 logger = logging.getLogger(__name__)
 
@@ -37,6 +38,7 @@ def serve(setup: Setup, listen: ListenOptions) -> None:
         ServerError: The server cannot listen as configured.
         LogError: A recording cannot be made, or could not be finished.
     """
+    raise_priority()
     sys.setswitchinterval(_SWITCH)
     clock = RealClock()
     questions = Questions(clock)

@@ -27,6 +27,7 @@ from trees.compile.arguments import read_arguments
 
 from .interrupts import CANCELING, Interrupts
 from .log_handler import recorded_log
+from .process import raise_priority
 
 
 def execute(
@@ -50,6 +51,7 @@ def execute(
     Returns:
         The outcomes of the tasks that ran, at least one.
     """
+    raise_priority()
     with Interrupts() as interrupts, view_for(as_json, verbose) as view, ExitStack() as stack:
         try:
             arguments = read_arguments(settings, [number_of(task) for task in tasks])

@@ -1,12 +1,19 @@
 """New connections: a stop does not wait behind others, and abandoned ones cost little."""
 
 import asyncio
+import contextlib
 import logging
 import socket
+import time
 from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
-from .connections import HEAD_END, MAX_HEAD, HttpConnection, SharedState
+from executive.api.outcome import CancelResult
+
+from .connections import MAX_HEAD, HttpConnection, SharedState, peek
+from .fair_queue import busy_rest
 from .quick_stop import QuickStop
 from .token_bucket import TokenBucket
 
@@ -14,15 +21,15 @@ logger = logging.getLogger(__name__)
 
 _AT_ONCE = 64  # connections that are accepted in one turn of the loop
 _RETRY_SECONDS = 0.1  # pause if the operating system cannot accept a connection [s]
-_TCP_ESTABLISHED = 1  # first byte of TCP_INFO while the client has not closed its side
 
 
 class Acceptor:
     """Accepts connections, and serves one in each turn of the loop.
 
-    A whole stop is served at once. A connection that ends before the head of its request is
-    complete is closed, and never served. All others wait; if there are too many, those that
-    ended are closed, or else the one that waits for longest.
+    A whole stop is carried out at once, without a protocol, and its connection is closed after the
+    answer. A connection that ends before the head of its request is complete is closed, and never
+    served. All others wait; if there are too many, those that ended are closed, or else the one
+    that waits for longest, a stop last.
 
     Args:
         loop: Event loop of the server.
@@ -40,20 +47,22 @@ class Acceptor:
     ) -> None:
         self._loop, self._listener = loop, listener
         self._rules, self._max_waiting = state.rules, state.max_connections
-        self._protocol = protocol
-        self._waiting: dict[socket.socket, None] = {}  # oldest first
+        self._protocol, self._stop = protocol, state.stop
+        # Those that wait, oldest first, and whether the loop reads them. Those that stop the arm.
+        self._waiting: dict[socket.socket, bool] = {}
+        self._stopping: dict[socket.socket, None] = {}
         self._tasks: set[asyncio.Task[Any]] = set()
         self._log_bucket = TokenBucket(0.1, 1.0, loop.time)
-        self._retry: asyncio.TimerHandle | None = None
+        self._pause: asyncio.TimerHandle | None = None
         self._turn: asyncio.Handle | None = None  # serves the next one
         self._start()
 
     def close(self) -> None:
         """Accept no more, and close the connections that wait."""
-        if self._retry:
-            self._retry.cancel()
+        if self._pause:
+            self._pause.cancel()
         self._loop.remove_reader(self._listener)
-        for connection in tuple(self._waiting):
+        for connection in (*self._waiting, *self._stopping):
             self._leave(connection)
             connection.close()
 
@@ -61,78 +70,81 @@ class Acceptor:
         self._loop.add_reader(self._listener, self._accept)
 
     def _accept(self) -> None:
-        for _ in range(_AT_ONCE):
-            try:
+        begin, worked = self._loop.time(), time.thread_time()
+        pause = 0.0
+        try:
+            for _ in range(_AT_ONCE):
                 connection, _ = self._listener.accept()
-            except (BlockingIOError, InterruptedError, ConnectionAbortedError):
-                return
-            except OSError as error:
-                self._loop.remove_reader(self._listener)
-                self._retry = self._loop.call_later(_RETRY_SECONDS, self._start)
-                if self._log_bucket.take():
-                    logger.error("Cannot accept a connection: %s", error.strerror)
-                return
-            self._examine(connection)
+                self._examine(connection)
+        except (BlockingIOError, InterruptedError, ConnectionAbortedError):
+            pass
+        except OSError as error:
+            pause = _RETRY_SECONDS
+            if self._log_bucket.take():
+                logger.error("Cannot accept a connection: %s", error.strerror)
+        rest = busy_rest(self._loop.time() - begin, time.thread_time() - worked)
+        if pause := max(pause, rest):
+            self._loop.remove_reader(self._listener)
+            self._pause = self._loop.call_later(pause, self._start)
 
     def _examine(self, connection: socket.socket) -> None:
-        """Serve a whole stop, close an abandoned connection, and let every other one wait."""
-        data = _peek(connection)
+        """Carry out a stop, close an abandoned connection, and let every other one wait."""
+        data = peek(connection)
         if data is None:
             connection.close()
-        elif QuickStop.find(data, self._rules):
-            self._serve(connection, stops=True)
+        elif stop := QuickStop.find(data, self._rules):
+            self._stopping[connection] = None
+            answer = partial(self._answer, connection, replace(stop, keeps=False))
+            self._stop().add_done_callback(answer)
+            self._make_room()
         else:
+            self._waiting[connection] = not data
             if not data:
-                self._loop.add_reader(connection, self._examine_again, connection)
-            self._wait(connection)
+                self._loop.add_reader(connection.fileno(), self._examine_again, connection)
+            self._turn = self._turn or self._loop.call_soon(self._serve_next)
+            self._make_room()
 
     def _examine_again(self, connection: socket.socket) -> None:
         self._leave(connection)
         self._examine(connection)
 
-    def _wait(self, connection: socket.socket) -> None:
-        self._waiting[connection] = None
-        self._turn = self._turn or self._loop.call_soon(self._serve_next)
-        if len(self._waiting) > self._max_waiting:
-            oldest = next(iter(self._waiting))
-            abandoned = [each for each in self._waiting if _peek(each) is None]
-            for each in abandoned or [oldest]:
-                self._leave(each)
-                each.close()
+    def _answer(
+        self, connection: socket.socket, stop: QuickStop, stopped: asyncio.Future[CancelResult]
+    ) -> None:
+        if connection not in self._stopping:
+            return  # it was closed
+        self._leave(connection)
+        with contextlib.suppress(OSError), connection:
+            connection.setblocking(False)
+            connection.recv(MAX_HEAD)  # data that is not read would cost the client the answer
+            connection.send(stop.answer(stopped))
+
+    def _make_room(self) -> None:
+        if len(self._waiting) + len(self._stopping) <= self._max_waiting:
+            return
+        oldest = next(iter((*self._waiting, *self._stopping)))
+        for each in [each for each in self._waiting if peek(each) is None] or [oldest]:
+            self._leave(each)
+            each.close()
 
     def _leave(self, connection: socket.socket) -> None:
-        del self._waiting[connection]
-        self._loop.remove_reader(connection)
+        self._stopping.pop(connection, None)
+        if self._waiting.pop(connection, False):
+            self._loop.remove_reader(connection.fileno())
 
     def _serve_next(self) -> None:
         while self._waiting:
             connection = next(iter(self._waiting))
             self._leave(connection)
-            if _peek(connection) is not None:
+            if peek(connection) is not None:
                 self._serve(connection)
                 break
             connection.close()
         self._turn = self._loop.call_soon(self._serve_next) if self._waiting else None
 
-    def _serve(self, connection: socket.socket, stops: bool = False) -> None:
+    def _serve(self, connection: socket.socket) -> None:
         connection.setblocking(False)
-        protocol = self._protocol()
-        protocol.stopping = stops
-        serving = self._loop.connect_accepted_socket(lambda: protocol, connection)
+        serving = self._loop.connect_accepted_socket(self._protocol, connection)
         task = self._loop.create_task(serving)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
-
-
-def _peek(connection: socket.socket) -> bytes | None:
-    """Return what has arrived, or None if the head of a request will never be complete."""
-    try:
-        data = connection.recv(MAX_HEAD, socket.MSG_PEEK | socket.MSG_DONTWAIT)
-    except BlockingIOError:
-        return b""
-    except OSError:
-        return None
-    if HEAD_END.search(data):
-        return data
-    state = connection.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, 1)[0]
-    return data if data and state == _TCP_ESTABLISHED else None

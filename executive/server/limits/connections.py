@@ -7,6 +7,7 @@ processes all data as soon as it arrives.
 import asyncio
 import json
 import re
+import socket
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -40,7 +41,9 @@ def _request_line(operation: Operation) -> str:
 
 
 _STOP = re.compile("|".join(_request_line(o) for o in OPERATIONS.values() if o.stops).encode())
-HEAD_END = re.compile(rb"\n\r?\n")
+_HEAD_END = re.compile(rb"\n\r?\n")
+_PEEK = int(socket.MSG_PEEK | socket.MSG_DONTWAIT)
+_TCP_ESTABLISHED = 1  # first byte of TCP_INFO while the client has not closed its side
 _ROSBRIDGE_CANCEL = re.compile(rb"cancel_action_goal|_action/cancel_goal")
 _TEXT_FRAME = 0x81  # first byte of a WebSocket frame with a whole text message
 
@@ -111,6 +114,12 @@ class _QueuedProtocol(asyncio.Protocol):
     def awaits_answer(self) -> bool:
         """True if a request has arrived completely and is not answered yet."""
         return True
+
+    @property
+    def is_abandoned(self) -> bool:
+        """True if the client has closed its side, and awaits no answer."""
+        connection = self.transport.get_extra_info("socket")
+        return not (self.awaits_answer or _is_open(connection))
 
     @property
     def has_token(self) -> bool:
@@ -187,8 +196,9 @@ class WebSocketConnection(_QueuedProtocol, WebSocketsSansIOProtocol):
 class HttpConnection(_QueuedProtocol, H11Protocol):
     """An HTTP connection.
 
-    If there are too many connections, another one is closed: one without the token before one
-    with it, an idle one before a stream, and the oldest first. Stops are closed for stops only.
+    If there are too many connections, those that their clients have closed are closed, or else
+    one: one without the token before one with it, an idle one before a stream, and the oldest
+    first. The new one is closed if all others are stops.
     """
 
     _head_timer: asyncio.TimerHandle | None = None
@@ -299,7 +309,15 @@ class HttpConnection(_QueuedProtocol, H11Protocol):
         if self._is_answering:
             self._end_head_timer()
         elif self._head_timer is None:
-            self._head_timer = self.loop.call_later(HEAD_SECONDS, self.transport.abort)
+            self._head_timer = self.loop.call_later(HEAD_SECONDS, self._head_timed_out)
+
+    def _head_timed_out(self) -> None:
+        """Close the connection, unless the server is late to process what it has received."""
+        self._head_timer = None
+        if self.fair_queue.has(self):
+            self._update_head_timer()
+        else:
+            self.transport.abort()
 
     def _end_head_timer(self) -> None:
         if self._head_timer:
@@ -318,11 +336,36 @@ class HttpConnection(_QueuedProtocol, H11Protocol):
             oldest = min(
                 others, key=lambda e: (e.stopping, e.has_token, e.awaits_answer, e.idle_since)
             )
-            (self if oldest.stopping and not self.stopping else oldest).transport.abort()
+            last = self if oldest.stopping else oldest
+            for each in [each for each in others if each.is_abandoned] or [last]:
+                each.transport.abort()
+
+
+def peek(connection: socket.socket) -> bytes | None:
+    """Return the next data of a connection, which is not removed.
+
+    Returns:
+        None if the client has closed its side and the head of a request is not complete.
+    """
+    try:
+        data = connection.recv(MAX_HEAD, _PEEK)
+    except BlockingIOError:
+        return b""
+    except OSError:
+        return None
+    if _HEAD_END.search(data):
+        return data
+    return data if data and _is_open(connection) else None
+
+
+def _is_open(connection: socket.socket) -> bool:
+    """Return True unless the client has closed its side."""
+    state = connection.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, 1)[0]
+    return state == _TCP_ESTABLISHED
 
 
 def _too_many_lines(data: bytes) -> bool:
-    end = HEAD_END.search(data)
+    end = _HEAD_END.search(data)
     return data.count(b"\n", 0, end.start() if end else len(data)) > MAX_HEAD_LINES
 
 

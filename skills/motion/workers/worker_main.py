@@ -6,6 +6,7 @@ answer; if the robot is unusable, it is the first and only one. Any other error 
 does using too much memory, and the parent starts a new one.
 """
 
+import os
 import signal
 import socket
 import sys
@@ -23,6 +24,8 @@ from .messages import encode, receive, send
 def main(descriptor: int) -> None:
     """Serve until the other end closes."""
     limit_memory()
+    if os.nice(0) < 0:  # the process that moves the arm comes first
+        os.setpriority(os.PRIO_PROCESS, 0, 0)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides when the worker ends
     with socket.socket(fileno=descriptor) as parent:
         try:

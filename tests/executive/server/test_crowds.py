@@ -165,7 +165,7 @@ def test_the_websocket_that_is_idle_for_longest_makes_room(
         for each in (sockets[0], sockets[3], sockets[1]):  # the third is idle for longest
             each.sendall(subscribe)
             assert each.recv(1000)
-        assert stops(served)
+        assert served.ask("GET", "/api/health")[0] == 200
         assert sockets[2].recv(1000) == b""
         for each in (sockets[0], sockets[1], sockets[3]):
             each.sendall(subscribe)

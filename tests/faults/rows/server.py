@@ -14,7 +14,7 @@ from pathlib import Path
 from websockets.sync.client import connect
 
 from tests.faults.board import Board, Read
-from tests.faults.process import Server, until
+from tests.faults.process import Hang, Server, until
 from tests.faults.row import Row, Scene, row
 
 HOSTILE = Path(__file__).parents[1] / "hostile.py"
@@ -78,12 +78,12 @@ def in_motion(scene: Scene, server: Server, board: Board) -> str:
     """A goal that moves; empty if it is refused, or ended by what a flood has sent before."""
     count = len(board.frames()) + scene.random.randint(1, 6)
     goal = str(server.post("/api/goals", {"task": 20}).get("goal_id", ""))
-
-    def known() -> bool:
-        moves = len(board.frames()) >= count
-        return moves or server.get(f"/api/goals/{goal}")["state"] in ("CANCELED", "ABORTED")
-
-    return goal if goal and until("it moves", known) and len(board.frames()) >= count else ""
+    while goal and len(board.frames()) < count:
+        if server.get(f"/api/goals/{goal}")["state"] in ("CANCELED", "ABORTED"):
+            return ""
+        with contextlib.suppress(Hang):  # few requests: the server is to be idle but for the flood
+            until("it moves", lambda: len(board.frames()) >= count, 0.5)
+    return goal
 
 
 def held(board: Board) -> Sequence[Read]:

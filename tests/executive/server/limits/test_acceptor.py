@@ -6,12 +6,17 @@ import errno
 import os
 import socket
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
+from queue import SimpleQueue
 
 import pytest
 
-from executive.server.limits import descriptors
+from executive.api.outcome import CancelResult
+from executive.server.limits import connections, descriptors
+from executive.server.limits.cancel_thread import CancelThread
 from executive.server.limits.connections import HttpConnection
+from executive.server.limits.fair_queue import FairQueue
 from tests.support.servers.foreign_clients import answer, raw, stops
 from tests.support.servers.serving import Serve, Served
 
@@ -20,12 +25,16 @@ pytest_plugins = ["tests.support.servers.server_fixtures"]
 STOP = "POST /api/stop HTTP/1.1"
 
 
+STOPPED = 0  # in place of a port
+
+
 class Watch:
     """The clients that are served, by port, and a loop that is held until it is released."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.served: list[int] = []
         self._released, self._held = threading.Event(), threading.Event()
+        self._released.set()
         connection_made = HttpConnection.connection_made
 
         def made(connection: HttpConnection, transport: asyncio.Transport) -> None:
@@ -34,11 +43,20 @@ class Watch:
             self.served.append(transport.get_extra_info("peername")[1])
             connection_made(connection, transport)
 
+        stop = CancelThread.stop
+
+        def stopped(thread: CancelThread) -> asyncio.Future[CancelResult]:
+            self.served.append(STOPPED)
+            return stop(thread)
+
         monkeypatch.setattr(HttpConnection, "connection_made", made)
+        monkeypatch.setattr(CancelThread, "stop", stopped)
 
     @contextlib.contextmanager
     def hold(self, served: Served) -> Iterator[None]:
         """What connects meanwhile is accepted later, in one turn."""
+        self._held.clear()
+        self._released.clear()
         with raw(served):
             self._held.wait(60)
             try:
@@ -76,7 +94,7 @@ def test_an_abandoned_connection_is_never_served(
 def test_a_whole_stop_overtakes_all_that_wait(
     serve: Serve, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    served, watch = serve(), Watch(monkeypatch)
+    watch, served = Watch(monkeypatch), serve()
     own = f"host: 127.0.0.1:{served.server.port}"
     with contextlib.ExitStack() as stack:
         with watch.hold(served):
@@ -89,8 +107,8 @@ def test_a_whole_stop_overtakes_all_that_wait(
         assert answer(stop).startswith(b"HTTP/1.1 200")
         assert stops(served)
         ports = [port(each) for each in others]
-        order = [each for each in watch.served if each in (port(stop), *ports)]
-        assert order[0] == port(stop)
+        order = [each for each in watch.served if each in (STOPPED, *ports)]
+        assert order[0] == STOPPED
         for each in others[20:]:
             assert each.recv(9000).startswith(b"HTTP/1.1 200")
 
@@ -148,3 +166,61 @@ def test_an_accept_that_fails_is_tried_again(
     assert stops(served)
     messages = [each.message for each in caplog.records if "accept" in each.message]
     assert messages == ["Cannot accept a connection: Too many open files"]
+
+
+class Hold:
+    """A fair queue that processes nothing until it is released."""
+
+    def __init__(self, patch: pytest.MonkeyPatch) -> None:
+        self._given = SimpleQueue[tuple[FairQueue, HttpConnection, bytes, bool]]()
+        patch.setattr(FairQueue, "put", lambda *given: self._given.put(given))
+
+    def wait(self) -> Callable[[], object]:
+        """Wait until data is put into it; return what releases this data."""
+        queue, connection, data, priority = self._given.get(timeout=60)
+        return lambda: queue._loop.call_soon_threadsafe(
+            partial(queue.put, connection, data, priority)
+        )
+
+
+def test_connections_that_ended_make_room_before_one_that_waits_to_be_processed(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(descriptors, "MAX_CONNECTIONS", 4)
+    served = serve()
+    own = f"host: 127.0.0.1:{served.server.port}"
+    with contextlib.ExitStack() as stack:
+        with monkeypatch.context() as patch:
+            hold = Hold(patch)
+            waiting = stack.enter_context(raw(served, "GET /api/health HTTP/1.1", own, "", ""))
+            release = hold.wait()
+            for _ in range(8):
+                with raw(served, STOP):
+                    hold.wait()
+        release()
+        assert waiting.recv(9000).startswith(b"HTTP/1.1 200")
+
+
+def test_a_client_does_not_time_out_while_its_data_waits_to_be_processed(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    served, late = serve(), threading.Event()
+    own = f"host: 127.0.0.1:{served.server.port}"
+    timed_out = HttpConnection._head_timed_out
+
+    def timer(connection: HttpConnection) -> None:
+        patch.setattr(connections, "HEAD_SECONDS", 60.0)
+        timed_out(connection)
+        late.set()
+
+    with contextlib.ExitStack() as stack:
+        with monkeypatch.context() as patch:
+            hold = Hold(patch)
+            patch.setattr(FairQueue, "has", lambda queue, connection: True)
+            patch.setattr(HttpConnection, "_head_timed_out", timer)
+            patch.setattr(connections, "HEAD_SECONDS", 0.01)
+            waiting = stack.enter_context(raw(served, "GET /api/health HTTP/1.1", own, "", ""))
+            release = hold.wait()
+            assert late.wait(60)
+        release()
+        assert waiting.recv(9000).startswith(b"HTTP/1.1 200")

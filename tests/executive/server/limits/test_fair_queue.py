@@ -6,7 +6,7 @@ from typing import Any, cast
 
 import pytest
 
-from executive.server.limits.fair_queue import MAX_DEBT, REST_FACTOR, FairQueue
+from executive.server.limits.fair_queue import MAX_BUSY_REST, MAX_DEBT, REST_FACTOR, FairQueue
 
 
 class Loop:
@@ -15,7 +15,7 @@ class Loop:
     def __init__(self) -> None:
         self.soon: list[Callable[[], None]] = []
         self.later: list[tuple[float, Callable[[], None]]] = []
-        self.now = 10.0
+        self.now, self.step = 10.0, 0.0
 
     def time(self) -> float:
         return self.now
@@ -29,6 +29,7 @@ class Loop:
     def advance(self) -> float:
         """Run the pending callbacks, then the only delayed one; return its delay [s]."""
         for act in [self.soon.pop(0) for _ in self.soon]:
+            self.now += self.step  # how long the work took
             act()
         ((delay, act),) = [self.later.pop(0) for _ in self.later]
         self.now += delay
@@ -98,6 +99,16 @@ def test_a_rest_is_in_proportion_to_the_work() -> None:
     a.send("3")
     assert rig.processed == ["a1", "a2"]  # the queue still rests
     assert rig.loop.advance() == pytest.approx(REST_FACTOR * 0.25)
+
+
+def test_it_rests_longer_if_others_had_the_processor_meanwhile() -> None:
+    rig = Rig(work=0.25)
+    rig.loop.step = 0.251
+    rig.connection("a").send("1")
+    assert rig.loop.advance() == pytest.approx(REST_FACTOR * 0.25 - MAX_DEBT + 0.01)
+    rig.loop.step = 7.0
+    rig.connection("b").send("1")
+    assert rig.loop.advance() == pytest.approx(REST_FACTOR * 0.25 - MAX_DEBT + MAX_BUSY_REST)
 
 
 def test_the_rest_after_little_work_is_postponed() -> None:

@@ -93,7 +93,7 @@ def test_a_connection_is_used_again_after_a_stop(serve: Serve) -> None:
     served = serve()
     connection = http.client.HTTPConnection("127.0.0.1", served.server.port, timeout=10)
     with contextlib.closing(connection):
-        for method, path in (*2 * [("POST", "/api/stop")], ("GET", "/api/health")) * 2:
+        for method, path in (("GET", "/api/health"), *2 * [("POST", "/api/stop")]) * 2:
             connection.request(method, path)
             own = connection.sock
             with connection.getresponse() as response:

@@ -1,0 +1,39 @@
+"""This process: its priority, and its end."""
+
+import os
+from contextlib import suppress
+from pathlib import Path
+from typing import NoReturn
+
+NICE = -10  # niceness that is asked for
+_GROUP = Path("/proc/self/autogroup")  # niceness of the session, if Linux schedules by sessions
+
+end_process = os._exit  # ends it at once, from any thread
+_OWN = os.getpid()
+
+
+def forbid_exit() -> None:
+    """Make `os._exit` raise SystemExit in this process. Forked processes can still end.
+
+    A skill cannot end this process then: its goal would have no result, and the exit status 0.
+    """
+    os._exit = _refuse_exit
+
+
+def _refuse_exit(status: int) -> NoReturn:
+    if os.getpid() != _OWN:
+        end_process(status)
+    raise SystemExit(f"os._exit({status}) would end armtree without a result; raise an exception")
+
+
+def raise_priority() -> None:
+    """Run before other programs, if the operating system allows it, as it does for root.
+
+    Frames and stops are then on time on a busy computer. A niceness that the user chose remains.
+    Call it before threads start, because they inherit it.
+    """
+    if os.getpriority(os.PRIO_PROCESS, 0) == 0:
+        with suppress(OSError):
+            os.setpriority(os.PRIO_PROCESS, 0, NICE)
+            if os.getsid(0) == os.getpid():  # otherwise the session is of other programs, too
+                _GROUP.write_text(str(NICE))

@@ -1,0 +1,82 @@
+"""The niceness of a process that moves an arm, and who can end the process of `armtree`."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from executive.cli.support import process
+from tests.support.paths import ROOT
+
+PROGRAM = """
+import os
+from executive.cli.support.process import end_process, forbid_exit
+forbid_exit()
+try:
+    os._exit(0)
+except SystemExit as error:
+    print(error, flush=True)
+if not os.fork():
+    os._exit(5)
+print(os.waitstatus_to_exitcode(os.wait()[1]), flush=True)
+end_process(7)
+"""
+
+
+def test_only_a_child_process_can_end_at_once() -> None:
+    run = subprocess.run(
+        [sys.executable, "-c", PROGRAM], cwd=ROOT, capture_output=True, check=False
+    )
+    assert run.stdout.decode().splitlines() == [
+        "os._exit(0) would end armtree without a result; raise an exception",
+        "5",
+    ]
+    assert run.returncode == 7
+
+
+class Niceness:
+    """The niceness of this process and of its session, as an operating system without limits."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, folder: Path, chosen: int) -> None:
+        self.own, self.session = chosen, folder / "autogroup"
+        self.session.write_text("0")
+        monkeypatch.setattr(process, "NICE", -10)
+        monkeypatch.setattr(process, "_GROUP", self.session)
+        monkeypatch.setattr(os, "getpriority", lambda which, who: self.own)
+        monkeypatch.setattr(os, "setpriority", self._set)
+
+    def _set(self, which: int, who: int, niceness: int) -> None:
+        self.own = niceness
+
+
+@pytest.mark.parametrize(
+    ("leader", "chosen", "own", "session"),
+    [(True, 0, -10, "-10"), (False, 0, -10, "0"), (True, 5, 5, "0"), (True, -20, -20, "0")],
+)
+def test_only_what_is_its_own_and_not_chosen_is_changed(
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    leader: bool,
+    chosen: int,
+    own: int,
+    session: str,
+) -> None:
+    niceness = Niceness(monkeypatch, tmp_path, chosen)
+    monkeypatch.setattr(os, "getsid", lambda pid: os.getpid() + (not leader))
+    process.raise_priority()
+    assert niceness.own == own
+    assert niceness.session.read_text() == session
+
+
+def test_a_refusal_is_ignored(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    niceness = Niceness(monkeypatch, tmp_path, 0)
+
+    def refuse(which: int, who: int, niceness: int) -> None:
+        raise PermissionError
+
+    monkeypatch.setattr(os, "setpriority", refuse)
+    process.raise_priority()
+    assert niceness.own == 0
+    assert niceness.session.read_text() == "0"
