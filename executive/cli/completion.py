@@ -15,7 +15,7 @@ from click.shell_completion import (
     split_arg_string,
 )
 
-from .support.command_group import COMPLETION_VARIABLE
+from .support.command_group import COMPLETION_VARIABLE, command
 from .terminal.streams import echo
 
 # How a shell loads the script, and where the script names the program: an alias is none.
@@ -56,7 +56,7 @@ class _Bash(BashComplete):
 add_completion_class(_Bash)
 
 
-@click.command()
+@command()
 @click.argument("shell", type=click.Choice(list(_LOAD)))
 @click.pass_context
 def completion(context: click.Context, shell: str) -> None:

@@ -4,20 +4,21 @@ import json
 
 import click
 
+from .support.command_group import command
 from .support.settings import FILE, SETTINGS, environment_name, files, find_setting, user_file
 from .terminal.streams import echo
 
 
-@click.command()
+@command()
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object per setting.")
 @click.pass_context
 def config(context: click.Context, as_json: bool) -> None:
     """Show each setting, its value, and where the value comes from.
 
-    A setting is given by an option of a command, such as --recording-timeout, by an environment
-    variable, such as ARMTREE_RECORDING_TIMEOUT, or by a key of a file, such as recording_timeout.
-    Precedence: option, environment, the nearest armtree.toml in the working directory or above it,
-    armtree/armtree.toml in the user's folder for configuration, default.
+    A setting is an option of a command, such as --recording-timeout, an environment variable, such
+    as ARMTREE_RECORDING_TIMEOUT, or a key of a file, such as recording_timeout. Precedence: option,
+    environment, the nearest armtree.toml in the working directory or above it, armtree/armtree.toml
+    in the user's folder for configuration, default.
 
     Relative paths in a file are in the folder of that file. An unknown key is an error.
 

@@ -10,6 +10,7 @@ from click.core import ParameterSource
 
 from executive.api.codes import look_up
 
+from .support.command_group import command
 from .support.names import first_motion, load_library
 from .support.options import (
     port_option,
@@ -22,7 +23,7 @@ from .terminal.streams import echo
 _MARKS = {True: "ok", False: "NO", None: "?"}
 
 
-@click.command()
+@command()
 @port_option
 @robot_option
 @trees_option

@@ -4,9 +4,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import click
-
 from .move import find_server, pose_of
+from .support.command_group import command
 from .support.options import run_options, source_options, speed_option
 from .support.settings import option
 
@@ -17,7 +16,7 @@ if TYPE_CHECKING:
     from hardware import Robot
 
 
-@click.command()
+@command()
 @speed_option
 @option("server")
 @source_options

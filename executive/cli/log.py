@@ -28,6 +28,7 @@ _FILES = click.argument(
 _OUTPUT = click.option(
     "-o",
     "--output",
+    metavar="FOLDER",
     type=PATH,
     default=Path(),
     help="Folder for the files. Default: the working directory.",
@@ -186,7 +187,9 @@ def robot(recording: Path, output: Path, as_json: bool) -> None:
 @log.command()
 @click.argument("one", type=RECORDING)
 @click.argument("other", type=RECORDING)
-@click.option("-o", "--output", type=DRAWING, help="Drawing to write: PNG, SVG or PDF.")
+@click.option(
+    "-o", "--output", metavar="FILE", type=DRAWING, help="Drawing to write: PNG, SVG or PDF."
+)
 @_JSON
 def diff(one: Path, other: Path, output: Path | None, as_json: bool) -> None:
     """Compare the frames and joint positions of two runs.
@@ -218,6 +221,7 @@ def diff(one: Path, other: Path, output: Path | None, as_json: bool) -> None:
 @click.option(
     "-o",
     "--output",
+    metavar="FILE",
     type=DRAWING,
     help="Drawing to write: PNG, SVG or PDF. Default: a PNG beside the recording.",
 )
@@ -298,8 +302,12 @@ def pin(recordings: tuple[Path, ...], off: bool, as_json: bool) -> None:
     type=click.Path(path_type=Path, file_okay=False),
     default=lambda: find_setting(click.get_current_context(), "recordings")[0],
 )
-@click.option("--days", type=AT_LEAST_0, help="Delete recordings older than this [days].")
-@click.option("--mb", type=AT_LEAST_0, help="Delete the oldest beyond this total size [MB].")
+@click.option(
+    "--days", metavar="DAYS", type=AT_LEAST_0, help="Delete recordings older than this [days]."
+)
+@click.option(
+    "--mb", metavar="MB", type=AT_LEAST_0, help="Delete the oldest beyond this total size [MB]."
+)
 @click.option("--dry-run", is_flag=True, help="Delete nothing; list what would be deleted.")
 @_JSON
 def prune(folder: Path, days: float | None, mb: float | None, dry_run: bool, as_json: bool) -> None:

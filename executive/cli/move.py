@@ -12,7 +12,7 @@ from click.core import ParameterSource
 
 from executive.api.codes import look_up
 
-from .support.command_group import diagnostics
+from .support.command_group import command, diagnostics
 from .support.names import complete_pose
 from .support.options import (
     recordings_option,
@@ -94,7 +94,7 @@ def _execute(
     return look_up(outcome.code).exit_status
 
 
-@click.command(context_settings={"ignore_unknown_options": True})  # -0.1 is a number
+@command(context_settings={"ignore_unknown_options": True})  # -0.1 is a number
 @click.argument(
     "words",
     metavar="TARGET...",
@@ -104,7 +104,7 @@ def _execute(
     shell_complete=complete_pose,
 )
 @click.option(
-    "--by", "relative", is_flag=True, help="TARGET is a change: of joints, or x y z from the tool."
+    "--by", "relative", is_flag=True, help="TARGET is a change: of joints, or of the tool's x y z."
 )
 @_moving
 def move(words: tuple[str, ...], relative: bool, speed: float) -> "Move":
@@ -116,7 +116,7 @@ def move(words: tuple[str, ...], relative: bool, speed: float) -> "Move":
     \b
       JOINT=VALUE, JOINT+=CHANGE  joints; the others stay
       POSE                        a saved pose, or home
-      width=VALUE                 the distance between the fingers
+      width=VALUE                 distance between the fingers
       X Y Z                       a point for the tool
 
     Numbers without a unit are in rad and m. Joints and poses can be combined.
@@ -135,7 +135,7 @@ def move(words: tuple[str, ...], relative: bool, speed: float) -> "Move":
     return Move(words, relative, speed)
 
 
-@click.command()
+@command()
 @_moving
 def home(speed: float) -> "Move":
     """Move to the home of the robot.
@@ -148,7 +148,7 @@ def home(speed: float) -> "Move":
     return Move((HOME,), speed=speed)
 
 
-@click.command()
+@command()
 @option("server")
 @robot_option
 @recordings_option
@@ -232,7 +232,7 @@ def _where_lines(found: "Where", source: str) -> Sequence[str]:
     return lines
 
 
-@click.command()
+@command()
 @option("server")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def stop(server: str | None, as_json: bool) -> None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from .support.command_group import command
 from .support.names import first_motion
 from .support.options import own_trees_option
 from .support.settings import PATH
@@ -23,9 +24,15 @@ _SWAP = """\
 gripper, swap the two names."""
 
 
-@click.command("new-arm")
+@command("new-arm")
 @click.argument("urdf", type=PATH)
-@click.option("-o", "--output", type=PATH, help="Robot file to write. Default: as the URDF, here.")
+@click.option(
+    "-o",
+    "--output",
+    metavar="FILE",
+    type=PATH,
+    help="Robot file to write. Default: as the URDF, here.",
+)
 @click.option("--tool", metavar="LINK", help="Link of the tool. Default: asked for, or guessed.")
 @click.option(
     "--gripper",

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import click
 
+from .support.command_group import command
 from .support.names import complete_goal, load_library
 from .support.options import (
     DRAWING,
@@ -17,7 +18,7 @@ from .support.settings import option
 from .terminal.streams import echo
 
 
-@click.command(context_settings={"ignore_unknown_options": True})  # -0.1 is a number
+@command(context_settings={"ignore_unknown_options": True})  # -0.1 is a number
 @click.argument(
     "goal",
     metavar="GOAL...",
@@ -32,12 +33,14 @@ from .terminal.streams import echo
 @click.option(
     "--start",
     multiple=True,
+    metavar="GOAL",
     help="Start in quotes: joints, poses or a point, as in GOAL. Default: that of the robot file.",
 )
 @click.option(
     "--via",
     multiple=True,
-    help="Point to pass without a stop, written like --start. May be repeated.",
+    metavar="GOAL",
+    help="A point to pass without a stop, written like --start. May be repeated.",
 )
 @click.option("--relative", is_flag=True, help="Count x y z from the tool's position at the start.")
 @click.option("--direction", nargs=3, metavar="X Y Z", help="Direction of the tool's axis.")
@@ -46,12 +49,15 @@ from .terminal.streams import echo
 @click.option("--axis", nargs=3, metavar="X Y Z", help="Axis of the tool on its link.")
 @option("world")
 @click.option(
-    "--group", help="Group that moves. Default: the group of the named joints, else the arm."
+    "--group",
+    metavar="GROUP",
+    help="Group that moves. Default: the group of the named joints, else the arm.",
 )
 @option("seed")
 @click.option(
     "-o",
     "--output",
+    metavar="FILE",
     type=DRAWING,
     default=Path("plan.png"),
     show_default=True,
@@ -75,9 +81,9 @@ def plan(
     output: Path,
     as_json: bool,
 ) -> None:
-    """Plan a motion without an arm, explain and draw it.
+    """Plan a motion without an arm; explain it and draw it.
 
-    The explanation says which limits set the duration. GOAL is one of:
+    The explanation names the limits that set the duration. GOAL is one of:
 
     \b
       JOINT=VALUE     a joint; the others do not move

@@ -35,6 +35,7 @@ def pose() -> None:
 @_name
 @click.option(
     "--group",
+    metavar="GROUP",
     default="arm",
     show_default=True,
     help="Joints to save: a group of the robot, or `all`.",
@@ -55,7 +56,7 @@ def save(
 ) -> None:
     """Save the commanded pose of the arm, as `armtree where` shows it.
 
-    A pose that ships is not changed: with --replace, your file says that its own pose replaces it.
+    A pose that ships is never changed. With --replace, your own pose is used in its place.
 
     \b
     Examples:

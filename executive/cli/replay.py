@@ -9,19 +9,19 @@ import click
 
 from executive.api.codes import DIFFERS, look_up
 
-from .support.command_group import diagnostics
+from .support.command_group import command, diagnostics
 from .support.failures import print_incomplete
 from .support.names import RECORDING, complete_port
 from .support.settings import ABOVE_0, AT_LEAST_0, option
 from .terminal.streams import echo
 
 
-@click.command()
+@command()
 @click.argument("recordings", metavar="RECORDING...", nargs=-1, required=True, type=RECORDING)
 @click.option(
-    "--verify", is_flag=True, help="Plan and compile again, and compare. Accepts folders too."
+    "--verify", is_flag=True, help="Plan and compile again, and compare. RECORDING may be a folder."
 )
-@click.option("--watch", is_flag=True, help="Show the run as it was shown, without an arm.")
+@click.option("--watch", is_flag=True, help="Show the run, without an arm.")
 @click.option(
     "--on",
     "port",
@@ -31,16 +31,18 @@ from .terminal.streams import echo
 )
 @click.option(
     "--speed",
+    metavar="FACTOR",
     type=ABOVE_0,
     default=1.0,
     show_default=True,
     help="2 is twice as fast. At most 1 with --on.",
 )
 @click.option(
-    "--at", type=AT_LEAST_0, metavar="SECONDS", help="With --watch: show this moment only [s]."
+    "--at", type=AT_LEAST_0, metavar="SECONDS", help="With --watch: show only this moment [s]."
 )
 @click.option(
     "--jobs",
+    metavar="N",
     type=click.IntRange(1),
     help="With --verify: number of processes. Default: one per core.",
 )
@@ -63,12 +65,12 @@ def replay(
 ) -> None:
     """Verify recorded runs, show one again, or send it again.
 
-    --verify plans and compiles each run again, and compares. --watch shows a run as it was shown.
-    --on PORT sends the frames of a run to an arm.
+    --verify plans and compiles each run again, and compares the result with the recording. --watch
+    shows a run without an arm. --on PORT sends the frames of a run to an arm.
 
-    Exit status of --verify: 12 if a recording differs, else 10 if one lacks the end of its run,
-    also if it was recovered, else 3 if one cannot be read, else 0. Recordings that are being
-    written are skipped; if there is no other, the exit status is 10.
+    Exit status of --verify: 12 if a recording differs. Else 10 if the end of a run is missing, even
+    if the recording was recovered. Else 3 if a recording cannot be read. Else 0. Recordings that
+    are being written are skipped. If there are no others, the exit status is 10.
 
     Keys of --watch in a terminal: space pauses, left and right move by 1 s, up and down change the
     speed, q quits.

@@ -7,12 +7,12 @@ import click
 
 from executive.api.codes import look_up
 
-from .support.command_group import diagnostics
+from .support.command_group import command, diagnostics
 from .support.names import TASK, load_library
 from .support.options import run_options, set_option, source_options
 
 
-@click.command()
+@command()
 @click.argument("tasks", metavar="TASK...", nargs=-1, required=True, type=TASK)
 @source_options
 @set_option
@@ -26,8 +26,8 @@ def run(
 ) -> None:
     """Run tasks, one after the other, and record each run.
 
-    A TASK is the number or the name of a task. The first Ctrl-C cancels the task and stops the arm,
-    the second one exits at once. The exit status is that of the last task that ran.
+    A TASK is the number or the name of a task. Ctrl-C cancels it and stops the arm. A second Ctrl-C
+    exits at once. The exit status is that of the last task that ran.
 
     \b
     Examples:

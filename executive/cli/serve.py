@@ -4,31 +4,45 @@ from typing import Any
 
 import click
 
+from .support.command_group import command
 from .support.options import run_options, source_options
 from .support.settings import option
 
 
-@click.command()
+@command()
 @source_options
 @click.option("--activate", is_flag=True, help="Activate the arm at once. This may move it.")
 @option("policy")
 @click.option(
-    "--bind", "address", default="127.0.0.1", show_default=True, help="Address to listen on."
+    "--bind",
+    "address",
+    metavar="ADDRESS",
+    default="127.0.0.1",
+    show_default=True,
+    help="Address to listen on.",
 )
 @option("tcp_port")
 @option("result_timeout")
 @click.option(
-    "--host", "hosts", multiple=True, help="Further name of this server: NAME or NAME:PORT."
+    "--host",
+    "hosts",
+    metavar="NAME",
+    multiple=True,
+    help="Another name of this server: NAME or NAME:PORT. May be repeated.",
 )
 @click.option(
-    "--origin", "origins", multiple=True, help="Web page that may connect: http://NAME:PORT."
+    "--origin",
+    "origins",
+    metavar="URL",
+    multiple=True,
+    help="Web page that may connect: http://NAME:PORT. May be repeated.",
 )
 @click.option(
     "--expose",
     is_flag=True,
-    help="Accept other machines. Everything but a stop needs the token.",
+    help="Accept other machines. They need the token for everything except a stop.",
 )
-@click.option("--rosbridge", is_flag=True, help="Accept rosbridge clients too, without a token.")
+@click.option("--rosbridge", is_flag=True, help="Also accept rosbridge clients, without a token.")
 @run_options
 def serve(
     address: str,

@@ -11,7 +11,7 @@ import click
 
 from executive.api.codes import look_up
 
-from .support.command_group import diagnostics
+from .support.command_group import command, diagnostics
 from .support.names import TASK, complete_node
 from .support.options import pose_option, set_option
 from .support.settings import find_setting, option
@@ -52,13 +52,13 @@ def _with_client(function: Callable[..., None]) -> Callable[..., None]:
     return command
 
 
-@click.command()
+@command()
 @click.argument("task", type=TASK)
 @click.option("--wait", is_flag=True, help="Show the run until it ends. Ctrl-C cancels it.")
 @click.option(
     "--deadman",
     is_flag=True,
-    help="Like --wait; cancel the goal if this command dies or does not respond.",
+    help="Like --wait. The server cancels the goal if this command dies or stops responding.",
 )
 @set_option
 @_with_client
@@ -70,9 +70,9 @@ def send(
     deadman: bool,
     settings: tuple[str, ...],
 ) -> None:
-    """Send a goal to a server: run TASK, given by its number or name.
+    """Run TASK on a server. TASK is the number or the name of a task.
 
-    Prints the id of the goal, or with --wait the same as `armtree run`.
+    Prints the id of the goal at once. With --wait, shows the run as `armtree run` does.
     """
     from .support.server_goals import parameters, send_and_wait
 
@@ -83,7 +83,7 @@ def send(
     echo(json.dumps({"goal_id": goal_id}) if as_json else goal_id)
 
 
-@click.command()
+@command()
 @_goal_argument
 @click.option(
     "--until",
@@ -112,7 +112,7 @@ def cancel(client: "Client", as_json: bool, goal_id: str, stamp_ns: int | None) 
     sys.exit(GoalError.exit_status if answer.code.value else 0)
 
 
-@click.command()
+@command()
 @_with_client
 def status(client: "Client", as_json: bool) -> None:
     """Print the state of a server: its arm, goals and breakpoints."""
@@ -123,7 +123,7 @@ def status(client: "Client", as_json: bool) -> None:
     echo(json.dumps(found.to_json()) if as_json else "\n".join(lines))
 
 
-@click.command()
+@command()
 @click.option("--print", "only_print", is_flag=True, help="Print the link, and open no browser.")
 @_with_client
 def view(client: "Client", as_json: bool, only_print: bool) -> None:
@@ -139,7 +139,7 @@ def view(client: "Client", as_json: bool, only_print: bool) -> None:
         webbrowser.open(link)
 
 
-@click.command()
+@command()
 @_with_client
 def watch(client: "Client", as_json: bool) -> None:
     """Show everything that a server does, until Ctrl-C. Goals are not affected."""
@@ -148,7 +148,7 @@ def watch(client: "Client", as_json: bool) -> None:
     watch_server(client, as_json, diagnostics().verbose)
 
 
-@click.command()
+@command()
 @click.argument(
     "transition",
     type=click.Choice(["configure", "activate", "deactivate", "cleanup", "shutdown"]),
@@ -176,7 +176,7 @@ def _change_goal(client: "Client", change: str, goal_id: str, as_json: bool) -> 
     echo(json.dumps(goal.to_json()) if as_json else f"{goal_title(goal.task)} ({goal.identity})")
 
 
-@click.command()
+@command()
 @_goal_argument
 @_with_client
 def pause(client: "Client", as_json: bool, goal_id: str) -> None:
@@ -184,7 +184,7 @@ def pause(client: "Client", as_json: bool, goal_id: str) -> None:
     _change_goal(client, "pause", goal_id, as_json)
 
 
-@click.command()
+@command()
 @_goal_argument
 @_with_client
 def resume(client: "Client", as_json: bool, goal_id: str) -> None:
@@ -192,7 +192,7 @@ def resume(client: "Client", as_json: bool, goal_id: str) -> None:
     _change_goal(client, "resume", goal_id, as_json)
 
 
-@click.command()
+@command()
 @_goal_argument
 @_with_client
 def step(client: "Client", as_json: bool, goal_id: str) -> None:
@@ -203,7 +203,7 @@ def step(client: "Client", as_json: bool, goal_id: str) -> None:
     _change_goal(client, "step", goal_id, as_json)
 
 
-@click.command("break")
+@command("break")
 @click.argument("node", required=False, shell_complete=complete_node)
 @click.option("--off", is_flag=True, help="Remove the breakpoint.")
 @_with_client
@@ -220,13 +220,13 @@ def break_(client: "Client", as_json: bool, node: str | None, off: bool) -> None
     echo(json.dumps({"breakpoints": breakpoints}) if as_json else lines)
 
 
-@click.command()
+@command()
 @click.argument("words", nargs=-1, metavar="[ID] [WORDS]...")
 @_with_client
 def answer(client: "Client", as_json: bool, words: tuple[str, ...]) -> None:
     """Answer a question of a running task on a server.
 
-    ID is needed if there are several open questions. Without WORDS, list them.
+    Without WORDS, list the open questions. ID is needed if there are several.
     """
     from .support.server_requests import answer_question
 

@@ -11,6 +11,7 @@ import click
 from hardware.printable import printable
 from hardware.suggestions import plural
 
+from .support.command_group import command
 from .support.failures import plain_mistake, print_incomplete
 from .support.names import TASK_OR_RECORDING, load_library
 from .support.options import (
@@ -28,11 +29,11 @@ if TYPE_CHECKING:
 _MOST_RECORDINGS = 200  # that `armtree tasks` opens, so that it does not take long
 
 _output_option = click.option(
-    "-o", "--output", type=PATH, help="File to write. Default: standard output."
+    "-o", "--output", metavar="FILE", type=PATH, help="File to write. Default: standard output."
 )
 
 
-@click.command()
+@command()
 @trees_option
 @robot_option
 @recordings_option
@@ -112,7 +113,7 @@ def _outcome(time: str, path: Path) -> str:
     return f"unknown, {path.name} is not complete"
 
 
-@click.command()
+@command()
 @click.argument("files", metavar="[FILE]...", nargs=-1, type=PATH)
 @trees_option
 @skills_option
@@ -126,8 +127,8 @@ def check(
 ) -> None:
     """Check task files and report every mistake with its line. Nothing moves.
 
-    Without FILE, all files of --trees are checked. A FILE is checked with the other files of its
-    own folder. The exit status is 3 if there is a mistake.
+    Without FILE, checks all files of --trees. A FILE is checked together with the other files of
+    its folder. The exit status is 3 if there is a mistake.
     """
     source = click.get_current_context().get_parameter_source("trees")
     if files and source is click.core.ParameterSource.COMMANDLINE:
@@ -157,7 +158,7 @@ def check(
         sys.exit(FileError.exit_status)
 
 
-@click.command()
+@command()
 @trees_option
 @robot_option
 @skills_option
@@ -177,7 +178,7 @@ def schema(trees: Path | None, robot: Path | None, output: Path | None) -> None:
         echo(text, nl=False, whole=True)
 
 
-@click.command()
+@command()
 @skills_option
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object per skill.")
 def skills(as_json: bool) -> None:
@@ -206,7 +207,7 @@ def skills(as_json: bool) -> None:
             echo(f"      {verb:<6} {port:<12} {declared}{default}: {declared.description}")
 
 
-@click.command()
+@command()
 @click.argument("subject", metavar="TASK|RECORDING", type=TASK_OR_RECORDING)
 @trees_option
 @skills_option
@@ -231,9 +232,9 @@ def show(
 ) -> None:
     """Draw the tree of a task or of a recorded run.
 
-    A task is given by its number or name; a recording by its file, by `latest`, `latest:TASK` or
-    the beginning of its name. In the tree of a recording, colours show how each node ended, and
-    when.
+    TASK is the number or the name of a task. RECORDING is a file, `latest`, `latest:TASK`, or the
+    beginning of a name in the folder of recordings. In the tree of a recording, colours show how
+    each node ended, and when.
     """
     from trees.check import compile_task
     from trees.export.drawings import DRAWINGS
@@ -260,7 +261,7 @@ def show(
         sys.exit(print_incomplete(subject))
 
 
-@click.command()
+@command()
 @click.argument("number", type=click.IntRange(0, 2**31 - 1))
 @click.argument("name")
 @option(
@@ -274,7 +275,8 @@ def show(
 def new(number: int, name: str, trees: Path, robot: Path | None) -> None:
     """Write a new task file: a commented example that runs.
 
-    A task of another robot than the Arduinobot is written to the folder of its name in --trees.
+    A task of a robot other than the Arduinobot is written to the subfolder of --trees with the name
+    of the robot.
 
     \b
     Example:

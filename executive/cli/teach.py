@@ -10,6 +10,7 @@ from hardware.suggestions import plural
 
 from .jog import saving
 from .move import find_server
+from .support.command_group import command
 from .support.options import run_options, source_options, speed_option
 from .support.settings import option
 from .terminal.streams import LastingStream
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from trees.export.taught_task import TaughtTask
 
 
-@click.command()
+@command()
 @click.argument("number", type=click.IntRange(0, 2**31 - 1))
 @click.argument("name")
 @speed_option
@@ -36,8 +37,8 @@ def teach(number: int, name: str, server: str | None, speed: float, **options: A
       w  add a wait, such as 500ms
       u  undo the last step
 
-    The file is written at every step, so Ctrl-C or a closed terminal loses none. It is a plain task
-    file in --trees, ./trees by default. Edit it in any editor.
+    The file is written at every step, so Ctrl-C or a closed terminal loses nothing. It is an
+    ordinary task file in --trees, by default ./trees. Edit it in any editor.
 
     \b
     Example:

@@ -2,7 +2,7 @@
 
 import logging
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
@@ -11,6 +11,9 @@ import click
 
 from executive.cli.terminal.streams import LogFormatter
 
+SETTINGS_SECTION = "Settings, also in armtree.toml, or ARMTREE_SEED and so on"
+_OWN, _COMMON = "Options", "Options of every command"
+_SECTIONS = (_OWN, SETTINGS_SECTION, _COMMON)
 COMPLETION_VARIABLE = "_ARMTREE_COMPLETE"  # the environment variable with which a shell asks
 
 
@@ -59,6 +62,27 @@ _EVERYWHERE = (
 )
 
 
+class Command(click.Command):
+    """A command. Its help lists its own options, then its settings, then those of every command."""
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the options, by section."""
+        sections: dict[str, list[tuple[str, str]]] = {title: [] for title in _SECTIONS}
+        for option in self.get_params(ctx):
+            if isinstance(option, click.Option) and (record := option.get_help_record(ctx)):
+                title = getattr(option, "section", _OWN)
+                sections[_COMMON if option.is_eager else title].append(record)
+        for title, records in sections.items():
+            if records:
+                with formatter.section(title):
+                    formatter.write_dl(records)
+
+
+def command(*arguments: Any, **settings: Any) -> Callable[[Callable[..., Any]], Command]:
+    """Return a decorator that makes a `Command`, as `click.command` does."""
+    return click.command(*arguments, cls=Command, **settings)
+
+
 class CommandGroup(click.Group):
     """A group of commands. Each of them takes --verbose and --debug, before and after its name.
 
@@ -67,6 +91,8 @@ class CommandGroup(click.Group):
             each, such as `new_arm.new_arm`, separated by spaces. They are imported when they are
             needed. Without sections, commands are added by the decorator `command`.
     """
+
+    command_class = Command
 
     def __init__(
         self,

@@ -48,8 +48,8 @@ robot_option, port_option = option("robot"), option("port", shell_complete=compl
 pose_option = click.option(
     "--pose",
     type=click.Choice(["boot", "last"]),
-    help="Confirm the pose of the arm: that of the robot file (boot), or the last commanded one. "
-    "Needed if opening the port does not reset the board.",
+    help="Confirm where the arm is: in the pose of the robot file (boot), or where the last run "
+    "left it (last). Needed if opening the port does not reset the board.",
 )
 recordings_option, trees_option = option("recordings"), option("trees")
 own_trees_option = option(
@@ -60,6 +60,7 @@ own_trees_option = option(
 )
 speed_option = click.option(
     "--speed",
+    metavar="SHARE",
     type=Finite(0.01, 1.0),
     default=1.0,
     show_default=True,

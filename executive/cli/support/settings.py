@@ -16,6 +16,8 @@ from click.core import ParameterSource
 
 from executive.api import PORT
 
+from .command_group import SETTINGS_SECTION
+
 if TYPE_CHECKING:
     from hardware.toml_table import TomlTable
 
@@ -110,24 +112,38 @@ def _own_trees() -> Path | None:
 
 SETTINGS = {
     "port": Setting(
-        type=click.STRING, help="Serial port, or virtual. Default: the port of the robot file."
+        metavar="PORT",
+        type=click.STRING,
+        help="Serial port, or `virtual` for a simulated board. Default: that of the robot file.",
     ),
-    "robot": Setting(type=PATH, help="Robot file. Default: the Arduinobot."),
+    "robot": Setting(metavar="FILE", type=PATH, help="Robot file. Default: the Arduinobot."),
     "trees": Setting(
+        metavar="FOLDER",
         type=PATH,
         default=_own_trees,
         help="Folder with your own task files. Default: ./trees, if it exists.",
     ),
-    "skills": Setting(type=PATH, help="Folder with your own skills: Python files."),
-    "world": Setting(type=PATH, help="JSON file with bodies around the arm; see the example."),
-    "recordings": Setting(type=PATH, default=Path("recordings"), help="Folder for recordings."),
+    "skills": Setting(
+        metavar="FOLDER", type=PATH, help="Folder with your own skills: Python files."
+    ),
+    "world": Setting(
+        metavar="FILE",
+        type=PATH,
+        help="JSON file with the bodies around the arm, as in the example.",
+    ),
+    "recordings": Setting(
+        metavar="FOLDER", type=PATH, default=Path("recordings"), help="Folder for recordings."
+    ),
     "server": Setting(
         type=Url(),
         metavar="URL",
-        help="URL of the server. Default: this machine, port ARMTREE_TCP_PORT.",
+        help="Server. Default: the one on this machine.",
     ),
     "tcp_port": Setting(
-        type=click.IntRange(0, 65535), default=PORT, help="Port to listen on; 0 for any free one."
+        metavar="PORT",
+        type=click.IntRange(0, 65535),
+        default=PORT,
+        help="TCP port of the server; 0 for any free one.",
     ),
     "policy": Setting(
         type=click.Choice(["reject", "queue", "preempt"]),
@@ -138,10 +154,12 @@ SETTINGS = {
         type=Finite(-1),
         default=900.0,
         metavar="SECONDS",
-        help="How long a result is kept [s]; -1: until there are 1000 newer ones.",
+        help="How long a result is kept [s]; -1 to keep it until there are 1000 newer ones.",
     ),
-    "seed": Setting(type=click.IntRange(1), default=1, help="Seed of the planner."),
-    "workers": Setting(type=click.IntRange(1), default=1, help="Number of planner processes."),
+    "seed": Setting(metavar="N", type=click.IntRange(1), default=1, help="Seed of the planner."),
+    "workers": Setting(
+        metavar="N", type=click.IntRange(1), default=1, help="Number of planner processes."
+    ),
     "recording_timeout": Setting(
         type=ABOVE_0,
         default=5.0,
@@ -150,9 +168,11 @@ SETTINGS = {
         "After that time the motion ends with log.behind. While a frame waits, the arm stands "
         "still in the middle of its motion; a shorter time ends more motions on a slow disk.",
     ),
-    "keep_days": Setting(type=AT_LEAST_0, help="Delete recordings older than this [days]."),
+    "keep_days": Setting(metavar="DAYS", type=AT_LEAST_0, help="Delete recordings that are older."),
     "keep_mb": Setting(
-        type=AT_LEAST_0, help="Delete the oldest recordings beyond this total size [MB]."
+        metavar="MB",
+        type=AT_LEAST_0,
+        help="Delete the oldest recordings if all of them together are larger.",
     ),
 }
 
@@ -164,6 +184,12 @@ def environment_name(name: str) -> str:
 
 class SettingOption(click.Option):
     """The option of a setting. If neither it nor its variable is given, the files count."""
+
+    section = SETTINGS_SECTION
+
+    def get_help_extra(self, ctx: click.Context) -> Any:
+        """Return what follows the help text: the default. An error names the range."""
+        return {"default": extra} if (extra := super().get_help_extra(ctx).get("default")) else {}
 
     def consume_value(
         self, ctx: click.Context, opts: Mapping[str, Any]
@@ -198,7 +224,6 @@ def _arguments(name: str) -> dict[str, Any]:
     return {
         "type": row.type,
         "envvar": environment_name(name),
-        "show_envvar": True,
         "help": row.help,
         "metavar": row.metavar,
         "default": row.default,

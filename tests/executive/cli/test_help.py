@@ -10,6 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from executive.cli.main import cli
+from executive.cli.support.settings import SETTINGS
 from tests.support.command_line.commands import commands_of
 from tests.support.command_line.typed import typed
 from trees import UnknownTask
@@ -48,6 +49,20 @@ def test_every_command_is_in_one_section() -> None:
     assert all(re.fullmatch(r"[A-Z][a-z ]+:", section.splitlines()[0]) for section in sections)
     lines = [line for section in sections for line in section.splitlines()[1:]]
     assert sorted(re.findall(r"^  (\S+)", "\n".join(lines), re.M)) == sorted(commands_of(cli))
+
+
+@pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
+def test_options_are_in_sections(words: tuple[str, ...]) -> None:
+    text = help_of(*words)
+    assert not re.search(r"^  -.* (TEXT|INTEGER|FLOAT|PATH|RANGE)\b", text, re.M)
+    if "Commands:" in text or not words:
+        return
+    own, _, common = text.partition("Options of every command:")
+    own, _, settings = own.partition("Settings, also in armtree.toml")
+    assert re.findall(r"--\w+", common) == ["--verbose", "--debug", "--help"]
+    flags = {f"--{name.replace('_', '-')}" for name in SETTINGS}
+    assert not flags & set(re.findall(r"^  (--[\w-]+)", own.partition("Options:")[2], re.M))
+    assert flags >= set(re.findall(r"^  (--[\w-]+)", settings, re.M))
 
 
 @pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
