@@ -27,6 +27,9 @@ OWN_TREES = Path("trees")  # as on the command line
 class Arm:
     """An arm that runs tasks. The first task activates it; `close` shuts it down.
 
+    Only its arguments count. It reads no `armtree.toml` and no environment variable, so that a
+    program moves the same arm wherever it is started.
+
     Args:
         port: Serial port such as `/dev/ttyACM0`; default: `virtual`, a simulated board.
         robot: Robot file; default: the shipped Arduinobot.

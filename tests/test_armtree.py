@@ -157,6 +157,17 @@ def test_a_wrong_argument_is_rejected_at_once(options: dict[str, Any], words: st
     assert "--" not in str(raised.value)  # options of the command line do not help here
 
 
+def test_settings_of_the_command_line_do_not_count(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("ARMTREE_PORT", "/dev/other")
+    (tmp_path / "armtree.toml").write_text('port = "/dev/other"\nseed = 5\nrobot = "other"')
+    with armtree.Arm() as arm:
+        assert arm.executive.port == "virtual"
+        assert (arm.executive.setup.seed, arm.executive.robot.name) == (1, "arduinobot")
+
+
 def test_a_broken_skill_is_reported(tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text("import there_is_no_such_module\n")
     with pytest.raises(ValueError, match="there_is_no_such_module"):

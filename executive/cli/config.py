@@ -20,7 +20,8 @@ def config(context: click.Context, as_json: bool) -> None:
     environment, the nearest armtree.toml in the working directory or above it, armtree/armtree.toml
     in the user's folder for configuration, default.
 
-    Relative paths in a file are in the folder of that file. An unknown key is an error.
+    Relative paths in a file are in the folder of that file. An unknown key is an error. Programs in
+    Python do not read the files.
 
     \b
     Example of an armtree.toml:

@@ -30,7 +30,7 @@ class AsyncClient:
     """A server, for programs that use asyncio. Use it as an asynchronous context.
 
     Args:
-        url: URL; default ARMTREE_SERVER, then the server on this machine.
+        url: URL; default ARMTREE_SERVER, then the server on this machine (ARMTREE_TCP_PORT).
         token: Token; default ARMTREE_TOKEN, then the file that the server wrote for this user.
         clock: Time source for the deadlines of answers; default: real time.
 

@@ -30,7 +30,7 @@ class Client:
     """A server. Use it as a context; any thread may call.
 
     Args:
-        url: URL; default ARMTREE_SERVER, then the server on this machine.
+        url: URL; default ARMTREE_SERVER, then the server on this machine (ARMTREE_TCP_PORT).
         token: Token; default ARMTREE_TOKEN, then the file that the server wrote for this user.
         clock: Time source for the deadlines of answers; default: real time.
 
