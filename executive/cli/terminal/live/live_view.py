@@ -54,7 +54,8 @@ class LiveView(View):
         self._screen: FullScreen | None = None
         self._state = RunState()
         self._ahead = -float("inf")  # of the clock of the events [s]
-        self._said: list[str] = []  # while the alternate screen is shown
+        self._said: list[str] = []  # for the alternate screen, until the goal ends
+        self._printed = 0  # how many of them the normal screen has
         self._running = self._asks = False
 
     def show(self, item: Item) -> None:
@@ -86,11 +87,13 @@ class LiveView(View):
             return
         if self._screen is None:
             self._screen = FullScreen(self._console.file).__enter__()
-        width, rows = self._console.size
-        said = [line for text in self._said for line in fold(printable(text), width).split("\n")]
-        said = said[-max(1, rows // 4) :]
-        lines = self._rendered(self.picture(), rows - 1 - len(said))
-        self._screen.draw(lines + [line[:width] for line in said])
+        rows = self._console.height
+        said = [line for text in self._said for line in text.split("\n")][-max(1, rows // 8) :]
+        with self._console.capture() as captured:
+            self._console.print(self.picture(), height=rows - 1 - len(said))
+            for line in said:
+                self._console.print(Text(printable(line)), no_wrap=True, overflow="ellipsis")
+        self._screen.draw(captured.get().rstrip("\n").split("\n"))
 
     def close(self) -> None:
         """Print the last picture of a goal without an outcome."""
@@ -118,6 +121,8 @@ class LiveView(View):
         if self._running:
             self._console.print(replace(self.picture(), joints=not where))
         self._running = False
+        self._said.clear()
+        self._printed = 0
         text = "\n".join(filter(None, (outcome.text(), where)))
         self._print(text, outcome.state.name, _OUTCOMES[outcome.state])
 
@@ -126,20 +131,17 @@ class LiveView(View):
         screen, self._screen = self._screen, None
         if screen:
             screen.__exit__()
-            for text in self._said:
-                self._print(text)
-            self._said.clear()
+        self._print_said()
 
     def _say(self, text: str) -> None:
-        if self._screen:
-            self._said.append(text)
-        else:
-            self._print(text)
+        self._said.append(text)
+        if self._screen is None:
+            self._print_said()
 
-    def _rendered(self, picture: "Picture", rows: int) -> list[str]:
-        with self._console.capture() as captured:
-            self._console.print(picture, height=rows)
-        return captured.get().rstrip("\n").split("\n")
+    def _print_said(self) -> None:
+        for text in self._said[self._printed :]:
+            self._print(text)
+        self._printed = len(self._said)
 
     def _print(self, words: str, styled: str = "", style: str = "") -> None:
         text = Text(fold(printable(words), self._console.width))
