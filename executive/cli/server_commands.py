@@ -160,6 +160,11 @@ def arm(client: "Client", as_json: bool, transition: str, pose: str | None) -> N
 
     activate opens the serial port, which may move the arm.
     """
+    from .support.server_goals import activate
+
+    if transition == "activate" and not as_json:
+        echo(activate(client, pose, diagnostics().verbose))
+        return
     state = client.arm(transition, pose)
     echo(json.dumps({"arm": state}) if as_json else state)
 

@@ -15,6 +15,7 @@ from executive.cli.terminal.view import View
 from executive.cli.terminal.views import view_for
 from executive.client.synchronous import Client
 from executive.errors import ClientError, Refused
+from hardware import RealClock, State
 from trees.compile.arguments import read_arguments
 
 from .interrupts import CANCELING, Interrupts
@@ -83,6 +84,26 @@ def parameters(settings: Sequence[str]) -> dict[str, str]:
     """
     read_arguments(settings)
     return dict(setting.split("=", 1) for setting in settings)
+
+
+def activate(client: Client, pose: str | None, verbose: bool) -> str:
+    """Activate the arm of a server, and show how long its board still boots.
+
+    Args:
+        client: Client of the server.
+        pose: Confirmed start pose; None for none.
+        verbose: True if the log is printed.
+
+    Returns:
+        The new state.
+
+    Raises:
+        ClientError: The server cannot be reached, or rejects it.
+    """
+    with view_for(False, verbose) as view:
+        view.put(where := client.where())
+        view.put(logs.Transition(RealClock().now(), "activate", where.arm, State.ACTIVATING))
+        return client.arm("activate", pose)
 
 
 def watch(client: Client, as_json: bool, verbose: bool) -> None:

@@ -128,16 +128,18 @@ def test_a_day_in_the_life_of_a_server(typed: tuple[Served, Typed]) -> None:
     assert {"goal", "node", "feedback"} <= {event["event"] for event in events}
 
 
-def test_a_live_view_of_a_server_knows_the_joints(
+def test_a_live_view_of_a_server_knows_its_boot_and_its_joints(
     typed: tuple[Served, Typed], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    served, type_in = typed
-    screen = io.StringIO()
-    view = LiveView(Console(file=screen, width=80, height=24))
-    monkeypatch.setattr(server_goals, "view_for", lambda *_: view)
-    served.executive.arm_to("activate")
+    _, type_in = typed
+    console = Console(file=io.StringIO(), width=80, height=24, force_terminal=True, no_color=True)
+    monkeypatch.setattr(server_goals, "view_for", lambda *_: LiveView(console))
+    screen = console.file
+    assert isinstance(screen, io.StringIO)
+    assert type_in("arm", "activate")[:2] == (0, "active\n")
     assert type_in("send", "1", "--wait")[0] == 0
-    assert re.search("^joint_1 +-?[0-9.]+ deg ├.*●.*┤$", screen.getvalue(), re.M)
+    *_, last = re.sub("\x1b[^mhlJHK]*[mhlJHK]", "", screen.getvalue()).split("task 1 nothing ")
+    assert re.search("^joint_1 +-?[0-9.]+ deg ├.*●.*┤$", last, re.M)
 
 
 def test_a_task_by_its_name(typed: tuple[Served, Typed]) -> None:

@@ -13,6 +13,7 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 
 import logs
+from executive.api.outcome import Outcome
 from executive.cli.terminal import player as keyboard
 from executive.cli.terminal.player import Player
 from executive.replay.verification import verify
@@ -154,16 +155,14 @@ def test_watching_shows_what_the_run_showed(tmp_path: Path, picked: Path) -> Non
 
 
 class Seen:
-    """A view that only keeps its input."""
+    """A view that only keeps the records."""
 
     def __init__(self) -> None:
         self.reported: list[logs.Record] = []
 
-    def watch(self, record: logs.Record) -> None:
-        self.reported.append(record)
-
-    def report(self, outcome: object) -> None:
-        """Does nothing."""
+    def put(self, item: logs.Record | Outcome) -> None:
+        if not isinstance(item, Outcome):
+            self.reported.append(item)
 
 
 def test_every_recording_starts_with_the_state_of_the_arm(tmp_path: Path, rig: RigMaker) -> None:
