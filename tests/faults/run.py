@@ -9,6 +9,7 @@ import dataclasses
 import importlib
 import itertools
 import json
+import math
 import os
 import platform
 import random
@@ -23,6 +24,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 sys.path[0] = str(ROOT)  # in place of this folder
 
+from tests.faults.machine import Busy, Machine  # noqa: E402
 from tests.faults.row import Row, Scene, inject  # noqa: E402
 
 HERE = Path(__file__).parent
@@ -31,7 +33,12 @@ JOBS = 2
 
 @dataclasses.dataclass(frozen=True)
 class Finding:
-    """What came of a row. Figures are in its unit."""
+    """What came of a row. Figures are in its unit.
+
+    Attributes:
+        delay: By how much an idle program woke too late meanwhile, 99th percentile [ms].
+        slowdown: Runnable threads per processor meanwhile, at least 1.
+    """
 
     row: str
     fault: str
@@ -44,6 +51,8 @@ class Finding:
     worst_limit: float | None
     worst: float | None
     unit: str
+    delay: float
+    slowdown: float
     seconds: float
     problems: Sequence[str]
 
@@ -55,17 +64,25 @@ def rows() -> list[Row]:
     return [each for one in modules for each in vars(one).values() if isinstance(each, Row)]
 
 
-def examine(one: Row, times: int, seed: int, folder: Path, keep: bool) -> Finding:
+def examine(one: Row, times: int, seed: int, folder: Path, keep: bool, machine: Machine) -> Finding:
     """Inject a row's fault so often, at times that follow from the seed, the row and the number."""
     begin = time.monotonic()
     scenes = [
         inject(one, folder / f"{one.name}-{number}", f"{seed} {one.name}", number, keep)
         for number in range(times)
     ]
-    return found(one, scenes, time.monotonic() - begin)
+    end = time.monotonic()
+    return found(one, scenes, end - begin, machine.between(begin, end))
 
 
-def found(one: Row, scenes: Iterable[Scene], seconds: float) -> Finding:
+def allowed(limit: float | None, unit: str, busy: Busy) -> float:
+    """The limit on a machine so busy: a reaction may be later, and work may take longer."""
+    if limit is None:
+        return math.inf
+    return {"ms": limit + 1000 * busy.delay, "s": limit * busy.slowdown}.get(unit, limit)
+
+
+def found(one: Row, scenes: Iterable[Scene], seconds: float, busy: Busy) -> Finding:
     """Sum up the injections of a row."""
     scenes = list(scenes)
     problems = [f"{scene.folder.name}: {each}" for scene in scenes for each in scene.problems]
@@ -75,7 +92,7 @@ def found(one: Row, scenes: Iterable[Scene], seconds: float) -> Finding:
     if one.limit is not None and p99 is None:
         problems.append("no figure")
     slow = any(
-        most is not None and seen is not None and seen > most
+        seen is not None and seen > allowed(most, one.unit, busy)
         for most, seen in ((one.limit, p99), (one.worst, worst))
     )
     return Finding(
@@ -90,6 +107,8 @@ def found(one: Row, scenes: Iterable[Scene], seconds: float) -> Finding:
         worst_limit=one.worst,
         worst=worst,
         unit=one.unit,
+        delay=1000 * busy.delay,
+        slowdown=busy.slowdown,
         seconds=seconds,
         problems=problems,
     )
@@ -103,14 +122,21 @@ def cells(each: Finding) -> list[str]:
     """A line of the table."""
     verdict = "held" if each.held else "NOT HELD"
     figures = each.limit, each.p99, each.worst
-    return [each.row, str(each.times), verdict, *(figure(value, each.unit) for value in figures)]
+    seen = [figure(value, each.unit) for value in figures]
+    return [each.row, str(each.times), verdict, *seen, slack(each)]
 
 
-HEADER = ["row", "times", "held", "promised", "p99 seen", "worst"]
+def slack(each: Finding) -> str:
+    """What the limit of a row was extended by."""
+    words = {"ms": f"{each.delay:.1f} ms more", "s": f"{each.slowdown:.1f} times"}
+    return "" if each.limit is None else words.get(each.unit, "")
+
+
+HEADER = ["row", "times", "held", "promised", "p99 seen", "worst", "machine"]
 
 
 def line(texts: Sequence[str]) -> str:
-    widths = (30, 6, 8, 12, 12, 12)
+    widths = (30, 6, 8, 12, 12, 12, 12)
     return "  ".join(text.ljust(width) for text, width in zip(texts, widths, strict=True))
 
 
@@ -119,22 +145,24 @@ def page(findings: Sequence[Finding], seed: int, seconds: float) -> str:
     lines = (HERE / "page.md").read_text().splitlines()
     lines += [
         "",
-        f"{len(findings)} rows, seed {seed}, {seconds / 60:.0f} minutes, {machine()}.",
+        f"{len(findings)} rows, seed {seed}, {seconds / 60:.0f} minutes, {described()}.",
         "",
-        "| row | fault | what must hold | times | held | promised | median | 99 % | worst |",
-        "|---|---|---|---|---|---|---|---|---|",
+        "| row | fault | what must hold | times | held | promised | machine | median | 99 % |"
+        " worst |",
+        "|---|---|---|---|---|---|---|---|---|---|",
     ]
     for each in findings:
         values = each.limit, each.worst_limit, each.median, each.p99, each.worst
         limit, most, *seen = (figure(value, each.unit) for value in values)
         limit += f" (99 %), {most} (worst)" if most else ""
         texts = [f"`{each.row}`", each.fault, each.promise, str(each.times)]
-        texts += ["yes" if each.held else "**no**", f"at most {limit}" if limit else "", *seen]
+        limit = f"at most {limit}" if limit else ""
+        texts += ["yes" if each.held else "**no**", limit, slack(each), *seen]
         lines.append("| " + " | ".join(texts) + " |")
     return "\n".join(lines) + "\n"
 
 
-def machine() -> str:
+def described() -> str:
     """The machine in a few words, with its load."""
     load, cores = os.getloadavg()[1], len(os.sched_getaffinity(0))
     kernel = platform.release().partition("-")[0]
@@ -142,13 +170,18 @@ def machine() -> str:
 
 
 def examined(
-    chosen: Sequence[tuple[Row, int]], seed: int, folder: Path, keep: bool, jobs: int
+    chosen: Sequence[tuple[Row, int]],
+    seed: int,
+    folder: Path,
+    keep: bool,
+    jobs: int,
+    machine: Machine,
 ) -> list[Finding]:
     """Examine the rows, some at the same time, and print each when it is done."""
     printing = threading.Lock()
 
     def work(one: Row, times: int) -> Finding:
-        finding = examine(one, times, seed, folder, keep)
+        finding = examine(one, times, seed, folder, keep, machine)
         with printing:
             sys.stdout.write(line(cells(finding)).rstrip() + "\n")
             for problem in finding.problems[:5]:
@@ -192,9 +225,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if not chosen:
         parser.error("no row is left; --list lists them")
     begin, folder = time.monotonic(), Path(tempfile.mkdtemp(prefix="armtree-faults-"))
-    sys.stdout.write(f"seed {given.seed}, folder {folder}, {machine()}\n{line(HEADER)}\n")
+    sys.stdout.write(f"seed {given.seed}, folder {folder}, {described()}\n{line(HEADER)}\n")
     try:
-        findings = examined(chosen, given.seed, folder, given.keep, given.jobs)
+        with Machine() as machine:
+            findings = examined(chosen, given.seed, folder, given.keep, given.jobs, machine)
     finally:
         if not any(folder.iterdir()):
             folder.rmdir()

@@ -1,13 +1,18 @@
 """The faults of the quick selection, and the comparison of a board's log with a recording."""
 
 import json
+import math
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
 
-from tests.faults.row import compare
+from tests.faults.machine import Busy, Machine
+from tests.faults.process import until
+from tests.faults.row import Row, Scene, compare
+from tests.faults.run import found, rows
 from tests.faults.soaking.figures import Sample, growth
 
 PROGRAM = Path(__file__).with_name("run.py")
@@ -33,10 +38,37 @@ def test_a_difference_between_board_and_recording_is_found(
 
 
 def test_every_row_has_its_name() -> None:
-    command = [sys.executable, str(PROGRAM), "--list"]
-    lines = subprocess.run(command, check=True, capture_output=True, text=True).stdout.splitlines()
-    names = [line.split()[0] for line in lines]
+    names = [one.name for one in rows()]
     assert len(set(names)) == len(names) > 40
+
+
+@pytest.mark.parametrize(
+    ("unit", "figure", "busy", "held"),
+    [
+        ("ms", 50.0, Busy(0.0, 1.0), True),
+        ("ms", 51.0, Busy(0.0, 9.0), False),
+        ("ms", 51.0, Busy(0.001, 1.0), True),
+        ("s", 51.0, Busy(9.0, 1.0), False),
+        ("s", 100.0, Busy(0.0, 2.0), True),
+        ("MiB", 51.0, Busy(9.0, 9.0), False),
+    ],
+)
+def test_a_limit_of_time_is_extended_on_a_busy_machine(
+    tmp_path: Path, unit: str, figure: float, busy: Busy, held: bool
+) -> None:
+    scene = Scene(tmp_path, "")
+    scene.figure(figure)
+    one = Row("a", "b", "c", lambda _: None, limit=50, unit=unit)
+    assert found(one, [scene], 1.0, busy).held is held
+
+
+def test_a_machine_is_measured() -> None:
+    begin = time.monotonic()
+    with Machine() as machine:
+        until("samples", lambda: machine.between(begin, math.inf).delay)
+    busy = machine.between(begin, math.inf)
+    assert busy.slowdown >= 1.0
+    assert machine.between(0.0, begin) == Busy(0.0, 1.0)
 
 
 @pytest.mark.slow
