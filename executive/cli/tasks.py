@@ -21,7 +21,7 @@ from .support.options import (
     trees_option,
 )
 from .support.settings import PATH, option
-from .terminal.streams import echo
+from .terminal.streams import echo, fit
 
 if TYPE_CHECKING:
     from trees import Declaration
@@ -256,7 +256,8 @@ def show(
         output.write_text(click.unstyle(text) + "\n")
         echo(output)
     else:
-        click.echo(text if form == "text" else printable(text))  # noqa: TID251, it has colours
+        shown = fit(text, sys.stdout) if form == "text" else printable(text)
+        click.echo(shown)  # noqa: TID251, it has colours
     if isinstance(subject, Path):
         sys.exit(print_incomplete(subject))
 

@@ -4,7 +4,6 @@ import logging
 import os
 import re
 import sys
-import textwrap
 from typing import Any, TextIO
 
 import click
@@ -13,6 +12,10 @@ from hardware.printable import printable
 
 _HARD = "\xa0"  # a space at which no line is broken
 _UNIT = re.compile(r"(?<=\d) (?=(?:deg|mm|s|ms|kB)\b)")
+_STYLE = re.compile("\x1b\\[[0-9;]*m")
+_WORD = re.compile(r"([ \t]*)([^ \t]+)")
+_GUIDE = re.compile("[ │├└─]*")
+_BELOW = str.maketrans("├└─", "│  ")  # guides of a tree in the line below
 _COLUMNS = 80  # of a terminal that does not know its own
 _STREAMS = (("stdin", "r"), ("stdout", "w"), ("stderr", "w"))
 
@@ -46,7 +49,8 @@ def is_screen(stream: TextIO) -> bool:
 def fold(text: str, width: int) -> str:
     """Return a text with its lines broken at spaces, but not between a number and its unit.
 
-    Lines that continue another are indented. A word that is too long, such as a path, stays whole.
+    Lines that continue another are indented, and keep the guides of a tree. A word that is too
+    long, such as a path, stays whole. Styles have no width.
 
     Args:
         text: The text.
@@ -56,17 +60,21 @@ def fold(text: str, width: int) -> str:
 
 
 def _folded(line: str, width: int) -> list[str]:
-    if len(line) <= width:
+    if _length(line) <= width:
         return [line]
-    indent = len(line) - len(line.lstrip()) + 4
-    parts = textwrap.wrap(
-        _UNIT.sub(_HARD, line),
-        width,
-        subsequent_indent=" " * indent,
-        break_long_words=False,
-        break_on_hyphens=False,
-    )
+    guide = _GUIDE.match(_STYLE.sub("", line))
+    assert guide
+    indent, parts = guide[0].translate(_BELOW) + " " * 4, [""]
+    for gap, word in _WORD.findall(_UNIT.sub(_HARD, line)):
+        if parts[-1].strip() and _length(parts[-1] + gap + word) > width:
+            parts.append(indent + word)
+        else:
+            parts[-1] += gap + word
     return [part.replace(_HARD, " ") for part in parts]
+
+
+def _length(text: str) -> int:
+    return len(_STYLE.sub("", text))
 
 
 def fit(text: str, stream: TextIO) -> str:

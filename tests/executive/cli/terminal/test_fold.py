@@ -90,4 +90,10 @@ def test_json_and_short_lines_stay_as_they_are(folder: Path) -> None:
     assert len(line) > 60
     assert fold("joint_1 -80.2 deg", 10) == fold("joint_1 -80.2 deg", 20) == "joint_1 -80.2 deg"
     assert fold("joint_1 0.0 deg, joint_2 10.5 deg", 30) == "joint_1 0.0 deg, joint_2\n    10.5 deg"
+    tree = "│  ├─ \x1b[31m✗ Fail\x1b[0m  the box is not there"
+    assert fold(tree, 20).split("\n") == [
+        "│  ├─ \x1b[31m✗ Fail\x1b[0m  the",
+        "│  │      box is not",
+        "│  │      there",
+    ]
     assert fold("a\tb  c \nd", 60) == "a\tb  c \nd"
