@@ -27,7 +27,7 @@ if typing.TYPE_CHECKING:
     from .arm.streamer import Playback as Playback, PlaybackState as PlaybackState
     from .clock import Clock as Clock, RealClock as RealClock, SimulatedClock as SimulatedClock
     from .description.robot import CollisionRules as CollisionRules, Robot as Robot, Tool as Tool
-    from .description.robot_file import load_robot as load_robot
+    from .description.robot_file import load_robot as load_robot, shipped_robots as shipped_robots
     from .drivers.board_protocol import BoardProtocol as BoardProtocol
     from .drivers.firmware_profile import Firmware as Firmware, Words as Words
     from .drivers.virtual.link import BoardLink as BoardLink

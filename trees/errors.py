@@ -231,9 +231,9 @@ class UnknownTask(TreeError):
         else:
             there = ", ".join(map(str, self.known)) or "none"
             words = f"Invalid task number {task}; there are {there}"
-        if robot != SHIPPED_ROBOT:
-            words += f". Shipped tasks are for the {SHIPPED_ROBOT}; `armtree new` writes one for "
-            words += f"{robot}, and `armtree move` moves it without a task"
+        if not self.known:
+            words += f". No task is for the robot {robot}; `armtree new` writes one, and "
+            words += "`armtree move` moves it without a task"
         elif any(str(task) in path.stem.split("_", 1) for path in EXAMPLES.glob("*.yaml")):
             words += f". {task} is an example: give {EXAMPLES} as the folder of tasks"
         super().__init__(words)

@@ -1,4 +1,4 @@
-"""`armtree new-arm`."""
+"""`armtree robots` and `armtree new-arm`."""
 
 import shlex
 import sys
@@ -22,6 +22,21 @@ if TYPE_CHECKING:
 _SWAP = """\
 `open` and `closed` are guessed: closed is the limit nearer to 0. If `armtree move open` closes the
 gripper, swap the two names."""
+
+
+@command()
+def robots() -> None:
+    """List the robots that ship, for --robot."""
+    from hardware import load_robot, shipped_robots
+    from trees import Library
+
+    for name, path in shipped_robots().items():
+        robot = load_robot(path)
+        tasks = ", ".join(Library(robot=robot.name).names())
+        echo(f"{name:<12} arm: {', '.join(robot.groups['arm'])}")
+        echo(f"{'':<12} gripper: {', '.join(robot.groups['gripper'])}")
+        echo(f"{'':<12} tasks: {tasks}")
+        echo(f"{'':<12} {path}")
 
 
 @command("new-arm")
@@ -54,7 +69,7 @@ def new_arm(
     Example:
       armtree new-arm so101.urdf
     """  # noqa: D301
-    from hardware import load_robot
+    from hardware import load_robot, shipped_robots
     from hardware.description.new_robot import (
         UrdfUnusable,
         draft_robot,
@@ -84,7 +99,8 @@ def new_arm(
         links = click.Choice(robot.links)
         link = click.prompt("Link of the tool", robot.tool.link, type=links, show_choices=False)
         robot = replace(robot, tool=replace(robot.tool, link=link))
-    robot = replace(robot, name=output.stem)
+    taken = output.stem in shipped_robots()  # whose tasks and poses are for its joints
+    robot = replace(robot, name=f"my_{output.stem}" if taken else output.stem)
     echo("Loading the shapes, and checking 10,000 configurations ...", err=True)
     allowed = find_allowed_pairs(robot, guess_gripper_poses(robot))
     boots = dict(zip((joint.name for joint in robot.actuated), allowed.boot, strict=True))

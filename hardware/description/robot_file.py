@@ -9,7 +9,7 @@ from hardware.drivers.null_driver import NO_BAUD, NO_FIRMWARE, NullDriver
 from hardware.errors import DescriptionError
 from hardware.joints import Joint
 from hardware.link.link import VIRTUAL
-from hardware.suggestions import there_are
+from hardware.suggestions import choices, there_are
 from hardware.toml_table import TomlTable
 
 from .gripper import Gripper
@@ -27,15 +27,14 @@ def load_robot(path: Path | None = None, urdf: Path | None = None) -> Robot:
     """Load a robot.
 
     Args:
-        path: The robot file. Default: that of the shipped Arduinobot.
+        path: The robot file, or the name of a robot that ships. Default: the Arduinobot.
         urdf: The URDF file. Default: the one that the robot file names.
 
     Raises:
         DescriptionError: The file or its URDF is wrong. The message names file, line, key and valid
             choices.
     """
-    if path is None:
-        path = Path(__file__).parents[1] / "robots" / "arduinobot" / "arduinobot.toml"
+    path = _robot_file(path or Path("arduinobot"))
     root = TomlTable.read(path)
     named = path.parent / root.text("urdf")
     urdf_path = urdf or named
@@ -65,6 +64,29 @@ def load_robot(path: Path | None = None, urdf: Path | None = None) -> Robot:
     if firmware is not NO_FIRMWARE:
         _check_serial(root.table("serial"), robot)
     return robot
+
+
+def shipped_robots() -> dict[str, Path]:
+    """Return the robot files that ship, by the name of the robot."""
+    files = (Path(__file__).parents[1] / "robots").glob("*/*.toml")
+    return {file.stem: file for file in sorted(files)}
+
+
+def _robot_file(path: Path) -> Path:
+    """Return the robot file for a path or a name.
+
+    Raises:
+        DescriptionError: It is a name, and no robot of that name ships.
+    """
+    shipped = shipped_robots()
+    if path.is_file() or path.suffix or len(path.parts) != 1:
+        return path
+    if path.name not in shipped:
+        why = (
+            f"is not a robot file, and no such robot ships; there are {choices(path.name, shipped)}"
+        )
+        raise DescriptionError(path, 0, why)
+    return shipped[path.name]
 
 
 def _urdf(root: TomlTable, path: Path) -> Urdf:

@@ -86,6 +86,10 @@ class Setting:
             return table.integer(key, range(int(kind.min or 0), most + 1))
         given = table.number(key) if isinstance(kind, click.FloatRange) else table.text(key)
         if isinstance(kind, click.Path):
+            from hardware import shipped_robots
+
+            if key == "robot" and str(given) in shipped_robots():
+                return Path(str(given))
             return folder / Path(str(given)).expanduser()
         try:
             return kind.convert(given, None, None)
@@ -116,7 +120,11 @@ SETTINGS = {
         type=click.STRING,
         help="Serial port, or `virtual` for a simulated board. Default: that of the robot file.",
     ),
-    "robot": Setting(metavar="FILE", type=PATH, help="Robot file. Default: the Arduinobot."),
+    "robot": Setting(
+        metavar="FILE",
+        type=PATH,
+        help="Robot file, or a name that `armtree robots` lists. Default: arduinobot.",
+    ),
     "trees": Setting(
         metavar="FOLDER",
         type=PATH,

@@ -59,7 +59,7 @@ def test_two_commands_from_a_makers_urdf_to_a_motion(folder: Path, file: str) ->
     assert (robot.groups["arm"][-1], robot.tool.link) == (last, tool)
     assert list(robot.groups["gripper"]) == gripper
     assert command == "move"
-    if robot.name != "so101":  # one arm is moved; for the others the same motion is planned
+    if robot.name != "my_so101":  # one arm is moved; for the others the same motion is planned
         move = read_words(words[:1], robot, {})
         goal = [robot.joint(name).boot + change for name, change in move.changes.items()]
         rest = [joint.boot for joint in robot.actuated_in("arm")[1:]]
@@ -145,3 +145,14 @@ def test_a_urdf_that_is_wrong_leaves_no_file(folder: Path) -> None:
         assert isinstance(result.exception, DescriptionError)
         assert why in str(result.exception)
     assert not (folder / "wrong.toml").exists()
+
+
+def test_the_robots_that_ship_are_listed_and_found_by_name(folder: Path) -> None:
+    said = armtree("robots").output
+    assert "arduinobot   arm: joint_1" in said
+    assert "tasks: home, pick, rest, wave" in said
+    assert "wave" in armtree("tasks", "--robot", "so101").output
+    (folder / "armtree.toml").write_text('robot = "so101"')
+    assert "wave" in armtree("tasks").output
+    wrong = armtree("tasks", "--robot", "so10")
+    assert "there are arduinobot, so101; did you mean so101?" in str(wrong.exception)

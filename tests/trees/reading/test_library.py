@@ -59,7 +59,7 @@ def test_a_robot_of_any_name_has_no_tasks_elsewhere(tmp_path: Path, name: str) -
 
 
 def test_a_shipped_task_is_unknown_to_another_robot() -> None:
-    with pytest.raises(UnknownTask, match=r"none\. Shipped tasks are for the arduinobot"):
+    with pytest.raises(UnknownTask, match=r"none\. No task is for the robot lift; `armtree new`"):
         Library(None, "lift").task(0)
 
 

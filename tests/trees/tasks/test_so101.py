@@ -1,0 +1,38 @@
+"""The tasks that ship for the SO-101, on the model of its bus."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from executive.replay.verification import verify
+from executive.testing import SimulatedArm
+from trees import Library
+
+TASKS = Library(robot="so101").names()
+
+
+@pytest.fixture(scope="module")
+def arm() -> Iterator[SimulatedArm]:
+    with SimulatedArm(robot=Path("so101")) as arm:
+        yield arm
+
+
+@pytest.mark.parametrize("task", TASKS)
+def test_a_task_succeeds(arm: SimulatedArm, task: str) -> None:
+    outcome = arm.run(task)
+    assert outcome.success, outcome.message
+    assert arm.frames
+
+
+def test_a_run_is_verified_and_its_recording_is_small(arm: SimulatedArm) -> None:
+    path = Path(arm.run("rest").recording)
+    assert path.stat().st_size < 2**20
+    verified = verify(path)
+    assert verified.holds, verified.text()
+
+
+def test_the_places_are_three() -> None:
+    assert set(TASKS) == {"home", "pick", "rest", "wave"}
+    poses = {name for file in Library(robot="so101").draft_poses()[0] for name in file.poses}
+    assert {"left", "front", "right", "open", "closed"} <= poses
