@@ -1,6 +1,6 @@
 """The tree compiler: from a task file and skills to a py_trees tree, with every mistake found."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,7 +11,7 @@ from hardware.suggestions import closest, corrections, there_are
 from skills import Context, Port, Skill
 from trees.declarations import ANY, Declaration, type_fits, words
 from trees.errors import Mistakes, Place
-from trees.nodes.kind import KINDS, Child, Control, ControlNodeKind, Flow
+from trees.nodes.kind import KINDS, Control, ControlNodeKind, Flow
 from trees.nodes.unknown import UnknownKind
 from trees.reading.document import REFUSED, Located, StandIn
 from trees.reading.grammar import UNTYPED, Draft, TaskFile
@@ -61,6 +61,7 @@ class CompiledTree:
         files: Texts of the files that were used, by name.
         mistakes: Mistakes so far.
         unread: Keys that a node writes and no node reads.
+        stand_ins: Full names of parameters and ports without a value before the run.
     """
 
     root: Behaviour
@@ -73,6 +74,7 @@ class CompiledTree:
     files: Mapping[str, str]
     mistakes: Mistakes
     unread: Sequence[Key]
+    stand_ins: Set[str]
 
 
 class TreeCompiler:
@@ -91,6 +93,7 @@ class TreeCompiler:
         self._controls: dict[Behaviour, Control] = {}
         self._places: dict[Behaviour, Place] = {}
         self._calls: dict[Behaviour, Place] = {}
+        self._stand_in_names = set[str]()
         self._nodes = 0
 
     def compile(
@@ -131,6 +134,7 @@ class TreeCompiler:
             self._sources.files,
             self._mistakes,
             self._keys.never_read(),
+            self._stand_in_names,
         )
 
     def _wrong(self, place: Place, message: str, instead: str = "") -> None:
@@ -140,7 +144,9 @@ class TreeCompiler:
         """Return placeholders of the declared types, by full names of keys."""
         kinds = {name: port.type or ANY for name, port in declared.items()}
         self._keys.written |= {f"{namespace}/{name}": kind for name, kind in kinds.items()}
-        return {f"{namespace}/{name}": StandIn(name, kind) for name, kind in kinds.items()}
+        stand_ins = {f"{namespace}/{name}": StandIn(name, kind) for name, kind in kinds.items()}
+        self._stand_in_names |= stand_ins.keys()
+        return stand_ins
 
     def _placeholder(self, name: str, place: Place) -> Behaviour:
         """Return a node in place of one that is wrong."""
@@ -209,10 +215,6 @@ class TreeCompiler:
         self._controls[node] = Control(kind, options)
         if wrong or kind is _UNKNOWN:
             self._hooks.doubtful.add(node)
-        children = [_Child(self, *pair, scope) for pair in zip(nodes, specs, strict=True)]
-        if kind.only_asks or kind.condition:
-            self._check_condition(children[-1])
-        kind.check(children, options, _Child(self, node, spec, scope))
         return node
 
     def _option(self, spec: ControlNode, option: str, kind: ControlNodeKind, scope: Scope) -> Any:
@@ -270,11 +272,6 @@ class TreeCompiler:
         for branch in branches:  # a key counts as read if one of them reads it
             before.unread = {n: key for n, key in before.unread.items() if n in branch.unread}
         return nodes, branches or [before]
-
-    def _check_condition(self, child: "_Child") -> None:
-        if name := child.action():
-            there = [name for name, kind in self._skills.items() if kind.condition]
-            child.wrong(f"{name} acts, and cannot be a condition; {there_are(name, there)}")
 
     # Files
 
@@ -524,54 +521,3 @@ class TreeCompiler:
 def _placeholder_value(kind: ControlNodeKind, option: str) -> Any:
     """Return the value of an option that is wrong or not known yet."""
     return kind.placeholders.get(option, kind.options[option].default)
-
-
-class _Child:
-    """A compiled node, with the interface `trees.nodes.kind.Child` that its parent's kind uses.
-
-    Args:
-        compiler: The compiler.
-        node: The node.
-        spec: What it was compiled from, or its place.
-        scope: Scope of the node.
-    """
-
-    def __init__(
-        self, compiler: TreeCompiler, node: Behaviour, spec: TreeNode | Place, scope: Scope
-    ) -> None:
-        self.name = node.name
-        self._compiler, self._node, self._scope = compiler, node, scope
-        self._place = spec if isinstance(spec, Place) else spec.place
-
-    def moves(self) -> bool:
-        """Return whether a skill below the node moves the arm."""
-        return any(leaf.skill.moves for leaf in self._leaves())
-
-    def action(self) -> str:
-        """Return the name of the first skill below the node that is not a condition, or ""."""
-        acting = (leaf.skill for leaf in self._leaves() if not leaf.skill.condition)
-        return next((skill.name for skill in acting), "")
-
-    def lasting(self) -> Iterator[Child]:
-        """Return the nodes below the node that may take longer than one tick."""
-        for below in self._node.iterate():
-            control = self._compiler._controls.get(below)
-            if control and control.kind.lasts(control.options):
-                place = self._compiler._places[below]
-                yield _Child(self._compiler, below, place, self._scope)
-
-    def is_constant(self) -> bool:
-        """Return whether its result depends only on values that are known before the run."""
-        leaves, known = list(self._leaves()), self._scope.stand_ins.keys()
-        return bool(leaves) and all(
-            leaf.skill.pure and known >= set(leaf.keys.values()) for leaf in leaves
-        )
-
-    def wrong(self, message: str) -> None:
-        """Report a mistake at its place in the file."""
-        self._compiler._wrong(self._place, message)
-
-    def _leaves(self) -> Iterator[Leaf]:
-        for below in self._node.iterate():
-            if below in self._compiler._leaves:
-                yield self._compiler._leaves[below]

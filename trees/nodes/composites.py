@@ -1,6 +1,6 @@
 """Sequence and selector: children that run one after the other."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import ClassVar
 
 from py_trees import composites
@@ -11,12 +11,11 @@ from skills import Context
 from trees.declarations import Declaration
 
 from .kind import (
-    Child,
     ControlNodeKind,
     Element,
     Flow,
+    Node,
     Options,
-    Outcomes,
     PossibleOutcomes,
     all_of,
     any_of,
@@ -87,9 +86,9 @@ class _InTurn(ControlNodeKind, register=False):
         """Return the node of BehaviorTree.CPP."""
         return [(self.groot_tag if options["memory"] else f"Reactive{self.groot_tag}", {})]
 
-    def check(self, children: Sequence[Child], options: Options, node: Child) -> None:
+    def check(self, node: Node) -> None:
         """Report actions before the last child of a node without memory."""
-        for child in [] if options["memory"] else children[:-1]:
+        for child in [] if node.options["memory"] else node.below()[:-1]:
             if name := child.action():
                 child.wrong(
                     f"{name} acts; without memory it would be restarted while a later node runs. "
@@ -104,7 +103,7 @@ class SequenceKind(_InTurn):
     with_memory, reactive = composites.Sequence, ReactiveSequence
     groot_tag = "Sequence"
 
-    def possible_outcomes(self, node: Outcomes) -> PossibleOutcomes:
+    def possible_outcomes(self, node: Node) -> PossibleOutcomes:
         """Return the possible outcomes, and report children that are never reached."""
         children = node.children(node.halted)
         node.check_reached([each.succeeds for each in children], "succeeds")
@@ -119,7 +118,7 @@ class SelectorKind(_InTurn):
     with_memory, reactive = composites.Selector, ReactiveSelector
     groot_tag = "Fallback"
 
-    def possible_outcomes(self, node: Outcomes) -> PossibleOutcomes:
+    def possible_outcomes(self, node: Node) -> PossibleOutcomes:
         """Return the possible outcomes, and report children that are never reached."""
         children = node.children(node.halted)
         node.check_reached([each.fails for each in children], "fails")

@@ -9,7 +9,7 @@ from py_trees.decorators import Decorator, FailureIsSuccess, Inverter
 
 from skills import Context, TookTooLong
 
-from .kind import ControlNodeKind, Element, Flow, Options, Outcomes, PossibleOutcomes, duration
+from .kind import ControlNodeKind, Element, Flow, Node, Options, PossibleOutcomes, duration
 
 
 class Timeout(Decorator):
@@ -55,12 +55,12 @@ class TimeoutKind(ControlNodeKind):
     may_halt = True
     node = Timeout
 
-    def possible_outcomes(self, node: Outcomes) -> PossibleOutcomes:
+    def possible_outcomes(self, node: Node) -> PossibleOutcomes:
         """Return the possible outcomes, and report a child that always takes longer."""
         child, after = node.child(0, halted=True), node.options["after"]
         if child.shortest >= after:
             least = f"its child takes at least {child.shortest:.3g} s"
-            node.wrong(f"always fails after {after:g} s; {least}")
+            node.wrong(f"{node.name} always fails after {after:g} s; {least}")
         return PossibleOutcomes(child.succeeds, True, child.shortest)
 
     def groot(self, options: Options) -> list[Element]:
@@ -93,7 +93,7 @@ class InverterKind(_ResultKind):
     decorator = Inverter
     groot_tag = "Inverter"
 
-    def possible_outcomes(self, node: Outcomes) -> PossibleOutcomes:
+    def possible_outcomes(self, node: Node) -> PossibleOutcomes:
         """Return the possible outcomes of the node."""
         child = node.child(0, node.halted)
         return PossibleOutcomes(child.fails, child.succeeds, 0.0)
@@ -106,7 +106,7 @@ class ForceSuccessKind(_ResultKind):
     decorator = FailureIsSuccess
     groot_tag = "ForceSuccess"
 
-    def possible_outcomes(self, node: Outcomes) -> PossibleOutcomes:
+    def possible_outcomes(self, node: Node) -> PossibleOutcomes:
         """Return the possible outcomes of the node."""
         child = node.child(0, node.halted)
         return PossibleOutcomes(True, False, 0.0 if child.fails else child.shortest)

@@ -1,6 +1,6 @@
 """Guard: a node that runs only while a condition holds."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
@@ -9,7 +9,7 @@ from py_trees.composites import Composite
 from skills import Context
 from trees.declarations import Declaration
 
-from .kind import Child, ControlNodeKind, Element, Options, Outcomes, PossibleOutcomes, duration
+from .kind import ControlNodeKind, Element, Node, Options, PossibleOutcomes, duration
 from .loops import busy
 
 
@@ -82,15 +82,15 @@ class GuardKind(ControlNodeKind):
         """Return whether it may take several ticks."""
         return _pauses(options)
 
-    def check(self, children: Sequence[Child], options: Options, node: Child) -> None:
+    def check(self, node: Node) -> None:
         """Report a condition that may take several ticks."""
-        for below in children[1].lasting():
+        for below in node.below()[1].lasting():
             below.wrong(
                 f"{below.name} may take several ticks, but the condition of while must end in one. "
                 "The guard already repeats it"
             )
 
-    def possible_outcomes(self, node: Outcomes) -> PossibleOutcomes:
+    def possible_outcomes(self, node: Node) -> PossibleOutcomes:
         """Return the possible outcomes of the node."""
         pauses, condition = _pauses(node.options), node.child(1, halted=False)
         child = node.child(0, node.halted or (condition.fails and not pauses))

@@ -46,39 +46,33 @@ class PossibleOutcomes:
     shortest: float = 0.0
 
 
-class Child(Protocol):
-    """A compiled child of a node."""
+class Node(Protocol):
+    """A compiled node, with what is known about the nodes below it.
+
+    Attributes:
+        name: Its name.
+        options: Values of its options, if it has children.
+        halted: Whether a node above may halt this one before it ends.
+    """
 
     name: str
+    options: Options
+    halted: bool
+
+    def below(self) -> Sequence["Node"]:
+        """Return its children."""
 
     def moves(self) -> bool:
-        """Return whether a skill below the node moves the arm."""
+        """Return whether a skill in it moves the arm."""
 
     def action(self) -> str:
-        """Return the name of the first skill below the node that is not a condition, or ""."""
+        """Return the name of the first skill in it that is not a condition, or ""."""
 
-    def lasting(self) -> Iterator["Child"]:
-        """Return the nodes below the node that may take longer than one tick."""
+    def lasting(self) -> Iterator["Node"]:
+        """Return the nodes in it that may take longer than one tick."""
 
     def is_constant(self) -> bool:
         """Return whether its result depends only on values that are known before the run."""
-
-    def wrong(self, message: str) -> None:
-        """Report a mistake at its place in the file."""
-
-
-class Outcomes(Protocol):
-    """A compiled node, and how its children can end.
-
-    Attributes:
-        options: Values of the node's options.
-        halted: Whether a node above may halt this one before it ends.
-        count: Number of children.
-    """
-
-    options: Options
-    halted: bool
-    count: int
 
     def child(self, number: int, halted: bool) -> PossibleOutcomes:
         """Return the possible outcomes of a child that may be halted, or is never halted."""
@@ -164,18 +158,12 @@ class ControlNodeKind(ABC):
         """Return whether it may take several ticks, although its children end at once."""
         return self.lasting
 
-    def check(self, children: Sequence[Child], options: Options, node: Child) -> None:
-        """Report mistakes that concern its children together.
-
-        Args:
-            children: Its children.
-            options: Values of its options.
-            node: The node itself.
-        """
+    def check(self, node: Node) -> None:
+        """Report mistakes that do not depend on how its children can end."""
         return
 
     @abstractmethod
-    def possible_outcomes(self, node: Outcomes) -> PossibleOutcomes:
+    def possible_outcomes(self, node: Node) -> PossibleOutcomes:
         """Return the possible outcomes of a node, and report mistakes."""
 
     def groot(self, options: Options) -> list[Element]:

@@ -1,6 +1,6 @@
 """Retry, repeat and wait_for: nodes that run their child several times."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
@@ -9,11 +9,10 @@ from py_trees.decorators import Decorator
 from skills import Context, Skill
 
 from .kind import (
-    Child,
     ControlNodeKind,
     Element,
+    Node,
     Options,
-    Outcomes,
     PossibleOutcomes,
     count,
     duration,
@@ -118,11 +117,11 @@ class RetryKind(ControlNodeKind):
     lasting = True
     node = Retry
 
-    def possible_outcomes(self, node: Outcomes) -> PossibleOutcomes:
+    def possible_outcomes(self, node: Node) -> PossibleOutcomes:
         """Return the possible outcomes, and report a child that never fails."""
         child = node.child(0, node.halted)
         if not child.fails:
-            node.wrong("has nothing to retry: its child never fails")
+            node.wrong(f"{node.name} has nothing to retry: its child never fails")
         return child
 
     def groot(self, options: Options) -> list[Element]:
@@ -177,17 +176,17 @@ class RepeatKind(ControlNodeKind):
         times: int | None = options["times"]
         return times
 
-    def possible_outcomes(self, node: Outcomes) -> PossibleOutcomes:
+    def possible_outcomes(self, node: Node) -> PossibleOutcomes:
         """Return the possible outcomes, and report a loop that never starts again or never ends."""
         child, times = node.child(0, node.halted), node.options["times"]
         if not child.succeeds:
-            node.wrong("has nothing to repeat: its child never succeeds")
+            node.wrong(f"{node.name} has nothing to repeat: its child never succeeds")
         if times is not None:
             return PossibleOutcomes(child.succeeds, child.fails, child.shortest * times)
         if not child.fails and not node.halted:
             node.wrong(
-                "never ends: its child cannot fail; give times, or put it into a timeout or into a "
-                "parallel with policy any"
+                f"{node.name} never ends: its child cannot fail; give times, or put it into a "
+                "timeout or into a parallel with policy any"
             )
         return PossibleOutcomes(False, child.fails, 0.0)
 
@@ -226,16 +225,17 @@ class WaitForKind(ControlNodeKind):
     lasting = True
     node = WaitFor
 
-    def check(self, children: Sequence[Child], options: Options, node: Child) -> None:
+    def check(self, node: Node) -> None:
         """Report a condition that cannot change."""
-        if children[0].is_constant():
-            children[0].wrong("wait_for waits for nothing: its condition is known before the run")
+        (condition,) = node.below()
+        if condition.is_constant():
+            condition.wrong("wait_for waits for nothing: its condition is known before the run")
 
-    def possible_outcomes(self, node: Outcomes) -> PossibleOutcomes:
+    def possible_outcomes(self, node: Node) -> PossibleOutcomes:
         """Return the possible outcomes, and report a condition that never holds."""
         child = node.child(0, node.halted)
         if not child.succeeds:
-            node.wrong("never ends: its condition never holds")
+            node.wrong(f"{node.name} never ends: its condition never holds")
         return PossibleOutcomes(child.succeeds, False, child.shortest)
 
     def groot(self, options: Options) -> list[Element]:

@@ -1,6 +1,6 @@
 """Parallel: children that run at the same time."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
@@ -10,12 +10,11 @@ from skills import Context
 from trees.declarations import Declaration
 
 from .kind import (
-    Child,
     ControlNodeKind,
     Element,
     Flow,
+    Node,
     Options,
-    Outcomes,
     PossibleOutcomes,
     all_of,
     any_of,
@@ -99,20 +98,20 @@ class ParallelKind(ControlNodeKind):
         """Return how its children follow each other."""
         return Flow.ALTERNATIVES if options["policy"] == "any" else Flow.PARALLEL
 
-    def check(self, children: Sequence[Child], options: Options, node: Child) -> None:
+    def check(self, node: Node) -> None:
         """Report several children that move the arm."""
-        if sum(child.moves() for child in children) > 1:
+        if sum(child.moves() for child in node.below()) > 1:
             node.wrong("only one node of a parallel may move the arm")
 
-    def possible_outcomes(self, node: Outcomes) -> PossibleOutcomes:
+    def possible_outcomes(self, node: Node) -> PossibleOutcomes:
         """Return the possible outcomes, and report a race that no child can win."""
         if node.options["policy"] != "any":
             children = node.children(node.halted)
             return all_of(children, max(each.shortest for each in children))
         # Each child may be halted by the others. An endless one is reported below, if all are.
-        children = node.children(node.halted or node.count > 1)
+        children = node.children(node.halted or len(node.below()) > 1)
         if not node.halted and not any(each.succeeds for each in children):
-            node.wrong("never ends: no node of it can succeed")
+            node.wrong(f"{node.name} never ends: no node of it can succeed")
         return any_of(children)
 
     def groot(self, options: Options) -> list[Element]:

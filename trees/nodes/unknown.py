@@ -5,7 +5,7 @@ from py_trees.composites import Sequence
 
 from skills import Context
 
-from .kind import ControlNodeKind, Flow, Options, Outcomes, PossibleOutcomes
+from .kind import ControlNodeKind, Flow, Node, Options, PossibleOutcomes
 
 
 class UnknownKind(ControlNodeKind, register=False):
@@ -23,7 +23,7 @@ class UnknownKind(ControlNodeKind, register=False):
         """Return a new node."""
         return Sequence(name, memory=True, children=children)
 
-    def possible_outcomes(self, node: Outcomes) -> PossibleOutcomes:
+    def possible_outcomes(self, node: Node) -> PossibleOutcomes:
         """Return the possible outcomes of the node."""
         node.children(halted=True)
         return PossibleOutcomes()

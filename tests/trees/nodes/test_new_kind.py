@@ -21,7 +21,7 @@ from trees.export.drawings import as_text
 from trees.export.groot import as_groot
 from trees.export.outline import outline
 from trees.export.schema import schema_text
-from trees.nodes.kind import KINDS, ControlNodeKind, Element, Options, Outcomes, PossibleOutcomes
+from trees.nodes.kind import KINDS, ControlNodeKind, Element, Node, Options, PossibleOutcomes
 
 
 class KeepGoing(Decorator):
@@ -50,10 +50,10 @@ class KeepGoingKind(ControlNodeKind, register=False):
     ) -> Behaviour:
         return KeepGoing(name, children[0], options["failures"])
 
-    def possible_outcomes(self, node: Outcomes) -> PossibleOutcomes:
+    def possible_outcomes(self, node: Node) -> PossibleOutcomes:
         child = node.child(0, node.halted)
         if not child.fails:
-            node.wrong("hides nothing: its child never fails")
+            node.wrong(f"{node.name} hides nothing: its child never fails")
         return PossibleOutcomes(True, child.fails, 0.0)
 
     def groot(self, options: Options) -> list[Element]:
