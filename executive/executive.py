@@ -6,6 +6,7 @@ The command line, the server and the Python interface all use this class.
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 import logs
 from hardware import (
@@ -26,7 +27,6 @@ from logs import MOVE, goal_title
 from skills import Context, NoOperator, Operator, SkillError
 from skills.motion import Pool
 from trees import Library, Located, TreeError
-from trees.live_library import LiveLibrary
 
 from .api.events import Event, Policy, Status, Where
 from .api.move import Move
@@ -43,6 +43,9 @@ from .planning.move_task import move_text
 from .recording.recorded_link import RecordedLink
 from .recording.recordings import Recordings
 from .setup import Setup
+
+if TYPE_CHECKING:
+    from trees.live_library import LiveLibrary
 
 logger = logging.getLogger(__name__)
 
@@ -74,7 +77,7 @@ class Executive:
         setup: Setup,
         robot: Robot,
         link: Link | None,
-        library: Library | LiveLibrary,
+        library: "Library | LiveLibrary",
         pool: Pool,
         clock: Clock,
         operator: Operator | None = None,

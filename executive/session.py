@@ -7,16 +7,15 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import logs
-from hardware import VIRTUAL, Clock, Link, RealClock
+from hardware import VIRTUAL, Clock, Link, RealClock, Robot
 from logs.writing.retention import Rule, prune
 from skills import Operator
 from skills.motion import Pool
 from trees import Library
 from trees.compile.plugins import load_skills
-from trees.live_library import LiveLibrary
 
 from .api.events import Event
 from .api.move import Move, number_of
@@ -24,6 +23,9 @@ from .api.outcome import GoalState, Outcome
 from .errors import ResultTimeout, UnknownGoal
 from .executive import Executive
 from .setup import Setup
+
+if TYPE_CHECKING:
+    from trees.live_library import LiveLibrary
 
 logger = logging.getLogger(__name__)
 
@@ -61,7 +63,7 @@ def open_executive(
         LogError: At the end: a recording could not be finished.
     """
     robot, clock = setup.load_robot(), clock or RealClock()
-    library = LiveLibrary(setup.trees, robot) if setup.reload else Library(setup.trees, robot.name)
+    library = _library(setup, robot)
     port = robot.serial.port if setup.port is None else setup.port
     if link is None and port:
         link = robot.link(port)
@@ -80,6 +82,14 @@ def open_executive(
             if setup.single_user or setup.activate or setup.pose:
                 executive.start_pose.find()  # rejected before the port is opened
             yield executive
+
+
+def _library(setup: Setup, robot: Robot) -> "Library | LiveLibrary":
+    if not setup.reload:
+        return Library(setup.trees, robot.name)
+    from trees.live_library import LiveLibrary  # slow to import: it checks whole files
+
+    return LiveLibrary(setup.trees, robot)
 
 
 def run_task(executive: Executive, task: int | str | Move, arguments: Mapping[str, Any]) -> Outcome:

@@ -1,5 +1,7 @@
 """Breakpoints: a run pauses before a node starts."""
 
+from typing import TYPE_CHECKING
+
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
@@ -7,14 +9,16 @@ from executive.errors import NoSuchNode
 from hardware.suggestions import suggestion
 from trees.build import Tree
 from trees.compile.node_paths import paths
-from trees.live_library import LiveLibrary
 
 from .mailbox import Mailbox
+
+if TYPE_CHECKING:
+    from trees.live_library import LiveLibrary
 
 _SHOWN = 20  # nodes in a message
 
 
-def check_node(library: LiveLibrary, path: str) -> None:
+def check_node(library: "LiveLibrary", path: str) -> None:
     """Check that a task has a node with this path.
 
     Args:

@@ -6,6 +6,7 @@ import uuid
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from threading import Lock, Thread
+from typing import TYPE_CHECKING
 
 import logs
 from executive.errors import GoalError
@@ -18,7 +19,6 @@ from trees import Library, Located, TaskFile, TreeError, UnknownTask
 from trees.build import Tree, build
 from trees.compile.arguments import located
 from trees.errors import BadArguments
-from trees.live_library import LiveLibrary
 
 from .breakpoints import Breakpoints
 from .goal import Goal
@@ -27,6 +27,9 @@ from .queue import GoalQueue
 from .run import Run, decide_outcome
 from .start_pose import StartPose
 from .stop import GoalStopper
+
+if TYPE_CHECKING:
+    from trees.live_library import LiveLibrary
 
 logger = logging.getLogger(__name__)
 
@@ -70,7 +73,7 @@ class GoalExecutor:
         self,
         queue: GoalQueue,
         stopper: GoalStopper,
-        library: Library | LiveLibrary,
+        library: "Library | LiveLibrary",
         recordings: Recordings,
         context: Context,
         breakpoints: set[str],

@@ -39,7 +39,13 @@ UNUSED = {
     "stop": {"executive.goals", "hardware.description", "logs.reading", "skills", "trees.reading"},
     "status": {"executive.goals", "hardware.description", "logs.reading", "skills"},
     "tasks": {"executive.client", "executive.executive", "skills", "trees.compile"},
-    "run": {"executive.client", "executive.replay", "executive.server", "logs.views"},
+    "run": {
+        "executive.client",
+        "executive.replay",
+        "executive.server",
+        "logs.views",
+        "trees.check",
+    },
 }
 CODE = """\
 import sys
