@@ -87,12 +87,13 @@ class LiveView(View):
             return
         if self._screen is None:
             self._screen = FullScreen(self._console.file).__enter__()
-        rows = self._console.height
-        said = [line for text in self._said for line in text.split("\n")][-max(1, rows // 8) :]
+        width, rows = self._console.size
+        last = printable(self._said[-1]) if self._said else ""
+        said = fold(last, width).split("\n")[: rows // 3] if last else []
         with self._console.capture() as captured:
             self._console.print(self.picture(), height=rows - 1 - len(said))
             for line in said:
-                self._console.print(Text(printable(line)), no_wrap=True, overflow="ellipsis")
+                self._console.print(Text(line), no_wrap=True, overflow="ellipsis")
         self._screen.draw(captured.get().rstrip("\n").split("\n"))
 
     def close(self) -> None:
