@@ -54,8 +54,8 @@ class LiveView(View):
         self._screen: FullScreen | None = None
         self._state = RunState()
         self._ahead = -float("inf")  # of the clock of the events [s]
-        self._said: list[str] = []  # for the alternate screen, until the goal ends
-        self._printed = 0  # how many of them the normal screen has
+        self._last = ""  # what was said last
+        self._said: list[str] = []  # while the alternate screen is shown
         self._running = self._asks = False
 
     def show(self, item: Item) -> None:
@@ -74,6 +74,8 @@ class LiveView(View):
             case QuestionStatus():
                 if item.open:
                     self._say(item.text_with_command())
+                elif self._last == item.text_with_command():
+                    self._last = ""
             case Outcome():
                 self._end(item)
             case _:
@@ -88,8 +90,7 @@ class LiveView(View):
         if self._screen is None:
             self._screen = FullScreen(self._console.file).__enter__()
         width, rows = self._console.size
-        last = printable(self._said[-1]) if self._said else ""
-        said = fold(last, width).split("\n")[: rows // 3] if last else []
+        said = fold(printable(self._last), width).split("\n")[: rows // 3] if self._last else []
         with self._console.capture() as captured:
             self._console.print(self.picture(), height=rows - 1 - len(said))
             for line in said:
@@ -121,9 +122,7 @@ class LiveView(View):
         where = self._state.stopped(outcome)
         if self._running:
             self._console.print(replace(self.picture(), joints=not where))
-        self._running = False
-        self._said.clear()
-        self._printed = 0
+        self._running, self._last = False, ""
         text = "\n".join(filter(None, (outcome.text(), where)))
         self._print(text, outcome.state.name, _OUTCOMES[outcome.state])
 
@@ -132,17 +131,16 @@ class LiveView(View):
         screen, self._screen = self._screen, None
         if screen:
             screen.__exit__()
-        self._print_said()
+        for text in self._said:
+            self._print(text)
+        self._said.clear()
 
     def _say(self, text: str) -> None:
-        self._said.append(text)
-        if self._screen is None:
-            self._print_said()
-
-    def _print_said(self) -> None:
-        for text in self._said[self._printed :]:
+        self._last = text
+        if self._screen:
+            self._said.append(text)
+        else:
             self._print(text)
-        self._printed = len(self._said)
 
     def _print(self, words: str, styled: str = "", style: str = "") -> None:
         text = Text(fold(printable(words), self._console.width))

@@ -6,13 +6,14 @@ import os
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from rich.console import Console
 
 import logs
-from executive.api.events import Where
+from executive.api.events import QuestionStatus, Where
 from executive.api.outcome import CANCELED_CAUSE, GoalState, Outcome
 from executive.cli.terminal.live.live_view import LiveView
 from executive.cli.terminal.live.run_state import RunState
@@ -117,6 +118,13 @@ def test_a_question_is_typed_on_the_normal_screen() -> None:
     view.show(Prompt(""))
     view.refresh()
     assert screen.lines[0] == "task 1 pick   arm unconfigured"
+    question = QuestionStatus(1.0, "12345678", "Ready?", (), True)
+    view.show(question)
+    view.refresh()
+    assert screen.lines[-1] == "? Ready?  (armtree answer 12345678 WORDS)"
+    view.show(replace(question, open=False))
+    view.refresh()
+    assert "Ready?" not in "".join(screen.lines)
     view.close()
 
 
