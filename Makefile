@@ -17,7 +17,7 @@ INSTALL := $(PIP) install --quiet --disable-pip-version-check
 COMPILE := uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header \
 	--no-emit-index-url --no-emit-find-links
 
-.PHONY: demo test quick lint types rooms damage faults soak mutation firmware lock
+.PHONY: demo test quick lint types rooms damage faults soak mutation firmware page lock
 
 demo: $(READY)
 	$(VENV)/bin/armtree run 0 1 2 0 --port virtual
@@ -62,6 +62,10 @@ mutation: $(TOOLS)
 # Needs avr-gcc. The version in Debian 12 builds the committed .hex.
 firmware:
 	hardware/drivers/arduino/firmware/build
+
+# Needs npm. Builds the libraries of the server's page.
+page: $(PAGE)
+	cd executive/server/page && npm run --silent build
 
 $(PIP):
 	@$(PYTHON) -c 'import sys; sys.exit("armtree needs Python 3.11 or later" if sys.version_info < (3, 11) else 0)'

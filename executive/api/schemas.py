@@ -216,10 +216,51 @@ STATUS = answer(
     breakpoints=array(TEXT),
     uptime_s=NUMBER,
 )
+_VECTOR = {**array(NUMBER), "minItems": 3, "maxItems": 3}
+DIGEST = {"type": "string", "pattern": "^[0-9a-f]{32}$", "maxLength": 32, "minLength": 32}
 ROBOT = answer(
     "Robot",
     name=TEXT,
     opening={**TEXT, "description": "What the arm does when its port is opened."},
+    links=array(TEXT),
+    joints=array(
+        _object(
+            {
+                "name": TEXT,
+                "type": {
+                    "type": "string",
+                    "enum": ["revolute", "continuous", "prismatic", "fixed"],
+                },
+                "unit": {"type": "string", "enum": list(DISPLAY_UNITS)},
+                "parent": TEXT,
+                "child": TEXT,
+                "xyz": _VECTOR,
+                "rpy": _VECTOR,
+                "axis": _VECTOR,
+                "mimic": {
+                    "type": ["array", "null"],
+                    "description": "The joint that it follows, the factor, and the offset.",
+                },
+            }
+        )
+    ),
+    shapes=array(
+        _object(
+            {
+                "link": TEXT,
+                "kind": {"type": "string", "enum": ["box", "sphere", "cylinder", "mesh"]},
+                "sizes": {
+                    **array(NUMBER),
+                    "description": "x, y, z; radius; or radius and length [m]; scale of a mesh.",
+                },
+                "mesh": {**TEXT, "description": "Digest for `/api/meshes`; empty for no mesh."},
+                "xyz": _VECTOR,
+                "rpy": _VECTOR,
+                "color": _or_null({**array(NUMBER), "minItems": 4, "maxItems": 4}),
+            }
+        )
+    ),
+    tool=_or_null(_object({"link": TEXT, "offset": _VECTOR})),
 )
 WHERE = answer(
     "Where",

@@ -64,8 +64,8 @@ class Subscriber:
 class EventHub:
     """Takes events from any thread and passes them on in the event loop, in order.
 
-    A new subscriber first receives the current state: the running goal, its nodes, its progress and
-    its questions, and the last warning.
+    A new subscriber first receives the current state: the running goal, its nodes, its progress,
+    its newest plans and schedule, its questions, and the last warning.
 
     Args:
         loop: Event loop in which listeners are called.
@@ -129,12 +129,12 @@ class EventHub:
                 self._current["goal"] = event
             case GoalStatus() if event.outcome and self._is_current(event.identity):
                 self._keep("lifecycle", "question")
-            case logs.Transition():
-                self._current["lifecycle"] = event
+            case logs.Transition() | logs.Schedule() | logs.Feedback():
+                self._current[kind_of(event)] = event
             case logs.NodeStatus():
                 self._current[f"node {event.path}"] = event
-            case logs.Feedback():
-                self._current["feedback"] = event
+            case logs.Plan():
+                self._current[f"plan {event.group}"] = event
             case logs.LogLine() if event.level >= logging.WARNING:
                 self._current["warning"] = event
             case QuestionStatus(open=True):

@@ -95,6 +95,29 @@ class Urdf:
         return {joint.name: joint for joint in self.joints if joint.type in _MOVING}
 
 
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """A shape of a link, as it looks.
+
+    Attributes:
+        link: Name of the link.
+        kind: `box`, `sphere`, `cylinder` or `mesh`.
+        sizes: Length along x, y and z; radius; or radius and length [m]. Of a mesh its scale.
+        mesh: Name of the file of a mesh; empty for other shapes.
+        xyz: Position in the frame of the link [m].
+        rpy: Rotation about the link's fixed x, y and z axes, in this order [rad].
+        color: Red, green, blue and opacity, 0 to 1; None if the URDF gives none.
+    """
+
+    link: str
+    kind: str
+    sizes: tuple[float, ...]
+    mesh: str
+    xyz: Vector
+    rpy: Vector
+    color: tuple[float, ...] | None
+
+
 def read_urdf(path: Path) -> Urdf:
     """Read the links and joints of a file.
 
@@ -152,6 +175,30 @@ def count_collision_shapes(path: Path, largest: float) -> dict[str, int]:
     for mistake in _shape_mistakes(root, largest):
         raise mistake
     return {link.get("name", ""): len(link.findall("collision")) for link in root.findall("link")}
+
+
+def visible_shapes(path: Path, usable: Callable[[str], bool]) -> list[Shape]:
+    """Return how the links look: their visual shapes, or their collision shapes if none is usable.
+
+    Args:
+        path: The URDF file.
+        usable: Returns True for the name of a mesh that can be shown.
+
+    Raises:
+        OSError: The file cannot be read.
+        UrdfError: It is not XML.
+    """
+    root = _root(BytesIO(read_file(path, _MAX_BYTES)))
+    colors = {each.get("name", ""): _color(each) for each in root.findall("material")}
+    found = []
+    for link in root.findall("link"):
+        for kind in ("visual", "collision"):
+            shapes = [_shape(link.get("name", ""), each, colors) for each in link.findall(kind)]
+            shown = [each for each in shapes if each and (not each.mesh or usable(each.mesh))]
+            found += shown
+            if shown:
+                break
+    return found
 
 
 def mesh_names(path: Path) -> dict[str, bool]:
@@ -443,6 +490,36 @@ def _check_shape(link: str, shape: Element, largest: float) -> None:
         if len(scale) != 3 or not all(0.0 < abs(number) <= largest for number in scale):
             wanted = f"three numbers other than 0, from {-largest:g} to {largest:g}"
             _reject(where, shape, "scale", wanted)
+
+
+# Visible shapes ----------------------------------------------------------------------------------
+
+
+def _shape(
+    link: str, element: Element, colors: Mapping[str, tuple[float, ...] | None]
+) -> Shape | None:
+    """Return a shape, or None if it is invalid."""
+    try:
+        _check_collision(link, element, math.inf)
+        xyz, rpy = _origin(element)
+    except ValueError:
+        return None
+    shape, material = element.find("geometry/*"), element.find("material")
+    assert shape is not None
+    if shape.tag == "mesh":
+        sizes = _numbers(shape.get("scale", "1 1 1"))
+    else:
+        sizes = [each for key in _SIZES[shape.tag] for each in _numbers(shape.get(key, ""))]
+    color = None
+    if material is not None:
+        color = _color(material) or colors.get(material.get("name", ""))
+    return Shape(link, shape.tag, tuple(sizes), shape.get("filename", ""), xyz, rpy, color)
+
+
+def _color(material: Element) -> tuple[float, ...] | None:
+    color = material.find("color")
+    numbers = [] if color is None else _numbers(color.get("rgba", ""))
+    return tuple(numbers) if len(numbers) == 4 else None
 
 
 # Numbers and messages ----------------------------------------------------------------------------

@@ -23,7 +23,7 @@ from executive.server.errors import http_status
 from executive.server.event_hub import EventHub
 from executive.server.limits.cancel_thread import CancelThread
 from executive.server.metrics import Metrics
-from executive.server.page.robot import description
+from executive.server.page.robot import RobotScene
 from executive.server.recorded_events import recorded_events
 from executive.server.security import is_authenticated
 from executive.server.sign_in import SignIn
@@ -65,7 +65,7 @@ class Endpoints:
     ) -> None:
         self._executive, self._canceler = executive, canceler
         self._library, self._hub, self._questions = library, hub, questions
-        self._sign_in = sign_in
+        self._sign_in, self._scene = sign_in, RobotScene(executive.robot)
         self._metrics = Metrics(executive.status, lambda: len(hub.subscribers))
         self._document = document(OPERATIONS.values())
         self._listing = asyncio.Lock()
@@ -91,7 +91,11 @@ class Endpoints:
 
     async def robot(self) -> Json:
         """Describe the robot."""
-        return description(self._executive.robot)
+        return await asyncio.to_thread(self._scene.description)
+
+    async def mesh(self, digest: str) -> bytes:
+        """Return a mesh of the robot."""
+        return await asyncio.to_thread(self._scene.mesh, digest)
 
     async def status(self) -> Json:
         """Return the state of the arm and of the goals."""

@@ -1,10 +1,98 @@
-"""The robot, as the page needs it."""
+"""The robot as the page draws it: joints, shapes, and meshes by the hash of their content."""
 
+import hashlib
+import threading
+from functools import cached_property
+from pathlib import Path
 from typing import Any
 
+from executive.errors import NotFound
 from hardware import Robot
+from hardware.description.urdf import Shape, UrdfError, UrdfJoint, read_urdf, visible_shapes
+from hardware.files import read_file
+
+MAX_MESH_BYTES = 2**24
+MESH_KIND = ".stl"  # other meshes are not shown, but the collision shape of their link is
 
 
-def description(robot: Robot) -> dict[str, Any]:
-    """Return the robot as a JSON object."""
-    return {"name": robot.name, "opening": robot.open_effect}
+class RobotScene:
+    """Describes a robot for the page. Any thread may call.
+
+    Args:
+        robot: The robot.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        self._robot, self._lock = robot, threading.Lock()
+        self._meshes: dict[str, bytes] = {}
+        self._hashes: dict[str, str] = {}
+
+    def description(self) -> dict[str, Any]:
+        """Return the robot as a JSON object."""
+        with self._lock:
+            return self._description
+
+    def mesh(self, digest: str) -> bytes:
+        """Return the content of a mesh of the description.
+
+        Raises:
+            NotFound: The robot has no such mesh.
+        """
+        self.description()
+        if digest not in self._meshes:
+            raise NotFound(f"the robot has no mesh {digest}")
+        return self._meshes[digest]
+
+    @cached_property
+    def _description(self) -> dict[str, Any]:
+        robot = self._robot
+        tool = robot.tool and {"link": robot.tool.link, "offset": robot.tool.offset}
+        urdf = read_urdf(robot.urdf)
+        return {
+            "name": robot.name,
+            "opening": robot.open_effect,
+            "links": list(urdf.links),
+            "joints": [_joint(each) for each in urdf.joints],
+            "shapes": [self._shape(s) for s in visible_shapes(robot.urdf, self._load_mesh)],
+            "tool": tool,
+        }
+
+    def _load_mesh(self, name: str) -> bool:
+        """Keep a mesh; return False if it cannot be shown."""
+        try:
+            path = Path(self._robot.mesh(name))
+            if path.suffix.lower() != MESH_KIND:
+                return False
+            data = read_file(path, MAX_MESH_BYTES)
+        except (UrdfError, OSError, ValueError):
+            return False
+        self._hashes[name] = digest = hashlib.sha256(data).hexdigest()[:32]
+        self._meshes[digest] = data
+        return True
+
+    def _shape(self, shape: Shape) -> dict[str, Any]:
+        return {
+            "link": shape.link,
+            "kind": shape.kind,
+            "sizes": shape.sizes,
+            "mesh": self._hashes.get(shape.mesh, ""),
+            "xyz": shape.xyz,
+            "rpy": shape.rpy,
+            "color": shape.color,
+        }
+
+
+def _joint(joint: UrdfJoint) -> dict[str, Any]:
+    mimic = joint.mimic
+    follows = mimic and [mimic.leader, mimic.multiplier, mimic.offset]
+    return {
+        "name": joint.name,
+        "type": joint.type,
+        "unit": joint.unit,
+        "parent": joint.parent,
+        "child": joint.child,
+        "xyz": joint.xyz,
+        "rpy": joint.rpy,
+        "axis": joint.axis,
+        "mimic": follows,
+    }

@@ -25,8 +25,11 @@ pytestmark = pytest.mark.slow
 pytest_plugins = ["tests.support.servers.server_fixtures"]
 
 
+OTHERS = {"question_id": "01234567", "task": 0, "digest": "0" * 32}
+
+
 def path_of(template: str, goal: str = GOAL, transition: str = "configure") -> str:
-    return template.format(goal_id=goal, transition=transition, question_id="01234567", task=0)
+    return template.format(goal_id=goal, transition=transition, **OTHERS)
 
 
 def test_only_a_stop_needs_no_token(serve: Serve) -> None:

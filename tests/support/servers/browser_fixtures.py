@@ -1,7 +1,7 @@
 """The page of a server in Chromium: one browser for all tests, one server for each module."""
 
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
@@ -52,8 +52,8 @@ def open_page(browser: Any, page_server: Served) -> Iterator[Open]:
     def note(problem: str, is_one: bool) -> None:
         problems.extend([problem] if is_one else [])
 
-    def open_tab(link: str = "", **options: Any) -> Tab:
-        """Open a link, by default one that signs in."""
+    def open_tab(link: str = "", prepare: Callable[[Tab], object] = id, **options: Any) -> Tab:
+        """Open a link, by default one that signs in; `prepare` gets the empty tab before."""
         context = browser.new_context(**options)
         context.set_default_timeout(20_000)  # also on a busy machine
         contexts.append(context)
@@ -62,6 +62,7 @@ def open_page(browser: Any, page_server: Served) -> Iterator[Open]:
         tab.on("console", lambda line: note(line.text, line.type == "error"))
         own = (page_server.server.url, "data:", "blob:")
         tab.on("request", lambda asked: note(asked.url, not asked.url.startswith(own)))
+        prepare(tab)
         tab.goto(link or page_server.server.sign_in.link())
         tab.problems = problems
         return tab

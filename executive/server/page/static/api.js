@@ -65,10 +65,11 @@ export async function checkSession() {
 /**
  * @param {string} path
  * @param {AbortSignal} [signal]
- * @returns {Promise<any>} the JSON
+ * @param {"json" | "arrayBuffer"} [kind]
+ * @returns {Promise<any>} the JSON, or the bytes
  */
-export async function get(path, signal) {
-  return (await request(path, { signal })).json();
+export async function get(path, signal, kind = "json") {
+  return (await request(path, { signal }))[kind]();
 }
 
 /**

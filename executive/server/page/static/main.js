@@ -4,6 +4,7 @@ import { get, session, signIn } from "./api.js";
 import { Connection } from "./connection.js";
 import { byId, oncePerFrame, setText } from "./dom.js";
 import { ShownRun } from "./model/shown_run.js";
+import { ArmView } from "./views/arm.js";
 import { Controls } from "./views/controls.js";
 import { drawHeader } from "./views/header.js";
 import { RunsView } from "./views/runs.js";
@@ -20,6 +21,7 @@ const drawStop = showStop(() => connection.alive || connection.heard === 0);
 const tree = new TreeView(shown);
 const controls = new Controls(shown, () => connection.refresh());
 const runs = new RunsView();
+const arm = new ArmView();
 
 const draw = oncePerFrame(() => {
   drawStop();
@@ -31,6 +33,7 @@ const draw = oncePerFrame(() => {
   drawNode(shown, tree.selected);
   drawPause(shown, status?.paused ?? false);
   controls.draw(status);
+  arm.draw(shown.run, status?.commanded ?? null);
   runs.draw(shown.run.goalId);
 });
 
@@ -38,6 +41,7 @@ connection.addEventListener("begin", async () => {
   const robot = await get("api/robot");
   setText(byId("robot", HTMLElement), robot.name);
   document.title = `${robot.name}, armtree`;
+  arm.show(robot, draw);
   await runs.refresh();
   if (!shown.live.goalId && runs.newest?.result) await open(runs.newest);
   draw();
@@ -61,8 +65,9 @@ tree.addEventListener("break", (event) => {
   controls.setBreakpoint(path, !status?.breakpoints.includes(path));
 });
 runs.addEventListener("open", (event) => open(/** @type {CustomEvent} */ (event).detail));
-byId("side", HTMLElement).addEventListener("click", (event) => {
-  if (event.target instanceof HTMLElement && event.target.dataset.path) tree.reveal(event.target.dataset.path);
+document.addEventListener("click", (event) => {
+  const link = event.target instanceof Element ? event.target.closest(".link") : null;
+  if (link instanceof HTMLElement && link.dataset.path) tree.reveal(link.dataset.path);
 });
 setInterval(draw, 1000); // the age of what is shown
 

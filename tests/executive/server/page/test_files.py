@@ -2,7 +2,10 @@
 
 import gzip
 import http.client
+import subprocess
 from pathlib import Path
+
+import pytest
 
 from executive.server import page
 from executive.server.page.files import POLICY
@@ -62,6 +65,30 @@ def test_the_page_asks_for_all_of_its_code_at_once() -> None:
     modules = {str(path.relative_to(STATIC)) for path in STATIC.rglob("*.js")}
     for name in modules - {"libraries.js"}:  # these are loaded later
         assert f'"page/{name}"' in (STATIC / "index.html").read_text()
+
+
+def test_the_first_view_is_small() -> None:
+    sizes = {path.name: len(gzip.compress(path.read_bytes())) for path in STATIC.rglob("*.*")}
+    assert sum(sizes.values()) < 400_000
+    assert sizes["libraries.js"] < 170_000
+
+
+@pytest.mark.slow
+def test_the_libraries_are_those_of_the_lock(tmp_path: Path) -> None:
+    folder = Path(page.__file__).parent
+    if not (folder / "node_modules" / "esbuild").is_dir():
+        pytest.skip("esbuild is not installed")
+    (tmp_path / "fonts").mkdir()
+    subprocess.run(["node", "build.js", tmp_path], cwd=folder, check=True)
+    built = sorted(path for path in tmp_path.rglob("*") if path.is_file())
+    assert [path.name for path in built] == [
+        "LICENSE.txt",
+        "inter.woff2",
+        "libraries.js",
+        "libraries.txt",
+    ]
+    for path in built:
+        assert path.read_bytes() == (STATIC / path.relative_to(tmp_path)).read_bytes()
 
 
 def test_other_sites_get_no_file(serve: Serve) -> None:

@@ -35,6 +35,25 @@
  * @property {number} starts how often it started
  */
 
+/**
+ * @typedef {object} Schedule The frames of a motion.
+ * @property {Record<string, number>} start position by joint [rad or m]
+ * @property {number[]} times when each frame is due, from the start of the motion [s]
+ * @property {number[]} sample_times [s]
+ * @property {number[][]} samples positions of the joints of `start`
+ */
+
+/**
+ * @typedef {object} Body Around the arm, or in its gripper.
+ * @property {string} name
+ * @property {string} link empty for the root
+ * @property {[number, number, number]} position [m]
+ * @property {[number, number, number, number]} rotation x, y, z, w
+ * @property {{ size: number[] }} [box]
+ * @property {{ radius: number }} [sphere]
+ * @property {{ radius: number, length: number }} [cylinder]
+ */
+
 const MOVE = -1; // task number of a move
 const LONGEST = 4000; // characters of a message that are kept
 
@@ -49,6 +68,14 @@ export class Run {
   percentage = null;
   phase = "";
   attempt = 1;
+  /** @type {Record<string, number> | null} last commanded position by joint [rad or m] */
+  positions = null;
+  /** @type {Schedule | null} the newest motion */
+  schedule = null;
+  /** @type {Body[]} of the newest plan */
+  world = [];
+  /** @type {Record<string, number> | null} goal of the newest plan, if it was refused */
+  refused = null;
   /** When the goal began [s]. */
   began = 0;
   /** @type {Outcome | null} */
@@ -76,6 +103,16 @@ export class Run {
         this.percentage = event.percentage;
         this.phase = event.phase;
         this.attempt = event.attempt;
+        break;
+      case "sent":
+        if (event.joints.length) this.positions = zip(event.joints, event.positions);
+        break;
+      case "plan":
+        this.world = event.world;
+        if (event.code) this.refused = { ...event.start, ...this.refused, ...zip(event.joints, event.goal) };
+        break;
+      case "schedule":
+        this.schedule = event;
         break;
       case "status":
         this.updateGoal(event);
@@ -109,7 +146,7 @@ export class Run {
 
   /** @param {any} event */
   #begin(event) {
-    Object.assign(this, new Run());
+    Object.assign(this, new Run(), { positions: this.positions });
     this.goalId = event.goal_id;
     this.task = event.task;
     this.title = goalTitle(event.task, event.name);
@@ -175,4 +212,13 @@ export function goalTitle(task, name = "") {
 /** @param {string} message */
 function cut(message) {
   return message.length > LONGEST ? `${message.slice(0, LONGEST)} …` : message;
+}
+
+/**
+ * @param {string[]} names
+ * @param {number[]} values
+ * @returns {Record<string, number>}
+ */
+function zip(names, values) {
+  return Object.fromEntries(names.map((name, index) => [name, values[index]]));
 }

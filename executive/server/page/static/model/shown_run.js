@@ -45,7 +45,7 @@ export class ShownRun extends EventTarget {
   async open(goal) {
     if (goal.goal_id === this.live.goalId) return this.#show(this.live);
     const run = new Run();
-    const kinds = "goal,node,feedback,status";
+    const kinds = "goal,node,feedback,sent,plan,schedule,status";
     const response = await request(`api/goals/${goal.goal_id}/events?events=${kinds}`, {});
     for await (const event of readEvents(response)) run.update(event);
     this.#show(run);

@@ -1,0 +1,23 @@
+/** Bundles the libraries, with their licences, and copies the typeface. */
+
+import { copyFileSync, readFileSync, writeFileSync } from "node:fs";
+import { build } from "esbuild";
+
+const folder = process.argv[2] ?? "static";
+
+await build({
+  entryPoints: ["libraries.js"],
+  outfile: `${folder}/libraries.js`,
+  bundle: true,
+  minify: true,
+  format: "esm",
+  target: "es2022",
+  legalComments: "none",
+  banner: { js: "// @ts-nocheck: made by `npm run build`. Licences: libraries.txt" },
+});
+const packages = ["three"];
+const licences = packages.map((name) => `${name}\n\n${readFileSync(`node_modules/${name}/LICENSE`, "utf8")}`);
+writeFileSync(`${folder}/libraries.txt`, licences.join("\n\n"));
+const inter = "node_modules/@fontsource-variable/inter";
+copyFileSync(`${inter}/files/inter-latin-wght-normal.woff2`, `${folder}/fonts/inter.woff2`);
+copyFileSync(`${inter}/LICENSE`, `${folder}/fonts/LICENSE.txt`);

@@ -1,0 +1,107 @@
+/** Camera, light, floor and canvas. It draws only when something has changed. */
+
+import { oncePerFrame } from "../dom.js";
+
+/** @typedef {import("./model.js").Libraries} Libraries */
+
+/** Directions of the camera from the middle of the arm, by the name of the view. */
+export const VIEWS = /** @type {Record<string, [number, number, number]>} */ ({
+  free: [1, -1.2, 0.8],
+  front: [1, 0, 0],
+  side: [0, -1, 0],
+  top: [0, -0.001, 1],
+});
+
+/** Shows objects in a canvas. */
+export class Stage {
+  scene;
+  draw = oncePerFrame(() => this.#draw());
+  #three;
+  #box;
+  #renderer;
+  #camera;
+  #controls;
+  #floor;
+  #size;
+
+  /**
+   * @param {Libraries} three
+   * @param {HTMLElement} box holds the canvas
+   * @param {number} size of the robot [m]
+   */
+  constructor(three, box, size) {
+    this.#three = three;
+    this.#box = box;
+    this.#size = size;
+    this.scene = new three.Scene();
+    this.#renderer = new three.WebGLRenderer({ antialias: true, alpha: true });
+    this.#renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
+    this.#renderer.shadowMap.enabled = true;
+    box.prepend(this.#renderer.domElement);
+    this.#camera = new three.PerspectiveCamera(35, 1, size / 50, size * 50);
+    this.#camera.up.set(0, 0, 1);
+    this.#controls = new three.OrbitControls(this.#camera, this.#renderer.domElement);
+    this.#controls.addEventListener("change", this.draw);
+    this.#addLight();
+    this.#floor = new three.Group();
+    this.scene.add(this.#floor);
+    this.setColors();
+    this.look("free");
+    new ResizeObserver(() => this.#resize()).observe(box);
+  }
+
+  /** @param {string} view one of VIEWS */
+  look(view) {
+    const middle = new this.#three.Vector3(0, 0, this.#size * 0.4);
+    const direction = new this.#three.Vector3(...VIEWS[view]).normalize();
+    this.#controls.target.copy(middle);
+    this.#camera.position.copy(middle).addScaledVector(direction, this.#size * 2.6);
+    this.#controls.update();
+    this.draw();
+  }
+
+  /** Take the colours of the page, for example after the system has become dark. */
+  setColors() {
+    const three = this.#three;
+    const style = getComputedStyle(this.#box);
+    this.#floor.clear();
+    const cells = 20;
+    const grid = new three.GridHelper(this.#size * 4, cells, style.borderTopColor, style.borderTopColor);
+    grid.rotateX(Math.PI / 2);
+    const shade = new three.Mesh(
+      new three.PlaneGeometry(this.#size * 4, this.#size * 4),
+      new three.ShadowMaterial({ opacity: 0.18 }),
+    );
+    shade.receiveShadow = true;
+    shade.position.z = -this.#size / 2000;
+    this.#floor.add(grid, shade);
+    this.draw();
+  }
+
+  #addLight() {
+    const three = this.#three;
+    const sun = new three.DirectionalLight(0xffffff, 2);
+    sun.position.set(this.#size, -this.#size * 1.5, this.#size * 3);
+    sun.castShadow = true;
+    const { camera } = sun.shadow;
+    camera.left = camera.bottom = -this.#size * 1.5;
+    camera.right = camera.top = this.#size * 1.5;
+    camera.far = this.#size * 8;
+    sun.shadow.mapSize.set(1024, 1024);
+    sun.shadow.normalBias = this.#size / 300;
+    this.scene.add(sun, new three.HemisphereLight(0xffffff, 0x8d8d8d, 1.6));
+  }
+
+  #resize() {
+    const { clientWidth, clientHeight } = this.#box;
+    if (!clientWidth || !clientHeight) return;
+    this.#renderer.setSize(clientWidth, clientHeight, false);
+    this.#camera.aspect = clientWidth / clientHeight;
+    this.#camera.updateProjectionMatrix();
+    this.#draw();
+  }
+
+  #draw() {
+    this.#renderer.render(this.scene, this.#camera);
+  }
+}

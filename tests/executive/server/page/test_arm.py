@@ -1,0 +1,87 @@
+"""The arm in 3D in a browser: pose, path, refused plans, views, and broken meshes."""
+
+import io
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+from numpy.typing import NDArray
+
+from executive.api.move import Move
+from tests.support.servers.browsing import Open, Tab, is_accessible, shows
+from tests.support.servers.serving import Served
+
+pytestmark = pytest.mark.slow
+
+pytest_plugins = [
+    "tests.support.servers.server_fixtures",
+    "tests.support.servers.browser_fixtures",
+]
+
+BLUE, RED = (28, 95, 196), (179, 38, 30)  # of the path, and of a failure
+
+
+def picture(tab: Tab) -> NDArray[np.int_]:
+    """The canvas as it is seen (H, W, RGB), 0 to 255."""
+    data = imread(io.BytesIO(tab.locator("#arm").screenshot()), "png")
+    return np.asarray(255 * data[..., :3]).astype(int)
+
+
+def count(pixels: NDArray[np.int_], colour: tuple[int, int, int], within: int = 40) -> int:
+    return int((np.abs(pixels - colour).max(axis=-1) <= within).sum())
+
+
+def moved(served: Served, *words: str) -> None:
+    acceptance = served.executive.send(Move(words, False, 1.0))
+    served.executive.result(acceptance.identity)
+
+
+def test_pose_path_and_refused_plans_are_drawn(open_page: Open, page_server: Served) -> None:
+    tab = open_page()
+    shows(tab, "#positions", r"joint_1\s*0\.0°")
+    tab.locator("#arm canvas").wait_for()
+    before = picture(tab)
+    assert len(np.unique(before.reshape(-1, 3), axis=0)) > 50  # it is not empty
+    assert count(before, BLUE) == 0
+    moved(page_server, "joint_1=70deg")
+    shows(tab, "#positions", r"joint_1\s*70\.\d°")
+    shows(tab, "#goal-state", "^done$")
+    tab.wait_for_timeout(100)
+    after = picture(tab)
+    assert count(after, BLUE) > 20
+    assert (np.abs(after - before).max(axis=-1) > 40).sum() > 500
+    tab.click("#view-top")
+    tab.wait_for_timeout(100)
+    assert (np.abs(picture(tab) - after).max(axis=-1) > 40).sum() > 500
+    moved(page_server, "joint_2=-90deg", "joint_3=-90deg")
+    shows(tab, "#failure", "base_plate would be up to .* deep in horizontal_arm")
+    shows(tab, "#ghost-note", "where the refused plan ends")
+    tab.wait_for_timeout(100)
+    red = picture(tab)
+    assert (red[..., 0] > 2 * red[..., 2] + 60).sum() > 500
+    is_accessible(tab)
+
+
+def test_a_mesh_that_is_not_one_leaves_the_rest(open_page: Open) -> None:
+    served = []
+
+    def break_mesh(route: Any) -> None:
+        served.append(route.request.url)
+        route.fulfill(body="solid <script>alert(1)</script>" * 50)
+
+    def name_mesh(route: Any) -> None:
+        robot = route.fetch().json()
+        robot["shapes"][0] |= {"kind": "mesh", "mesh": "0" * 32, "sizes": [1, 1, 1]}
+        route.fulfill(json=robot)
+
+    def prepare(tab: Tab) -> None:
+        tab.route("**/api/meshes/*", break_mesh)
+        tab.route("**/api/robot", name_mesh)
+
+    tab = open_page(prepare=prepare)
+    shows(tab, "#positions", "joint_1")
+    tab.locator("#arm canvas").wait_for()
+    tab.wait_for_timeout(100)
+    assert len(served) == 1
+    assert len(np.unique(picture(tab).reshape(-1, 3), axis=0)) > 50
