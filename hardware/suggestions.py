@@ -3,7 +3,9 @@
 from collections.abc import Collection, Iterable
 from itertools import groupby
 
-_SHOWN = 5  # names in a message
+_ALL = 8  # largest number of names that a message lists whatever the unknown word is
+_SHOWN = 5  # most names in a message if there are more
+_NEAR, _NEARER = 0.6, 0.75  # least similarity of a name that is listed, and that is suggested
 
 
 def plural(count: int, what: str) -> str:
@@ -11,7 +13,7 @@ def plural(count: int, what: str) -> str:
     return f"{count} {what}{'' if count == 1 else 's'}"
 
 
-def closest(word: str, known: Iterable[str], cutoff: float = 0.6) -> str:
+def closest(word: str, known: Iterable[str], cutoff: float = _NEAR) -> str:
     """Return the known name that is most similar to a word, or "" if there is none.
 
     Case and the signs between words do not count. There is none if several names are equally
@@ -68,17 +70,21 @@ def suggestion(word: str, known: Iterable[str], given: Collection[str] = ()) -> 
 def there_are(word: str, known: Iterable[str], given: Collection[str] = ()) -> str:
     """Return `there are NAMES`, or `there is only NAME`, as `choices`."""
     names = tuple(known)
-    return (
-        f"there is only {names[0]}"
-        if len(names) == 1
-        else f"there are {choices(word, names, given)}"
-    )
+    if len(names) == 1:
+        return f"there is only {names[0]}"
+    if len(names) <= _ALL:
+        return f"there are {choices(word, names, given)}"
+    found = _similar(word, names)
+    if not found:
+        return f"none of the {len(names)} that there are is similar"
+    most = f"the most similar of {len(names)} {'is' if len(found) == 1 else 'are'}"
+    return f"{most} {', '.join(found)}{did_you_mean(closest(word, names, _NEARER))}"
 
 
 def choices(word: str, known: Iterable[str], given: Collection[str] = ()) -> str:
     """Return the known names, and a suggestion for a word that is not among them.
 
-    If there are many names, only the most similar ones are returned, and the number of the others.
+    If there are many names, only similar ones are returned, and the number of the others.
 
     Args:
         word: The unknown word.
@@ -86,10 +92,18 @@ def choices(word: str, known: Iterable[str], given: Collection[str] = ()) -> str
         given: Names that are used already. They are suggested only if no other name is similar.
     """
     names = sorted(known)
-    near = suggestion(word, names, given) or suggestion(word, names)
-    if more := len(names) - _SHOWN if len(names) > _SHOWN + 1 else 0:
-        names = [name for _, name in _by_similarity(word, names)[:_SHOWN]]
-    return (", ".join(names) or "none") + (f" and {more} more" if more else "") + near
+    if len(names) <= _ALL:
+        near = suggestion(word, names, given) or suggestion(word, names)
+        return (", ".join(names) or "none") + near
+    found = _similar(word, names) or names[:_SHOWN]
+    near = did_you_mean(closest(word, names, _NEARER))
+    return f"{', '.join(found)} and {len(names) - len(found)} more{near}"
+
+
+def _similar(word: str, known: Iterable[str]) -> list[str]:
+    """Return the names that are most similar to a word, if they are similar."""
+    found = [name for similarity, name in _by_similarity(word, known) if similarity >= _NEAR]
+    return found[:_SHOWN]
 
 
 def corrections(given: Collection[str], known: Collection[str]) -> dict[str, str]:

@@ -7,6 +7,7 @@ from py_trees.ports import PortInformation
 
 from .errors import BadTarget
 
+MOST_REACHES = 10  # largest length in a task, in lengths of the arm
 ORIGIN = (0.0, 0.0, 0.0)
 
 

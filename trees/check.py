@@ -27,6 +27,7 @@ from .reading.values import in_smaller_units
 
 # What a file is in its library: the number of a task, the name of a subtree, None for poses, or
 # the reason why it is not one of these.
+_NO_BODY = "no node before this adds a body"
 Named = int | str | None | FileError
 
 
@@ -37,8 +38,9 @@ class Findings:
     Attributes:
         files: Files that were checked.
         mistakes: Mistakes, ordered by file and line.
-        notes: Files that were ignored, keys that nothing reads, and tasks whose first motion starts
-            in collision if the arm is in its start pose; ordered like the mistakes.
+        notes: Files that were ignored, keys that nothing reads, long times without a unit, and
+            tasks whose first motion starts in collision if the arm is in its start pose; ordered
+            like the mistakes.
     """
 
     files: list[Path] = field(default_factory=list)
@@ -76,8 +78,12 @@ def check(robot: Robot, folder: Path | None, files: Sequence[Path] = ()) -> Find
     findings.mistakes += collisions.mistakes()
     findings.mistakes += [m for tree in collisions.trees for m in tree.hooks.mistakes]
     findings.mistakes += [
-        Mistake(place, f"no node before this adds a body {name}")
-        for place, name in collisions.absent.items()
+        Mistake(
+            place,
+            f"no node before this adds a body {name}{did_you_mean(near)}",
+            place.replaced(name, near),
+        )
+        for place, (name, near) in collisions.absent.items()
         if not any(_names_body(library, name, place.path) for library in libraries)
     ]
     findings.notes += collisions.notes
@@ -86,6 +92,7 @@ def check(robot: Robot, folder: Path | None, files: Sequence[Path] = ()) -> Find
         for tree in collisions.trees
         for key in (() if tree.mistakes.found else tree.unread)
     ]
+    findings.notes += [note for tree in collisions.trees for note in tree.mistakes.notes]
     findings.notes = list(FileError(findings.notes).mistakes)
     findings.mistakes = list(FileError(findings.mistakes).mistakes)
     return findings
@@ -94,7 +101,7 @@ def check(robot: Robot, folder: Path | None, files: Sequence[Path] = ()) -> Find
 def _names_body(library: Library, name: str, but: Path) -> bool:
     """Return whether another file names a body. Bodies stay for the next task of a run."""
     body = re.compile(rf"\bbody['\"]?\s*:\s*['\"]?{re.escape(name)}\b")
-    for path, _, _ in _all(library):
+    for path, _ in library.files():
         with suppress(FileError):
             if path != but and body.search(library.read(path)):
                 return True
@@ -181,7 +188,8 @@ def _jobs(
     robot: str, folder: Path | None, files: Sequence[Path]
 ) -> Iterator[tuple[Path, Library, Named]]:
     if not files:
-        yield from _all(Library(folder, robot))
+        library = Library(folder, robot)
+        yield from ((path, library, name) for path, name in library.files())
         return
     libraries: dict[Path, dict[Path, tuple[Library, Named]]] = {}
     for file in files:
@@ -190,30 +198,19 @@ def _jobs(
             parent = parent.parent
         if parent not in libraries:
             folder = file.parent if parent == file.resolve().parent else file.parent.parent
-            libraries[parent] = {
-                path.resolve(): (library, name)
-                for path, library, name in _all(Library(folder, robot))
-            }
+            library = Library(folder, robot)
+            libraries[parent] = {path.resolve(): (library, name) for path, name in library.files()}
         library = next(iter(libraries[parent].values()))[0]  # not empty, because subtrees ship
-        if named := [m for m in library.mistakes if m.place.path.resolve() == file.resolve()]:
+        named = [m for m in library.mistakes if m.place.path.resolve() == file.resolve()]
+        if file.resolve() in libraries[parent]:
+            yield file, *libraries[parent][file.resolve()]
+        elif named:
             yield file, library, FileError(named)
-        elif file.resolve() not in libraries[parent]:
+        else:
             wrong = "does not exist; give a file, such as trees/3_wave.yaml"
             if file.exists():
                 wrong = "is not a task, subtree or poses file; name it as 3_wave.yaml or reach.yaml"
             yield file, library, FileError([Mistake(Place(file, 1, 1), wrong)])
-        else:
-            yield file, *libraries[parent][file.resolve()]
-
-
-def _all(library: Library) -> Iterator[tuple[Path, Library, Named]]:
-    for path in library.pose_files:
-        yield path, library, None
-    for name in library.subtrees():
-        yield library.path(name), library, name
-    for number in library.numbers():
-        with suppress(FileError):  # several files have it, which is a mistake of the library
-            yield library.path(number), library, number
 
 
 class _Checker:
@@ -238,7 +235,7 @@ class _Checker:
                 found = [mistake for mistake in found if mistake.place.path == path]
                 return [*found, *self._poses(next(f for f in files if f.path == path))]
             compiler = TreeCompiler(self._library, self._context)
-            tree = compiler.compile(self._library.draft(name), "/check")
+            tree = compiler.compile(self._library.draft(name, path), "/check")
         except TreeError as error:
             return _mistakes(error)
         check_outcomes(tree)

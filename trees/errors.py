@@ -7,7 +7,7 @@ TreeError
 └── UnknownTask         no task has that number or name
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -19,6 +19,37 @@ EXAMPLES = Path(__file__).with_name("examples")  # folder with example tasks
 _SHOWN = 20  # mistakes in a message
 _BEFORE, _WIDTH = 40, 76  # characters of a line in an excerpt
 _BEGIN, _END = 600, 200  # characters of a message, if it is cut
+_LINES = 8  # lines of a correction
+
+
+@dataclass(frozen=True, slots=True)
+class Correction:
+    """Lines of a file as they should be.
+
+    Attributes:
+        text: The lines.
+        line: First line that they replace, from 1.
+        count: Number of lines that they replace; 0 to put them before that line.
+    """
+
+    text: str
+    line: int
+    count: int = 1
+
+    def applied(self, lines: Sequence[str]) -> list[str]:
+        """Return the lines of a file with this correction."""
+        first = self.line - 1
+        return [*lines[:first], *self.text.split("\n"), *lines[first + self.count :]]
+
+    def __str__(self) -> str:
+        above, last = self.line - 1, self.line + self.count - 1
+        where = f"add below line {above}" if above else "add at the top"
+        if self.count:
+            where = "write" if self.count == 1 else f"write instead of lines {self.line} to {last}"
+        lines = self.text.split("\n")
+        more = len(lines) - _LINES
+        shown = lines if more <= 1 else [*lines[:_LINES], f"… and {more} more lines"]
+        return f"  {where}:" + "".join(f"\n    {_cut(line)}" for line in shown)
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,11 +83,17 @@ class Place:
                 return line[self.column - 1 : self.column - 1 + column] if column > 1 else ""
         return ""
 
-    def replaced(self, old: str, new: str) -> str:
-        """Return the line with a new text in place of the old one; empty if that is not here."""
+    def replaced(self, old: str, new: str) -> Correction | None:
+        """Return the line with a new text in place of the old one; None if that is not here.
+
+        The old text may be in quotes.
+        """
         line = self.lines[self.line - 1] if 0 < self.line <= len(self.lines) else ""
         before, after = line[: self.column - 1], line[self.column - 1 :]
-        return before + new + after.removeprefix(old) if old and after.startswith(old) else ""
+        for written in (old, f'"{old}"', f"'{old}'") if old and new else ():
+            if after.startswith(written):
+                return Correction(before + new + after.removeprefix(written), self.line)
+        return None
 
     @property
     def excerpt(self) -> str:
@@ -76,22 +113,18 @@ class Mistake:
     Attributes:
         place: Where it is.
         message: What is wrong, and what to do.
-        instead: The line as it should be, or several lines; empty if that is not known.
+        instead: The lines as they should be; None if that is not known.
     """
 
     place: Place
     message: str
-    instead: str = ""
+    instead: Correction | None = None
 
     def __str__(self) -> str:
         text = _cut(f"{self.place}: {self.message}")
         if excerpt := self.place.excerpt:
             text += f"\n{excerpt}"
-        if self.instead:
-            text += "\n  write:" + "".join(
-                f"\n    {_cut(line)}" for line in self.instead.split("\n")
-            )
-        return text
+        return f"{text}\n{self.instead}" if self.instead else text
 
 
 def _cut(words: str) -> str:
@@ -111,13 +144,17 @@ class Mistakes:
     Args:
         known: Mistakes that are known already. A mapping and its first key begin at the same place;
             their locations in the document differ.
+
+    Attributes:
+        found: The mistakes.
+        notes: What may be wrong.
     """
 
     def __init__(self, known: Iterable[Mistake] = ()) -> None:
-        self.found = list(known)
+        self.found, self.notes = list(known), list[Mistake]()
         self._reported = {_where(mistake.place) for mistake in self.found}
 
-    def add(self, place: Place, message: str, instead: str = "") -> None:
+    def add(self, place: Place, message: str, instead: Correction | None = None) -> None:
         """Add a mistake, unless its place has one."""
         if _where(place) not in self._reported:
             self.found.append(Mistake(place, message, instead))
@@ -126,7 +163,7 @@ class Mistakes:
         """Add a mistake of a node, although its place may have others."""
         self.found.append(Mistake(place, message))
 
-    def add_last(self, place: Place, message: str, instead: str = "") -> None:
+    def add_last(self, place: Place, message: str, instead: Correction | None = None) -> None:
         """Add a mistake; later ones at the same place are dropped."""
         self.add(place, message, instead)
         self._reported.add(_where(place))
@@ -161,16 +198,78 @@ class FileError(TreeError):
     hint = "correct it, then `armtree check`"
 
     def __init__(self, mistakes: Iterable[Mistake]) -> None:
-        self.mistakes = tuple(sorted(set(mistakes), key=_order))
+        self.mistakes = tuple(sorted(_combined(set(mistakes)), key=_order))
         lines = [str(mistake) for mistake in self.mistakes[:_SHOWN]]
         if len(self.mistakes) > _SHOWN:
             lines.append(f"and {len(self.mistakes) - _SHOWN} more mistakes")
         super().__init__("\n".join(lines))
 
 
-def _order(mistake: Mistake) -> tuple[str, int, int, str]:
+def _combined(mistakes: Collection[Mistake]) -> list[Mistake]:
+    """Return mistakes so that the corrections of a line contain each other.
+
+    A mistake in lines that another one corrects first is added to that one: the layout comes before
+    the nodes, and a node before what is inside it.
+    """
+    rows, combined = dict[tuple[Path, int, str], list[Mistake]](), list[Mistake]()
+    for mistake in mistakes:
+        if mistake.instead and mistake.instead.count == 1:
+            line = mistake.instead.line
+            key = (mistake.place.path, line, mistake.place.lines[line - 1])
+            rows.setdefault(key, []).append(mistake)
+    rights = dict[Mistake, Correction]()
+    for (_, line, before), found in rows.items():
+        text = _with_all(before, [m.instead.text for m in found if m.instead])
+        rights |= {m: Correction(text, line) for m in found if text}
+    for old in sorted(mistakes, key=lambda each: (each.place.location != "", *_order(each))):
+        mistake = replace(old, instead=rights.get(old, old.instead))
+        first = next((other for other in combined if _comes_first(other, mistake)), None)
+        if first:
+            words = f"{first.message}; {mistake.message}"
+            combined[combined.index(first)] = Mistake(first.place, words, mistake.instead)
+        else:
+            combined.append(mistake)
+    return combined
+
+
+def _comes_first(first: Mistake, then: Mistake) -> bool:
+    """Return whether a mistake can only be corrected together with an earlier one."""
+    old, new = first.instead, then.instead
+    if not old or not new or first.place.path != then.place.path or not old.count:
+        return False
+    if not new.line <= old.line <= old.line + old.count <= new.line + new.count:
+        return False
+    inside = then.place.location.startswith(f"{first.place.location}.")
+    layout = not first.place.location and first.place.lines != then.place.lines
+    return layout or (inside and first.place.lines == then.place.lines and new.count == 1)
+
+
+def _with_all(before: str, after: Sequence[str]) -> str:
+    """Return a line with all of several changes; empty if two change the same words."""
+    text, end = before, len(before)
+    for begin, stop, new in sorted((_change(before, each) for each in after), reverse=True):
+        if stop > end:
+            return ""
+        text, end = text[:begin] + new + text[stop:], begin
+    return text
+
+
+def _change(before: str, after: str) -> tuple[int, int, str]:
+    """Return begin and end of the part of a text that differs, and what is there instead."""
+    begin = _common(before, after)
+    end = _common(before[begin:][::-1], after[begin:][::-1])
+    return begin, len(before) - end, after[begin : len(after) - end]
+
+
+def _common(one: str, other: str) -> int:
+    """Return the number of characters with which both texts begin."""
+    pairs = enumerate(zip(one, other, strict=False))
+    return next((n for n, (a, b) in pairs if a != b), min(len(one), len(other)))
+
+
+def _order(mistake: Mistake) -> tuple[str, int, int, str, str]:
     place = mistake.place
-    return str(place.path), place.line, place.column, mistake.message
+    return str(place.path), place.line, place.column, place.location, mistake.message
 
 
 class DuplicateTask(FileError):

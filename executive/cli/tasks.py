@@ -151,7 +151,8 @@ def check(
         echo(json.dumps(row))
     elif mistakes:
         echo("\n".join(map(str, mistakes)), err=True)
-        echo(f"{plural(count, 'mistake')} in {checked}", err=True)
+        wrong = ", ".join(dict.fromkeys(str(mistake.place.path) for mistake in mistakes))
+        echo(f"{plural(count, 'mistake')} in {wrong}; {checked} checked", err=True)
     else:
         echo(f"{checked} {'is' if len(findings.files) == 1 else 'are'} right")
     if mistakes:

@@ -160,7 +160,7 @@ def read_value(name: str, text: str, wanted: Declaration) -> Any:
     if not text:
         raise BadTarget(f"{name} has no value")
 
-    def wrong(place: Place, why: str, instead: str = "") -> None:
+    def wrong(place: Place, why: str, _: object = None) -> None:
         raise BadTarget(f"{name}: {why}")
 
     try:

@@ -14,7 +14,7 @@ from skills.joint_targets import check_complete, link_errors, missing_joint_erro
 from skills.motion.errors import MotionError
 from skills.motion.query import Reached, Result, ToolQuery
 from skills.planning_skill import PlanningSkill
-from skills.ports import ORIGIN, Positions, vector, xyz
+from skills.ports import MOST_REACHES, ORIGIN, Positions, vector, xyz
 
 _GROUP = PortInformation(str, default_value="arm", description="group that moves")
 _START = PortInformation(Positions, description="position of every actuated joint [rad]")
@@ -63,6 +63,10 @@ class ReachPoint(PlanningSkill):
             errors += _group_errors(robot, inputs["group"])
         if inputs.get("tool"):
             errors += link_errors(robot, "tool", inputs["tool"])
+        far = max(map(abs, inputs.get("point", [0.0])))
+        if far > MOST_REACHES * robot.reach > 0:
+            why = f"point {far:g} m is much farther than this arm reaches, {robot.reach:.2g} m"
+            errors.append(BadTarget(why).at("point"))
         for port in ("direction", "axis"):
             if inputs.get(port) and not any(inputs[port]):
                 why = f"{port} points nowhere; one of x, y, z must not be 0"

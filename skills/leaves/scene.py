@@ -16,13 +16,12 @@ from skills.motion.errors import MotionError
 from skills.motion.query import Carry, Result
 from skills.motion.world import Body, Box, Cylinder, Mesh, Shape, Sphere, quaternion
 from skills.planning_skill import PlanningSkill
-from skills.ports import ORIGIN, Port, vector, xyz
+from skills.ports import MOST_REACHES, ORIGIN, Port, vector, xyz
 
 Ports = dict[str, PortInformation]
 
 _MESHES = (".stl", ".dae", ".obj")
 _LEAST = 1e-6  # smallest length [m]
-_MOST_REACHES = 10  # largest length, in lengths of the arm
 _SIZES = ("size", "radius", "length")
 
 
@@ -55,7 +54,7 @@ class _Add(Skill, register=False):
     def validate(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
         """Create the body if all inputs are known, and compare its size with that of the arm."""
         cls.body(inputs)
-        most = _MOST_REACHES * robot.reach
+        most = MOST_REACHES * robot.reach
         errors = []
         for port in cls.INPUT_PORTS.keys() & inputs.keys() & {"position", *_SIZES}:
             value = inputs[port]

@@ -78,7 +78,7 @@ OWN_FILES = [
     (
         "look.yaml",
         "subtree: look\ndescription: x\nports: {}\nreplaces: look\ntree: Succeed\n",
-        "4:1 replaces: no subtree look ships; there are follow, go, ",
+        "4:1 replaces: no subtree look ships; none of the 9 that there are is similar",
     ),
     (
         "poses.yaml",
@@ -132,7 +132,7 @@ ONCE = [
     (
         "",
         "{wait_for: {subtree: open_gripper}}",
-        "4:18 SetStart acts, and cannot be a condition",
+        "4:18 open_gripper (with SetStart) acts, and cannot be a condition",
     ),
     (
         "",

@@ -1,11 +1,16 @@
 """Mistakes of a first task file: each has one message, with the line as it should be."""
 
+import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import pytest
 
 from hardware import Robot
+from tests.support.generated import wrong_tasks
+from tests.support.generated.wrong_tasks import mistakes_of
 from trees.check import check
+from trees.errors import Mistake
 
 TASK = """task: 20
 name: m
@@ -21,11 +26,11 @@ REACH, MOVE = "with: {arm: upright, gripper: open}", "with: {joints: {joint_1: 2
 
 # What is written instead of which part of a right file; the message; the line as it should be.
 WRONG = [
-    ("20 deg", "70", "9:23 Target: joint_1 = 4010.7 deg is outside its limits, -90 deg to 90 deg; "
+    ("20 deg", "70", "9:23 joint_1 = 4010.7 deg is outside its limits, -90 deg to 90 deg; "
      "did you mean 70 deg?", f"      {MOVE.replace('20', '70')}"),
-    ("20 deg", "120 deg", "9:23 Target: joint_1 = 120 deg is outside its limits, -90 deg to 90 deg",
+    ("20 deg", "120 deg", "9:23 joint_1 = 120 deg is outside its limits, -90 deg to 90 deg",
      ""),
-    ("joint_1: 20", "joint_7: 20", "9:23 Target: joint_7 is not a joint of the robot; it has "
+    ("joint_1: 20", "joint_7: 20", "9:23 joint_7 is not a joint of the robot; it has "
      "joint_1, "
      "joint_2, joint_3 (arm) and joint_4 (gripper)", ""),
     ("20 deg", "$swing", "9:32 there is no parameter for $swing; declare it above the tree, with "
@@ -44,22 +49,24 @@ WRONG = [
      "names to angles, or a pose; write {joint_1: 20 deg}", ""),
     (MOVE, "with: {joint_1: 20 deg}", "9:14 subtree move_joints needs the name of its port: write "
      "with: {joints: {joint_1: 20 deg}}", f"      {MOVE}"),
-    ("gripper: open", "gripper: {joint_4: -0.3, joint_5: -0.3}", "7:53 CheckBounds: joint_5 = "
+    ("gripper: open", "gripper: {joint_4: -0.3, joint_5: -0.3}", "7:53 joint_5 = "
      "-17.189 deg contradicts joint_4 = -17.189 deg; it follows, as -1 times joint_4: leave "
      "joint_5 out", ""),
-    ("arm: upright", "arm: open", "7:19 CheckBounds: the arm has joint_1, joint_2, joint_3, not "
+    ("arm: upright", "arm: open", "7:19 the arm has joint_1, joint_2, joint_3, not "
      "joint_4", ""),
     (REACH, "with: upright", "7:13 subtree reach needs the names of its ports: write with: {arm: "
      "upright, gripper: …}", ""),
     (f"- subtree: move_joints\n      {MOVE}", "- MoveJoints: {joints: {joint_1: 20 deg}}",
      "8:7 no skill MoveJoints, but a subtree move_joints: write subtree: move_joints",
      f"    - subtree: move_joints\n      {MOVE}"),
-    ("  sequence:", "  Sequence:", "5:3 Sequence takes no list of nodes; these do: parallel, "
-     "selector, sequence; did you mean sequence?", ""),
+    ("  sequence:", "  Sequence:", "5:3 Sequence takes no list of nodes; these do: sequence, "
+     "selector, parallel; did you mean sequence?", "  sequence:"),
     ("tree:\n  sequence:\n    - subtree: reach", "sequence:\n    - subtree: reach",
-     "4:1 sequence must be below the key tree", "tree:\n  sequence:"),
+     "4:1 sequence must be below the key tree",
+     "tree:\n  sequence:\n      - subtree: reach\n        with: {arm: upright, gripper: open}\n"
+     "      - subtree: move_joints\n        with: {joints: {joint_1: 20 deg}}"),
     ("tree:\n  sequence:", "tree:", "5:5 a list of nodes needs a node above it, such as sequence:",
-     ""),
+     "    sequence:"),
 ]  # fmt: skip
 NODES = [
     ("Wait: 2 s", "10:13 Wait needs the name of its port: write Wait: {duration: 2 s}",
@@ -75,7 +82,8 @@ NODES = [
      "10:7 Wait is a skill, not a subtree: write Wait", "    - Wait: {duration: 2 s}"),
     ("Wait: {duration: 2 seconds}", "10:24 Wait.duration: '2 seconds': no unit seconds; there are "
      "h, min, ms, s; did you mean 2 s?", "    - Wait: {duration: 2 s}"),
-    ("wait: {duration: 2 s}", "10:7 no skill wait; there are Wait, ", ""),
+    ("wait: {duration: 2 s}", "10:7 no skill wait; did you mean Wait?",
+     "    - Wait: {duration: 2 s}"),
     ("Set: {value: 3, key: count}\n    - Say: {text: x, value: $count}", "10:28 Set writes key; "
      "name a key such as $count", "    - Set: {value: 3, key: $count}"),
     ("{sequence: [Succeed], retry: Succeed}", "10:7 sequence and retry are several nodes; begin "
@@ -88,10 +96,10 @@ NODES = [
      "is much larger than all this arm reaches, 0.26 m; did you mean 10 mm?",
      "    - AddBox: {body: b, size: [10 mm, 10 mm, 10 mm], position: [20 cm, 0, 0]}"),
     ("subtree: move_tool\n      with: {point: 20 cm}", "11:21 point: '20 cm' is not a list, each "
-     "item a length in m, cm or mm; write [0, 0, 0]", ""),
+     "item a length in m, cm or mm; write [20 cm, 0, 0]", ""),
     ("subtree: move_tool\n      with: {point: [50 cm, 0, 0]}", "11:21 The tool cannot reach", ""),
     ("subtree: move_relative\n      with: {by: {joint_1: 20}}",
-     "11:19 Shift: joint_1 by 1145.9 deg is more than its range, 180 deg; did you mean 20 deg?",
+     "11:19 joint_1 by 1145.9 deg is more than its range, 180 deg; did you mean 20 deg?",
      "      with: {by: {joint_1: 20 deg}}"),
 ]  # fmt: skip
 
@@ -110,8 +118,8 @@ SLIPS = [
      "20 deg?", f"      {MOVE}"),
     ("arm: upright", "arm: Upright", "7:19 arm: no pose Upright; there are closed, folded, open, "
      "right, upright; did you mean upright?", f"      {REACH}"),
-    ("task: 20", "Task: 20", "1:1 unknown key Task; there are task, replaces, parameters, name, "
-     "tree and 2 more; did you mean task?", "task: 20"),
+    ("task: 20", "Task: 20", "1:1 unknown key Task; there are description, grammar, name, "
+     "parameters, replaces, task, tree; did you mean task?", "task: 20"),
     ("joint_1: 20 deg", "joint_1: 20 deg, joint_1: 30 deg", "9:40 the key joint_1 is given twice, "
      "first in line 9, column 23", ""),
     ("- subtree: move", "\u2013 subtree: move", "8:5 write the plain dash -",
@@ -120,12 +128,13 @@ SLIPS = [
      "  # all moves"),
     (f"  {MOVE}", f"- {MOVE}", "9:5 leave out the `-` before `with`: it begins no item of a list",
      f"      {MOVE}"),
-    (MOVE, "with:\n        - joints: {joint_1: 20 deg}", "10:9 leave out the `-` before `joints`: "
-     "it begins no item of a list", "          joints: {joint_1: 20 deg}"),
+    (MOVE, "with:\n        - joints: {joint_1: 20 deg}", "10:9 the ports of a node are a mapping, "
+     "not a list: leave out each `-`", "          joints: {joint_1: 20 deg}"),
     (MOVE, "with: [{joints: {joint_1: 20 deg}}]", "9:13 the ports of a node are a mapping, not a "
-     "list: leave out each `-`", ""),
+     "list: leave out each `-`", f"      {MOVE}"),
     (REACH, "with:\n      arm: upright\n      gripper: open", "8:7 `arm` is indented by 6 spaces, "
-     "not 8: it belongs to `with` in line 7; the same in line 9", "        arm: upright"),
+     "not 8: it belongs to `with` in line 7; the same in line 9",
+     "        arm: upright\n        gripper: open"),
     (MOVE, "joints: {joint_1: 20 deg}", "9:7 the ports of a subtree are below the key with",
      f"      {MOVE}"),
     ("joints:", "by:", "9:14 by is not a port of subtree move_joints; there are joints, speed",
@@ -148,7 +157,8 @@ SLIPS_OF_NODES = [
     ("retry:\n        subtree: open_gripper", "10:7 retry needs attempts: largest number of "
      "attempts; write it below, in the column of retry", "      attempts: 3"),
     ("repeat:\n        times: 3\n        subtree: open_gripper",
-     "11:9 times belongs to repeat: write it in its column", "      times: 3"),
+     "11:9 times belongs to repeat: write it in its column",
+     "    - repeat:\n        subtree: open_gripper\n      times: 3"),
     ("sequence:", "10:7 sequence needs a list of nodes: begin each with a `-`, below sequence:",
      ""),
     ("if: CheckHardware\n      then: {subtree: open_gripper}", "10:7 there is no if: a sequence "
@@ -165,34 +175,50 @@ SLIPS_OF_NODES = [
 MISTAKES, IN_NODES = [*WRONG, *SLIPS], [*NODES, *SLIPS_OF_NODES]
 
 
-def one(robot: Robot, folder: Path, text: str) -> tuple[str, str]:
+Found = Mapping[str, Sequence[Mistake]]
+
+
+@pytest.fixture(scope="module")
+def found(robot: Robot, tmp_path_factory: pytest.TempPathFactory) -> Found:
+    """The mistakes of all tasks in this file, by their texts. They are checked at once."""
+    texts = [TASK.replace(right, wrong) for right, wrong, *_ in MISTAKES]
+    texts += [f"{TASK}    - {node}\n" for node, *_ in IN_NODES]
+    texts += [_with_parameter(line) for line, *_ in SWING]
+    files = [{"20_m.yaml": text} for text in texts]
+    return dict(zip(texts, mistakes_of(robot, tmp_path_factory.mktemp("t"), files), strict=True))
+
+
+def one(mistakes: Sequence[Mistake]) -> tuple[str, str]:
     """Return the only mistake of a task, and the line as it should be."""
-    (folder / "20_m.yaml").write_text(text)
-    (mistake,) = check(robot, None, [folder / "20_m.yaml"]).mistakes
+    (mistake,) = mistakes
     place = mistake.place
-    return f"{place.line}:{place.column} {mistake.message}", mistake.instead
+    return f"{place.line}:{place.column} {mistake.message}", _text(mistake)
+
+
+def _text(mistake: Mistake) -> str:
+    return mistake.instead.text if mistake.instead else ""
 
 
 @pytest.mark.parametrize(("right", "wrong", "said", "instead"), MISTAKES, ids=range(len(MISTAKES)))
 def test_a_mistake_has_one_message(
-    robot: Robot, tmp_path: Path, right: str, wrong: str, said: str, instead: str
+    found: Found, right: str, wrong: str, said: str, instead: str
 ) -> None:
     assert TASK.count(right) == 1
-    assert one(robot, tmp_path, TASK.replace(right, wrong)) == (said, instead)
+    assert one(found[TASK.replace(right, wrong)]) == (said, instead)
 
 
 @pytest.mark.parametrize(("node", "said", "instead"), IN_NODES, ids=range(len(IN_NODES)))
 def test_a_mistake_of_a_node_has_one_message(
-    robot: Robot, tmp_path: Path, node: str, said: str, instead: str
+    found: Found, node: str, said: str, instead: str
 ) -> None:
-    found, line = one(robot, tmp_path, f"{TASK}    - {node}\n")
-    assert found.startswith(said)
+    message, line = one(found[f"{TASK}    - {node}\n"])
+    assert message.startswith(said)
     assert line == instead
 
 
 FILES = [
     ("poses.yaml", "left: {joint_1: 20 deg}\n", "1:1 left must be below the key poses",
-     "poses:\n  left:"),
+     "poses:\n  left: {joint_1: 20 deg}"),
     ("poses.yaml", "poses: {left: {joint_1: 80}}\n", "1:16 left: joint_1 = 4583.7 deg is outside "
      "its limits, -90 deg to 90 deg; did you mean 80 deg?", "poses: {left: {joint_1: 80 deg}}"),
     ("wave.yaml", TASK, "1:1 this is a task, whose file is named like 20_wave.yaml; rename this "
@@ -212,7 +238,7 @@ def test_a_mistake_of_a_file_has_one_message(
     (mistake,) = check(robot, None, [tmp_path / name]).mistakes
     place = mistake.place
     assert f"{place.line}:{place.column} {mistake.message}" == said
-    assert mistake.instead == instead
+    assert _text(mistake) == instead
 
 
 @pytest.mark.parametrize("encoding", ["latin-1", "utf-16"])
@@ -261,10 +287,53 @@ SWING = [
 
 @pytest.mark.parametrize(("line", "said", "instead"), SWING)
 def test_a_mistake_of_a_parameter_has_one_message(
-    robot: Robot, tmp_path: Path, line: str, said: str, instead: str
+    found: Found, line: str, said: str, instead: str
 ) -> None:
-    text = TASK.replace("tree:\n  seq", f"{line}\ntree:\n  seq").replace("20 deg", "$swing")
-    assert one(robot, tmp_path, text) == (said, instead)
+    assert one(found[_with_parameter(line)]) == (said, instead)
+
+
+def _with_parameter(line: str) -> str:
+    return TASK.replace("tree:\n  seq", f"{line}\ntree:\n  seq").replace("20 deg", "$swing")
+
+
+CASES = wrong_tasks.cases()
+
+
+@pytest.fixture(scope="module")
+def of_cases(robot: Robot, tmp_path_factory: pytest.TempPathFactory) -> Found:
+    files = [case.files for case in CASES.values()]
+    return dict(zip(CASES, mistakes_of(robot, tmp_path_factory.mktemp("c"), files), strict=True))
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_what_is_said_of_a_wrong_file(of_cases: Found, name: str) -> None:
+    assert wrong_tasks.said(of_cases[name]) == CASES[name].said
+
+
+def test_what_is_to_be_written_instead_removes_the_mistake(
+    robot: Robot, tmp_path: Path, found: Found, of_cases: Found
+) -> None:
+    given = {text: {"20_m.yaml": text} for text in found} | {n: c.files for n, c in CASES.items()}
+    names, corrected = list[tuple[str, Mistake]](), list[Mapping[str, str]]()
+    for name, mistakes in {**found, **of_cases}.items():
+        for mistake in mistakes:
+            if mistake.instead:
+                file = mistake.place.path.name
+                lines = mistake.instead.applied(given[name][file].split("\n"))
+                names.append((name, mistake))
+                corrected.append({**given[name], file: "\n".join(lines)})
+    assert len(corrected) > 150
+    left = mistakes_of(robot, tmp_path, corrected)
+    for (name, mistake), now in zip(names, left, strict=True):
+        before = {_words(each) for each in {**found, **of_cases}[name]}
+        after = {_words(each) for each in now}
+        assert _words(mistake) not in after, f"{name}: {mistake}"
+        assert after <= before, f"{name}: {mistake}"
+
+
+def _words(mistake: Mistake) -> tuple[str, str]:
+    """Return the message of a mistake, with names of files instead of paths."""
+    return mistake.place.path.name, re.sub(r"\S+/", "", mistake.message)
 
 
 def test_subtrees_that_use_each_other_are_reported_once(robot: Robot, tmp_path: Path) -> None:

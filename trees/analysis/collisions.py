@@ -45,7 +45,7 @@ class CollisionChecks:
         trees: Compiled tasks and subtrees.
         tasks: The tasks among them.
         notes: Tasks whose first motion starts in collision if the arm is in its start pose.
-        absent: Places of bodies that a task uses and does not add, and their names.
+        absent: Places of bodies that a task uses and does not add; their names, and a similar one.
     """
 
     robot: Robot
@@ -54,7 +54,7 @@ class CollisionChecks:
     trees: list[CompiledTree] = field(default_factory=list)
     tasks: list[CompiledTree] = field(default_factory=list)
     notes: list[Mistake] = field(default_factory=list)
-    absent: dict[Place, str] = field(default_factory=dict)
+    absent: dict[Place, tuple[str, str]] = field(default_factory=dict)
     _found: list[Mistake] = field(default_factory=list)
 
     def mistakes(self) -> Iterator[Mistake]:

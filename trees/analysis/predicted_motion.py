@@ -8,6 +8,7 @@ from typing import Any
 from py_trees.behaviour import Behaviour
 
 from hardware import Robot
+from hardware.suggestions import closest
 from skills import Positions, Skill, WorldChange
 from skills.motion import EMPTY, Body, Carry, MotionError, Reached, ToolQuery, Unreachable, World
 from trees.compile.compiler import CompiledTree
@@ -49,14 +50,15 @@ class PredictedMotions:
     Attributes:
         motions: Motions with a known target, in order.
         unknown: Nodes that also move the arm, and why their target is not known.
-        absent: Places of bodies that are used, but certainly not there; and their names.
+        absent: Places of bodies that are used, but certainly not there; their names, and a similar
+            name that is there, or "".
         unreachable: Places of points that the tool cannot reach, and the reason.
         least: Least time that a node needs to move the arm [s].
     """
 
     motions: list[Motion] = field(default_factory=list)
     unknown: dict[Behaviour, str] = field(default_factory=dict)
-    absent: dict[Place, str] = field(default_factory=dict)
+    absent: dict[Place, tuple[str, str]] = field(default_factory=dict)
     unreachable: dict[Place, str] = field(default_factory=dict)
     least: dict[Behaviour, float] = field(default_factory=dict)
 
@@ -255,7 +257,8 @@ class _Walk:
         there = {*now.unsure, *(body.name for body in now.world.bodies)}
         uses = change is not WorldChange.ADDS and skill not in self._hooks.doubtful
         if uses and not {name, _UNNAMED} & there:
-            self.found.absent[leaf.written.get("body", leaf).place] = name
+            near = closest(name, there - {_UNNAMED})
+            self.found.absent[leaf.written.get("body", leaf).place] = (name, near)
         if change is WorldChange.REMOVES:
             return now.without((name,))
         if skill in self._hooks.doubtful:

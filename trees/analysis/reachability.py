@@ -47,7 +47,8 @@ def _outcomes(node: "_Node") -> PossibleOutcomes:
 def _check_condition(node: "_Node") -> None:
     if name := node.action():
         there = [name for name, kind in known_skills().items() if kind.condition]
-        node.wrong(f"{name} acts, and cannot be a condition; {there_are(name, there)}")
+        what = name if node.name == name else f"{node.name} (with {name})"
+        node.wrong(f"{what} acts, and cannot be a condition; {there_are(name, there)}")
 
 
 class _Node:

@@ -7,17 +7,18 @@ from typing import Any
 from py_trees.behaviour import Behaviour
 from py_trees.behaviours import Dummy
 
-from hardware.suggestions import closest, corrections, there_are
+from hardware.suggestions import closest, corrections, did_you_mean, there_are
 from skills import Context, Port, Skill
 from trees.declarations import ANY, Declaration, type_fits, words
-from trees.errors import Mistakes, Place
+from trees.errors import Correction, Mistake, Mistakes, Place
 from trees.nodes.kind import KINDS, Control, ControlNodeKind, Flow
 from trees.nodes.unknown import UnknownKind
 from trees.reading.document import REFUSED, Located, StandIn
 from trees.reading.grammar import UNTYPED, Draft, TaskFile
 from trees.reading.library import Library
+from trees.reading.lines import replaced_block
 from trees.reading.specs import ControlNode, Key, SkillNode, SubtreeNode, TreeNode, Value
-from trees.reading.values import fit
+from trees.reading.values import doubt, fit
 
 from .arguments import MISSING
 from .data_flow import Keys
@@ -34,7 +35,8 @@ from .port_types import (
 from .scope import Scope, resolve
 from .skill_hooks import SkillHooks
 from .sources import Sources
-from .values_by_port import as_mapping, by_port, with_lines
+from .unknown_skill import is_nothing, meant, why_unknown
+from .values_by_port import as_mapping, as_subtree, by_port
 
 MAX_NODES = 10_000
 MAX_SUBTREES = 8  # nesting depth
@@ -137,7 +139,7 @@ class TreeCompiler:
             self._stand_in_names,
         )
 
-    def _wrong(self, place: Place, message: str, instead: str = "") -> None:
+    def _wrong(self, place: Place, message: str, instead: Correction | None = None) -> None:
         self._mistakes.add(place, message, instead)
 
     def _stand_ins(self, declared: Mapping[str, Declaration], namespace: str) -> dict[str, StandIn]:
@@ -280,8 +282,8 @@ class TreeCompiler:
         label = spec.source if isinstance(spec.source, str) else what
         if spec.source in self._skills and spec.source not in self._library.subtrees():
             values = f": {as_mapping(spec.values).as_yaml()}" if spec.values else ""
-            lines = spec.place.replaced(f"subtree: {label}", f"{label}{values}")
-            self._wrong(spec.place, f"{label} is a skill, not a subtree: write {label}", lines)
+            right = replaced_block(spec.place, [f"{label}{values}"])
+            self._wrong(spec.place, f"{label} is a skill, not a subtree: write {label}", right)
             return self._node(SkillNode(spec.place, label, spec.values, shown), scope)
         way = {**scope.within, label: spec.place}
         source = self._source(spec, scope, label, way)
@@ -332,13 +334,14 @@ class TreeCompiler:
         named = f"{source.port} of {what}" if spec.source not in self._sources.uncertain else ""
         ported = by_port(spec.values, source.parameters, (what, "with"), self._wrong)
         values = self._known_ports(ported, source.parameters, named, scope)
+        missing = list[str]()
         for name, declared in source.parameters.items():
             value = values.get(name)
             if declared.output and self._fixed(value, scope, f"{what}: {name}"):
                 continue
             given = self._given(name, declared, self._resolve(value, scope))
             if given is None:
-                self._wrong(spec.place, f"{what} needs {name}: {declared.description or declared}")
+                missing.append(f"{name}: {declared.description or declared}")
             elif isinstance(given, Located) and declared.output:
                 self._unnamed(given, declared.type, f"{what} writes {name}", name, scope)
             else:
@@ -346,6 +349,8 @@ class TreeCompiler:
             reads = declared.type != UNTYPED and not declared.output
             if reads and isinstance(given, Key) and given.name in self._keys.written:
                 self._keys.copy().read(given, declared.type, f"{what}: {name}", self._mistakes)
+        if missing:
+            self._wrong(spec.place, f"{what} needs {', and '.join(missing)}")
         return ports
 
     def _check_output(
@@ -363,13 +368,15 @@ class TreeCompiler:
         kind = self._skills.get(spec.skill)
         if kind is None:
             known, subtrees = (*self._skills, *KINDS, "subtree", "task"), self._library.subtrees()
-            name = closest(spec.skill, (*known, *subtrees))
+            name = meant(spec, known, subtrees) if spec.skill else ""
             if name in subtrees:
                 return self._node(self._as_subtree(spec, name, shown), scope)
+            if name in self._skills:
+                right = spec.place.replaced(spec.skill, name)
+                self._wrong(spec.place, f"no skill {spec.skill}{did_you_mean(name)}", right)
+                return self._skill(replace(spec, skill=name), scope, shown)
             if spec.skill:  # else a mistake here is reported already
-                there = there_are(spec.skill, known)
-                own = "" if name else "; --skills DIR adds your own"
-                self._wrong(spec.place, f"no skill {spec.skill}; {there}{own}")
+                self._wrong(spec.place, why_unknown(spec.skill, known, subtrees))
             self._assume_used(spec.ports.values(), scope)
             return self._placeholder(spec.skill, spec.place)
         ports = declarations(kind)
@@ -394,12 +401,14 @@ class TreeCompiler:
         """Report a subtree that is written like a skill; return it, with its values by port."""
         node = SubtreeNode(spec.place, name, spec.ports, shown)
         source, mistakes = self._sources.get(node, self._mistakes), Mistakes()
-        ports = by_port(spec.ports, source.parameters if source else {}, ("", ""), mistakes.add)
-        right = any(mistake.instead for mistake in mistakes.found)
-        lines = with_lines(spec.place, spec.skill, name, ports if right else None)
+        given = {port: value for port, value in spec.ports.items() if not is_nothing(value)}
+        if source and not source.parameters:
+            given = {}
+        ports = by_port(given, source.parameters if source else {}, ("", ""), mistakes.add)
+        ports = ports if any(mistake.instead for mistake in mistakes.found) else given
         why = f"no skill {spec.skill}, but a subtree {name}: write subtree: {name}"
-        self._wrong(spec.place, why, lines)
-        return SubtreeNode(spec.place, name, ports if right else spec.ports, shown)
+        self._wrong(spec.place, why, as_subtree(spec.place, spec.skill, name, ports))
+        return SubtreeNode(spec.place, name, ports, shown)
 
     def _assume_used(self, values: Iterable[Value], scope: Scope) -> None:
         """Treat keys at unknown ports as read and written, so that nothing else is reported."""
@@ -454,7 +463,7 @@ class TreeCompiler:
     def _unnamed(self, value: Located, kind: str, what: str, port: str, scope: Scope) -> None:
         """Report a value at a port that needs a key. A name without its $ counts as written."""
         text = value.value if isinstance(value.value, str) else ""
-        instead = value.place.replaced(text, f"${text}") if text.isidentifier() else ""
+        instead = value.place.replaced(text, f"${text}") if text.isidentifier() else None
         self._wrong(
             value.place, f"{what}; name a key such as ${text if instead else port}", instead
         )
@@ -479,10 +488,12 @@ class TreeCompiler:
     def _fit(self, value: Located, wanted: Declaration, what: str) -> Any:
         """Return a literal value in the declared type, or None if it is wrong."""
 
-        def wrong(place: Place, why: str, instead: str = "") -> None:
+        def wrong(place: Place, why: str, instead: Correction | None = None) -> None:
             self._mistakes.add_last(place, f"{what}: {why}", instead)  # other uses may read it too
 
         fitted = fit(value, wanted, self._sources.poses, wrong)
+        if why := doubt(value, wanted):
+            self._mistakes.notes.append(Mistake(value.place, f"{what}: {why}"))
         if wanted.type.endswith("positions") and fitted is not None:
             items = value.value if isinstance(value.value, list) else [value]
             if any(isinstance(item.value, str) for item in items):

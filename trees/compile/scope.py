@@ -3,10 +3,11 @@
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
-from hardware.suggestions import suggestion
+from hardware.suggestions import closest, suggestion
 from trees.errors import Mistakes, Place
 from trees.reading.document import REFUSED, Located, StandIn
 from trees.reading.grammar import TaskFile
+from trees.reading.lines import declared_above
 from trees.reading.specs import Key, Value
 
 
@@ -83,12 +84,15 @@ def _without_names(
         return replace(value, value=stand_in)
     near = suggestion(inner[1:], scope.file.parameters)
     what = scope.file.port
-    why, lines = f"there is no {what} for {inner}{near}", ""
+    why, lines = f"there is no {what} for {inner}{near}", None
+    if near:
+        lines = value.place.replaced(inner, f"${closest(inner[1:], scope.file.parameters)}")
     if key in written:
         why = f"{inner} has no value before the run; a mapping or a list may contain values, and "
         why += "parameters or ports that have one"
     elif not near:
         why += f"; declare it above the tree, with {what}s:, or write a value here"
-        lines = f"{what}s:\n  {inner[1:]}: {{type: {kind}, default: 0}}"
+        line = f"{inner[1:]}: {{type: {kind}, default: 0}}"
+        lines = declared_above(value.place, f"{what}s", line)
     mistakes.add_last(value.place, why, lines)
     return replace(value, value=REFUSED)

@@ -1,5 +1,6 @@
 """Calls of skills' hooks before a run. An error in a hook affects only its own node."""
 
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
@@ -15,7 +16,7 @@ from hardware import Robot
 from hardware.suggestions import did_you_mean
 from skills import Context, Skill, SkillBroken, SkillError, known_errors
 from skills.motion import Body, MotionError, ToolQuery, shown
-from trees.errors import Mistake, Place
+from trees.errors import Correction, Mistake, Place
 from trees.reading.document import Located
 from trees.reading.values import in_smaller_units
 
@@ -36,19 +37,23 @@ class Refusal:
         kind: Name of the skill.
         error: Why it is refused.
         place: Place of the value, or of the skill.
-        instead: The line as it should be; empty if that is not known.
+        instead: The lines as they should be; None if that is not known.
     """
 
     node: Behaviour
     kind: str
     error: Fault
     place: Place
-    instead: str = ""
+    instead: Correction | None = None
 
     @property
     def mistake(self) -> Mistake:
         """The refusal, as a mistake in a file."""
-        return Mistake(self.place, f"{self.kind}: {self.error}", self.instead)
+        # A skill inside a subtree is not named: its user has not written it.
+        _, subtree, within = f"{self.place.location}.".rpartition(".with.")
+        inside = subtree and f".{self.kind}." not in within
+        words = str(self.error) if inside else f"{self.kind}: {self.error}"
+        return Mistake(self.place, words, self.instead)
 
 
 class SkillHooks:
@@ -91,7 +96,11 @@ class SkillHooks:
         inputs = {**leaf.known, **leaf.partial} if kind.validates_partial else leaf.known
         _, faults = _result(kind, "validate", lambda: kind.validate(robot, inputs), _ANY)
         for fault in faults:
-            (place, value), instead = _refused(leaf, fault), ""
+            (place, value), instead = _refused(leaf, fault), None
+            if value and (name := re.search(r"; did you mean ([\w-]+)\?$", str(fault))):
+                step = fault.location[-1] if isinstance(fault, SkillError) else ""
+                there = place.replaced(str(step), name[1])
+                instead = there or place.replaced(str(value.value), name[1])
             if value and (near := _in_smaller_unit(leaf, robot, inputs, fault)):
                 words = str(fault).removesuffix(meant := did_you_mean(near))
                 fault.args = (words + meant,)  # a skill may raise the same object again
@@ -243,7 +252,7 @@ def _in_smaller_unit(leaf: Leaf, robot: Robot, inputs: Mapping[str, Any], error:
     return ""
 
 
-def _with_unit(value: Located, unit: str) -> str:
+def _with_unit(value: Located, unit: str) -> Correction | None:
     """Return the line of a value with a unit after each of its numbers."""
     items, numbers = value.value if isinstance(value.value, list) else [value], (int, float)
     texts = [f"{i.value} {unit}" if type(i.value) in numbers else i.as_yaml() for i in items]

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from hardware.suggestions import there_are
+from hardware.suggestions import closest, there_are
 from trees.errors import FileError, Mistakes
 from trees.reading.grammar import TaskFile
 from trees.reading.library import Library, poses_of
@@ -69,14 +69,17 @@ class Sources:
         return self._read[spec.source]
 
     def _load(self, spec: SubtreeNode, mistakes: Mistakes) -> TaskFile | None:
+        right = None
         source, numbers, subtrees = spec.source, self._library.numbers(), self._library.subtrees()
         if source not in (*numbers, *subtrees):
             if isinstance(source, str):
+                near = closest(source, subtrees)
+                right = spec.place.replaced(f"subtree: {source}", near and f"subtree: {near}")
                 message = f"no subtree {source}; {there_are(source, subtrees)}"
             else:
                 there = ", ".join(map(str, numbers[:_SHOWN])) + (", …" if numbers[_SHOWN:] else "")
                 message = f"no task {source}; there are {there}"
-            mistakes.add_last(spec.place, message)
+            mistakes.add_last(spec.place, message, right)
             return None
         file, wrong = self._library.draft(source)
         if {"", f"{file.port}s"} & {mistake.place.location for mistake in wrong}:

@@ -1,18 +1,18 @@
 """Values that a file gives to a node without the names of its ports."""
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 from trees.declarations import Declaration
-from trees.errors import Mistakes, Place
+from trees.errors import Correction, Mistakes, Place
 from trees.reading.document import REFUSED, Located
+from trees.reading.lines import block, replaced_block
 from trees.reading.specs import Key, Value
 from trees.reading.values import fit
 
 from .arguments import MISSING
 from .data_flow import short_name
-
-_WITH = "\0"  # becomes `with:`, below `subtree:`
 
 
 def by_port(
@@ -51,10 +51,15 @@ def by_port(
         wrong(value.place, why)
         return {port: Located(value.place, REFUSED, value.label) for port in ports}
     place = value.place
-    if "" not in given:  # the place of the bracket before the first key
-        place = replace(value.label, column=value.label.column - 1)
-        written = place.brackets
-    wrong(value.label if "" not in given else place, why, place.replaced(written, wanted))
+    if "" in given:
+        wrong(place, why, place.replaced(written, wanted))
+        return {ports[0]: value}
+    before = replace(value.label, column=value.label.column - 1)  # of the bracket, if there is one
+    if lines := block(value.label):  # a mapping in lines of its own
+        right = replaced_block(value.label, [f"{ports[0]}:", *(f"  {line}" for line in lines)])
+    else:
+        right = before.replaced(before.brackets, wanted)
+    wrong(value.label, why, right)
     return {ports[0]: value}
 
 
@@ -68,21 +73,30 @@ def as_mapping(given: Mapping[str, Value]) -> Located:
     return Located(label, dict(items), label)
 
 
-def with_lines(place: Place, skill: str, name: str, ports: Mapping[str, Value] | None) -> str:
+def as_subtree(
+    place: Place, skill: str, subtree: str, ports: Mapping[str, Value]
+) -> Correction | None:
     """Return a subtree that is written like a skill as it should be.
 
     Args:
-        place: Place of the skill.
+        place: Place of the node.
         skill: Name of the skill.
-        name: Name of the subtree.
-        ports: Values by port; None for those that are written there.
+        subtree: Name of the subtree.
+        ports: Values by port.
     """
-    old, new = f"{skill}:", f"subtree: {name}\n{_WITH}"
-    if ports is not None:
-        old = place.lines[place.line - 1][place.column - 1 :]
-        new += f" {as_mapping(ports).as_yaml()}"
-    lines = place.replaced(old, new).replace(_WITH, " " * (place.column - 1) + "with:")
-    return lines or place.replaced(skill, f"subtree: {name}")
+    lines = [f"subtree: {subtree}"]
+    if ports:
+        lines.append(f"with: {as_mapping(ports).as_yaml()}")
+    in_braces = "{" + ", ".join(lines) + "}"
+    old = block(place)
+    if old and old[0].startswith(skill):
+        name = old[0].rstrip().endswith(f"{skill}:") or old[0].startswith(f"{skill}: ")
+        rest = old[1:] if name else []
+        beside = [line for line in rest if re.match(r"\w", line)]
+        return replaced_block(place, [*lines, *beside])
+    if place.brackets:
+        return place.replaced(place.brackets, in_braces)
+    return place.replaced(skill, in_braces)
 
 
 def _fits(value: Located, wanted: Declaration) -> bool:

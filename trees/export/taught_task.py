@@ -107,7 +107,7 @@ class TaughtTask:
             BadArguments: It is not a duration.
         """
 
-        def wrong(place: Place, why: str, _instead: str = "") -> NoReturn:
+        def wrong(place: Place, why: str, _: object = None) -> NoReturn:
             raise FileError([Mistake(place, why)])
 
         longest = Declaration("duration", least=0.0)

@@ -11,15 +11,15 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar
 
-from hardware.suggestions import corrections, suggestion, there_are
+from hardware.suggestions import closest, corrections, did_you_mean, there_are
 from trees.declarations import LIST, TYPES, Declaration
-from trees.errors import FileError, Mistake, Mistakes
+from trees.errors import Correction, FileError, Mistake, Mistakes
 
 from .document import Located, NotYaml, draft_document, names_within, nested
 from .node_parser import NodeParser
 from .repairs import repairing
-from .specs import ControlNode, Key, SkillNode, SubtreeNode, TreeNode
-from .values import fit
+from .specs import ControlNode, Key, SkillNode, SubtreeNode, TreeNode, Value
+from .values import fit, measured
 
 VERSION = 1  # version of the grammar
 
@@ -196,7 +196,7 @@ class _Parser:
         self.mistakes = Mistakes(known)
         self.nodes = NodeParser(self.mistakes)
         self._wrong = self.mistakes.add
-        self._values = nested(self.root)
+        self._values, self._known = nested(self.root), keys
         if not self._values:
             needed = ", ".join(key for key in keys if key not in _OPTIONAL)
             self._wrong(self.root.place, f"expected the keys {needed}")
@@ -234,8 +234,21 @@ class _Parser:
     def get(self, key: str, needed: bool = True) -> Located | None:
         value = self._values.get(key)
         if value is None and needed and self._values:
-            self._wrong(replace(self.root.place, location=key), f"the key {key} is missing")
+            place = replace(self.root.place, location=key)
+            self._wrong(place, f"the key {key} is missing", self._line_for(key))
         return value
+
+    def _line_for(self, key: str) -> Correction | None:
+        """Return the line for a missing key, below the key that is before it."""
+        path = self.root.place.path
+        number, _, name = path.stem.partition("_")
+        texts = {"task": number, "name": name, "subtree": path.stem, "description": "What it does."}
+        earlier = self._known[: self._known.index(key)]
+        above = [self._values[each].label.line for each in earlier if each in self._values]
+        if not texts.get(key) or self.root.place.brackets:
+            return None
+        first = min(value.label.line for value in self._values.values())
+        return Correction(f"{key}: {texts[key]}", max(above) + 1 if above else first, 0)
 
     def _with_tree(
         self, values: Mapping[str, Located], known: tuple[str, ...]
@@ -254,15 +267,33 @@ class _Parser:
             return values
         (first, *_) = below
         label = below[first].label
-        self._wrong(label, f"{first} must be below the key {head}", f"{head}:\n  {first}:")
+        self._wrong(label, f"{first} must be below the key {head}", self._below(head, below))
         rest = {key: value for key, value in values.items() if key not in below}
         return {**rest, head: Located(label, below, label)}
+
+    def _below(self, head: str, below: Mapping[str, Located]) -> Correction | None:
+        """Return the lines of some keys, if nothing is between them, below another key."""
+        lines = self.root.place.lines
+        begin = min(value.label.line for value in below.values())
+        rest = [each for key, each in self._values.items() if key not in below]
+        end = min((each.label.line for each in rest if each.label.line > begin), default=0)
+        moved = [*lines[begin - 1 : end - 1 if end else len(lines)]]
+        while not moved[-1].strip():
+            moved.pop()
+        if self.root.place.brackets or any(key not in " ".join(moved) for key in below):
+            return None
+        indented = [f"  {line}" if line.strip() else line for line in moved]
+        return Correction("\n".join([f"{head}:", *indented]), begin, len(moved))
 
     def _corrections(
         self, values: Mapping[str, Located], known: tuple[str, ...]
     ) -> Mapping[str, Located]:
         """Report unknown keys; return the values with corrected keys."""
         likely = corrections(values, known)
+        unknown = [key for key in values if key not in {*known, *likely}]
+        needed = [key for key in known if key not in {*_OPTIONAL, *values, *likely.values()}]
+        if "tree" in known and len(unknown) == len(needed) == 1:
+            likely[unknown[0]] = needed[0]
         for key, value in values.items():
             other = {"ports": "parameters", "parameters": "ports"}.get(key)
             if key not in known and other in known and other not in values:
@@ -271,6 +302,8 @@ class _Parser:
                 self._wrong(value.label, there, value.label.replaced(key, other))
             elif key not in known:
                 there = there_are(key, known, values)
+                if key in likely:
+                    there = there.partition(";")[0] + did_you_mean(likely[key])
                 instead = value.label.replaced(key, likely.get(key, ""))
                 self._wrong(value.label, f"unknown key {key}; {there}", instead)
         return {likely.get(key, key): value for key, value in values.items()}
@@ -312,14 +345,27 @@ class _Parser:
 
     def used(self, key: str, tree: TreeNode) -> None:
         """Report declared names that the tree does not use."""
-        names, value = {*_keys(tree), *self.nodes.spare}, self._values.get(key)
+        value, names = self._values.get(key), {*self.nodes.spare}
+        texts = dict[object, Located]()
+        for used in _values(tree):
+            if isinstance(used, Key):
+                names.add(used.name)
+            else:
+                texts |= {re.sub(r"\W", "", str(text.value)): text for text in _texts(used)}
+                # A text alone is not a reference.
+                names |= set() if isinstance(used.value, str) else {*names_within(used)}
         if value is None or tree == SkillNode(tree.place, "", {}):
             return
         items = value.value if isinstance(value.value, list) and key == "ports" else []
         places = {each.value: each.place for each in items if isinstance(each.value, str)}
         places |= {name: item.label for name, item in nested(value).items()}
         for name, place in places.items():
-            if name not in names and self.nodes.is_name(name):
+            if name not in names and name in texts:
+                text = texts[name]
+                why = f"{text} is a text; the value of the {key[:-1]} {name} is ${name}"
+                right = text.place.replaced(str(text.value), f"${name}")
+                self.mistakes.add_last(text.place, why, right)
+            elif name not in names and self.nodes.is_name(name):
                 self._wrong(place, f"{key}: nothing in the tree uses ${name}")
 
     def _names(self, value: Located, key: str) -> list[str]:
@@ -332,6 +378,11 @@ class _Parser:
         return names
 
     def _declaration(self, value: Located, what: str, known: tuple[str, ...]) -> Declaration:
+        if kind := _type_of(value):
+            typed = f"{{type: {kind}, default: {value.as_yaml()}}}"
+            why = f"{what} needs a type, and {value} is a value: write {typed}"
+            self._wrong(value.place, why, value.place.replaced(value.as_yaml(), typed))
+            return Declaration(kind, default=value)
         if isinstance(value.value, str):
             return Declaration(self._type(value, what, "output" in known))
         keys = self._corrections(nested(value), known)
@@ -339,7 +390,11 @@ class _Parser:
         if "type" in keys:
             kind = self._type(keys["type"], what, "output" in known)
         else:
-            self._wrong(value.place, f"{what} needs a type: {', '.join(TYPES)}")
+            kind = _type_of(keys["default"]) if "default" in keys else ""
+            old, near = value.place.brackets, f"type: {kind or 'number'}"
+            right = value.place.replaced(old, f"{{{near}, {old[1:]}") if kind and old else None
+            there = _types() + did_you_mean(near if kind else "")
+            self._wrong(value.place, f"{what} needs a type: {there}", right)
         if "default" in keys and output:
             self._wrong(keys["default"].label, f"{what} is an output, and outputs have no default")
         least, most = self._bound(kind, keys.get("min")), self._bound(kind, keys.get("max"))
@@ -360,9 +415,9 @@ class _Parser:
         kind = value.value
         if isinstance(kind, str) and (kind in TYPES or (opaque and kind[:1].isupper())):
             return kind
-        plain = [each for each in TYPES if not each.startswith(LIST)]
-        there = f"{', '.join(plain)}, and a list of one{suggestion(str(kind), TYPES)}"
-        self._wrong(value.place, f"{what}: no type {kind}; there are {there}")
+        near = closest(str(kind), TYPES)
+        why = f"{what}: no type {kind}; there are {_types()}{did_you_mean(near)}"
+        self._wrong(value.place, why, value.place.replaced(str(kind), near))
         return UNTYPED
 
     def _default(self, value: Located | None, what: str) -> Located | None:
@@ -405,22 +460,33 @@ class _Parser:
         return None
 
 
-def _keys(node: TreeNode) -> Iterator[str]:
-    """Return the names of all references in a tree."""
+def _types() -> str:
+    plain = [each for each in TYPES if not each.startswith(LIST)]
+    return f"{', '.join(plain)}, and a list of one"
+
+
+def _type_of(value: Located) -> str:
+    """Return the type of a number, of a quantity, or of true or false; else an empty text."""
+    kinds = {int: "integer", float: "number", bool: "boolean"}
+    return measured(value) or kinds.get(type(value.value), "")
+
+
+def _values(node: TreeNode) -> Iterator[Value]:
+    """Return the values of all nodes in a tree."""
     match node:
         case ControlNode():
             for child in node.children:
-                yield from _keys(child)
-            values = node.options
+                yield from _values(child)
+            yield from node.options.values()
         case SkillNode():
-            values = node.ports
+            yield from node.ports.values()
         case SubtreeNode():
-            values = node.values
-    for value in values.values():
-        yield from (value.name,) if isinstance(value, Key) else _keys_within(value)
+            yield from node.values.values()
 
 
-def _keys_within(value: Located) -> Iterator[str]:
-    """Return the references inside a mapping or a list. A text alone is not one."""
-    if not isinstance(value.value, str):
-        yield from names_within(value)
+def _texts(value: Located) -> Iterator[Located]:
+    """Return the texts in a value."""
+    if isinstance(value.value, str):
+        yield value
+    for item in value.value if isinstance(value.value, list) else nested(value).values():
+        yield from _texts(item)

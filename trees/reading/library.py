@@ -9,7 +9,7 @@ without reading the other files. `poses.yaml` contains poses. Any other `.yaml` 
 
 import os
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from functools import cache
 from importlib import resources
@@ -76,7 +76,7 @@ class Library:
         read: Callable[[Path], str] = read_text,
     ) -> None:
         self.robot, self.read = robot, read
-        self.draft = cache(self.draft)  # type: ignore[method-assign]
+        self._drafted = cache(self._drafted)  # type: ignore[method-assign]
         self.draft_poses = cache(self.draft_poses)  # type: ignore[method-assign]
         self.shipped = with_robot(Path(str(resources.files("trees"))) / "tasks", robot)
         if folder is not None:
@@ -91,6 +91,8 @@ class Library:
         self._poses: list[Path] = []
         # The error of a number or name that several files have.
         self._claimed: dict[int | str, FileError] = {}
+        # The number or name of a file that another one has, too.
+        self._seconds: dict[Path, int | str] = {}
         # The shipped file, by the user's file that replaces it.
         self._replaced: dict[Path, Path] = {}
         self.mistakes: list[Mistake] = []
@@ -139,6 +141,7 @@ class Library:
             if name and _draft(source, path, self.read(path))[0].replaces == name:
                 self._paths[source], self._replaced[path] = path, there
                 return
+            self._seconds[path] = source
             place = _top(path, self._text(path), _what(source))
             if isinstance(source, int):
                 raise DuplicateTask(source, there, place, name)
@@ -236,18 +239,33 @@ class Library:
         path = self.path(number)
         return _as_named(parse_head(path, self.read(path)))
 
-    def draft(self, source: int | str) -> Draft:
+    def files(self) -> Iterator[tuple[Path, int | str | None]]:
+        """Return each file, with its number or its name; None for poses.
+
+        A number or name that several files have is returned with each of them.
+        """
+        yield from ((path, None) for path in self._poses)
+        yield from ((self._paths[name], name) for name in self.subtrees())
+        yield from ((self._paths[number], number) for number in self.numbers())
+        yield from self._seconds.items()
+
+    def draft(self, source: int | str, path: Path | None = None) -> Draft:
         """Read a task or subtree, and continue after mistakes; return the file and the mistakes.
 
         Args:
             source: Number of the task, or name of the subtree.
+
+        Args:
+            path: Its file, if several files may have the number or name.
 
         Raises:
             UnknownTask: No file has that number.
             FileError: The file is not YAML.
             KeyError: No subtree has that name.
         """
-        path = self.path(source)
+        return self._drafted(source, path or self.path(source))
+
+    def _drafted(self, source: int | str, path: Path) -> Draft:
         file, mistakes = _draft(source, path, self.read(path))
         reported = {mistake.place.location for mistake in mistakes}
         named = [m for m in _misnaming(file) if not {"", m.place.location} & reported]
@@ -340,14 +358,22 @@ def _draft(source: int | str, path: Path, text: str) -> Draft:
 
 def _misnaming(file: TaskFile) -> list[Mistake]:
     """Return mistakes if a file contradicts its name."""
-    key, name, wrong = "subtree", file.path.stem, {}
+    key, name, wrong = "subtree", file.path.stem, list[Mistake]()
     if file.number is not None:
         key, name, number = "name", _name(file.path), int(name.partition("_")[0])
         if file.number != number:
-            wrong["task"] = f"the file is named for task {number} but says task {file.number}"
+            why = f"the file is named for task {number} but says task {file.number}"
+            wrong.append(_renaming(file, why, "task", file.number, number))
     if file.name != name:
-        wrong[key] = f"the file is named {file.path.name} but says {key} {file.name}"
-    return [Mistake(_top(file.path, file.text, each), why) for each, why in wrong.items()]
+        why = f"the file is named {file.path.name} but says {key} {file.name}"
+        wrong.append(_renaming(file, why, key, file.name, name))
+    return wrong
+
+
+def _renaming(file: TaskFile, why: str, key: str, old: object, new: object) -> Mistake:
+    place = _top(file.path, file.text, key)
+    right = place.replaced(f"{key}: {old}", f"{key}: {new}")
+    return Mistake(place, f"{why}; rename the file, or change the line", right)
 
 
 def _as_named(task: TaskFile) -> TaskFile:

@@ -5,10 +5,11 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, TypeGuard
 
-from hardware.suggestions import choices, corrections, suggestion, there_are
-from trees.errors import Mistakes, Place
+from hardware.suggestions import corrections, did_you_mean, there_are
+from trees.errors import Correction, Mistakes, Place
 
 from .document import Located, names_within, nested
+from .lines import added_below, as_mapping, block, key_block, replaced_block
 from .specs import ControlNode, Key, SkillNode, SubtreeNode, TreeNode, Value
 
 if TYPE_CHECKING:
@@ -17,11 +18,15 @@ if TYPE_CHECKING:
 MAX_NUMBER = 2**31 - 1
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
+_WORDS = re.compile(r"[a-z]+( [a-z]+)+")
 _EXAMPLES = {"integer": "3", "duration": "1 s"}  # of an option, by type
 _FILES = {"subtree": ("with", "name"), "task": ("with", "name")}
 
 _IF = "there is no if: a sequence that begins with a condition runs the rest only if it holds"
 _OTHER_WORDS = {"if": _IF, "then": _IF, "else": f"{_IF}; a selector has the other case"}
+# Words of other languages and libraries, and the control node that does the same.
+SYNONYMS = {"loop": "repeat", "for": "repeat", "fallback": "selector", "not": "inverter"}
+_AMOUNT = re.compile(r"[0-9.]+ ?([a-z]+)?")
 
 
 class NodeParser:
@@ -40,21 +45,61 @@ class NodeParser:
 
     def node(self, value: Located) -> TreeNode:
         """Return the node that a value describes."""
+        if isinstance(value.value, str) and _WORDS.fullmatch(value.value):
+            return SkillNode(value.place, value.value, {})  # two words may be one name
         if isinstance(value.value, str):
             return SkillNode(value.place, self.name(value, "a node"), {})
         keys = nested(value)
         heads = [key for key in keys if key in _heads()]
         rest = [key for key in keys if key != "name"]
+        whole = len(heads) == 1 and heads[0] in _kinds() and not _is_amount(keys[heads[0]])
+        if not whole and (counted := self._counted(value, keys)):
+            return counted
         if len(heads) == 1:
             return self._headed(value.place, heads[0], keys)
         if not heads and len(rest) == 1 and rest[0] not in _beside():
             return self._skill(value.place, rest[0], keys)
-        self._wrong(value.place, _no_node(value, tuple(keys)))
-        likely = {} if heads else corrections(rest, _heads())
+        likely = {} if heads else _likely(rest)
         if len(likely) == 1:
-            (head,) = likely.values()
+            ((word, head),) = likely.items()
+            label = keys[word].label
+            instead = label.replaced(word, head)
+            self._wrong(value.place, _no_node(value, tuple(keys)), instead)
             return self._headed(value.place, head, _respell(keys, likely))
+        instead = None
+        if isinstance(value.value, list) and value.value:
+            margin = " " * (value.place.column - 1)
+            instead = Correction(f"{margin}sequence:", value.place.line, 0)
+        self._wrong(value.place, _no_node(value, tuple(keys)), instead)
         return self._broken(value, keys)
+
+    def _counted(self, value: Located, keys: Mapping[str, Located]) -> TreeNode | None:
+        """Report a number at a node that it should be beside, such as `repeat: 3`.
+
+        Return the node as it should be, or None if that is not the mistake.
+        """
+        words = {**{kind: kind for kind in _kinds()}, **SYNONYMS, **_option_kinds()}
+        for word, item in keys.items():
+            kind = words.get(word, "")
+            if not kind or _kinds()[kind].many or not _is_amount(item):
+                continue
+            option, *options = _kinds()[kind].options
+            beside = {key: each for key, each in keys.items() if key in options}
+            below = {key: each for key, each in keys.items() if key not in {word, *beside}}
+            if len([key for key in below if key in _heads() or key[:1].isupper()]) != 1:
+                continue
+            rows = {each.label.line - value.place.line for each in (item, *beside.values())}
+            lines = block(value.place)
+            amount = f"{option}: {item.as_yaml()}"
+            moved = [line for row, line in enumerate(lines) if row in rows]
+            kept = [f"  {line}" for row, line in enumerate(lines) if row not in rows]
+            moved = [amount if line.startswith(f"{word}:") else line for line in moved]
+            why = f"{kind} has its node below it, and its number beside it, as {amount}"
+            right = replaced_block(value.place, [f"{kind}:", *kept, *moved]) if lines else None
+            self._wrong(item.label, why, right)
+            child = Located(value.place, below, value.label)
+            return self._headed(value.place, kind, {kind: child, option: item, **beside})
+        return None
 
     def _headed(self, place: Place, head: str, keys: Mapping[str, Located]) -> TreeNode:
         made = self._file if head in _FILES else self._control
@@ -101,8 +146,14 @@ class NodeParser:
         """Return a task number, or 0 if the value is not one."""
         if is_number(value.value):
             return value.value
-        self._wrong(value.place, f"{what}: {value} is not a number from 0 to {MAX_NUMBER}")
-        return 0
+        plain = value.value if isinstance(value.value, str) and value.value.isdecimal() else ""
+        why = f"{what}: {value} is not a number from 0 to {MAX_NUMBER}"
+        if plain:
+            why = f"{what}: {value} is a text; leave out the quotes"
+        elif self.is_name(value.value):
+            why += "; write the number of its file, such as 1 for 1_pick.yaml"
+        self._wrong(value.place, why, value.place.replaced(plain, plain))
+        return int(plain) if plain and is_number(int(plain)) else 0
 
     def line(self, value: Located, what: str) -> str:
         """Return a text as one line, or an empty one if the value is not a text."""
@@ -124,9 +175,10 @@ class NodeParser:
         inner = keys[skill]
         if isinstance(inner.value, list):
             lists = [name for name, kind in _kinds().items() if kind.many]
-            there = choices(skill, lists)
-            self._wrong(inner.label, f"{skill} takes no list of nodes; these do: {there}")
-            kind = corrections((skill,), lists).get(skill, "")
+            kind = corrections((skill,), lists).get(skill, "") or SYNONYMS.get(skill, "")
+            there = ", ".join(lists) + did_you_mean(kind)
+            why = f"{skill} takes no list of nodes; these do: {there}"
+            self._wrong(inner.label, why, inner.label.replaced(skill, kind))
             return ControlNode(place, kind, self._items(inner.value))
         name = self.name(Located(inner.label, skill, inner.label), "a node")
         return SkillNode(place, name, self._wiring(inner), self._shown(keys))
@@ -142,9 +194,9 @@ class NodeParser:
         for option, declared in known.options.items():
             if declared.needed and option not in keys:
                 example = _EXAMPLES.get(declared.type, "…")
-                line = f"{' ' * (place.column - 1)}{option}: {example}"
                 why = f"{kind} needs {option}: {declared.description}; write it below, in the"
-                self._wrong(place, f"{why} column of {kind}", line)
+                right = added_below(place, f"{option}: {example}")
+                self._wrong(place, f"{why} column of {kind}", right)
         return ControlNode(place, kind, children, options, self._shown(keys))
 
     def _raised(
@@ -156,12 +208,22 @@ class NodeParser:
         theirs = {"name", *(option for head in heads for option in _kinds()[head].options)}
         lost = {key: inner[key] for key in inner if key in own and key not in {*theirs, *keys}}
         for key, value in lost.items():
-            line = " " * (place.column - 1) + f"{key}: {value.as_yaml()}"
-            self._wrong(value.label, f"{key} belongs to {kind}: write it in its column", line)
+            row, lines = value.label.line - place.line, block(place)
+            right = None
+            if lines and row > 0 and len(key_block(value.label)) == 1:
+                kept = [line for n, line in enumerate(lines) if n != row]
+                right = replaced_block(place, [*kept, f"{key}: {value.as_yaml()}"])
+            self._wrong(value.label, f"{key} belongs to {kind}: write it in its column", right)
         left = {key: value for key, value in inner.items() if key not in lost}
         return {**keys, **lost, kind: replace(keys[kind], value=left)} if lost else keys
 
     def _children(self, kind: str, inner: Located) -> tuple[TreeNode, ...]:
+        if _kinds()[kind].only_asks and _is_amount(inner):
+            wait = f"Wait: {{duration: {inner.as_yaml()}}}"
+            why = f"{kind} takes a condition; to wait for some time, write {wait}"
+            right = inner.label.replaced(f"{kind}: {inner.as_yaml()}", wait)
+            self._wrong(inner.place, why, right)
+            return (SkillNode(inner.place, "", {}),)
         if not _kinds()[kind].many:
             return (self.node(inner),)
         if not isinstance(inner.value, list) or not inner.value:
@@ -181,7 +243,8 @@ class NodeParser:
     ) -> tuple[TreeNode, ...]:
         if key in keys:
             return (self.node(keys[key]),)
-        self._wrong(place, f"{kind} needs {key}: the condition")
+        right = added_below(place, f"{key}: CheckHardware")
+        self._wrong(place, f"{kind} needs {key}: the condition", right)
         return ()
 
     def _file(self, place: Place, head: str, keys: Mapping[str, Located]) -> SubtreeNode:
@@ -203,8 +266,11 @@ class NodeParser:
             return keys
         first = next(iter(ports.values()))
         inner = Located(first.label, ports, first.label)
-        line = first.label.lines[first.label.line - 1][first.label.column - 1 :]
-        instead = first.label.replaced(line, f"with: {inner.as_yaml()}")
+        instead = None
+        if all(each.label.column == first.label.column for each in ports.values()):
+            count = sum(len(key_block(each.label)) for each in ports.values())
+            line = f"{' ' * (first.label.column - 1)}with: {inner.as_yaml()}"
+            instead = Correction(line, first.label.line, count) if count else None
         what = "parameters of a task" if head == "task" else "ports of a subtree"
         self._wrong(first.label, f"the {what} are below the key with", instead)
         return {**{key: value for key, value in keys.items() if key in known}, "with": inner}
@@ -216,8 +282,9 @@ class NodeParser:
         beside = [key for key in keys if key != head]
         for key in beside:
             if key not in known:
-                there = there_are(key, known, beside)
-                self._wrong(keys[key].label, f"unknown key {key}; beside {head} {there}")
+                there, label = there_are(key, known, beside), keys[key].label
+                right = label.replaced(key, corrections(beside, known).get(key, ""))
+                self._wrong(label, f"unknown key {key}; beside {head} {there}", right)
                 self.spare |= {*names_within(keys[key])}
         return _respell(keys, corrections(beside, known))
 
@@ -234,7 +301,7 @@ class NodeParser:
         items = value.value if isinstance(value.value, list) else []
         if items and all(isinstance(item.value, dict) for item in items):
             why = "the ports of a node are a mapping, not a list: leave out each `-`"
-            self._wrong(value.place, why, value.place.replaced("-", " "))
+            self._wrong(value.place, why, as_mapping(value))
             given = {port: each for item in items for port, each in nested(item).items()}
             value = replace(value, value=given)
         if not isinstance(value.value, dict):
@@ -264,6 +331,26 @@ def _beside() -> set[str]:
     return {"with", "name", *(key for kind in kinds for key in (*kind.options, kind.condition))}
 
 
+def _likely(words: Collection[str]) -> dict[str, str]:
+    """Return the likely heads of nodes that unknown words mean."""
+    lower = [word for word in words if not word[:1].isupper() or word.lower() in _heads()]
+    return corrections(lower, _heads()) or {
+        word: SYNONYMS[word] for word in words if word in SYNONYMS
+    }
+
+
+def _option_kinds() -> dict[str, str]:
+    """Return the kinds of control nodes by their first option."""
+    return {next(iter(kind.options)): name for name, kind in _kinds().items() if kind.options}
+
+
+def _is_amount(value: Located) -> bool:
+    """Return whether a value is a number, or one with a unit."""
+    plain = value.value
+    number = isinstance(plain, int | float) and not isinstance(plain, bool)
+    return number or (isinstance(plain, str) and _AMOUNT.fullmatch(plain) is not None)
+
+
 def is_number(value: object) -> TypeGuard[int]:
     """Return whether a value is a task number."""
     return type(value) is int and 0 <= value <= MAX_NUMBER
@@ -282,8 +369,8 @@ def _no_node(value: Located, keys: tuple[str, ...]) -> str:
         return f"a node is a skill, a subtree, or a control node such as sequence, not {what}"
     if other := next((why for word, why in _OTHER_WORDS.items() if word in keys), ""):
         return other
-    near = "".join(suggestion(key, _heads()) for key in keys if key not in _heads())
-    heads = [key for key in keys if key in _heads()]
+    near = "".join(did_you_mean(head) for head in _likely(keys).values())
+    heads = [key for key in keys if key in _heads() or key[:1].isupper()]
     if len(heads) > 1:
         return f"{' and '.join(heads)} are several nodes; begin each node of a list with a -"
     return f"one of {', '.join(keys)} must be a node, such as sequence, subtree or a skill{near}"

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from hardware.suggestions import plural
-from trees.errors import FileError, Mistake, Place
+from trees.errors import Correction, FileError, Mistake, Place
 
 from .document import NotYaml, split_lines
 from .node_parser import begins_node
@@ -21,7 +21,7 @@ _MAX_EDITS = 4
 _KEPT = 10  # best texts that are edited further
 _MAX_READ = 250_000  # characters that are read in search of edits; takes about half a second
 _MAX_TEXT = 25_000  # characters of a text that is searched for edits
-_MAX_LEFT = 2  # mistakes that a repaired text may have
+_MAX_LEFT = 2  # mistakes that a repaired text may have in the lines that were edited
 
 Drafted = TypeVar("Drafted")
 Draft = Callable[[Path, str], tuple[Drafted, list[Mistake]]]
@@ -55,6 +55,7 @@ class _Version:
         rank: The lower, the better.
         spots: Where it is wrong.
         left: Number of its mistakes; None if it is not YAML.
+        near: Number of its mistakes in the lines that were edited.
     """
 
     lines: tuple[str, ...]
@@ -62,13 +63,14 @@ class _Version:
     rank: tuple[int, int, int]
     spots: Sequence[_Spot]
     left: int | None = None
+    near: int = 0
 
 
 def repairing(draft: Draft[Drafted]) -> Draft[Drafted]:
     """Let a function that reads files report edits of their layout.
 
-    If edits make a file right, they are its mistakes, and the edited text is read. If a file is not
-    YAML, the error holds the edits that make it YAML, if there are any.
+    If edits make a file right, or a file that is not YAML into YAML, they are mistakes of the file,
+    and the edited text is read.
 
     Args:
         draft: Reads a text, and continues after mistakes.
@@ -76,19 +78,23 @@ def repairing(draft: Draft[Drafted]) -> Draft[Drafted]:
 
     @wraps(draft)
     def read(path: Path, text: str) -> tuple[Drafted, list[Mistake]]:
-        broken = None
+        broken, before = None, set[tuple[int, str]]()
         try:
             drafted, mistakes = draft(path, text)
-            if not mistakes:
-                return drafted, []
+            if all(mistake.instead for mistake in mistakes):
+                return drafted, mistakes
+            before = {(mistake.place.line, mistake.message) for mistake in mistakes}
         except NotYaml as error:
             broken = error
         found = _Search(draft, path, text).repaired()
-        if found and found.left == 0:
-            drafted, _ = draft(path, "\n".join(found.lines))
-            return drafted, _mistakes(path, text, found.edits)
+        if found:
+            repaired, left = draft(path, "\n".join(found.lines))
+            still = {(mistake.place.line, mistake.message) for mistake in left}
+            quoted = any(edit.kind in ("sign", "end") for edit in found.edits)
+            if broken or not still or (before >= still and not quoted):
+                return repaired, [*_mistakes(path, text, found.edits), *left]
         if broken:
-            raise FileError(_mistakes(path, text, found.edits)) if found else broken
+            raise broken
         return drafted, mistakes
 
     return read
@@ -98,12 +104,16 @@ def _mistakes(path: Path, text: str, edits: Sequence[_Edit]) -> list[Mistake]:
     """Return one mistake for each kind of slip, at its first place."""
     lines = split_lines(text)
     first, changed, before = dict[str, _Edit](), dict[str, set[int]](), tuple(lines)
+    moved = dict[str, set[int]]()
     for edit in edits:
         rows = {
             n for n, pair in enumerate(zip(before, edit.lines, strict=True)) if pair[0] != pair[1]
         }
+        moved.setdefault(edit.kind, set()).update(rows)
         if edit.kind == "indent":  # other lines move with this one
             rows = {edit.spot[0]}
+        if edit.kind == "dash":
+            rows = {n for n in rows if edits[-1].lines[n].lstrip().startswith("- ")}
         if not any(edit.spot[0] in known for known in changed.values()):
             first.setdefault(edit.kind, edit)
         changed.setdefault(edit.kind, set()).update(rows)
@@ -114,7 +124,10 @@ def _mistakes(path: Path, text: str, edits: Sequence[_Edit]) -> list[Mistake]:
         same = sorted(n + 1 for n in changed[edit.kind] if n != row)
         also = f"; the same in line {', '.join(map(str, same))}" if same else ""
         place = Place(path, row + 1, column + 1, "", lines)
-        found.append(Mistake(place, edit.why + also, edits[-1].lines[row]))
+        rows = {row, *(n - 1 for n in same), *moved.get(edit.kind, ())}
+        begin, end = min(rows), max(rows) + 1
+        right = Correction("\n".join(edits[-1].lines[begin:end]), begin + 1, end - begin)
+        found.append(Mistake(place, edit.why + also, right))
     return found
 
 
@@ -147,7 +160,7 @@ class _Search:
             if any(version.left == 0 for version in now):
                 break
         found = min(best, key=lambda version: version.rank, default=None)
-        return found if found and (found.left or 0) <= _MAX_LEFT else None
+        return found if found and found.near <= _MAX_LEFT else None
 
     def _version(self, lines: tuple[str, ...], edits: tuple[_Edit, ...]) -> _Version:
         text = "\n".join(lines)
@@ -161,7 +174,9 @@ class _Search:
         except FileError as error:
             mistakes = [*error.mistakes]
         rank, spots = (0, len(mistakes), len(edits)), _spots(mistakes, lines)
-        return _Version(lines, edits, rank, spots, left=len(mistakes))
+        edited = {edit.spot[0] + 1 for edit in edits}
+        near = sum(mistake.place.line in edited for mistake in mistakes)
+        return _Version(lines, edits, rank, spots, len(mistakes), near)
 
 
 def _spots(mistakes: Iterable[Mistake], lines: Sequence[str]) -> list[_Spot]:
@@ -183,6 +198,10 @@ def _edits(version: _Version) -> Iterator[_Edit]:
     lines, rows = version.lines, dict[int, None]()
     for row, _ in version.spots:
         rows |= {row: None, _line_before(row, lines): None}
+        if _content(lines[row]).endswith(":"):
+            below = next((n for n in range(row + 1, len(lines)) if _content(lines[n])), row)
+            same = _columns(lines[below])[0] == _columns(lines[row])[2]
+            rows |= {below: None} if same else {}
     yield from _foreign_sign_edits(lines)
     last = max(rows) if version.left is None else 0  # in YAML, all brackets are closed
     for row in rows:
@@ -227,6 +246,9 @@ def _foreign_sign_edits(lines: tuple[str, ...]) -> Iterator[_Edit]:
 _InLine = tuple[int, str, str]  # the column of a slip, what is wrong, and the line without it
 _KEY = r"(^[\s-]*|(?<=[{,\[])\s*)([A-Za-z_][\w-]*)"
 
+_CALL = r"the values of `\2` follow a colon, not in parentheses"
+_IN_ONE_LINE = "two keys of a node in one line need braces and a comma"
+
 # A slip of which group 2 is the place, what to write instead, and why.
 _SLIPS = (
     (_KEY + r":(?=[^\s:/\\])", r"\1\2: ", r"a space is missing after the colon of `\2`"),
@@ -235,6 +257,18 @@ _SLIPS = (
     (_KEY + r"\s+(?=[^\s:=,}\]])", r"\1\2: ", r"a colon is missing after `\2`"),
     (r"^(\s*)(-)(?=[A-Za-z{\[])", r"\1- ", r"a space is missing after the `-`"),
     (r"()(\$\{(\w+)\})", r"$\3", r"write `$\3`, without braces"),
+    (
+        r"()(['\"]?(?:\{\{|<|%)\s*(\w+)\s*(?:\}\}|>|%)['\"]?)",
+        r"$\3",
+        r"write `$\3` for a parameter",
+    ),
+    (r"^(\s*- )(\w+)\((\w+) ?[=:] ?([^()]*)\)$", r"\1\2: {\3: \4}", _CALL),
+    (r"^(\s*- )(\w+)\(([^()=:]+)\)$", r"\1\2: \3", _CALL),
+    (r"^(\s*- )(\w+)\(\)$", r"\1\2", r"write `\2`, without parentheses"),
+    (r"^(\s*- )((?:subtree|task): [\w-]+),?\s+(with: .*)$", r"\1{\2, \3}", _IN_ONE_LINE),
+    (r"^([\s-]*[\w-]+: )(([a-z]\w*): .*)$", r"\1{\2}", r"`\3` and its value need braces here"),
+    (r"(, *)(,)", r"\1", r"one comma too many"),
+    (r"()('([^',{}\[\]]*'[^',{}\[\]]*)')", r'"\3"', r"a text with a ' in it needs the quotes \""),
     (r"()(\()([^()]*)\)", r"{\3}", r"write braces, not parentheses"),
     (r"()(\()([^()]*)\)", r"[\3]", r"write brackets, not parentheses"),
     (r"^(\s*)(//)", r"\1#", r"a comment begins with #, not with //"),
@@ -254,13 +288,14 @@ def _slip_edits(content: str) -> Iterator[_InLine]:
             yield slips[0].start(2), slips[0].expand(why), re.sub(pattern, instead, content)
 
 
+_HIDDEN = r": ((?:[^'\"{}\[\],]+ )?#[^'\"{}\[\],]*)(?=[,}\]])"  # the # of a text
 _CLOSERS = {"{": "}", "[": "]", "'": "'", '"': '"'}
 
 
 def _closing_edits(lines: tuple[str, ...], row: int, last: int) -> Iterator[_Edit]:
     """Return edits that close what a line opens, up to a later line, or put its text in quotes."""
     content, comment = _split_comment(lines[row])
-    if hidden := re.search(r": ([^'\"{}\[\],]+ #[^'\"{}\[\],]*)(?=[,}\]])", lines[row]):
+    if hidden := re.search(_HIDDEN, lines[row]):
         why = "a # after a space begins a comment; put the text in quotes"
         line = f'{lines[row][: hidden.start(1)]}"{hidden[1]}"{lines[row][hidden.end() :]}'
         yield _Edit((row, hidden.start(1)), "slip", why, _with_line(lines, row, line))
@@ -370,7 +405,7 @@ def _columns(line: str) -> tuple[int, str, int, str]:
 
 def _indented_by(line: str, by: int) -> str:
     margin = _columns(line)[0]
-    return " " * max(0, margin + by) + line[margin:]
+    return " " * max(0, margin + by) + line[margin:] if line.strip() else line
 
 
 def _content(line: str) -> str:

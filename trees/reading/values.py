@@ -11,6 +11,7 @@ from hardware.suggestions import choices, closest, did_you_mean, plural, there_a
 from trees.declarations import ANY, LIST, UNITS, Declaration, type_fits, words
 
 from .document import REFUSED, Located, StandIn
+from .lines import as_mapping
 
 _NUMBER = r"([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)"
 _QUANTITY = re.compile(rf"{_NUMBER} ?([A-Za-z\xb0]\S*)")
@@ -23,8 +24,14 @@ _PYTHON: Mapping[str, tuple[type, ...]] = {
 
 # What other programs and languages write, and what it means here.
 _SWITCHES = {"yes": "true", "on": "true", "no": "false", "off": "false", "1": "true", "0": "false"}
+_COMPARISONS = {"equals": "==", "equal": "==", "is": "==", "not": "!=", "less": "<"} | {
+    "greater": ">",
+    "more": ">",
+}
 _SIGNS = str.maketrans({",": ".", "\u2212": "-", "\u2013": "-"})
 _UNIT_NAMES = {"grad": "deg", "\xb0": "deg", "milli": "m", "centi": "c", "zenti": "c"}
+
+_LONG, _LONGEST = 100.0, 1e6  # time without a unit that may be in milliseconds [s]
 
 Wrong = Callable[..., None]  # called with a place, a message, and maybe the right line
 
@@ -45,6 +52,17 @@ def in_smaller_units(value: object, unit: str) -> Iterator[tuple[str, float]]:
         for name, factor in sorted(units.items(), key=lambda each: each[1]):
             if factor < 1:
                 yield f"{value:g} {name}", factor
+
+
+def doubt(value: Located, wanted: Declaration) -> str:
+    """Return why a value may be meant otherwise: a long time without a unit; or ""."""
+    number = value.value
+    if wanted.type != "duration" or value.use or not isinstance(number, int | float):
+        return ""
+    if not _LONG <= number <= _LONGEST:
+        return ""
+    long = f"{number / 60:.3g} min" if number < 3600 else f"{number / 3600:.3g} h"
+    return f"{number:g} without a unit is {number:g} s, or {long}{did_you_mean(f'{number:g} ms')}"
 
 
 def fit(
@@ -80,10 +98,16 @@ def fit(
     if fitted is not None and (reason := _violation(fitted, wanted)):
         smaller = list(in_smaller_units(value.value, wanted.unit))
         near = [text for text, factor in smaller if not _violation(fitted * factor, wanted)]
+        if wanted.type == "number" and wanted.most == 1 and 1 < fitted <= 100:  # a percentage
+            near = [f"{fitted / 100:g}"]
         meant = did_you_mean(near[0]) if near else ""
-        chosen = closest(str(value.plain()), wanted.choices)
+        said = str(value.plain())
+        chosen = closest(said, wanted.choices)
+        if _COMPARISONS.get(said) in wanted.choices:
+            chosen = _COMPARISONS[said]
+            meant = did_you_mean(f'"{chosen}"')
         right = Located(value.place, chosen, value.label).as_yaml() if chosen else "".join(near[:1])
-        instead = value.place.replaced(str(value.plain()), right) if right else ""
+        instead = value.place.replaced(str(value.plain()), right)
         shown = f"{value} {wanted.unit if smaller else ''}".rstrip()
         wrong(value.place, f"{shown} {reason}{meant}", instead)
         return None
@@ -93,17 +117,36 @@ def fit(
 def _items(
     value: Located, wanted: Declaration, poses: Mapping[str, Mapping[str, float]], wrong: Wrong
 ) -> list[Any] | None:
+    numbers = wanted.type.removeprefix(LIST) in ("number", "integer", *UNITS)
+    near = _as_items(value) if numbers else ""
+    old = value.place.brackets or str(value.plain())
     if not isinstance(value.value, list):
-        numbers = wanted.type.removeprefix(LIST) in ("number", "integer", *UNITS)
-        form = f"; write [{', '.join(['0'] * (wanted.count or 3))}]" if numbers else ""
-        wrong(value.place, f"{value} is not {words(wanted.type)}{form}")
+        example = f"[{value.plain()}, 0, 0]" if measured(value) else "[0, 0, 0]"
+        form = f"; write {near or example}" if numbers else "; write [a, b]"
+        why = f"{value} is not {words(wanted.type)}{form}"
+        wrong(value.place, why, value.place.replaced(old, near))
         return None
     if wanted.count and len(value.value) != wanted.count and value.value != wanted.default:
-        wrong(value.place, f"{value} has {plural(len(value.value), 'item')}, not {wanted.count}")
+        why = f"{value} has {plural(len(value.value), 'item')}, not {wanted.count}"
+        wrong(value.place, why + did_you_mean(near), value.place.replaced(old, near))
         return None
     each = replace(wanted, type=wanted.type.removeprefix(LIST))
     fitted = [fit(item, each, poses, wrong) for item in value.value]
     return [REFUSED if item is None else item for item in fitted]
+
+
+def _as_items(value: Located) -> str:
+    """Return three numbers without commas, or at the keys x, y and z, as a list; or ""."""
+    inner = value.value
+    if isinstance(inner, dict) and [*inner] == ["x", "y", "z"]:
+        return Located(value.place, [*inner.values()], value.label).as_yaml()
+    text = inner[0].value if isinstance(inner, list) and len(inner) == 1 else inner
+    items = (
+        re.findall(rf"{_NUMBER}(?: ?([a-z]+))?(?=[\s,]|$)", text) if isinstance(text, str) else []
+    )
+    if len(items) != 3:
+        return ""
+    return f"[{', '.join(f'{number} {unit}'.rstrip() for number, unit in items)}]"
 
 
 def _plain(value: Located, kind: str, wrong: Wrong) -> Any:
@@ -116,14 +159,19 @@ def _plain(value: Located, kind: str, wrong: Wrong) -> Any:
         return plain
     hint = "" if python else "; name a key that a skill writes, such as $key"
     near = _SWITCHES.get(str(plain).lower(), "") if kind == "boolean" else ""
+    if isinstance(plain, str) and kind in ("boolean", "integer"):  # in quotes
+        near = near or (plain if re.fullmatch(r"true|false|[0-9]+", plain) else "")
+        hint = " in quotes" if near == plain else hint
     _not(value, kind, near, wrong, hint)
     return None
 
 
 def _not(value: Located, kind: str, near: str, wrong: Wrong, hint: str = "") -> None:
     """Report a value that is not of its type, and what it may mean."""
-    hint = did_you_mean(near) or hint
-    instead = value.place.replaced(str(value.plain()), near) if near else ""
+    if template := re.fullmatch(r"(?:\{\{|\$\{|<|%) *(\w+) *(?:\}\}|\}|>|%)", str(value.value)):
+        near = f"${template[1]}"
+    hint = (hint if hint == " in quotes" else "") + did_you_mean(near) or hint
+    instead = value.place.replaced(str(value.plain()), near)
     wrong(value.place, f"{value} is not {words(kind)}{hint}", instead)
 
 
@@ -146,13 +194,15 @@ def _number(value: Located, kind: str, wrong: Wrong, finite: bool = True) -> flo
         if found[2] not in UNITS[kind]:
             there, near = ", ".join(sorted(UNITS[kind])), _unit(found[2], UNITS[kind])
             right = near and f"{found[1]} {near}"
-            instead = value.place.replaced(plain, right) if right else ""
+            instead = value.place.replaced(plain, right)
             why = f"{value}: no unit {found[2]}; there are {there}{did_you_mean(right)}"
             wrong(value.place, why, instead)
             return None
         number = float(found[1]) * UNITS[kind][found[2]]
     else:
         near = str(plain).translate(_SIGNS)
+        if kind == "number" and (percent := re.fullmatch(rf"{_NUMBER} ?%", near)):
+            near = f"{float(percent[1]) / 100:g}"
         amount = re.fullmatch(rf"{_NUMBER}( ?({'|'.join(UNITS.get(kind, ()))}))?", near)
         _not(value, kind, near if near != plain and amount else "", wrong)
         return None
@@ -178,9 +228,17 @@ def _positions(
         if value.value in poses:
             return dict(poses[value.value]) or None  # an empty pose is wrong, and reported already
         near = closest(value.value, poses)
-        instead = value.place.replaced(value.value, near) if near else ""
+        instead = value.place.replaced(value.value, near)
         there = f"no pose {value.value}; {there_are(value.value, poses)}"
         wrong(value.place, there, instead)
+        return None
+    items = value.value if isinstance(value.value, list) else []
+    if items and all(isinstance(item.value, dict) for item in items):
+        wrong(
+            value.place,
+            "joint values are a mapping, not a list",
+            as_mapping(value),
+        )
         return None
     if not isinstance(value.value, dict):
         wrong(value.place, f"{value} is not {words('positions')}; write {{joint_1: 20 deg}}")

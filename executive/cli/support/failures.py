@@ -65,7 +65,9 @@ def plain_mistake(mistake: "Mistake") -> dict[str, Any]:
         "column": mistake.place.column,
         "path": mistake.place.location,
         "message": mistake.message,
-        "instead": mistake.instead,
+        "instead": mistake.instead.text if mistake.instead else "",
+        "instead_line": mistake.instead.line if mistake.instead else 0,
+        "instead_count": mistake.instead.count if mistake.instead else 0,
     }
 
 

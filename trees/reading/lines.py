@@ -1,0 +1,79 @@
+"""Corrections that concern several lines: a node with the lines that belong to it."""
+
+import re
+from collections.abc import Sequence
+
+from trees.errors import Correction, Place
+
+from .document import Located, nested
+
+
+def block(place: Place) -> list[str]:
+    """Return the lines of the node that begins at a place, without the indentation of the node.
+
+    Empty if other content is before the node in its line, or if the node is in braces.
+    """
+    row, margin = place.line - 1, place.column - 1
+    if not 0 <= row < len(place.lines):
+        return []
+    before, after = place.lines[row][:margin], place.lines[row][margin:]
+    if before.strip(" -") or after[:1] in ("{", "["):
+        return []
+    lines = [after]
+    for line in place.lines[row + 1 :]:
+        if line.strip() and len(line) - len(line.lstrip()) < margin:
+            break
+        lines.append(line[margin:])
+    while not lines[-1].split("#")[0].strip():
+        lines.pop()
+    return lines or [after]
+
+
+def key_block(place: Place) -> list[str]:
+    """Return the lines of a key and its value; empty if other content is before it in its line."""
+    lines = block(place)
+    inside = (n for n, line in enumerate(lines) if n and line.strip() and line[:1] != " ")
+    return lines[: next((n for n in inside if not lines[n].startswith("- ")), len(lines))]
+
+
+def replaced_block(place: Place, lines: Sequence[str]) -> Correction | None:
+    """Return other lines in place of the node that begins at a place."""
+    old = block(place)
+    if not old:
+        return None
+    first = place.lines[place.line - 1][: place.column - 1] + lines[0]
+    indent = " " * (place.column - 1)
+    rest = [f"{indent}{line}" if line.strip() else line for line in lines[1:]]
+    return Correction("\n".join([first, *rest]), place.line, len(old))
+
+
+def added_below(place: Place, line: str) -> Correction | None:
+    """Return a line below the node that begins at a place, in its column."""
+    old = block(place)
+    text = " " * (place.column - 1) + line
+    return Correction(text, place.line + len(old), 0) if old else None
+
+
+def as_mapping(value: Located) -> Correction | None:
+    """Return a list of mappings as one mapping."""
+    items = value.value if isinstance(value.value, list) else []
+    given = {key: each for item in items for key, each in nested(item).items()}
+    if brackets := value.place.brackets:
+        return value.place.replaced(brackets, Located(value.place, given, value.label).as_yaml())
+    lines, rows = [*value.place.lines], [item.place.line - 1 for item in items]
+    for row in rows:
+        lines[row] = re.sub(r"^(\s*)-( +)", r"\1 \2", lines[row])
+    begin, end = rows[0], rows[-1] + len(block(items[-1].place))
+    return Correction("\n".join(lines[begin:end]), begin + 1, end - begin)
+
+
+def declared_above(place: Place, head: str, line: str) -> Correction | None:
+    """Return a line below a top-level key, which is added above the tree if it is missing."""
+    tops = {line.partition(":")[0]: row for row, line in enumerate(place.lines, 1)}
+    if head not in tops:
+        return Correction(f"{head}:\n  {line}", tops["tree"], 0) if "tree" in tops else None
+    first = place.lines[tops[head] - 1]
+    if first.split("#")[0].rstrip() == f"{head}:":
+        return Correction(f"  {line}", tops[head] + 1, 0)
+    inline = re.fullmatch(rf"({head}: \{{.*)\}}\s*", first)
+    return Correction(f"{inline[1]}, {line}}}", tops[head]) if inline else None
