@@ -4,8 +4,18 @@ import json
 
 import click
 
+from executive.errors import BadConfiguration
+
 from .support.command_group import command
-from .support.settings import FILE, SETTINGS, environment_name, files, find_setting, user_file
+from .support.settings import (
+    FILE,
+    SETTINGS,
+    environment_name,
+    files,
+    find_setting,
+    read_files,
+    user_file,
+)
 from .terminal.streams import echo
 
 
@@ -20,8 +30,8 @@ def config(context: click.Context, as_json: bool) -> None:
     environment, the nearest armtree.toml in the working directory or above it, armtree/armtree.toml
     in the user's folder for configuration, default.
 
-    Relative paths in a file are in the folder of that file. An unknown key is an error. Programs in
-    Python do not read the files.
+    Relative paths in a file are in the folder of that file. An unknown key is an error, which is
+    reported after the settings. Programs in Python do not read the files.
 
     \b
     Example of an armtree.toml:
@@ -29,6 +39,8 @@ def config(context: click.Context, as_json: bool) -> None:
       trees = "tasks"
       recording_timeout = 2.0
     """  # noqa: D301
+    _, wrong = read_files(context)
+    context.resilient_parsing = True  # what is wrong is reported after the table
     rows = {name: find_setting(context, name) for name in SETTINGS}
     for name, (value, source) in rows.items():
         shown = value if value is None or isinstance(value, int | float) else str(value)
@@ -39,3 +51,5 @@ def config(context: click.Context, as_json: bool) -> None:
             echo(f"{name:<18} {'-' if value is None else shown!s:<30} {source or 'default'}")
     if not as_json and not files():
         echo(f"\nThere is no {FILE} here, above, or at {user_file()}.")
+    if wrong:
+        raise BadConfiguration("\n".join(wrong))

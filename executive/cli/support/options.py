@@ -7,12 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import click
+from click.core import ParameterSource
 
 from executive.cli.terminal.streams import echo
 from hardware.suggestions import closest
 
 from .names import complete_port
-from .settings import F, Finite, option
+from .settings import F, Finite, configured, option
 
 _NUMBER = re.compile(r"-\.?[0-9]")
 
@@ -51,7 +52,19 @@ pose_option = click.option(
     help="Confirm where the arm is: in the pose of the robot file (boot), or where the last run "
     "left it (last). Needed if opening the port does not reset the board.",
 )
-recordings_option, trees_option = option("recordings"), option("trees")
+
+
+def _existing(context: click.Context, _option: click.Parameter, folder: Path | None) -> Path | None:
+    """Return the folder of tasks; None, with a note, if only a file names it, before it exists."""
+    by_file = context.get_parameter_source("trees") is ParameterSource.DEFAULT_MAP
+    if folder is None or not by_file or folder.is_dir() or context.resilient_parsing:
+        return folder
+    place = configured(context)["trees"].place
+    echo(f"note: {place}: there is no folder {folder} yet; armtree new creates it", err=True)
+    return None
+
+
+recordings_option, trees_option = option("recordings"), option("trees", callback=_existing)
 own_trees_option = option(
     "trees",
     default=Path("trees"),

@@ -6,7 +6,7 @@ default.
 
 import math
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -260,20 +260,25 @@ def configured(ctx: click.Context) -> Mapping[str, Configured]:
     Raises:
         BadConfiguration: A file is wrong.
     """
-    if __name__ not in ctx.meta:
-        ctx.meta[__name__] = dict[str, Configured]()
-        for path in reversed(files()):
-            from hardware import DescriptionError
+    found, wrong = read_files(ctx)
+    if wrong and not ctx.resilient_parsing:  # a shell completes it
+        from executive.errors import BadConfiguration  # slow to import
 
-            try:
-                ctx.meta[__name__] |= _read(path)
-            except DescriptionError as error:
-                from executive.errors import BadConfiguration  # slow to import
-
-                if not ctx.resilient_parsing:  # a shell completes it
-                    raise BadConfiguration(str(error)) from error
-    found: Mapping[str, Configured] = ctx.meta[__name__]
+        raise BadConfiguration("\n".join(wrong))
     return found
+
+
+def read_files(ctx: click.Context) -> tuple[Mapping[str, Configured], Sequence[str]]:
+    """Return the values of the files, by name of the setting; and what is wrong in the files."""
+    if __name__ not in ctx.meta:
+        values, wrong = dict[str, Configured](), list[str]()
+        for path in reversed(files()):
+            found, mistakes = _read(path)
+            values |= found
+            wrong += mistakes
+        ctx.meta[__name__] = values, wrong
+    read: tuple[Mapping[str, Configured], Sequence[str]] = ctx.meta[__name__]
+    return read
 
 
 def files() -> list[Path]:
@@ -299,17 +304,27 @@ def _upwards() -> Iterator[Path]:
         yield found
 
 
-def _read(path: Path) -> dict[str, Configured]:
+def _read(path: Path) -> tuple[dict[str, Configured], list[str]]:
+    """Return the values of a file that are right, and what is wrong in it."""
+    from hardware import DescriptionError
+    from hardware.suggestions import there_are
     from hardware.toml_table import TomlTable  # only where there is a file
 
-    _check_owner(path)
-    table, values = TomlTable.read(path), dict[str, Configured]()
-    for name, row in SETTINGS.items():
-        if name in table:
-            value = row.read(table, name, path.parent)
+    values, wrong = dict[str, Configured](), list[str]()
+    try:
+        _check_owner(path)
+        table = TomlTable.read(path)
+    except DescriptionError as error:
+        return {}, [str(error)]
+    for name in table:
+        try:
+            if name not in SETTINGS:
+                table.fail(name, f"unknown key; {there_are(name, SETTINGS)}")
+            value = SETTINGS[name].read(table, name, path.parent)
             values[name] = Configured(value, f"{path}:{table.line(name)}")
-    table.done()
-    return values
+        except DescriptionError as error:
+            wrong.append(str(error))
+    return values, wrong
 
 
 def _check_owner(path: Path) -> None:

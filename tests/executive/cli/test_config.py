@@ -10,6 +10,7 @@ from click.testing import CliRunner, Result
 
 from executive.cli.main import cli
 from executive.cli.support import settings
+from executive.errors import BadConfiguration
 
 
 @pytest.fixture
@@ -93,7 +94,7 @@ def test_commands_use_the_files(project: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "why"),
     [
-        ("seed = 1\nprot = 1", ":2: prot: unknown key; there are "),
+        ("seed = 1\nprot = 1", ":2: prot: unknown key; the most similar of "),
         ("prot = 1", "did you mean port?"),
         ("[serial]\nport = 1", ":1: serial: unknown key"),
         ("port = 1", ":1: port: 1 is not a text"),
@@ -143,3 +144,30 @@ def test_without_a_file(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(gone)
     gone.rmdir()
     assert armtree("config").exit_code == 0
+
+
+def test_what_is_wrong_in_a_file_follows_the_table(project: Path) -> None:
+    configure(project, 'workers = 3\nseed = "x"\nprot = "virtual"\ntrace = 1\n')
+    result = armtree("config")
+    assert f"workers            3                              {project / 'armtree.toml'}:1" in (
+        result.output
+    )
+    assert all(f"\n{name}" in result.output for name in settings.SETTINGS if name != "port")
+    assert isinstance(result.exception, BadConfiguration)
+    said = str(result.exception).splitlines()
+    assert [line.partition(": ")[0].rpartition(":")[2] for line in said] == ["2", "3", "4"]
+    assert said[1].endswith(
+        "unknown key; the most similar of 15 are port, robot; did you mean port?"
+    )
+
+
+def test_a_folder_of_tasks_that_does_not_exist_yet_is_a_note(project: Path) -> None:
+    file = configure(project, 'trees = "later"\n')
+    result = armtree("tasks")
+    assert result.exit_code == 0
+    words = f"note: {file}:1: there is no folder {project / 'later'} yet; armtree new creates it"
+    assert words in result.stderr
+    assert "1  pick" in result.output
+    assert "there is no such folder" in str(armtree("tasks", "--trees", "x").exception)
+    assert armtree("new", "3", "wave").exit_code == 0
+    assert (project / "later" / "3_wave.yaml").exists()
