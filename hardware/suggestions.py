@@ -76,8 +76,8 @@ def there_are(word: str, known: Iterable[str], given: Collection[str] = ()) -> s
         return f"there are {choices(word, names, given)}"
     found = _similar(word, names)
     if not found:
-        return f"none of the {len(names)} that there are is similar"
-    most = f"the most similar of {len(names)} {'is' if len(found) == 1 else 'are'}"
+        return "none that there is has a similar name"
+    most = f"the most similar {'is' if len(found) == 1 else 'are'}"
     return f"{most} {', '.join(found)}{did_you_mean(closest(word, names, _NEARER))}"
 
 

@@ -1,6 +1,6 @@
 """One place for "did you mean"."""
 
-from hardware.suggestions import choices, closest, corrections, suggestion
+from hardware.suggestions import choices, closest, corrections, suggestion, there_are
 
 
 def test_the_most_similar_name_is_suggested() -> None:
@@ -28,10 +28,13 @@ def test_two_unknown_names_are_not_corrected_to_the_same_one() -> None:
     assert corrections(["xyz"], known) == {}
 
 
-def test_of_many_names_the_five_nearest_are_shown() -> None:
-    names = ["Ask", "Attach", "Detach", "Fail", "Say", "Set", "SetStart", "Wait"]
-    assert choices("Wiat", names) == "Wait, Attach, Ask, Say, Set and 3 more; did you mean Wait?"
-    assert choices("x", names[:6]) == "Ask, Attach, Detach, Fail, Say, Set"
+def test_of_many_names_the_similar_ones_are_shown() -> None:
+    names = ["Ask", "Attach", "Detach", "Fail", "Say", "Set", "SetStart", "Succeed", "Wait"]
+    assert choices("x", names[:8]) == ", ".join(names[:8])
+    assert choices("Wiat", names) == "Wait and 8 more; did you mean Wait?"
+    assert there_are("Wiat", names) == "the most similar is Wait; did you mean Wait?"
+    assert there_are("Attch", names) == "the most similar is Attach; did you mean Attach?"
+    assert there_are("x", names) == "none that there is has a similar name"
 
 
 def test_case_and_signs_between_words_do_not_count() -> None:

@@ -145,20 +145,20 @@ WRONG = [
         "{sequence: [{Set: {value: 1, key: $a}}, {Say: {text: $a}}]}",
         "Say.text: $a is a number, not a text",
     ),
-    ("{subtree: move_joints, with: {joints: {joint_1: 200 deg}}}", "4:46 Target: joint_1"),
+    ("{subtree: move_joints, with: {joints: {joint_1: 200 deg}}}", "4:46 joint_1"),
     ("{subtree: move_joints, with: {joints: {joint_9: 1}}}", "joint_9 is not a joint of the robot"),
     ("{subtree: move_joints, with: {joints: {joint1: 1}}}", "did you mean joint_1?"),
     ("{subtree: move_relative, with: {by: {jiont_2: 1}}}", "did you mean joint_2?"),
-    ("{subtree: move_relative, with: {by: {joint_1: .nan}}}", "4:44 Shift: joint_1 by nan deg"),
+    ("{subtree: move_relative, with: {by: {joint_1: .nan}}}", "4:44 joint_1 by nan deg"),
     ("{subtree: move_relative, with: {by: {joint_1: -100}}}", "more than its range"),
     (
         "{subtree: reach, with: {arm: upright, gripper: {joint4: 0}}}",
-        "4:55 CheckBounds: joint4 is not a joint of the gripper",
+        "4:55 joint4 is not a joint of the gripper",
     ),
-    (f"{GO}goal: upright}}}}]}}", "4:82 PlanArm: the goal lacks joint_4; it must name joint_1, j"),
+    (f"{GO}goal: upright}}}}]}}", "4:82 the goal lacks joint_4; it must name joint_1, j"),
     (
         f"{GO}goal: {{joint_1: 9, joint_2: 0, joint_3: 0, joint_4: 0}}}}}}]}}",
-        "4:83 PlanArm: joint_1",
+        "4:83 joint_1",
     ),
     (
         "{sequence: [{SetStart: {start: $s}}, {PlanArm: {start: $s, goal: {joint_1: 0, joint_2: 0,"
@@ -175,7 +175,7 @@ WRONG = [
     (f"{{parallel: [{MOVE}, {MOVE}]}}", "only one node of a parallel may move the arm"),
     (
         "{subtree: move_joints, with: {joints: {joint_5: 0.7}}}",
-        "4:46 Target: joint_5 follows joint_4; name joint_4 instead (joint_4 = -40.107 deg gives",
+        "4:46 joint_5 follows joint_4; name joint_4 instead (joint_4 = -40.107 deg gives",
     ),
     (
         "{sequence: [{subtree: open_gripper},"
@@ -354,8 +354,11 @@ def test_a_subtree_written_like_a_skill_is_reported_with_the_right_form(
 
 def test_two_files_of_one_number_are_reported_with_a_place(robot: Robot, tmp_path: Path) -> None:
     for name in ("3_x.yaml", "3_y.yaml"):
-        (tmp_path / name).write_text(tree("Succeed"))
-    (mistake,) = check(robot, tmp_path, []).mistakes
+        text = tree("{Fail: {reason: x}}").replace("name: x", f"name: {name[2]}")
+        (tmp_path / name).write_text(text.replace("reason", "why") if name == "3_x.yaml" else text)
+    other, mistake = check(robot, tmp_path, []).mistakes
+    assert other.place.path == tmp_path / "3_x.yaml"  # is checked, too
+    assert "why is not a port of Fail" in other.message
     assert (mistake.place.path, mistake.place.line) == (tmp_path / "3_y.yaml", 1)
     assert str(tmp_path / "3_x.yaml") in mistake.message
 

@@ -150,7 +150,7 @@ def test_all_mistakes_at_once_in_the_order_of_lines() -> None:
     places = [(m.place.line, m.place.column) for m in caught.value.mistakes]
     assert places == [(1, 1), (2, 7), (3, 14), (5, 14), (5, 18)]
     lines = str(caught.value).splitlines()
-    assert len(lines) == 19  # each mistake with its line and a caret, two with a correction
+    assert len(lines) == 17  # each mistake with its line and a caret, one with a correction
 
 
 def test_very_many_mistakes_are_not_all_reported() -> None:
