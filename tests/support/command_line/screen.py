@@ -37,6 +37,11 @@ class Screen:
         """All lines, those that were scrolled away included."""
         return [line.rstrip() for line in self._lines]
 
+    @property
+    def alternate(self) -> bool:
+        """True while the alternate screen is shown."""
+        return self._before is not None
+
     def resize(self, columns: int, rows: int) -> None:
         """Change the size. What no longer fits on the alternate screen is lost."""
         self.columns, self.rows = columns, rows

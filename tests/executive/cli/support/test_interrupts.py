@@ -40,8 +40,15 @@ def test_a_second_signal_ends_a_process_that_is_stuck_everywhere() -> None:
         assert process.wait(60) == 130
 
 
-def test_a_second_signal_leaves_a_terminal_with_its_cursor() -> None:
-    hidden = PROGRAM.replace('stick("running")', r'stick("\x1b[?25lrunning")')
+HIDE_CURSOR = r'print("\x1b[?25l", end="")'
+FULL_SCREEN = """
+    from executive.cli.terminal.full_screen import FullScreen
+    FullScreen(sys.stdout).__enter__()"""
+
+
+@pytest.mark.parametrize("hide", [HIDE_CURSOR, FULL_SCREEN])
+def test_a_second_signal_leaves_a_terminal_as_it_was(hide: str) -> None:
+    hidden = PROGRAM.replace('    stick("running")', f'    {hide.strip()}\n    stick("running")')
     screen, signals = Screen(80, 24), {"running": signal.SIGINT, "canceling": signal.SIGINT}
 
     def react(screen: Screen, process: "subprocess.Popen[bytes]") -> None:
@@ -52,3 +59,4 @@ def test_a_second_signal_leaves_a_terminal_with_its_cursor() -> None:
     assert on_screen(program, screen, {"PYTHONPATH": str(ROOT)}, react) == 130
     assert screen.lines[-2:] == ["last words", ""]
     assert screen.cursor
+    assert not screen.alternate
