@@ -14,6 +14,7 @@ from executive.api.move import Move
 from executive.api.outcome import GoalState, Outcome
 from executive.cli.terminal.jog_model import Command
 from executive.cli.terminal.jog_screen import Act, JogArm, JogScreen, unknown
+from executive.cli.terminal.keyboard import key_by_key
 from executive.cli.terminal.streams import echo
 from executive.client.synchronous import Client
 from executive.errors import ClientError, Refused, ServerUnreachable
@@ -126,7 +127,13 @@ def run_jog(
         )
     raise_priority()
     left = False
-    with Interrupts() as interrupts, _arm(server, options) as (port, arm, note):
+    # Keys that are typed while the arm stops and the recording is closed are not for the shell.
+    with (
+        Interrupts() as interrupts,
+        key_by_key() as keys,
+        _arm(server, options) as (port, arm, note),
+    ):
+        assert keys is not None
         screen = JogScreen(arm, commands, speed, note, title, steps, _SHOWN)
 
         def leave() -> None:
@@ -137,7 +144,7 @@ def run_jog(
         interrupts.on_cancel(leave)
         before = signal.signal(signal.SIGWINCH, lambda *_: screen.wake())
         try:
-            where = interrupts.run(screen.run)
+            where = interrupts.run(lambda: screen.run(keys))
         except ClientError as error:
             echo(f"Error: {unknown(error)}", err=True)
             return error.exit_status

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from contextlib import suppress
 from typing import IO, Self
 
+from .keyboard import restore_keyboard
 from .streams import LastingStream
 
 _SHOW_CURSOR = "\x1b[?25h"
@@ -48,12 +49,13 @@ class FullScreen:
 
 
 def last_words(text: str) -> None:
-    """Leave the screen, and print a text to standard error, before the process is ended.
+    """Leave screen and keyboard, and print a text to standard error, before the process is ended.
 
     A terminal that does not take it within 0.2 s is left.
     """
 
     def write() -> None:
+        restore_keyboard()
         with suppress(OSError):
             if os.isatty(1):
                 os.write(1, (_SHOW_CURSOR if _left.is_set() else _EXIT).encode())

@@ -20,7 +20,7 @@ from hardware.printable import printable
 
 from .full_screen import FullScreen
 from .jog_model import Action, Call, Command, Go, Jog, Leave, Stop
-from .keyboard import key_by_key, keys_in
+from .keyboard import keys_in
 from .streams import LastingStream
 
 _RED, _PLAIN = "\x1b[31m", "\x1b[0m"
@@ -118,8 +118,11 @@ class JogScreen:
         """Draw the screen again. Any thread may call."""
         self._post(None)
 
-    def run(self) -> Where:
+    def run(self, keys: int) -> Where:
         """Jog until a key or `leave` ends it; return where the arm is then.
+
+        Args:
+            keys: File handle of the keyboard, which is read key by key.
 
         Raises:
             ClientError: The server is gone. It was shown until a key or `leave` ended the jog.
@@ -128,8 +131,7 @@ class JogScreen:
             threading.Thread(target=each, name="jog positions", daemon=True).start()
         with ThreadPoolExecutor(1, "jog") as worker:
             try:
-                with key_by_key() as keys, self._screen:
-                    assert keys is not None
+                with self._screen:
                     while not self._left.is_set():
                         self._draw()
                         self._wait(keys, worker)

@@ -6,12 +6,14 @@ import sys
 import termios
 import tty
 from collections.abc import Iterator
+from typing import Any
 
 LEFT, RIGHT, UP, DOWN = "\x1b[D", "\x1b[C", "\x1b[A", "\x1b[B"
 ENTER, ESCAPE, DELETE = "\n", "\x1b", "\x7f"
 
 # An arrow in either of a terminal's two modes, another key that sends several characters, or one.
 _KEY = re.compile("\x1b[O\\[][0-9;]*[A-Za-z~]|.", re.DOTALL)
+_before: dict[int, list[Any]] = {}  # attributes of the terminals that are read key by key
 _SAME = {"\r": ENTER, "\x08": DELETE}
 
 
@@ -31,10 +33,22 @@ def key_by_key() -> Iterator[int | None]:
         yield None
         return
     handle = sys.stdin.fileno()
-    before = termios.tcgetattr(handle)
+    _before[handle] = termios.tcgetattr(handle)
     tty.setcbreak(handle)
     try:
         yield handle
     finally:
+        restore_keyboard(termios.TCSAFLUSH)
+
+
+def restore_keyboard(when: int = termios.TCSANOW) -> None:
+    """End `key_by_key`, before this process is ended without its end.
+
+    Args:
+        when: When it ends; default: at once, even if the terminal takes no output.
+    """
+    for handle, before in _before.items():
         with contextlib.suppress(termios.error):  # the terminal is closed
-            termios.tcsetattr(handle, termios.TCSAFLUSH, before)
+            termios.tcsetattr(handle, when, before)
+            termios.tcflush(handle, termios.TCIFLUSH)
+    _before.clear()
