@@ -95,7 +95,7 @@ class LiveView(View):
             self._console.print(self.picture(), height=rows - 1 - len(said))
             for line in said:
                 self._console.print(Text(line), no_wrap=True, overflow="ellipsis")
-        self._screen.draw(captured.get().rstrip("\n").split("\n"))
+        self._screen.draw(captured.get().rstrip("\n").split("\n")[:rows])
 
     def close(self) -> None:
         """Print the last picture of a goal without an outcome."""

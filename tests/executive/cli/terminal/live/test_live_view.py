@@ -105,6 +105,19 @@ def test_a_terminal_that_changes_its_size_shows_one_whole_picture() -> None:
     assert [line.startswith("task 1 pick ") for line in screen.lines].count(True) == 1
 
 
+@pytest.mark.parametrize("size", [(10, 2), (20, 4), (300, 6)])
+def test_a_tiny_terminal_does_not_scroll(size: tuple[int, int]) -> None:
+    screen = Screen(*size)
+    console = Console(file=Terminal(screen), width=size[0], height=size[1], force_terminal=True)
+    view = LiveView(console, lambda: 0.0)
+    for record in live_pictures.events(1, EXAMPLES):
+        view.show(record)
+    view.show("Canceling: the arm stops")
+    view.refresh()
+    assert screen.pictures[-1][0].startswith("task 1")
+    view.close()
+
+
 def test_a_question_is_typed_on_the_normal_screen() -> None:
     screen = Screen(80, 24)
     view = LiveView(Console(file=Terminal(screen), width=80, height=24, force_terminal=True))
