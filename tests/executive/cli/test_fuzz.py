@@ -23,7 +23,7 @@ from tests.support.paths import ROBOT_FILE
 
 pytestmark = pytest.mark.slow
 
-EXAMPLES = int(os.environ.get("ARMTREE_FUZZ", "150"))
+EXAMPLES = int(os.environ.get("ARMTREE_FUZZ", "75"))
 LONGEST_S = 60  # also on a busy machine
 SAMPLE = Path("trees/examples/recordings/3_wave.mcap").resolve()
 

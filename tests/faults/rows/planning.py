@@ -160,7 +160,8 @@ def command_line(pid: int) -> str:
 @row(
     "huge-scenes",
     "an obstacle file of 500 to 6000 bodies, or a URDF of 500 to 6000 links",
-    "up to 900 a motion is planned; above 1000 the command ends with 3 and names the limit",
+    "up to 900 a motion is planned, or on a busy machine ends `plan.timeout`; above 1000 the"
+    " command ends with 3 and names the limit",
     limit=25,
     unit="s",
     times=6,
@@ -173,7 +174,9 @@ def huge_scenes(scene: Scene) -> None:
     status = plan.wait()
     scene.figure(time.monotonic() - plan.started)
     if few:
-        scene.check(status == 0, f"{count}: exit status {status}: {last_line(plan)}")
+        busy = os.getloadavg()[0] > 2 * len(os.sched_getaffinity(0))  # planners have 5 s
+        late = busy and "No plan within 5 s" in plan.text()
+        scene.check(status == 0 or late, f"{count}: exit status {status}: {last_line(plan)}")
     else:
         scene.check(status == 3, f"{count}: exit status {status}, not 3: {last_line(plan)}")
         limits = "the limit is 1000", "larger than 1048576 bytes"  # the file of 4,800 links is

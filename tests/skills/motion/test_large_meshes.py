@@ -69,7 +69,7 @@ def _meshed(geometry: pin.GeometryModel) -> bool:
 
 
 def _queries(robot: Robot) -> list[Query]:
-    poses = free_poses(robot, 12, 1, CollisionChecker(PlanningScene(robot, POST)))
+    poses = free_poses(robot, 6, 1, CollisionChecker(PlanningScene(robot, POST)))
     own = [i for i, j in enumerate(robot.actuated) if j in robot.actuated_in("arm")]
     ends = zip(poses[::2], poses[1::2], strict=True)
     return [Query("arm", tuple(a), tuple(b[own]), world=POST, timeout=200.0) for a, b in ends]

@@ -219,7 +219,7 @@ def test_any_text(text: str) -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=150, deadline=None)
 @given(
     st.sampled_from([TASK, SUB, *SHIPPED]),
     st.lists(

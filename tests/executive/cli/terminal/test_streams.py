@@ -55,9 +55,13 @@ def test_a_command_whose_reader_has_ended_is_quiet(arguments: list[str], tmp_pat
     assert (done.returncode, done.stderr) == (READER_ENDED_EXIT, b"")
 
 
-@pytest.mark.parametrize("redirections", [">&-", "<&- >&- 2>&-"])
 @pytest.mark.parametrize(
-    "arguments", ["tasks", "run 0 --port virtual", "run 0 --port virtual --json"]
+    ("arguments", "redirections"),
+    [
+        ("tasks", ">&-"),
+        ("run 0 --port virtual", "<&- >&- 2>&-"),
+        ("run 0 --port virtual --json", ">&-"),
+    ],
 )
 def test_closed_streams_change_nothing(arguments: str, redirections: str, tmp_path: Path) -> None:
     shell = f'"$@" {arguments} {redirections}'

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, strategies as st
+from hypothesis import given, settings, strategies as st
 
 from hardware import load_robot
 from skills.motion import Body, Box, Mesh, Query, Shape, Sphere, StartInCollision, World
@@ -51,6 +51,7 @@ def test_the_error_has_the_depth_of_two_meshes(mesh: Mesh) -> None:
     assert caught.value.distance == pytest.approx(-0.01, abs=1e-6)
 
 
+@settings(max_examples=40)
 @given(places, turns)
 def test_convex_meshes_have_the_depth_of_the_same_primitives(
     mesh: Mesh, shift: tuple[float, ...], turn: tuple[float, ...]
@@ -85,6 +86,7 @@ def test_moving_further_inside_is_no_separation(mesh: Mesh, tmp_path: Path) -> N
         assert depth(held, there, aside, (0.0, 0.0, 0.0, 1.0)) == pytest.approx(0.011, abs=1e-5)
 
 
+@settings(max_examples=40)
 @given(st.floats(-0.12, 0.12), turns)
 def test_the_depth_in_the_floor_is_that_of_the_same_primitive(
     mesh: Mesh, height: float, turn: tuple[float, ...]

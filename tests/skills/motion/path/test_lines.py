@@ -20,7 +20,7 @@ pytestmark = pytest.mark.slow
 
 Array = NDArray[np.float64]
 RADIUS = 0.0005
-LINES = 20
+LINES = 10
 
 
 @pytest.fixture(scope="module", params=["arduinobot", *ARMS, "panda", "jaco"])
