@@ -9,6 +9,7 @@ of a worker, time to stop it, and memory leaks. `--quick` uses fewer queries.
 """
 
 import os
+import statistics
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
@@ -108,6 +109,8 @@ def rows(
     yield Row("next_after_kill_ms", "ms", again)
     yield Row("poison_ms", "ms", list(poison(robot)))
     arms, count = mesh_arms.arms(folder), 10 if quick else 100
+    so101 = list(mesh_arms.spent(load_robot(Path("so101")), 3 * count))
+    yield Row("so101_p50_ms", "ms", [statistics.median(so101)])
     yield Row("mesh_poison_ms", "ms", [x for arm in arms for x in mesh_arms.poison(arm, count)])
     yield Row(
         "mesh_past_deadline_ms", "ms", [x for arm in arms for x in mesh_arms.late(arm, count)]

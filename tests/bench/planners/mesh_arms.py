@@ -1,4 +1,4 @@
-"""Arms with large meshes: time to reject a goal in collision, and delay of deadlines."""
+"""Arms with meshes: time to plan, time to reject a goal in collision, and delay of deadlines."""
 
 import dataclasses
 import time
@@ -14,6 +14,7 @@ from hardware import RealClock, Robot
 from skills.motion import GoalInCollision, Plan, PlanTimeout, Pool, Query
 from skills.motion.collision.checker import CollisionChecker
 from skills.motion.collision.scene import PlanningScene
+from skills.motion.planner import Planner
 from tests.bench.planners.problems import POSTS
 from tests.bench.planners.worker_pool import ask
 from tests.support.arms.real_arms import FILES, real
@@ -25,6 +26,16 @@ _TIMEOUTS = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2)  # [s]
 def arms(folder: Path) -> list[Robot]:
     """Return arms with their makers' URDFs. Their robot files are written into a folder."""
     return [real(name, folder) for name in FILES]
+
+
+def spent(robot: Robot, count: int) -> Iterator[float]:
+    """Time for each plan between two random free configurations [ms]."""
+    planner, size = Planner(robot), len(robot.actuated_in("arm"))
+    poses = free_poses(robot, 2 * count, 1, planner.checker)
+    for seed, (start, goal) in enumerate(zip(poses[::2], poses[1::2], strict=True), 1):
+        begun = time.perf_counter()
+        planner.plan(Query("arm", tuple(start), tuple(goal[:size]), seed))
+        yield 1e3 * (time.perf_counter() - begun)
 
 
 def poison(robot: Robot, count: int) -> Iterator[float]:
