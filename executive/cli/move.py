@@ -20,7 +20,7 @@ from .support.options import (
     run_options,
     source_options,
     speed_option,
-    words_of_goal,
+    target_argument,
 )
 from .support.settings import option
 from .terminal.streams import echo
@@ -63,7 +63,7 @@ def _moving(function: Callable[..., "Move"]) -> Callable[..., None]:
     @wraps(function)
     def command(server: str | None, as_json: bool, **options: Any) -> None:
         own = {
-            name: options.pop(name) for name in ("words", "relative", "speed") if name in options
+            name: options.pop(name) for name in ("target", "relative", "speed") if name in options
         }
         verbose = diagnostics().verbose
         sys.exit(_execute(function(**own), find_server(server), options, as_json, verbose))
@@ -95,19 +95,12 @@ def _execute(
 
 
 @command(context_settings={"ignore_unknown_options": True})  # -0.1 is a number
-@click.argument(
-    "words",
-    metavar="TARGET...",
-    nargs=-1,
-    required=True,
-    callback=words_of_goal,
-    shell_complete=complete_pose,
-)
+@target_argument("target", complete_pose)
 @click.option(
     "--by", "relative", is_flag=True, help="TARGET is a change: of joints, or of the tool's x y z."
 )
 @_moving
-def move(words: tuple[str, ...], relative: bool, speed: float) -> "Move":
+def move(target: tuple[str, ...], relative: bool, speed: float) -> "Move":
     """Move joints, or the tool to a point, and record it.
 
     The motion is planned and checked like that of a task. Ctrl-C stops the arm. If a server runs on
@@ -132,7 +125,7 @@ def move(words: tuple[str, ...], relative: bool, speed: float) -> "Move":
     """  # noqa: D301
     from executive.api.move import Move
 
-    return Move(words, relative, speed)
+    return Move(target, relative, speed)
 
 
 @command()

@@ -11,22 +11,15 @@ from .support.options import (
     DRAWING,
     robot_option,
     skills_option,
+    target_argument,
     trees_option,
-    words_of_goal,
 )
 from .support.settings import option
 from .terminal.streams import echo
 
 
 @command(context_settings={"ignore_unknown_options": True})  # -0.1 is a number
-@click.argument(
-    "goal",
-    metavar="GOAL...",
-    nargs=-1,
-    required=True,
-    callback=words_of_goal,
-    shell_complete=complete_goal,
-)
+@target_argument("goal", complete_goal)
 @robot_option
 @trees_option
 @skills_option

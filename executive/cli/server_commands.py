@@ -169,43 +169,37 @@ def arm(client: "Client", as_json: bool, transition: str, pose: str | None) -> N
     echo(json.dumps({"arm": state}) if as_json else state)
 
 
-def _change_goal(client: "Client", change: str, goal_id: str, as_json: bool) -> None:
-    """Call a method of the client with a goal, or with the running one."""
-    from executive.errors import Refused
-    from logs import goal_title
+def _goal_command(change: str, meaning: str) -> click.Command:
+    """Return a command that calls a method of the client with a goal, or with the running one."""
 
-    running = client.status().goal
-    if not goal_id and running is None:
-        raise Refused({"code": "goal.not_executing", "message": "no goal is being executed"})
-    goal = getattr(client, change)(goal_id or (running and running.identity))
-    echo(json.dumps(goal.to_json()) if as_json else f"{goal_title(goal.task)} ({goal.identity})")
+    @command(change, help=meaning)
+    @_goal_argument
+    @_with_client
+    def run(client: "Client", as_json: bool, goal_id: str) -> None:
+        from executive.errors import Refused
+        from logs import goal_title
 
+        running = client.status().goal
+        if not goal_id and running is None:
+            raise Refused({"code": "goal.not_executing", "message": "no goal is being executed"})
+        goal = getattr(client, change)(goal_id or (running and running.identity))
+        title = f"{goal_title(goal.task)} ({goal.identity})"
+        echo(json.dumps(goal.to_json()) if as_json else title)
 
-@command()
-@_goal_argument
-@_with_client
-def pause(client: "Client", as_json: bool, goal_id: str) -> None:
-    """Pause GOAL on a server and stop the arm. Without GOAL, pause the running one."""
-    _change_goal(client, "pause", goal_id, as_json)
-
-
-@command()
-@_goal_argument
-@_with_client
-def resume(client: "Client", as_json: bool, goal_id: str) -> None:
-    """Resume a paused GOAL on a server. Without GOAL, resume the running one."""
-    _change_goal(client, "resume", goal_id, as_json)
+    return run
 
 
-@command()
-@_goal_argument
-@_with_client
-def step(client: "Client", as_json: bool, goal_id: str) -> None:
-    """Resume a paused GOAL on a server until its next skill starts.
-
-    Without GOAL, resume the running one.
-    """
-    _change_goal(client, "step", goal_id, as_json)
+pause = _goal_command(
+    "pause", "Pause GOAL on a server and stop the arm. Without GOAL, pause the running one."
+)
+resume = _goal_command(
+    "resume", "Resume a paused GOAL on a server. Without GOAL, resume the running one."
+)
+step = _goal_command(
+    "step",
+    "Resume a paused GOAL on a server until its next skill starts. Without GOAL, resume the "
+    "running one.",
+)
 
 
 @command("break")

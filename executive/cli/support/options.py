@@ -12,7 +12,7 @@ from click.core import ParameterSource
 from executive.cli.terminal.streams import echo
 from hardware.suggestions import closest
 
-from .names import complete_port
+from .names import Complete, complete_port
 from .settings import F, Finite, configured, option
 
 _NUMBER = re.compile(r"-\.?[0-9]")
@@ -88,7 +88,7 @@ set_option = click.option(
 )
 
 
-def words_of_goal(
+def _words_of_goal(
     context: click.Context, _argument: click.Parameter, words: tuple[str, ...]
 ) -> tuple[str, ...]:
     """Reject what looks like an option, but is not a negative number."""
@@ -98,6 +98,23 @@ def words_of_goal(
             near = closest(word, [name for name in options if name.startswith("--")])
             raise click.NoSuchOption(word, possibilities=[near] if near else None, ctx=context)
     return words
+
+
+def target_argument(name: str, complete: Complete) -> Callable[[F], F]:
+    """Return a decorator that adds the words of a target; a negative number is no option.
+
+    Args:
+        name: Name of the parameter.
+        complete: Completes a word.
+    """
+    return click.argument(
+        name,
+        metavar=f"{name.upper()}...",
+        nargs=-1,
+        required=True,
+        callback=_words_of_goal,
+        shell_complete=complete,
+    )
 
 
 def _load(context: click.Context, _option: click.Parameter, folder: Path | None) -> None:

@@ -178,7 +178,7 @@ def test_another_tool_gets_elsewhere(tmp_path: Path) -> None:
         (("joint_1+=-0.1", "joint_1+=-0.1"), "joint_1 is given twice"),
         (("right", "--start", "joint_1=1 joint_1=1"), "joint_1 is given twice"),
         (("right", "--start", "joint_1=1 joint_2"), "--start: 'joint_2' is not a pose"),
-        (("right", "--start", "joint_1=7"), r"start of joint_1, 401.07 deg, is outside"),
+        (("right", "--start", "joint_1=7"), r"--start: joint_1 = 401.07 deg is outside"),
         (("right", "--start", "joint_7=7"), "joint_7 is not an actuated joint"),
         (("joint_5=0.1",), "joint_5 is not an actuated joint"),
         (("right", "--via", "1"), "or x y z of the tool, all of it in one pair of quotes"),
