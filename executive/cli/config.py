@@ -4,8 +4,6 @@ import json
 
 import click
 
-from executive.errors import BadConfiguration
-
 from .support.command_group import command
 from .support.settings import (
     FILE,
@@ -52,4 +50,6 @@ def config(context: click.Context, as_json: bool) -> None:
     if not as_json and not files():
         echo(f"\nThere is no {FILE} here, above, or at {user_file()}.")
     if wrong:
+        from executive.errors import BadConfiguration  # slow to import
+
         raise BadConfiguration("\n".join(wrong))
