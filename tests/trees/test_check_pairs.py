@@ -196,28 +196,28 @@ TOGETHER = [
     (
         "{subtree: reach, with: {arm: {joint_1: 9, joint_7: 0.2, joint_3: x},"
         " griper: {joint_4: 5}}}",
-        ["4:37 CheckBounds: joint_1 = 515.66 deg is outside",
-         "4:49 CheckBounds: joint_7 is not a joint of the arm; the arm has joint_1, joint_2, "
+        ["4:37 joint_1 = 515.66 deg is outside",
+         "4:49 joint_7 is not a joint of the arm; the arm has joint_1, joint_2, "
          "joint_3; "
          "did you mean joint_2?",
          "4:72 arm: 'x' is not an angle",
          "4:76 griper is not a port of subtree reach; there are arm, gripper; did you mean "
          "gripper?",
-         "4:85 CheckBounds: joint_4 = 286.48 deg is outside"],
+         "4:85 joint_4 = 286.48 deg is outside"],
     ),
     (
         "{subtree: reach, with: {arm: {joint_1: 9, joint_2: 9}, gripper: {joint_4: -0.3,"
         " joint_5: 0.1}}}",
-        ["4:36 CheckBounds: joint_3 is missing",
-         "4:37 CheckBounds: joint_1 = 515.66 deg is outside",
-         "4:49 CheckBounds: joint_2 = 515.66 deg is outside",
-         "4:87 CheckBounds: joint_5 = 5.7296 deg contradicts joint_4"],
+        ["4:36 joint_3 is missing",
+         "4:37 joint_1 = 515.66 deg is outside",
+         "4:49 joint_2 = 515.66 deg is outside",
+         "4:87 joint_5 = 5.7296 deg contradicts joint_4"],
     ),
     (
         "{subtree: move_relative, with: {by: {joint_1: 100, joint_2: 99, jiont_3: 1, joint_4: x}}}",
-        ["4:44 Shift: joint_1 by 5729.6 deg is more than",
-         "4:58 Shift: joint_2 by 5672.3 deg is more than",
-         "4:71 Shift: jiont_3 is not a joint that turns; there are joint_1, joint_2, joint_3, "
+        ["4:44 joint_1 by 5729.6 deg is more than",
+         "4:58 joint_2 by 5672.3 deg is more than",
+         "4:71 jiont_3 is not a joint that turns; there are joint_1, joint_2, joint_3, "
          "joint_4"
          "; did you mean joint_3?",
          "4:92 by: 'x' is not an angle"],

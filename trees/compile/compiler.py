@@ -36,7 +36,7 @@ from .scope import Scope, resolve
 from .skill_hooks import SkillHooks
 from .sources import Sources
 from .unknown_skill import is_nothing, meant, why_unknown
-from .values_by_port import as_mapping, as_subtree, by_port
+from .values_by_port import as_mapping, as_subtree, by_port, with_port
 
 MAX_NODES = 10_000
 MAX_SUBTREES = 8  # nesting depth
@@ -438,7 +438,9 @@ class TreeCompiler:
             elif wanted.needed:
                 by = " or ".join(writers_of(port, wanted))
                 how = f"; {by} before it can write it: {port}: ${port}" if by else ""
-                self._wrong(spec.place, f"{spec.skill} needs {port}: {info.description}{how}")
+                right = with_port(spec, port) if wanted.type == "duration" else None
+                why = f"{spec.skill} needs {port}: {info.description}{how}"
+                self._wrong(spec.place, why, right)
         if why := kind.mistyped(inputs, types):
             self._wrong(spec.place, f"{spec.skill}: {why}")
         return inputs, types

@@ -8,7 +8,7 @@ from trees.declarations import Declaration
 from trees.errors import Correction, Mistakes, Place
 from trees.reading.document import REFUSED, Located
 from trees.reading.lines import block, replaced_block
-from trees.reading.specs import Key, Value
+from trees.reading.specs import Key, SkillNode, Value
 from trees.reading.values import fit
 
 from .arguments import MISSING
@@ -97,6 +97,12 @@ def as_subtree(
     if place.brackets:
         return place.replaced(place.brackets, in_braces)
     return place.replaced(skill, in_braces)
+
+
+def with_port(spec: SkillNode, port: str) -> Correction | None:
+    """Return a skill without ports with one of them, as a time."""
+    alone = block(spec.place) == [spec.skill]
+    return replaced_block(spec.place, [f"{spec.skill}: {{{port}: 1 s}}"]) if alone else None
 
 
 def _fits(value: Located, wanted: Declaration) -> bool:

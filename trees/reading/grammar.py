@@ -199,7 +199,8 @@ class _Parser:
         self._values, self._known = nested(self.root), keys
         if not self._values:
             needed = ", ".join(key for key in keys if key not in _OPTIONAL)
-            self._wrong(self.root.place, f"expected the keys {needed}")
+            hint = "; `armtree new` writes a task that runs" if keys is _TASK_KEYS else ""
+            self._wrong(self.root.place, f"expected the keys {needed}{hint}")
         self._check_kind(path, keys[0])
         self._values = self._corrections(self._with_tree(self._values, keys), keys)
         version = self.get("grammar", needed=False)

@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from functools import cached_property, partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hardware import MAX_DURATION, Joint, Robot
 from hardware.description.kinematics import ForwardKinematics
@@ -91,11 +92,11 @@ class AnswerChecker:
             (plan.velocity, velocity, "/s"),
             (plan.acceleration, acceleration, "/s2"),
         ):
-            _check_within("a plan with the limit of", limits, own, own, joints, per)
-        _check_within("a plan that starts with", plan.start, start, start, all_joints)
+            _check_equal("a plan with the limit of", limits, own, joints, per)
+        _check_equal("a plan that starts with", plan.start, start, all_joints)
         origin = plan.start[group.columns]
-        _check_within("a plan that starts with", plan.origin, origin, origin, joints)
-        _check_within("a plan that ends with", plan.goal, goal, goal, joints)
+        _check_equal("a plan that starts with", plan.origin, origin, joints)
+        _check_equal("a plan that ends with", plan.goal, goal, joints)
         if isinstance(request, Query):
             _check_via(plan, request.via, group)
         _check_curve(plan, group)
@@ -182,6 +183,26 @@ def _check_shapes(plan: Plan, actuated: int, joints: int) -> None:
             raise InvalidMessage(f"a plan whose {name} have the shape {array.shape}, not {wanted}")
 
 
+def _check_equal(
+    what: str, values: Array, right: Array, joints: Sequence[Joint], per: str = ""
+) -> None:
+    """Check that values of joints (..., J) are the right ones, but for rounding.
+
+    Args:
+        what: Begin of the message.
+        values: The values; NaN, such as after an overflow, is wrong.
+        right: The right values, of the same shape.
+        joints: The joints (J).
+        per: Text after the unit.
+    """
+    if values.tobytes() == right.tobytes():  # the usual case, in less time
+        return
+    same = abs(values - right) <= _SAME
+    if not _all(same):
+        joint, value, wanted = _first(~same, joints, per, values, right)
+        raise InvalidMessage(f"{what} {joint} at {value}, not at {wanted}")
+
+
 def _check_within(
     what: str,
     values: Array,
@@ -195,25 +216,27 @@ def _check_within(
 
     Args:
         what: Begin of the message.
-        values: The values; NaN, such as after an overflow, is outside.
-        lower: Lower limits, or the right values.
-        upper: Upper limits, or the right values.
+        values: The values; NaN is outside.
+        lower: Lower limits.
+        upper: Upper limits.
         joints: The joints (J).
         per: Text after the unit.
         slack: Largest rounding error.
     """
-    if lower is upper and values.tobytes() == lower.tobytes():  # the usual case, in less time
-        return
     inside = (values >= lower - slack) & (values <= upper + slack)
     if not _all(inside):
-        at = tuple(np.argwhere(~inside)[0])
-        joint = joints[at[-1]]
-        value, low, high = (
-            joint.words(np.broadcast_to(each, values.shape)[at], 6) + per
-            for each in (values, lower, upper)
-        )
-        wanted = f"not at {low}" if low == high else f"outside [{low}, {high}]"
-        raise InvalidMessage(f"{what} {joint.name} at {value}, {wanted}")
+        joint, value, low, high = _first(~inside, joints, per, values, lower, upper)
+        raise InvalidMessage(f"{what} {joint} at {value}, outside [{low}, {high}]")
+
+
+def _first(
+    wrong: NDArray[np.bool_], joints: Sequence[Joint], per: str, *arrays: Array
+) -> list[str]:
+    """Return the name of the first wrong joint, and its values in several arrays, as words."""
+    at = tuple(np.argwhere(wrong)[0])
+    joint = joints[at[-1]]
+    values = [np.broadcast_to(each, wrong.shape)[at] for each in arrays]
+    return [joint.name, *(joint.words(value, 6) + per for value in values)]
 
 
 def _check_via(plan: Plan, via: Sequence[Sequence[float]], group: JointGroup) -> None:
@@ -235,7 +258,7 @@ def _check_curve(plan: Plan, group: JointGroup) -> None:
     ends = curve.constant + u * (curve.linear + u * curve.quadratic)
     here = np.concatenate((plan.origin[None, :], ends))
     there = np.concatenate((curve.constant, plan.goal[None, :]))
-    _check_within("a plan that continues with", there, here, here, group.joints)
+    _check_equal("a plan that continues with", there, here, group.joints)
     # A parabola is inside the triangle of its ends and the point where its tangents meet.
     points = np.concatenate((curve.constant, ends, curve.constant + 0.5 * u * curve.linear))
     _check_within("a plan with", points, group.lower, group.upper, group.joints)
