@@ -239,9 +239,11 @@ def _comes_first(first: Mistake, then: Mistake) -> bool:
         return False
     if not new.line <= old.line <= old.line + old.count <= new.line + new.count:
         return False
-    inside = then.place.location.startswith(f"{first.place.location}.")
-    layout = not first.place.location and first.place.lines != then.place.lines
-    return layout or (inside and first.place.lines == then.place.lines and new.count == 1)
+    place = first.place
+    inside = then.place.location.removeprefix(f"{place.location}.")
+    own = inside and place.lines[place.line - 1][place.column - 1 :].startswith(f"{inside}:")
+    layout = not place.location and place.lines != then.place.lines
+    return layout or bool(own and place.lines == then.place.lines and new.count == 1)
 
 
 def _with_all(before: str, after: Sequence[str]) -> str:

@@ -170,7 +170,7 @@ HEADS = [
     ("parameters: {a: {type: angle, min: 2, max: 1}}\n", "max is less than min"),
     ("parameters: {a: {typ: angle}}\n", "did you mean type?"),
     ("parameters: {a: angel}\n", "no type angel"),
-    ("parameters: {a: angle, b: text}\n", "nothing in the tree uses $b"),
+    ("parameters: {a: angle, unused: text}\n", "nothing in the tree uses $unused"),
     ("paramters: {a: angle}\n", "did you mean parameters?"),
 ]
 
@@ -378,14 +378,14 @@ def test_the_files_that_a_task_needs(robot: Robot, tmp_path: Path) -> None:
         },
         "look.yaml": {
             "the key description is missing",
-            "the file is named look.yaml but says subtree lok",
+            "the file is named look.yaml but says subtree lok; rename the file, or change the line",
             "ports: a: no type angel; ; did you mean angle?",
             "'yes' is not true or false",
             "Say.text: 5 is not a text",
         },
         "3_y.yaml": {
-            "the file is named for task 3 but says task 4",
-            "the file is named 3_y.yaml but says name x",
+            "the file is named for task 3 but says task 4; rename the file, or change the line",
+            "the file is named 3_y.yaml but says name x; rename the file, or change the line",
             "d is not a port of subtree look; ",
             "joints: no pose lfet; ; did you mean left?",
         },
