@@ -78,7 +78,7 @@ def test_moves_on_the_server_of_this_machine(serve: Serve, folder: Path) -> None
         f"Server {served.server.url}\nmove not started: joint_1 = 100 deg is outside its limits, "
         "-90 deg to 90 deg [goal.out_of_bounds]\n"
     )
-    status, out, _ = type_command(folder, "move", "9", "9", "9")
+    status, out, _ = type_command(folder, "move", "0.5", "0", "0.1")
     assert (status, out.count("cannot reach"), out.count("choose a point")) == (5, 1, 1)
 
 
