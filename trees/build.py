@@ -78,7 +78,7 @@ def build(
         SkillError: A skill refuses an input of the task, such as a target out of bounds.
     """
     given = arguments or {}
-    tree = TreeCompiler(library, context).compile(draft, f"/{namespace}", given)
+    tree = TreeCompiler(draft, library, context, f"/{namespace}").compile(given)
     refusals(tree, context.robot)
     check_outcomes(tree)
     refused = tree.hooks.refused  # includes refusals of hooks that the analysis has called

@@ -121,7 +121,7 @@ def compile_task(robot: Robot, library: Library, number: int) -> CompiledTree:
         FileError: The files have mistakes.
     """
     context = _context(robot)
-    tree = TreeCompiler(library, context).compile(library.draft(number), "/show")
+    tree = TreeCompiler(library.draft(number), library, context, "/show").compile()
     check_outcomes(tree)
     if tree.mistakes.found or tree.hooks.refused:
         raise FileError(
@@ -234,8 +234,8 @@ class _Checker:
                 files, found = self._library.draft_poses()
                 found = [mistake for mistake in found if mistake.place.path == path]
                 return [*found, *self._poses(next(f for f in files if f.path == path))]
-            compiler = TreeCompiler(self._library, self._context)
-            tree = compiler.compile(self._library.draft(name, path), "/check")
+            draft, context = self._library.draft(name, path), self._context
+            tree = TreeCompiler(draft, self._library, context, "/check").compile()
         except TreeError as error:
             return _mistakes(error)
         check_outcomes(tree)

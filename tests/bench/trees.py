@@ -114,7 +114,7 @@ class Bench:
     def check(self) -> None:
         """Read and check a thousand nodes."""
         library = Library(self.large)
-        tree = TreeCompiler(library, self.context).compile(library.draft(10), "/bench")
+        tree = TreeCompiler(library.draft(10), library, self.context, "/bench").compile()
         check_outcomes(tree)
         assert not tree.mistakes.found
 

@@ -1,7 +1,7 @@
 """The tree compiler: from a task file and skills to a py_trees tree, with every mistake found."""
 
-from collections.abc import Iterable, Mapping, Sequence, Set
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from py_trees.behaviour import Behaviour
@@ -48,96 +48,78 @@ _FIXED = {
 }
 
 
-@dataclass(frozen=True)
+@dataclass
 class CompiledTree:
     """A tree, and everything that is known about it before it runs.
 
     Attributes:
-        root: Root of the tree.
         namespace: Namespace of its keys.
+        mistakes: Mistakes so far.
+        files: Texts of the files that were used, by name.
+        root: Root of the tree.
         leaves: Its skills, in the order of the file.
         controls: Kinds and options of the nodes that have children.
         places: Places of the nodes in the files.
         calls: For the roots of subtrees and of other tasks: the places that refer to them.
         hooks: Calls the code of its skills; knows which nodes are wrong.
-        files: Texts of the files that were used, by name.
-        mistakes: Mistakes so far.
         unread: Keys that a node writes and no node reads.
         stand_ins: Full names of parameters and ports without a value before the run.
     """
 
-    root: Behaviour
     namespace: str
-    leaves: Mapping[Behaviour, Leaf]
-    controls: Mapping[Behaviour, Control]
-    places: Mapping[Behaviour, Place]
-    calls: Mapping[Behaviour, Place]
-    hooks: SkillHooks
-    files: Mapping[str, str]
     mistakes: Mistakes
-    unread: Sequence[Key]
-    stand_ins: Set[str]
+    files: Mapping[str, str]
+    root: Behaviour = field(init=False)
+    leaves: dict[Behaviour, Leaf] = field(default_factory=dict)
+    controls: dict[Behaviour, Control] = field(default_factory=dict)
+    places: dict[Behaviour, Place] = field(default_factory=dict)
+    calls: dict[Behaviour, Place] = field(default_factory=dict)
+    hooks: SkillHooks = field(default_factory=SkillHooks)
+    unread: Sequence[Key] = ()
+    stand_ins: set[str] = field(default_factory=set)
 
 
 class TreeCompiler:
-    """Compiles one tree.
+    """Compiles one tree: a task, or a subtree alone to check it.
 
     Args:
+        draft: The file as far as it could be read, and its mistakes.
         library: Files of subtrees, poses and other tasks.
         context: Context of the skills.
+        namespace: Namespace of its keys.
     """
 
-    def __init__(self, library: Library, context: Context) -> None:
+    def __init__(self, draft: Draft, library: Library, context: Context, namespace: str) -> None:
+        self._task, self._mistakes = draft[0], Mistakes(draft[1])
         self._context, self._library = context, library
         self._sources, self._skills = Sources(library), known_skills()
-        self._keys, self._hooks, self._mistakes = Keys(), SkillHooks(), Mistakes()
-        self._leaves: dict[Behaviour, Leaf] = {}
-        self._controls: dict[Behaviour, Control] = {}
-        self._places: dict[Behaviour, Place] = {}
-        self._calls: dict[Behaviour, Place] = {}
-        self._stand_in_names = set[str]()
-        self._nodes = 0
+        self._keys, self._nodes = Keys(), 0
+        self._tree = CompiledTree(namespace, self._mistakes, self._sources.files)
 
-    def compile(
-        self, draft: Draft, namespace: str, arguments: Mapping[str, Located] | None = None
-    ) -> CompiledTree:
-        """Compile a task, or a subtree alone to check it.
+    def compile(self, arguments: Mapping[str, Located] | None = None) -> CompiledTree:
+        """Return the compiled tree.
 
         Args:
-            draft: The file as far as it could be read, and its mistakes.
-            namespace: Namespace of its keys.
             arguments: Values of the parameters of a task. If None, the file is only checked, and
                 parameters and ports have the declared types and no values, or their defaults if it
                 is a task.
         """
-        file, known = draft
-        self._mistakes = Mistakes(known)
+        file, tree, namespace = self._task, self._tree, self._tree.namespace
         self._sources.files[file.path.name] = file.text
         self._sources.load_poses(self._mistakes)
         inputs = {name: each for name, each in file.parameters.items() if not each.output}
         within = {} if file.number is not None else {file.name: file.tree.place}
         scope = Scope(file, namespace, {}, within, self._stand_ins(inputs, namespace))
-        given = self._arguments(file, arguments, scope)
+        given = self._arguments(arguments, scope)
         if file.number is not None:
             scope = replace(scope, ports=given)
-        root = self._node(file.tree, scope, file.name)
+        tree.root = self._node(file.tree, scope, file.name)
         for name in file.parameters.keys() - inputs:
             what, key = f"subtree {file.name}", f"{namespace}/{name}"
             self._check_output(file.tree.place, what, name, file.parameters[name], key)
             self._keys.reads.add(key)
-        return CompiledTree(
-            root,
-            namespace,
-            self._leaves,
-            self._controls,
-            self._places,
-            self._calls,
-            self._hooks,
-            self._sources.files,
-            self._mistakes,
-            self._keys.never_read(),
-            self._stand_in_names,
-        )
+        tree.unread = self._keys.never_read()
+        return tree
 
     def _wrong(self, place: Place, message: str, instead: Correction | None = None) -> None:
         self._mistakes.add(place, message, instead)
@@ -147,20 +129,19 @@ class TreeCompiler:
         kinds = {name: port.type or ANY for name, port in declared.items()}
         self._keys.written |= {f"{namespace}/{name}": kind for name, kind in kinds.items()}
         stand_ins = {f"{namespace}/{name}": StandIn(name, kind) for name, kind in kinds.items()}
-        self._stand_in_names |= stand_ins.keys()
+        self._tree.stand_ins |= stand_ins.keys()
         return stand_ins
 
     def _placeholder(self, name: str, place: Place) -> Behaviour:
         """Return a node in place of one that is wrong."""
         node = Dummy(name)
-        self._places[node] = place
-        self._hooks.doubtful.add(node)
+        self._tree.places[node] = place
+        self._tree.hooks.doubtful.add(node)
         return node
 
-    def _arguments(
-        self, task: TaskFile, arguments: Mapping[str, Located] | None, scope: Scope
-    ) -> dict[str, Value]:
+    def _arguments(self, arguments: Mapping[str, Located] | None, scope: Scope) -> dict[str, Value]:
         """Return the values of the parameters, from arguments and defaults."""
+        task = scope.file
         what = f"{task.port} of task {task.number}"
         known = self._known_ports(arguments or {}, task.parameters, what, scope)
         given: dict[str, Value] = {}
@@ -199,7 +180,7 @@ class TreeCompiler:
             return self._file(spec, scope, shown)
         compiled = self._control if isinstance(spec, ControlNode) else self._skill
         node = compiled(spec, scope, shown)  # type: ignore[arg-type]
-        self._places[node] = spec.place
+        self._tree.places[node] = spec.place
         return node
 
     # Control nodes
@@ -214,9 +195,9 @@ class TreeCompiler:
             specs = [*specs, *[SkillNode(spec.place, "", {})] * 2][:2]
         nodes = self._children(specs, kind, options, scope)
         node = kind.make(shown or spec.kind or kind.name, nodes, options, self._context)
-        self._controls[node] = Control(kind, options)
+        self._tree.controls[node] = Control(kind, options)
         if wrong or kind is _UNKNOWN:
-            self._hooks.doubtful.add(node)
+            self._tree.hooks.doubtful.add(node)
         return node
 
     def _option(self, spec: ControlNode, option: str, kind: ControlNodeKind, scope: Scope) -> Any:
@@ -300,7 +281,7 @@ class TreeCompiler:
         stand_ins = {**scope.stand_ins, **self._stand_ins(missing, namespace)}
         inner = Scope(source, namespace, ports, way, stand_ins)
         node = self._node(source.tree, inner, shown or source.name)
-        self._calls[node] = spec.place
+        self._tree.calls[node] = spec.place
         for name, declared in source.parameters.items():
             key = ports.get(name)
             if declared.output and isinstance(key, Key):
@@ -388,13 +369,13 @@ class TreeCompiler:
             if not (ports[port].output and self._fixed(value, scope, f"{spec.skill}.{port}"))
         }
         keys = {port: value.name for port, value in wired.items() if isinstance(value, Key)}
-        skill = self._hooks.make(kind, shown or spec.skill, self._context, spec.place)
+        skill = self._tree.hooks.make(kind, shown or spec.skill, self._context, spec.place)
         inputs, types = self._inputs(spec, kind, wired)
         self._outputs(spec, kind, wired, types, scope)
         written = {p: v for p, v in wired.items() if isinstance(v, Located) and p in inputs}
         if isinstance(skill, Skill):
             leaf = Leaf(skill, spec.place, scope.namespace, keys, inputs, written)
-            self._leaves[skill] = leaf
+            self._tree.leaves[skill] = leaf
         return skill
 
     def _as_subtree(self, spec: SkillNode, name: str, shown: str) -> SubtreeNode:
