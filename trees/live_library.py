@@ -10,6 +10,7 @@ from typing import Any
 from hardware import Robot
 
 from .check import check_task, compile_task
+from .declarations import Declaration
 from .errors import FileError, TreeError, UnknownTask
 from .export.node_table import node_table
 from .reading.document import read_text
@@ -211,15 +212,31 @@ def _row(library: Library, number: int) -> dict[str, Any]:
         task = library.head(number)
     except FileError as error:
         source = str(error.mistakes[0].place.path)
-        return {**row, "source": source, "name": "", "description": "", "parameters": {}} | {
-            "wrong": str(error)
-        }
+        row |= {"source": source, "name": "", "description": "", "wrong": str(error)}
+        return {**row, "parameters": {}, "inputs": {}}
     return {
         **row,
         "name": task.name,
         "description": task.description,
         "parameters": {name: declared.type for name, declared in task.parameters.items()},
+        "inputs": {name: _input(declared) for name, declared in task.parameters.items()},
         "source": "shipped" if path.parent in library.shipped else str(path),
+    }
+
+
+def _input(declared: Declaration) -> dict[str, Any]:
+    """Return what a form needs to know of a parameter."""
+    default = declared.default
+    is_text = default is not None and isinstance(default.value, str)
+    return {
+        "type": declared.type,
+        "unit": declared.unit,
+        "needed": declared.needed,
+        "default": "" if default is None else str(default.value if is_text else default),
+        "least": declared.least,
+        "most": declared.most,
+        "choices": list(declared.choices),
+        "description": declared.description,
     }
 
 

@@ -296,6 +296,21 @@ TASK = answer(
     description=TEXT,
     source=TEXT,
     parameters={"type": "object", "additionalProperties": TEXT},
+    inputs={
+        "type": "object",
+        "additionalProperties": _object(
+            {
+                "type": TEXT,
+                "unit": {**TEXT, "description": "Unit of the limits; may be empty."},
+                "needed": BOOLEAN,
+                "default": {**TEXT, "description": "As in a task file; empty for none."},
+                "least": _or_null(NUMBER),
+                "most": _or_null(NUMBER),
+                "choices": array(TEXT),
+                "description": TEXT,
+            }
+        ),
+    },
     wrong=TEXT,
 )
 NODE = _object(

@@ -7,9 +7,12 @@ import { ShownRun } from "./model/shown_run.js";
 import { ArmView } from "./views/arm.js";
 import { Controls } from "./views/controls.js";
 import { drawHeader } from "./views/header.js";
+import { MoveView } from "./views/move.js";
+import { QuestionsView } from "./views/questions.js";
 import { RunsView } from "./views/runs.js";
 import { drawFailure, drawNode, drawPause, drawRunning } from "./views/side.js";
 import { showStop } from "./views/stop.js";
+import { TasksView } from "./views/tasks.js";
 import { TreeView } from "./views/tree.js";
 
 const connection = new Connection();
@@ -22,6 +25,9 @@ const tree = new TreeView(shown);
 const controls = new Controls(shown, () => connection.refresh());
 const runs = new RunsView();
 const arm = new ArmView();
+const tasks = new TasksView();
+const questions = new QuestionsView();
+const move = new MoveView();
 
 const draw = oncePerFrame(() => {
   drawStop();
@@ -35,19 +41,25 @@ const draw = oncePerFrame(() => {
   controls.draw(status);
   arm.draw(shown.run, status?.commanded ?? null);
   runs.draw(shown.run.goalId);
+  tasks.draw(runs.tasks, runs.goals, status);
+  move.draw(status);
 });
 
 connection.addEventListener("begin", async () => {
+  questions.clear();
   const robot = await get("api/robot");
   setText(byId("robot", HTMLElement), robot.name);
   document.title = `${robot.name}, armtree`;
+  setText(byId("opening", HTMLElement), `Activating opens the port; the arm then ${robot.opening}.`);
   arm.show(robot, draw);
+  move.show().then(draw);
   await runs.refresh();
   if (!shown.live.goalId && runs.newest?.result) await open(runs.newest);
   draw();
 });
 connection.addEventListener("event", (event) => {
   const { detail } = /** @type {CustomEvent} */ (event);
+  if (detail.event === "question") questions.update(detail);
   shown.update(detail);
   if (detail.event === "status") runs.refresh().then(draw);
 });
@@ -64,6 +76,7 @@ tree.addEventListener("break", (event) => {
   const path = /** @type {CustomEvent} */ (event).detail;
   controls.setBreakpoint(path, !status?.breakpoints.includes(path));
 });
+byId("activate", HTMLElement).addEventListener("click", () => controls.activate());
 runs.addEventListener("open", (event) => open(/** @type {CustomEvent} */ (event).detail));
 document.addEventListener("click", (event) => {
   const link = event.target instanceof Element ? event.target.closest(".link") : null;

@@ -288,6 +288,8 @@ def test_invalid_tasks_are_listed_with_their_error(serve: Serve) -> None:
     (served.tasks / "20_wrong.yaml").write_text("task: 20\nname: [")
     rows = {row["task"]: row for row in served.ask("GET", "/api/tasks")[1]["tasks"]}
     assert rows[12]["parameters"] == {"what": "text", "often": "number"}
+    often = {"needed": False, "default": "1", "least": 1, "most": 3, "description": "how often"}
+    assert often.items() <= rows[12]["inputs"]["often"].items()
     assert rows[0]["source"] == "shipped"
     assert "20_wrong.yaml" in rows[20]["wrong"]
 

@@ -39,6 +39,11 @@ export class Controls {
     await this.#act("api/breakpoints", { node, on });
   }
 
+  /** Activate the arm, which may move it. */
+  async activate() {
+    await this.#act("api/arm/activate");
+  }
+
   /**
    * @param {string} path
    * @param {object} [body]

@@ -12,30 +12,35 @@ const SHOWN = 50; // runs
 /** Events: `open` with the Goal to show. */
 export class RunsView extends EventTarget {
   #list = byId("runs", HTMLElement);
-  /** @type {Goal[]} */
-  #goals = [];
-  /** @type {Map<number, string>} */
-  #names = new Map();
+  /** @type {Goal[]} newest first */
+  goals = [];
+  /** @type {import("./tasks.js").Task[]} */
+  tasks = [];
 
-  /** Ask for the runs again. */
+  /** Ask for the runs and the tasks again. */
   async refresh() {
     const [{ goals }, { tasks }] = await Promise.all([get(`api/goals?limit=${SHOWN}`), get("api/tasks")]);
-    this.#goals = goals.reverse();
-    this.#names = new Map(tasks.map((/** @type {any} */ each) => [each.task, each.name]));
+    this.goals = goals.reverse();
+    this.tasks = tasks;
   }
 
   /** @returns {Goal | undefined} the newest run */
   get newest() {
-    return this.#goals[0];
+    return this.goals[0];
   }
 
   /** @param {string} shown id of the goal that is shown */
   draw(shown) {
-    const key = JSON.stringify([shown, this.#goals.map((goal) => goal.goal_id + goal.state)]);
+    const key = JSON.stringify([shown, this.goals.map((goal) => goal.goal_id + goal.state)]);
     if (this.#list.dataset.key === key) return;
     this.#list.dataset.key = key;
-    const items = this.#goals.map((goal) => this.#item(goal, goal.goal_id === shown));
+    const items = this.goals.map((goal) => this.#item(goal, goal.goal_id === shown));
     this.#list.replaceChildren(...(items.length ? items : [element("li", { class: "quiet" }, "none yet")]));
+  }
+
+  /** @param {number} task */
+  #name(task) {
+    return this.tasks.find((each) => each.task === task)?.name;
   }
 
   /**
@@ -46,7 +51,7 @@ export class RunsView extends EventTarget {
     const button = element(
       "button",
       { type: "button", class: "run", "aria-current": current ? "true" : false },
-      element("span", { class: "name" }, goalTitle(goal.task, this.#names.get(goal.task))),
+      element("span", { class: "name" }, goalTitle(goal.task, this.#name(goal.task))),
       element("span", { "data-state": goal.state }, stateWords(goal.state)),
       element("span", { class: "quiet" }, when(goal.stamp_ns)),
     );
