@@ -60,10 +60,10 @@ BOUNDS = (
 PLAN = "- PlanArm: {start: $start, goal: $goal, plan: $plan}"
 
 WRONG = [
-    (["- Sukseed"], 6, 7, "no skill Sukseed; there are Succeed, "),
-    (["- Sukseed"], 6, 7, "did you mean Succeed?"),
+    (["- Sukseed"], 6, 7, "no skill Sukseed; the most similar is Succeed"),
+    (["- Suceed"], 6, 7, "did you mean Succeed?"),
     (["- succeed"], 6, 7, "did you mean Succeed?"),
-    (["- subtree: rech"], 6, 7, "no subtree rech; there are "),
+    (["- subtree: rech"], 6, 7, "no subtree rech; the most similar is reach"),
     (["- subtree: rech"], 6, 7, "did you mean reach?"),
     (["- Skill"], 6, 7, "no skill Skill"),
     (["- _PlanGroup"], 6, 7, "is not a name"),

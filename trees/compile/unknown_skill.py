@@ -4,7 +4,7 @@ from collections.abc import Collection
 
 from hardware.suggestions import closest, did_you_mean, there_are
 from trees.reading.document import Located
-from trees.reading.node_parser import SYNONYMS
+from trees.reading.node_parser import synonyms
 from trees.reading.specs import SkillNode, Value
 
 # Words of other languages and libraries, and the skill that does the same.
@@ -27,8 +27,8 @@ def why_unknown(skill: str, known: Collection[str], subtrees: Collection[str]) -
     begun = [name for name in subtrees if name.startswith(f"{skill}_")]
     if begun and skill:
         return f"no skill {skill}; subtrees that begin so are {', '.join(begun)}"
-    if skill in SYNONYMS:
-        return f"no skill {skill}{did_you_mean(SYNONYMS[skill])}"
+    if near := synonyms().get(skill):
+        return f"no skill {skill}{did_you_mean(near)}"
     own = "; `armtree skills` lists them, and --skills DIR adds your own"
     return f"no skill {skill}; {there_are(skill, known)}{own}"
 

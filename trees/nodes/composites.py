@@ -117,6 +117,7 @@ class SelectorKind(_InTurn):
     order = Flow.ALTERNATIVES
     with_memory, reactive = composites.Selector, ReactiveSelector
     groot_tag = "Fallback"
+    synonyms = ("fallback",)
 
     def possible_outcomes(self, node: Node) -> PossibleOutcomes:
         """Return the possible outcomes, and report children that are never reached."""

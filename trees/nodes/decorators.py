@@ -92,6 +92,7 @@ class InverterKind(_ResultKind):
     name = "inverter"
     decorator = Inverter
     groot_tag = "Inverter"
+    synonyms = ("not",)
 
     def possible_outcomes(self, node: Node) -> PossibleOutcomes:
         """Return the possible outcomes of the node."""

@@ -111,6 +111,7 @@ class ControlNodeKind(ABC):
         node: Class of its nodes, if these have one child. Its arguments are the name, the child,
             the context, and the options by name.
         groot_tag: Name of the node of BehaviorTree.CPP that does the same, if it has no ports.
+        synonyms: Words of other languages and libraries for it, for corrections.
     """
 
     name: ClassVar[str]
@@ -124,6 +125,7 @@ class ControlNodeKind(ABC):
     order: ClassVar[Flow] = Flow.SEQUENCE
     node: ClassVar[Callable[..., Behaviour]]
     groot_tag: ClassVar[str] = ""
+    synonyms: ClassVar[tuple[str, ...]] = ()
 
     def __init_subclass__(cls, register: bool = True) -> None:
         """Register the kind."""

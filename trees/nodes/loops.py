@@ -168,6 +168,7 @@ class RepeatKind(ControlNodeKind):
     name = "repeat"
     options = {"times": count("number of rounds; no limit without it", optional=True)}
     placeholders = {"times": 1}
+    synonyms = ("loop", "for")
     lasting = True
     node = Repeat
 

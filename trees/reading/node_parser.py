@@ -24,8 +24,6 @@ _FILES = {"subtree": ("with", "name"), "task": ("with", "name")}
 
 _IF = "there is no if: a sequence that begins with a condition runs the rest only if it holds"
 _OTHER_WORDS = {"if": _IF, "then": _IF, "else": f"{_IF}; a selector has the other case"}
-# Words of other languages and libraries, and the control node that does the same.
-SYNONYMS = {"loop": "repeat", "for": "repeat", "fallback": "selector", "not": "inverter"}
 _AMOUNT = re.compile(r"[0-9.]+ ?([a-z]+)?")
 
 
@@ -78,7 +76,7 @@ class NodeParser:
 
         Return the node as it should be, or None if that is not the mistake.
         """
-        words = {**{kind: kind for kind in _kinds()}, **SYNONYMS, **_option_kinds()}
+        words = {**{kind: kind for kind in _kinds()}, **synonyms(), **_option_kinds()}
         for word, item in keys.items():
             kind = words.get(word, "")
             if not kind or _kinds()[kind].many or not _is_amount(item):
@@ -175,7 +173,7 @@ class NodeParser:
         inner = keys[skill]
         if isinstance(inner.value, list):
             lists = [name for name, kind in _kinds().items() if kind.many]
-            kind = corrections((skill,), lists).get(skill, "") or SYNONYMS.get(skill, "")
+            kind = corrections((skill,), lists).get(skill, "") or synonyms().get(skill, "")
             there = ", ".join(lists) + did_you_mean(kind)
             why = f"{skill} takes no list of nodes; these do: {there}"
             self._wrong(inner.label, why, inner.label.replaced(skill, kind))
@@ -335,8 +333,13 @@ def _likely(words: Collection[str]) -> dict[str, str]:
     """Return the likely heads of nodes that unknown words mean."""
     lower = [word for word in words if not word[:1].isupper() or word.lower() in _heads()]
     return corrections(lower, _heads()) or {
-        word: SYNONYMS[word] for word in words if word in SYNONYMS
+        word: kind for word, kind in synonyms().items() if word in words
     }
+
+
+def synonyms() -> dict[str, str]:
+    """Return the kinds of control nodes by the words of other languages and libraries."""
+    return {word: name for name, kind in _kinds().items() for word in kind.synonyms}
 
 
 def _option_kinds() -> dict[str, str]:
