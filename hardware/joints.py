@@ -100,9 +100,11 @@ def check_position(joint: Joint, q: object) -> float:
     if not joint.lower <= value <= joint.upper:
         limits = f"{joint.words(joint.lower)} to {joint.words(joint.upper)}"
         limit = min(max(value, joint.lower), joint.upper)
-        digits = 5 if joint.words(value) != joint.words(limit) else 17
+        words = joint.words(value)
+        if words == joint.words(limit):
+            words = joint.words(value, digits=17)
         raise BadPosition(
-            f"{joint.name} = {joint.words(value, digits)} is outside its limits, {limits}",
+            f"{joint.name} = {words} is outside its limits, {limits}",
             joint.name,
             q,
             limit,

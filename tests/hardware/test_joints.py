@@ -47,6 +47,14 @@ def test_a_refusal_names_value_and_limits() -> None:
         check_position(ROBOT.joint("joint_1"), np.float64(-1.58))
 
 
+def test_a_value_just_beyond_a_limit_is_named_with_all_its_digits() -> None:
+    joint = ROBOT.joint("joint_1")
+    why = "joint_1 = 90.00000000000594 deg is outside its limits, -90 deg to 90 deg"
+    with pytest.raises(BadPosition) as caught:
+        check_position(joint, math.nextafter(joint.upper, math.inf))
+    assert str(caught.value) == why
+
+
 @pytest.mark.parametrize(
     ("position", "unit", "words"),
     [(math.radians(12.34), "rad", "12.3 deg"), (0.01236, "m", "12.4 mm"),
