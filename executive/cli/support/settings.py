@@ -232,6 +232,7 @@ def _arguments(name: str) -> dict[str, Any]:
     return {
         "type": row.type,
         "envvar": environment_name(name),
+        "show_envvar": True,  # in errors
         "help": row.help,
         "metavar": row.metavar,
         "default": row.default,
