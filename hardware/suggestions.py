@@ -5,7 +5,7 @@ from itertools import groupby
 
 _ALL = 8  # largest number of names that a message lists whatever the unknown word is
 _SHOWN = 5  # most names in a message if there are more
-_NEAR, _NEARER = 0.6, 0.75  # least similarity of a name that is listed, and that is suggested
+_NEAR, _NEARER = 0.6, 0.71  # least similarity of a name that is listed, and that is suggested
 
 
 def plural(count: int, what: str) -> str:

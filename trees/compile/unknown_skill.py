@@ -19,7 +19,7 @@ def meant(spec: SkillNode, known: Collection[str], subtrees: Collection[str]) ->
         return name  # such as `gripper: open`
     if len([name for name in subtrees if name.startswith(f"{spec.skill}_")]) > 1:
         return ""
-    return _SYNONYMS.get(spec.skill.lower(), "") or closest(spec.skill, (*known, *subtrees), 0.75)
+    return _SYNONYMS.get(spec.skill.lower(), "") or closest(spec.skill, (*known, *subtrees), 0.71)
 
 
 def why_unknown(skill: str, known: Collection[str], subtrees: Collection[str]) -> str:
