@@ -196,7 +196,7 @@ class _Parser:
         self.mistakes = Mistakes(known)
         self.nodes = NodeParser(self.mistakes)
         self._wrong = self.mistakes.add
-        self._values, self._known = nested(self.root), keys
+        self._values = nested(self.root)
         if not self._values:
             needed = ", ".join(key for key in keys if key not in _OPTIONAL)
             hint = "; `armtree new` writes a task that runs" if keys is _TASK_KEYS else ""
@@ -244,7 +244,7 @@ class _Parser:
         path = self.root.place.path
         number, _, name = path.stem.partition("_")
         texts = {"task": number, "name": name, "subtree": path.stem, "description": "What it does."}
-        earlier = self._known[: self._known.index(key)]
+        earlier = self._keys[: self._keys.index(key)]
         above = [self._values[each].label.line for each in earlier if each in self._values]
         if not texts.get(key) or self.root.place.brackets:
             return None

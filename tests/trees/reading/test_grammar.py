@@ -166,7 +166,8 @@ def test_a_wrong_first_key_hides_nothing_of_what_it_stands_in(text: str) -> None
     reported = [(m.place.line, m.place.column, m.message) for m in task_mistakes(FILE, text)]
     lacks = ["the key name is missing", "the key task is missing"]
     if "tree" not in text:
-        lacks = ["expected the keys task, name, description, tree"]
+        keys = "expected the keys task, name, description, tree"
+        lacks = [f"{keys}; `armtree new` writes a task that runs"]
     messages = sorted([*lacks, "the key 1 is not a text"])
     assert sorted(reported) == [(1, 1, message) for message in messages]
 
