@@ -5,11 +5,12 @@ from pathlib import Path
 
 from hardware.suggestions import choices
 from logs.errors import LogError, NoSuchRecording
+from logs.records.records import MOVE, goal_title
 
 from .reader import read
 
 LATEST = "latest"
-_RUN = re.compile(r"(\d{8}T\d{6}\.\d{3}Z)-(\d+)\.mcap")  # as `recording_path` makes it
+_RUN = re.compile(r"(\d{8}T\d{6}\.\d{3}Z)-(\d+|move)\.mcap")  # as `recording_path` makes it
 
 
 def runs(folder: Path) -> list[tuple[str, int, Path]]:
@@ -18,12 +19,13 @@ def runs(folder: Path) -> list[tuple[str, int, Path]]:
     Recordings of a server, and renamed ones, are left out.
 
     Returns:
-        When each began, as in its name, such as `20261121T103155.123Z`; the number of its task; and
-        its path.
+        When each began, as in its name, such as `20261121T103155.123Z`; the number of its task, or
+        `MOVE`; and its path.
     """
     paths = folder.iterdir() if folder.is_dir() else ()
     found = ((_RUN.fullmatch(path.name), path) for path in paths)
-    return sorted(((m[1], int(m[2]), path) for m, path in found if m), reverse=True)
+    tasks = ((m[1], MOVE if m[2] == "move" else int(m[2]), path) for m, path in found if m)
+    return sorted(tasks, reverse=True)
 
 
 def is_recording_name(text: str) -> bool:
@@ -37,8 +39,9 @@ def find_recording(given: str, folder: Path) -> Path:
     """Return the recording that a text names.
 
     Args:
-        given: A path; or `latest`, `latest:TASK` with the number or name of a task, or a beginning
-            that only one recording has. A folder may come before these, such as `runs/latest`.
+        given: A path; or `latest`, `latest:TASK` with the number or name of a task, `latest:move`,
+            or a beginning that only one recording has. A folder may come before these, such as
+            `runs/latest`.
         folder: Folder of recordings, if the text names none.
 
     Returns:
@@ -70,19 +73,21 @@ def find_recording(given: str, folder: Path) -> Path:
 def _latest(folder: Path, task: str) -> Path:
     found = runs(folder)
     for _, number, path in found:
-        if not task or (number == int(task) if task.isdecimal() else task == _task_name(path)):
+        if task in ("", goal_title(number)) or _is_task(task, number, path):
             return path
     if not found:
         raise NoSuchRecording(folder, "no recording of a run is here")
-    numbers = ", ".join(str(number) for number in sorted({number for _, number, _ in found}))
-    raise NoSuchRecording(folder, f"no recording here is of task {task}; they are of {numbers}")
+    titles = ", ".join(goal_title(number) for number in sorted({number for _, number, _ in found}))
+    raise NoSuchRecording(folder, f"no recording here is of {task}; they are of {titles}")
 
 
-def _task_name(path: Path) -> str:
-    """Return the name of the task of a run; empty if it cannot be read."""
+def _is_task(task: str, number: int, path: Path) -> bool:
+    """Return whether a run was of the task with a number or name; False if it cannot be read."""
+    if task.isdecimal() or number == MOVE:
+        return task == str(number)
     try:
         for message in read(path, ["/goal"]):
-            return str(message.fields().get("name", ""))
+            return message.fields().get("name") == task
     except (LogError, OSError):
         pass  # a file of another program, or one that was deleted
-    return ""
+    return False

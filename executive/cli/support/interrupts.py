@@ -1,4 +1,4 @@
-"""Handles SIGINT, SIGTERM and SIGHUP during a run."""
+"""Handles SIGINT, SIGTERM, SIGHUP and SIGTSTP during a run."""
 
 import os
 import signal
@@ -9,7 +9,7 @@ from types import FrameType
 from typing import Any, Self, TypeVar
 
 from executive.api.codes import INTERRUPTED_EXIT
-from executive.cli.terminal.full_screen import last_words
+from executive.cli.terminal.full_screen import last_words, suspend
 from hardware import RealClock
 
 from .process import end_process
@@ -26,7 +26,7 @@ _LAST_WORDS = (
 
 
 class Interrupts:
-    """The first signal cancels the run, the second exits the process at once.
+    """The first signal cancels the run, the second exits the process at once. Ctrl-Z suspends it.
 
     A thread reads the signals from a pipe, and another one cancels. So the second signal counts
     even if the cancel or the main thread does not return.
@@ -50,6 +50,7 @@ class Interrupts:
             for number in _SIGNALS
             if not _hangup_ignored(number)
         }
+        self._handlers[signal.SIGTSTP] = signal.signal(signal.SIGTSTP, suspend)
         self._thread = RealClock().spawn(self._handle_signals, "signals")
         return self
 
@@ -88,7 +89,7 @@ class Interrupts:
 
     def _handle_signals(self) -> None:
         while (number := os.read(self._reader, 1)[0]) != _END:
-            if number in self._handlers:
+            if number in _SIGNALS and number in self._handlers:
                 self._interrupt()
 
     def _interrupt(self) -> None:

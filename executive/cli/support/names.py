@@ -120,12 +120,13 @@ def recordings_folder(context: click.Context) -> Path:
 def complete_recording(context: click.Context, word: str) -> Iterator[tuple[str, str]]:
     """Complete the name of a recording in the folder of recordings."""
     from logs.reading.find import LATEST, runs
+    from logs.records.records import goal_title
 
     yield LATEST, "the last run"
     if word.startswith(LATEST):
         yield from ((f"{LATEST}:{name}", "") for name in _chosen(context)[1].names())
     folder = recordings_folder(context)
-    yield from ((path.name, f"task {number}") for _, number, path in islice(runs(folder), _SHOWN))
+    yield from ((path.name, goal_title(task)) for _, task, path in islice(runs(folder), _SHOWN))
 
 
 @completing

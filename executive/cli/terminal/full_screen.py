@@ -1,12 +1,13 @@
 """The alternate screen of a terminal: what was there before is back when it is left."""
 
 import os
+import signal
 import threading
 from collections.abc import Iterable
 from contextlib import suppress
 from typing import IO, Self
 
-from .keyboard import restore_keyboard
+from .keyboard import restore_keyboard, suspended_keyboard
 from .streams import LastingStream
 
 _SHOW_CURSOR = "\x1b[?25h"
@@ -15,6 +16,7 @@ _EXIT = f"\x1b[H\x1b[J{_SHOW_CURSOR}\x1b[?1049l"  # cleared, for terminals that 
 
 _left = threading.Event()  # not set while the screen is shown
 _left.set()
+_lock = threading.RLock()  # nothing is drawn while the process is being suspended
 
 
 class FullScreen:
@@ -41,11 +43,31 @@ class FullScreen:
 
     def draw(self, lines: Iterable[str]) -> None:
         """Draw lines, none of which is wider than the terminal, and not more than its height."""
-        self._write("\x1b[H" + "\x1b[K\r\n".join(lines) + "\x1b[K\x1b[J")
+        with _lock:
+            if not _left.is_set():
+                self._write("\x1b[H" + "\x1b[K\r\n".join(lines) + "\x1b[K\x1b[J")
 
     def _write(self, text: str) -> None:
         self._stream.write(text)
         self._stream.flush()
+
+
+def suspend(*_signal: object) -> None:
+    """Suspend this process, as Ctrl-Z asks: the shell has screen and keyboard until it continues.
+
+    If it continues in the background, the screen stays the shell's. Call from the main thread.
+    """
+    with _lock, suspended_keyboard():
+        shown = not _left.is_set()
+        if shown:
+            _left.set()
+            os.write(1, _EXIT.encode())
+        handler = signal.signal(signal.SIGTSTP, signal.SIG_DFL)
+        os.kill(os.getpid(), signal.SIGTSTP)  # without a shell to continue it, nothing happens
+        signal.signal(signal.SIGTSTP, handler)
+        if shown and os.tcgetpgrp(1) == os.getpgrp():
+            os.write(1, _ENTER.encode())
+            _left.clear()
 
 
 def last_words(text: str) -> None:

@@ -41,6 +41,17 @@ def key_by_key() -> Iterator[int | None]:
         restore_keyboard(termios.TCSAFLUSH)
 
 
+@contextlib.contextmanager
+def suspended_keyboard() -> Iterator[None]:
+    """Leave the keyboard to the shell for a while, if `key_by_key` reads it."""
+    ours = {handle: termios.tcgetattr(handle) for handle in _before}
+    for handle, before in _before.items():
+        termios.tcsetattr(handle, termios.TCSADRAIN, before)
+    yield
+    for handle, attributes in ours.items():
+        termios.tcsetattr(handle, termios.TCSADRAIN, attributes)
+
+
 def restore_keyboard(when: int = termios.TCSANOW) -> None:
     """End `key_by_key`, before this process is ended without its end.
 

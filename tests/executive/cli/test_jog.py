@@ -189,6 +189,23 @@ def test_the_screen_follows_the_size_of_the_terminal(own: PseudoTerminal) -> Non
     assert own.end()[0] == 0
 
 
+def test_ctrl_z_gives_the_terminal_back_until_the_jog_continues(
+    command: list[str], tmp_path: Path
+) -> None:
+    script = '"$@"; stty -a | grep -o .icanon; read answer; echo "answer: $answer"; fg'
+    with PseudoTerminal(tmp_path, *command, script=script) as terminal:
+        terminal.until("The first step opens the port")
+        terminal.type("\x1a")
+        suspended = terminal.until("icanon")
+        assert "-icanon" not in suspended
+        terminal.type("yes\n")
+        terminal.until("answer: yes")
+        terminal.type(" 1" + RIGHT)
+        terminal.at_rest("2.0 deg")
+        terminal.type("q")
+        assert terminal.end()[0] == 0
+
+
 def fits(screen: str, rows: int, columns: int) -> bool:
     lines = screen.split("\n")
     return len(lines) <= rows and max(map(len, lines)) <= columns and screen.endswith("leave")

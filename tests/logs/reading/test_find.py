@@ -5,21 +5,24 @@ from pathlib import Path
 
 import pytest
 
-from logs import Goal, NoSuchRecording, find_recording
+from logs import MOVE, Goal, NoSuchRecording, find_recording
 from tests.logs.test_run import GOAL_ID, record
 
 TASKS = {
     "20261121T103155.123Z-1": "pick",
     "20261121T103156.123Z-0": "home",
     "20261122T103155.123Z-1": "other",
+    "20261122T113155.123Z-move": "",
 }
 NEWEST, OLDEST = "20261122T103155.123Z-1.mcap", "20261121T103155.123Z-1.mcap"
+MOVED = "20261122T113155.123Z-move.mcap"
 
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     for stem, task in TASKS.items():
-        record(tmp_path / f"{stem}.mcap", [Goal(0.0, GOAL_ID, int(stem[-1]), task, 1)])
+        number = MOVE if stem.endswith("move") else int(stem[-1])
+        record(tmp_path / f"{stem}.mcap", [Goal(0.0, GOAL_ID, number, task, 1)])
     for name in ("20261123T103155.123Z-server.mcap", "renamed.mcap", "20261124T0Z-1.txt"):
         (tmp_path / name).touch()
     return tmp_path
@@ -28,12 +31,13 @@ def folder(tmp_path: Path) -> Path:
 @pytest.mark.parametrize(
     ("given", "name"),
     [
-        ("latest", NEWEST),
+        ("latest", MOVED),
+        ("latest:move", MOVED),
         ("latest:1", NEWEST),
         ("latest:0", "20261121T103156.123Z-0.mcap"),
         ("latest:pick", OLDEST),
         ("latest:other", NEWEST),
-        ("20261122", NEWEST),
+        ("20261122T10", NEWEST),
         ("20261121T103155", OLDEST),
         (OLDEST, OLDEST),
         ("ren", "renamed.mcap"),
@@ -58,8 +62,8 @@ def test_a_path_is_itself(folder: Path) -> None:
     [
         ("20261121", f"2 recordings here begin with 20261121: {OLDEST}, 20261121T103156.123Z-0"),
         ("x", "no recording here begins with x; there are "),
-        ("latest:7", "no recording here is of task 7; they are of 0, 1"),
-        ("latest:rest", "no recording here is of task rest; they are of 0, 1"),
+        ("latest:7", "no recording here is of 7; they are of move, task 0, task 1"),
+        ("latest:rest", "no recording here is of rest; they are of move, task 0, task 1"),
     ],
 )
 def test_a_wrong_name_is_reported_with_the_right_ones(folder: Path, given: str, why: str) -> None:

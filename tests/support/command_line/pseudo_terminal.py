@@ -26,16 +26,22 @@ class PseudoTerminal:
         folder: Working directory, and runtime folder of the user.
         arguments: The command.
         environment: Further variables of its environment.
+        script: What bash runs, with job control; `"$@"` is the command.
     """
 
     def __init__(
-        self, folder: Path, *arguments: str, environment: Mapping[str, str] = MappingProxyType({})
+        self,
+        folder: Path,
+        *arguments: str,
+        environment: Mapping[str, str] = MappingProxyType({}),
+        script: str = "",
     ) -> None:
         self._keys, slave = pty.openpty()
         self.resize(24, 80)
         kept = {k: v for k, v in os.environ.items() if not k.startswith("ARMTREE")}
+        shell = ["bash", "-mc", script, "bash"] if script else []
         self.process = subprocess.Popen(
-            ["setsid", "--ctty", *ARMTREE, *arguments],  # so that Ctrl-C and a hang-up arrive
+            ["setsid", "--ctty", *shell, *ARMTREE, *arguments],  # so Ctrl-C and a hang-up arrive
             stdin=slave,
             stdout=slave,
             stderr=slave,
