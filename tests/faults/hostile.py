@@ -52,7 +52,7 @@ CONNECTING: dict[str, Data] = {
 LEAVING: dict[str, Data] = {"unfinished stops": lambda port: STOP(port)[:-2]}
 # What each client sends on a connection that it keeps, before and then again and again.
 STAYING: dict[str, tuple[Data, Data]] = {
-    "stops on open connections": (STOP, STOP),
+    "stops on open connections": (head("GET /api/health"), STOP),  # a first stop would end it
     "stops behind lines": (lambda port: head("GET /", *MANY)(port)[:8000], STOP),
     "chunks": (
         head("POST /api/stop", "transfer-encoding: chunked"),
