@@ -60,6 +60,7 @@ BOUNDS = (
 PLAN = "- PlanArm: {start: $start, goal: $goal, plan: $plan}"
 
 WRONG = [
+    (["- Sukseed"], 6, 7, "no skill Sukseed; did you mean Succeed?"),
     (["- Suceed"], 6, 7, "did you mean Succeed?"),
     (["- succeed"], 6, 7, "did you mean Succeed?"),
     (["- subtree: rech"], 6, 7, "no subtree rech; the most similar is reach"),
