@@ -3,9 +3,12 @@
 import dataclasses
 import http.client
 import json
+import os
 import re
+import tempfile
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +19,8 @@ from executive.executive import Executive
 from executive.goals.questions import Questions
 from executive.server.server import ListenOptions, Server
 from executive.setup import Setup
-from hardware import BoardLink, RealClock, Robot
+from executive.testing import SharedPool
+from hardware import BoardLink, RealClock, Robot, load_robot
 from skills.motion import Pool
 from tests.support.arms.virtual_boards import virtual_board
 from trees.live_library import LiveLibrary
@@ -134,3 +138,18 @@ def declared(method: str, path: str) -> Codes:
 
 Serve = Callable[..., Served]
 Typed = Callable[..., tuple[int, str, str]]  # types a command: its status and what it prints
+
+
+@contextmanager
+def serving() -> Iterator[Served]:
+    """A server with an active arm, for programs that are not tests."""
+    clock = RealClock()
+    pool = SharedPool(load_robot(None), 1, clock)
+    pool.start()
+    with tempfile.TemporaryDirectory() as name:
+        os.environ["XDG_RUNTIME_DIR"] = name
+        served = Served(load_robot(None), pool, Path(name), clock)
+        served.start(Policy.REJECT, active=True)
+        yield served
+        served.stop()
+    pool.close()

@@ -39,6 +39,7 @@ import { get } from "../api.js";
  * @property {{ link: string, offset: Vector } | null} tool
  */
 
+const FAILURE = 0xc8281e;
 const DEFAULT_COLOR = /** @type {const} */ ([0.7, 0.72, 0.75, 1]);
 
 /** A robot that can be posed. */
@@ -54,6 +55,7 @@ export class ArmModel {
   #three;
   #robot;
   #opacity;
+  #failure;
 
   /**
    * @param {Libraries} three
@@ -65,6 +67,7 @@ export class ArmModel {
     this.#three = three;
     this.#robot = robot;
     this.#opacity = opacity;
+    this.#failure = new three.Color(FAILURE);
     this.root = new three.Group();
     for (const link of robot.links) this.links.set(link, new three.Group());
     for (const joint of robot.joints) this.#addJoint(joint);
@@ -105,7 +108,7 @@ export class ArmModel {
    */
   mark(links) {
     for (const [link, materials] of this.#materials)
-      for (const material of materials) material.emissive.set(links.has(link) ? 0xb3261e : 0);
+      for (const material of materials) material.color.copy(links.has(link) ? this.#failure : material.userData.color);
   }
 
   /** @param {Joint} joint */
@@ -133,6 +136,7 @@ export class ArmModel {
       transparent: opacity < 1,
       roughness: 0.75,
     });
+    material.userData.color = material.color.clone();
     const known = this.#materials.get(shape.link) ?? [];
     this.#materials.set(shape.link, [...known, material]);
     /** @param {import("three").BufferGeometry} geometry */

@@ -66,7 +66,7 @@ export class ArmView {
   draw(run, commanded) {
     const pose = run.positions ?? commanded;
     this.#drawPositions(pose);
-    const now = [pose, run.schedule, run.world, run.outcome];
+    const now = [JSON.stringify(pose), run.schedule, run.world, run.outcome];
     if (!this.#model || !this.#stage || !this.#three) return;
     if (now.every((each, index) => each === this.#last[index])) return;
     if (now.slice(1).some((each, index) => each !== this.#last[index + 1])) this.#drawMotion(run);
@@ -96,9 +96,9 @@ export class ArmView {
     const words = new Set(cause?.code.startsWith("plan.") ? cause.message.split(/[^\w.-]+/) : []);
     const links = this.#robot.links.filter((link) => words.has(link));
     const atGoal = cause?.code === "plan.goal_in_collision" && refused !== null;
-    setText(byId("ghost-note", HTMLElement), atGoal ? ", and where the refused plan ends" : "");
+    setText(byId("ghost-note", HTMLElement), atGoal ? ", and the refused goal" : "");
     if (atGoal) {
-      this.#ghost ??= new ArmModel(this.#three, this.#robot, () => this.#stage?.draw(), 0.5);
+      this.#ghost ??= new ArmModel(this.#three, this.#robot, () => this.#stage?.draw(), 0.7);
       this.#ghost.setPose(refused);
       this.#ghost.mark(new Set(links));
       this.#stage.scene.add(this.#ghost.root);

@@ -1,0 +1,198 @@
+"""The page of a server, in headless Chromium on the same machine.
+
+`page_transfer_kb`: all that a first view loads, as it is sent. `page_interactive_s`: from the start
+of the navigation, without a cache, until the state of the arm is shown.
+`event_to_pixel_ms`: from an event of the executive to the frame of the screen that shows it.
+`stop_click_ms`: from the click on STOP to the hold frame on the wire, while the arm moves and the
+tree has 1,000 nodes. `*_p95`, `*_p99`: that share of the samples is at most as large.
+`page_memory_mb`: memory of the page's code after garbage collection, before goals and after them.
+`server_cost_percent`: processor time of the server for one page that watches a motion at 10 frames
+a second, less that of a motion that nobody watches.
+"""
+
+import re
+import shutil
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+# Files beside this one are named like rooms, and this folder comes first when run by itself.
+sys.path = [folder for folder in sys.path if Path(folder) != Path(__file__).parent]
+
+import logs
+from executive.api.events import Event
+from executive.api.move import Move
+from tests.bench.table import Row, arguments, show
+from tests.support.servers.serving import Served, serving
+
+TICKS, LARGE = 30, 31  # numbers of tasks
+STEPS = 50
+GOALS = 200
+
+# Notes when a message is on the screen: after the frame that follows the change.
+WATCH = """() => {
+  window.seen = {};
+  new MutationObserver(() => {
+    const found = document.getElementById('running').textContent.match(/tick \\d+/g) ?? [];
+    const more = [...document.querySelectorAll('#tree .message')].map((each) => each.textContent);
+    for (const text of [...found, ...more.filter((each) => each.startsWith('tick'))])
+      if (!(text in seen)) {
+        seen[text] = 0;
+        requestAnimationFrame(() => setTimeout(() => {
+          seen[text] = performance.timeOrigin + performance.now();
+        }));
+      }
+  }).observe(document.body, {subtree: true, childList: true, characterData: true});
+}"""
+CLICK = """() => {
+  const at = performance.timeOrigin + performance.now();
+  document.getElementById('stop').click();
+  return at;
+}"""
+
+
+def write_tasks(folder: Path) -> None:
+    head = "task: {}\nname: {}\ndescription: Measured.\ntree:\n  sequence:\n"
+    wait, say = "    - Wait: {duration: 40 ms}\n", "    - Say: {text: tick %d}\n"
+    ticks = "".join(say % number + wait for number in range(STEPS))
+    (folder / "30_ticks.yaml").write_text(head.format(TICKS, "ticks") + ticks)
+    many = "".join(say % number for number in range(980))
+    move = (
+        "    - subtree: move_joints\n      with: {joints: {joint_1: %d deg}}\n      name: to_%d\n"
+    )
+    moves = "".join(move % (angle, angle) for angle in (80, -80))
+    (folder / "31_large.yaml").write_text(head.format(LARGE, "large") + many + moves)
+
+
+class Watcher:
+    """Events of the executive with their times [ms since 1970]."""
+
+    def __init__(self, served: Served) -> None:
+        self._clock, self._epoch = served.clock, served.clock.epoch_ns()
+        self.events: list[tuple[float, Event]] = []
+        served.executive.subscribe(lambda event: self.events.append((self.now(), event)))
+
+    def now(self) -> float:
+        return self._epoch / 1e6 + self._clock.now() * 1e3
+
+
+def first_views(browser: Any, served: Served, runs: int) -> tuple[list[float], list[float]]:
+    """What first views load [kB], and how long they take [s]."""
+    sizes, times = [], []
+    for _ in range(runs):
+        context = browser.new_context()
+        tab = context.new_page()
+        loaded: list[float] = []
+        network = context.new_cdp_session(tab)
+        network.send("Network.enable")
+        network.on(
+            "Network.loadingFinished", lambda end, to=loaded: to.append(end["encodedDataLength"])
+        )
+        tab.goto(served.server.sign_in.link(), wait_until="commit")
+        ready = "() => document.getElementById('arm-state')?.textContent === 'active'"
+        tab.wait_for_function(f"{ready} && (window.ready ??= performance.now())")
+        times.append(tab.evaluate("window.ready") / 1e3)
+        tab.locator("#arm canvas").wait_for()
+        tab.wait_for_timeout(500)
+        sizes.append(sum(loaded) / 1e3)
+        context.close()
+    return sizes, times
+
+
+def pixels(tab: Any, served: Served, runs: int) -> list[float]:
+    """Times from an event to the screen [ms]."""
+    found = []
+    for _ in range(runs):
+        watcher = Watcher(served)
+        tab.evaluate(WATCH)
+        served.executive.result(served.executive.send(TICKS).identity)
+        tab.wait_for_timeout(500)
+        seen = tab.evaluate("window.seen")
+        for at, event in watcher.events:
+            if isinstance(event, logs.NodeStatus) and re.fullmatch(r"tick \d+", event.message):
+                found.append(seen[event.message] - at)
+    return found
+
+
+def stops(tab: Any, served: Served, count: int) -> list[float]:
+    """Times from the click to the hold frame [ms]."""
+    found = []
+    for _ in range(count):
+        watcher = Watcher(served)
+        goal = served.executive.send(LARGE).identity
+        while sum(isinstance(event, logs.Sent) for _, event in watcher.events) < 5:
+            tab.wait_for_timeout(20)
+        clicked = tab.evaluate(CLICK)
+        served.executive.result(goal)
+        held = [at for at, event in watcher.events if isinstance(event, logs.Sent) and event.hold]
+        found += [held[0] - clicked] if held else []
+    return found
+
+
+def memory(context: Any, tab: Any, served: Served) -> list[float]:
+    """Memory before many goals, and after them [MB]."""
+    session = context.new_cdp_session(tab)
+    found = []
+    for _ in range(2):
+        session.send("HeapProfiler.collectGarbage")
+        found.append(session.send("Runtime.getHeapUsage")["usedSize"] / 1e6)
+        for _ in range(GOALS if len(found) == 1 else 0):
+            served.executive.result(served.executive.send(11).identity)
+        tab.wait_for_timeout(1000)
+    return found
+
+
+def motion_cost(served: Served) -> float:
+    """Processor time during a motion over its duration [%]."""
+    for angle in ("-80deg", "80deg"):
+        begun, used = time.monotonic(), time.process_time()
+        served.executive.result(
+            served.executive.send(Move((f"joint_1={angle}",), False, 0.4)).identity
+        )
+    return 100 * (time.process_time() - used) / (time.monotonic() - begun)
+
+
+def share(samples: Sequence[float], part: float) -> float:
+    """The value that this part of the samples does not exceed."""
+    return sorted(samples)[min(len(samples) - 1, int(part * len(samples)))]
+
+
+def main(runs: int, file: Path | None) -> None:
+    """Measure and show."""
+    from playwright.sync_api import sync_playwright
+
+    with serving() as served, sync_playwright() as playwright:
+        write_tasks(served.tasks)
+        alone = [motion_cost(served) for _ in range(3)]
+        args = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+        browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=args)
+        sizes, times = first_views(browser, served, runs)
+        context = browser.new_context(viewport={"width": 1280, "height": 800})
+        tab = context.new_page()
+        tab.goto(served.server.sign_in.link())
+        tab.locator("#arm canvas").wait_for()
+        watched = [motion_cost(served) for _ in range(3)]
+        shown = pixels(tab, served, max(1, runs // 3))
+        stopped = stops(tab, served, 3 * runs)
+        before, after = memory(context, tab, served)
+        browser.close()
+    costs = [b - a for a, b in zip(sorted(alone), sorted(watched), strict=True)]
+    rows = [
+        Row("page_transfer_kb", "kB", sizes),
+        Row("page_interactive_s", "s", times),
+        Row("event_to_pixel_ms", "ms", shown),
+        Row("event_to_pixel_p95", "ms", [share(shown, 0.95)]),
+        Row("stop_click_ms", "ms", stopped),
+        Row("stop_click_p99", "ms", [share(stopped, 0.99)]),
+        Row("page_memory_mb", "MB", [before]),
+        Row("page_memory_later_mb", "MB", [after]),
+        Row("server_cost_percent", "%", costs),
+    ]
+    show(rows, file)
+
+
+if __name__ == "__main__":
+    given = arguments(__doc__ or "").parse_args()
+    main(given.runs, given.json)

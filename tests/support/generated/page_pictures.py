@@ -1,0 +1,91 @@
+"""Pictures of every view of the page, at three sizes, light and dark.
+
+python -m tests.support.generated.page_pictures FOLDER
+"""
+
+import shutil
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+from executive.api.move import Move
+from tests.support.servers.serving import Served, serving
+
+SIZES = {"phone": (390, 844), "laptop": (1280, 800), "wall": (1920, 1080)}
+DELIVER = """task: 20
+name: deliver
+description: Fail deep inside.
+tree:
+  sequence:
+    - subtree: open_gripper
+    - retry:
+        sequence:
+          - subtree: move_joints
+            with: {joints: {joint_1: 10 deg}}
+          - Fail: {reason: the thing is not there}
+      attempts: 2
+"""
+LINES = "".join(f"        - Say: {{text: line {number}}}\n" for number in range(24))
+LARGE = f"""task: 21
+name: large
+description: A thousand nodes.
+tree:
+  sequence:
+{f"    - sequence:{chr(10)}{LINES}" * 40}    - Wait: {{duration: 1 h}}
+"""
+
+
+def views(served: Served) -> Iterator[tuple[str, Callable[[Any], object]]]:
+    """Bring the server into each state; yield its name, and what a tab does then."""
+    executive = served.executive
+    (served.tasks / "20_deliver.yaml").write_text(DELIVER)
+    (served.tasks / "21_large.yaml").write_text(LARGE)
+    yield "nothing", id
+    executive.result(executive.send(20).identity)
+    yield "failed", lambda tab: tab.click("#failure .link")
+    executive.result(
+        executive.send(Move(("joint_2=-90deg", "joint_3=-90deg"), False, 1.0)).identity
+    )
+    yield "refused", id
+    executive.result(executive.send(1).identity)
+    yield "done", lambda tab: (tab.click("#move summary"), tab.click("#tasks summary >> nth=5"))
+    goal = executive.send(21).identity
+    yield "large", id
+    executive.pause(goal)
+    yield "paused", id
+    executive.cancel()
+    executive.result(goal)
+    goal = executive.send(14).identity
+    yield "question", id
+    executive.cancel()
+    executive.result(goal)
+    yield "lost", lambda tab: (tab.context.set_offline(True), tab.wait_for_timeout(2500))
+
+
+def main(folder: Path) -> None:
+    """Write the pictures."""
+    from playwright.sync_api import sync_playwright
+
+    folder.mkdir(parents=True, exist_ok=True)
+    with serving() as served, sync_playwright() as playwright:
+        args = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+        browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=args)
+        for name, act in views(served):
+            for size, (width, height) in SIZES.items():
+                for scheme in ("light", "dark"):
+                    view: Any = {"width": width, "height": height}
+                    context = browser.new_context(viewport=view, color_scheme=scheme)
+                    tab = context.new_page()
+                    tab.goto(served.server.sign_in.link())
+                    tab.locator("#arm canvas").wait_for()
+                    tab.locator("#tasks li").first.wait_for()
+                    tab.wait_for_timeout(300)
+                    act(tab)
+                    tab.screenshot(path=folder / f"{name}-{size}-{scheme}.png")
+                    context.close()
+        browser.close()
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))
