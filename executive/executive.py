@@ -337,6 +337,7 @@ class Executive:
             fault=cause_of(failure) if failure else None,
             port=self.port,
             commanded=self._commanded(),
+            measured=self.where().measured,
             goal=running.status if running else None,
             percentage=progress.percentage if progress else None,
             phase=progress.phase if progress else "",
@@ -351,7 +352,9 @@ class Executive:
 
     def where(self) -> Where:
         """Return where the arm is."""
-        return Where.of(self.robot, self._arm.state, self._commanded())
+        commanded = self._commanded()
+        measured = self._arm.measured if commanded else None
+        return Where.of(self.robot, self._arm.state, commanded, measured)
 
     def record(self, record: logs.Record) -> None:
         """Record something from outside, such as a line of the log."""

@@ -13,9 +13,10 @@ if typing.TYPE_CHECKING:
         CommandSent as CommandSent,
         Faulted as Faulted,
         FrameSent as FrameSent,
+        Measured as Measured,
         StateChanged as StateChanged,
     )
-    from .arm.interfaces import state_interfaces as state_interfaces
+    from .arm.interfaces import joint_positions as joint_positions
     from .arm.lifecycle import TRANSITIONS as TRANSITIONS, State as State
     from .arm.schedule import (
         MAX_DURATION as MAX_DURATION,
@@ -30,6 +31,7 @@ if typing.TYPE_CHECKING:
     from .description.robot_file import load_robot as load_robot, shipped_robots as shipped_robots
     from .drivers.board_protocol import BoardProtocol as BoardProtocol
     from .drivers.firmware_profile import Firmware as Firmware, Words as Words
+    from .drivers.measurement import Measurement as Measurement
     from .drivers.virtual.link import BoardLink as BoardLink
     from .drivers.wire_format import Frame as Frame
     from .errors import (

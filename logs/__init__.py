@@ -35,6 +35,7 @@ if typing.TYPE_CHECKING:
         Goal as Goal,
         Item as Item,
         LogLine as LogLine,
+        Measured as Measured,
         NodeStatus as NodeStatus,
         Note as Note,
         Plan as Plan,

@@ -19,7 +19,7 @@ from logs.records.field_types import frozen
 from .outcome import Cause, GoalStatus, from_fields
 
 if TYPE_CHECKING:
-    from hardware import Robot
+    from hardware import Measurement, Robot
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +52,7 @@ EVENTS: dict[type, str] = {
     logs.Goal: "goal",
     logs.Sent: "sent",
     logs.Received: "received",
+    logs.Measured: "measured",
     logs.Transition: "lifecycle",
     logs.Feedback: "feedback",
     logs.NodeStatus: "node",
@@ -86,6 +87,8 @@ class Status:
         fault: Fault that took the arm out of *active*; None after the next activation.
         port: Serial port of the board; empty if there is none.
         commanded: Last commanded position by joint [rad]; None if the arm is not active.
+        measured: Measured position by joint [rad]; None if the arm is not active, or its board
+            measures none.
         goal: Goal under way; None if there is none.
         percentage: Progress of that goal [%]; None while it is unknown.
         phase: What the goal does, such as `planning`.
@@ -102,6 +105,7 @@ class Status:
     fault: Cause | None
     port: str
     commanded: Mapping[str, float] | None
+    measured: Mapping[str, float] | None
     goal: GoalStatus | None
     percentage: int | None
     phase: str
@@ -150,9 +154,14 @@ class Where:
             joint without limits.
         boot_wait: Time from opening the port until the board is ready [s].
         commanded: Last commanded position by joint [rad]; None if the arm is not active.
-        measured: Measured position by joint [rad]; None if the driver measures none.
         tool: x, y, z of the tool at the commanded position, in the frame of the robot's root [m];
             None if the arm is not active, or its robot file names no tool.
+        measured: Measured position by joint [rad]; None if the arm is not active, or its board
+            measures none. The next four are None in the same cases.
+        measured_velocity: Measured velocity by joint [rad/s].
+        measured_effort: Measured part of the largest torque of the servo by joint, -1 to 1.
+        temperature: Temperature of the servo by joint [C].
+        voltage: Voltage of the servo's supply by joint [V].
     """
 
     arm: State = State.UNCONFIGURED
@@ -160,25 +169,39 @@ class Where:
     limits: Mapping[str, tuple[float, float] | None] = field(default_factory=dict)
     boot_wait: float = 0.0
     commanded: Mapping[str, float] | None = None
-    measured: Mapping[str, float] | None = None
     tool: tuple[float, float, float] | None = None
+    measured: Mapping[str, float] | None = None
+    measured_velocity: Mapping[str, float] | None = None
+    measured_effort: Mapping[str, float] | None = None
+    temperature: Mapping[str, float] | None = None
+    voltage: Mapping[str, float] | None = None
 
     @classmethod
-    def of(cls, robot: "Robot", arm: State, commanded: Mapping[str, float] | None) -> "Where":
+    def of(
+        cls,
+        robot: "Robot",
+        arm: State,
+        commanded: Mapping[str, float] | None,
+        measured: "Measurement | None" = None,
+    ) -> "Where":
         """Return where a robot is.
 
         Args:
             robot: The robot.
             arm: State of the hardware.
             commanded: Last commanded position by joint [rad]; None if it is not known.
+            measured: Last measurement; None if there is none.
         """
+        names = [joint.name for joint in robot.actuated]
+        values = dataclasses.astuple(measured) if measured else ()
         return cls(
             arm,
             {joint.name: joint.unit for joint in robot.actuated},
             {joint.name: _finite(joint.lower, joint.upper) for joint in robot.actuated},
             robot.serial.boot_wait,
             commanded,
-            tool=robot.tool_position(commanded) if commanded else None,
+            robot.tool_position(commanded) if commanded else None,
+            *(dict(zip(names, each, strict=True)) if each else None for each in values),
         )
 
     def words(self, positions: Mapping[str, float]) -> str:

@@ -205,6 +205,7 @@ STATUS = answer(
     },
     port=TEXT,
     commanded=_or_null(_BY_JOINT),
+    measured=_or_null(_BY_JOINT),
     goal=_or_null(GOAL),
     percentage=_or_null({"type": "integer", "minimum": 0, "maximum": 100}),
     phase=TEXT,
@@ -282,8 +283,15 @@ WHERE = answer(
     },
     measured={
         **_or_null(_BY_JOINT),
-        "description": "Measured position by joint; null if the driver measures none.",
+        "description": "Measured position by joint; null if the board measures none.",
     },
+    measured_velocity={**_or_null(_BY_JOINT), "description": "Measured velocity by joint."},
+    measured_effort={
+        **_or_null(_BY_JOINT),
+        "description": "Measured part of the largest torque of the servo, -1 to 1, by joint.",
+    },
+    temperature={**_or_null(_BY_JOINT), "description": "Temperature of the servo [C], by joint."},
+    voltage={**_or_null(_BY_JOINT), "description": "Voltage of its supply [V], by joint."},
     tool={
         **_or_null({**array(NUMBER), "minItems": 3, "maxItems": 3}),
         "description": "x, y, z of the tool at the commanded position [m].",

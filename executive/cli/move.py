@@ -218,8 +218,12 @@ def _where_lines(found: "Where", source: str) -> Sequence[str]:
         return [*lines, "The pose is known only of an active arm: `armtree arm activate`"]
     for name, q in found.commanded.items():
         unit = found.units[name]
-        measured = found.measured and f", measured {rounded(found.measured[name], unit)}"
-        lines.append(f"{name:<12}{rounded(q, unit):>12}{measured or ''}")
+        line = f"{name:<12}{rounded(q, unit):>12} commanded"
+        if found.measured:
+            line += f"{rounded(found.measured[name], unit):>12} measured"
+        for values, digits, sign in ((found.temperature, 0, "C"), (found.voltage, 1, "V")):
+            line += f"  {values[name]:.{digits}f} {sign}" if values else ""
+        lines.append(line)
     if found.tool:
         lines.append(f"{'tool':<12}{found.tool_words}")
     return lines

@@ -17,6 +17,7 @@ from skills import Planned, SkillEvent
 from trees.build import Tree
 
 from .archive import RobotMeshes, archive_meshes, archive_world, robot_note
+from .exchanges import Exchanges
 from .translate import arm_record, skill_record
 from .versions import versions
 
@@ -74,6 +75,7 @@ class Recordings:
         self._unfinished: deque[Future[None]] = deque()
         self._errors: list[logs.LogError] = []
         self._meshes: set[str] = set()  # names of the meshes in the open recording
+        self._exchanges = Exchanges(self._record_arm_event)
         self._early = deque[logs.LogLine](maxlen=_EARLY)
         self._counting = threading.RLock()  # held to count frames, and to change the recorder
         self._state = State.UNCONFIGURED.value  # state of the arm's lifecycle
@@ -106,6 +108,7 @@ class Recordings:
         with self._counting:
             self._recorder, self.path, self.frames = recorder, str(recorder.path), 0
         self._meshes.clear()
+        self._exchanges.restart()
         record = logs.Goal(self._clock.now(), goal.identity, goal.task, name, seed)
         recorder.put(*self._setup(tree), *self._early_lines(), record, self._arm_state(record.time))
         self._watch(record)
@@ -220,7 +223,13 @@ class Recordings:
         return max((each.longest_write() for each in recorders if each), default=0.0)
 
     def on_arm_event(self, event: ArmEvent) -> None:
-        """Record an event of the arm."""
+        """Record an event of the arm. Exchanges with a board that measures may come later."""
+        if self._robot.firmware.measures:
+            self._exchanges.take(event)
+        else:
+            self._record_arm_event(event)
+
+    def _record_arm_event(self, event: ArmEvent) -> None:
         record = arm_record(event, self._robot)
         if isinstance(record, logs.Transition):
             self._state = record.goal

@@ -1,5 +1,7 @@
 """Converts events of the arm and of skills to records."""
 
+from dataclasses import asdict
+
 import numpy as np
 
 import logs
@@ -10,6 +12,7 @@ from hardware import (
     CommandSent,
     Faulted,
     FrameSent,
+    Measured,
     Robot,
     StateChanged,
 )
@@ -32,6 +35,9 @@ def arm_record(event: ArmEvent, robot: Robot) -> logs.Record:
             return logs.Sent(event.time, event.data, None, False, (), ())
         case BytesReceived():
             return logs.Received(event.time, event.data)
+        case Measured():
+            names = tuple(joint.name for joint in robot.actuated)
+            return logs.Measured(event.time, names, **asdict(event.measurement))
         case StateChanged():
             return logs.Transition(event.time, event.label, event.start.value, event.goal.value)
         case Faulted():

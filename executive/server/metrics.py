@@ -27,12 +27,15 @@ class _Gauges(Collector):
         for state in State:
             arm.add_metric([state.value], float(state is snapshot.arm))
         yield arm
-        joints = GaugeMetricFamily(
-            "armtree_commanded_radians", "Commanded position of a joint.", labels=["joint"]
-        )
-        for joint, position in (snapshot.commanded or {}).items():
-            joints.add_metric([joint], position)
-        yield joints
+        for kind, positions in (
+            ("commanded", snapshot.commanded),
+            ("measured", snapshot.measured),
+        ):
+            words = f"{kind.capitalize()} position of a joint."
+            joints = GaugeMetricFamily(f"armtree_{kind}_radians", words, labels=["joint"])
+            for joint, position in (positions or {}).items():
+                joints.add_metric([joint], position)
+            yield joints
         running = float(snapshot.goal is not None)
         for name, words, value in (
             ("goals_running", "Running goals.", running),

@@ -11,6 +11,7 @@ from typing import ParamSpec, Self, TypeVar
 
 from hardware.clock import Clock, RealClock
 from hardware.description.robot import Robot
+from hardware.drivers.measurement import Measurement
 from hardware.errors import (
     ActivationStopped,
     HardwareError,
@@ -55,7 +56,7 @@ def _at_once(timeout: float) -> bool:
 
 
 class Arm:
-    """A robot arm. It is open loop: its state is the last command.
+    """A robot arm. It is moved open loop: motions start at, and continue from, the last command.
 
     As a context manager it is shut down at the end. It is also shut down when the interpreter
     exits, and its port is closed when nothing refers to it.
@@ -127,6 +128,12 @@ class Arm:
             NotActive: The arm is not active, so its pose is unknown.
         """
         return self._guard().commanded
+
+    @property
+    def measured(self) -> Measurement | None:
+        """Last measurement; None if the port is closed, or the board measures nothing."""
+        connection = self._connection
+        return connection.session.measured if connection else None
 
     def check_active(self) -> None:
         """Check that a motion may start.
@@ -205,12 +212,13 @@ class Arm:
     def read(self) -> Mapping[str, float]:
         """Return the state interfaces, such as `joint_1/position`, and their values [rad].
 
-        The values are commanded, not measured. Mimic joints follow exactly.
+        Those are commanded; mimic joints follow exactly. What the board measures is beside them,
+        such as `joint_1/measured/position` [rad] and `joint_1/measured/temperature` [C].
 
         Raises:
             NotActive: The arm is not active, so its pose is unknown.
         """
-        return state_interfaces(self.robot, self.commanded)
+        return state_interfaces(self.robot, self.commanded, self.measured)
 
     @property
     def generation(self) -> int:

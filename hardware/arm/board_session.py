@@ -3,6 +3,7 @@
 import threading
 
 from hardware.drivers.board_protocol import BoardProtocol
+from hardware.drivers.measurement import Measurement
 from hardware.drivers.wire_format import Frame
 
 
@@ -25,6 +26,11 @@ class BoardSession:
     def boot_frame(self) -> Frame | None:
         """Frame of the pose that the board reported, or None before that."""
         return self._protocol.boot_frame
+
+    @property
+    def measured(self) -> Measurement | None:
+        """Last measurement; None before the first one, and if the board measures nothing."""
+        return self._protocol.measured
 
     @property
     def acknowledged(self) -> int:

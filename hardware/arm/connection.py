@@ -11,7 +11,7 @@ from hardware.link.link import Link
 from hardware.link.timed_link import TimedLink
 
 from .board_session import BoardSession
-from .events import OBSERVER_TIMEOUT, BytesReceived, Observer
+from .events import OBSERVER_TIMEOUT, BytesReceived, Measured, Observer
 from .streamer import Streamer
 from .write_guard import WriteGuard
 
@@ -161,7 +161,10 @@ class Connection:
                 if not data:
                     raise EOFError(f"its read ended while the port {self._link.port} was open")
                 self._observe(BytesReceived(self._clock.now(), data))
+                before = self.session.measured
                 self.session.receive(data, self._clock.now())
+                if (measured := self.session.measured) and measured is not before:
+                    self._observe(Measured(self._clock.now(), measured))
                 if self.streamer:
                     self.streamer.on_received()
                 self._on_receive()

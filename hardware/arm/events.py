@@ -5,6 +5,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from hardware.drivers.measurement import Measurement
 from hardware.errors import HardwareError
 
 from .lifecycle import State
@@ -33,15 +34,17 @@ class FrameSent:
 
 @dataclass(frozen=True, slots=True)
 class CommandSent:
-    """Bytes that are not a frame were written: a setting of the board.
+    """Bytes that are not a frame were written: a setting of the board, or a request to it.
 
     Attributes:
         time: Time of the write [s].
         data: The bytes.
+        request: True if they only ask for an answer, and set nothing.
     """
 
     time: float
     data: bytes
+    request: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +58,19 @@ class BytesReceived:
 
     time: float
     data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """The board measured its joints.
+
+    Attributes:
+        time: Time at which the last part of it was read [s].
+        measurement: What it measured.
+    """
+
+    time: float
+    measurement: Measurement
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +122,9 @@ class BoardReturned:
         return f"{back}; configure and activate the arm to continue"
 
 
-ArmEvent = FrameSent | CommandSent | BytesReceived | StateChanged | Faulted | BoardReturned
+ArmEvent = (
+    FrameSent | CommandSent | BytesReceived | Measured | StateChanged | Faulted | BoardReturned
+)
 Observer = Callable[[ArmEvent], None]
 
 

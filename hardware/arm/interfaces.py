@@ -1,13 +1,15 @@
 """Command and state interfaces by name, and who has claimed them, as in ros2_control.
 
 Every actuated joint has the command interface `<joint>/position`. Every joint, mimic joints
-included, has the state interface of the same name.
+included, has the state interface of the same name, which is commanded. What the board measures has
+state interfaces such as `<joint>/measured/position` and `<joint>/measured/temperature`.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 from hardware.description.robot import Robot
+from hardware.drivers.measurement import Measurement
 from hardware.errors import InterfaceClaimed, InterfaceUnknown, StaleGeneration
 from hardware.joints import Joint
 
@@ -98,18 +100,36 @@ def command_interfaces(robot: Robot) -> tuple[str, ...]:
     return tuple(_position(joint) for joint in robot.actuated)
 
 
-def state_interfaces(robot: Robot, commanded: Sequence[float]) -> Mapping[str, float]:
-    """Return the state interfaces and their values [rad]. They are commanded, not measured.
+def joint_positions(robot: Robot, actuated: Sequence[float]) -> dict[str, float]:
+    """Return the position of every joint by name [rad], mimic joints included.
+
+    Args:
+        robot: The robot.
+        actuated: One position per actuated joint [rad].
+    """
+    known = {joint.name: q for joint, q in zip(robot.actuated, actuated, strict=True)}
+    for joint in robot.joints:
+        if joint.mimic:
+            known[joint.name] = joint.mimic.value(known[joint.mimic.leader])
+    return {joint.name: known[joint.name] for joint in robot.joints}
+
+
+def state_interfaces(
+    robot: Robot, commanded: Sequence[float], measured: Measurement | None = None
+) -> Mapping[str, float]:
+    """Return the state interfaces and their values, in the units of `Measurement`.
 
     Args:
         robot: The robot.
         commanded: One position per actuated joint [rad].
+        measured: Last measurement, or None if there is none.
     """
-    known = {joint.name: q for joint, q in zip(robot.actuated, commanded, strict=True)}
-    for joint in robot.joints:
-        if joint.mimic:
-            known[joint.name] = joint.mimic.value(known[joint.mimic.leader])
-    return {_position(joint): known[joint.name] for joint in robot.joints}
+    known = joint_positions(robot, commanded)
+    interfaces = {_position(joint): known[joint.name] for joint in robot.joints}
+    for quantity, values in asdict(measured).items() if measured else ():
+        for joint, value in zip(robot.actuated, values, strict=False):  # no values: not measured
+            interfaces[f"{joint.name}/measured/{quantity}"] = value
+    return interfaces
 
 
 def _position(joint: Joint) -> str:

@@ -134,7 +134,7 @@ class WriteGuard:
             return
         with self._lock:
             if not self._closed:
-                self._send_command(self._session.poll(self._clock.now()))
+                self._send_command(self._session.poll(self._clock.now()), request=True)
         self._outbox.deliver()
 
     def close(self) -> None:
@@ -248,10 +248,10 @@ class WriteGuard:
         self._last_frame = frame
         self._outbox.put(FrameSent(began, frame.data, positions, scheduled))
 
-    def _send_command(self, data: bytes) -> None:
+    def _send_command(self, data: bytes, request: bool = False) -> None:
         if data:
             self._put(data)
-            self._outbox.put(CommandSent(self._clock.now(), data))
+            self._outbox.put(CommandSent(self._clock.now(), data, request))
 
     def _put(self, data: bytes) -> None:
         try:

@@ -2,6 +2,7 @@
 
 import math
 
+from .measurement import Measurement
 from .wire_format import Frame
 
 
@@ -17,6 +18,8 @@ class BoardProtocol:
             motion starts there.
         acknowledged: Number of frames that the board has received, or None if it does not report
             that.
+        measured: Last measurement; None before the first one. Each one is another object. Only the
+            protocol of a firmware with `measures` sets it.
         free_at: Earliest time of the next frame [s]. Later than now if the line must stay free for
             an answer; the answer itself may make it free sooner.
         next_poll: Time of the next `poll` [s]; inf if only a frame or received bytes change it.
@@ -24,6 +27,7 @@ class BoardProtocol:
 
     boot_frame: Frame | None = None
     acknowledged: int | None = None
+    measured: Measurement | None = None
     free_at: float = -math.inf
     next_poll: float = math.inf
 

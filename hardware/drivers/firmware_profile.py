@@ -40,6 +40,7 @@ class Firmware:
         turn_time: Time for which a servo blocks the board in addition to its units [s].
         resets: Whether opening the port resets the board, unless the robot file denies it.
         reports_pose: Whether the board reports the pose of the arm after the port opens.
+        measures: Whether the board measures where the joints are.
         words: How messages name what the driver drives.
     """
 
@@ -53,6 +54,7 @@ class Firmware:
     turn_time: float = 0.0
     resets: bool = True
     reports_pose: bool = False
+    measures: bool = False
     words: Words = Words()
 
     def service_time(self, before: Sequence[int], after: Sequence[int]) -> float:

@@ -20,7 +20,15 @@ import numpy as np
 from hardware.description.kinematics import ForwardKinematics
 from logs.errors import RecordingError, RecordingTruncated
 from logs.records.conversions import Stamp
-from logs.records.records import Description, LogLine, Plan, Received, Record, Transition
+from logs.records.records import (
+    Description,
+    LogLine,
+    Measured,
+    Plan,
+    Received,
+    Record,
+    Transition,
+)
 from logs.records.ros_types import ros_types
 from logs.records.topics import TOPICS, topics_of
 
@@ -36,7 +44,7 @@ _PLAN, _PLANS = "/plan/", [row for row, topic in enumerate(TOPICS) if topic.reco
 _DERIVED = ("/feedback", "/plan/{record.group}/trajectory", "/tf")
 
 # Records without a time of their own in the file.
-_UNDATED = (Description, Received, LogLine, Transition)
+_UNDATED = (Description, Received, Measured, LogLine, Transition)
 
 # Largest difference between the sines of two processors.
 _TOLERANCE = 1e-12

@@ -12,8 +12,10 @@ from logs.records.field_types import LARGEST, frozen, has_type
 from logs.records.file_format import RECOVERED
 from logs.records.packing import unpack
 from logs.records.records import (
+    QUANTITIES,
     Attachment,
     LogLine,
+    Measured,
     Plan,
     Received,
     RunRecord,
@@ -36,6 +38,7 @@ _TIMING = ("time", "scheduled", "hold")
 
 _TOPICS: dict[type, tuple[str, ...]] = {
     Received: ("/serial/rx",),
+    Measured: ("/joint_states/measured",),
     LogLine: ("/rosout",),
     Transition: ("/lifecycle",),
     Sent: _SENT,
@@ -45,6 +48,7 @@ _TOPICS: dict[type, tuple[str, ...]] = {
 # Fields of equal length, and tables with one column per element of another field.
 _LENGTHS: dict[type, tuple[tuple[str, ...], ...]] = {
     Sent: (("joints", "positions"),),
+    Measured: (("joints", "position"),),
     Plan: (("joints", "velocity_limits", "acceleration_limits"), ("times", "positions")),
     Schedule: (("times", "frames", "delays_s"), ("sample_times", "samples")),
 }
@@ -183,6 +187,11 @@ class Recording:
         match topic:
             case "/serial/rx":
                 return Received(time, bytes(data.data))
+            case "/joint_states/measured":
+                values = {name: tuple(getattr(data, name).tolist()) for name in QUANTITIES}
+                facts = {"time": time, "joints": tuple(data.name), **values}
+                measured: Measured = _checked(Measured, facts, message)
+                return measured
             case "/rosout":
                 return LogLine(time, data.level, data.name, data.msg)
             case _:

@@ -10,7 +10,18 @@ import numpy as np
 from hardware.description.kinematics import ForwardKinematics, LinkTransform
 from hardware.printable import wire_text
 
-from .records import Description, Feedback, LogLine, Plan, Received, Record, Sent, Transition
+from .records import (
+    QUANTITIES,
+    Description,
+    Feedback,
+    LogLine,
+    Measured,
+    Plan,
+    Received,
+    Record,
+    Sent,
+    Transition,
+)
 from .ros_types import RosTypes
 
 _NOTHING = np.zeros(0)
@@ -110,6 +121,15 @@ def joint_state(sent: Sent, stamp: Stamp, ros: RosTypes) -> Any:
         position=np.array(sent.positions, np.float64),
         velocity=_NOTHING,
         effort=_NOTHING,
+    )
+
+
+def measured_joints(measured: Measured, stamp: Stamp, ros: RosTypes) -> Any:
+    """Return what was measured, as MeasuredJoints."""
+    return ros.make(
+        "arduinobot_msgs/msg/MeasuredJoints",
+        name=list(measured.joints),
+        **{each: np.array(getattr(measured, each), np.float64) for each in QUANTITIES},
     )
 
 

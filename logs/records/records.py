@@ -1,7 +1,7 @@
 """What is recorded of a run: one plain value per event.
 
-`time` is always on the program's monotonic clock [s]. Joint positions are *commanded* [rad]; the
-arm cannot measure them. The table in `topics.py` says how each record is written to the file.
+`time` is always on the program's monotonic clock [s]. Joint positions are *commanded* [rad], except
+those of `Measured`. The table in `topics.py` says how each record is written to the file.
 """
 
 from collections.abc import Mapping
@@ -10,6 +10,7 @@ from typing import Any
 
 from hardware.printable import wire_text
 
+QUANTITIES = ("position", "velocity", "effort", "temperature", "voltage")  # that are measured
 MOVE = -1  # task number of a move, which has no task file
 _AT_ONCE = 0.1  # a goal that starts within this time did not wait [s]
 
@@ -59,6 +60,29 @@ class Received:
 
     time: float
     data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """What the board measured of the joints. What it does not measure is empty.
+
+    Attributes:
+        time: When it was read [s].
+        joints: Names of the actuated joints, (J,).
+        position: Measured positions [rad], (J,).
+        velocity: Measured velocities [rad/s], (J,).
+        effort: Measured parts of the largest torque of the servos, -1 to 1, (J,).
+        temperature: Temperatures of the servos [C], (J,).
+        voltage: Voltages of their supply [V], (J,).
+    """
+
+    time: float
+    joints: tuple[str, ...]
+    position: tuple[float, ...]
+    velocity: tuple[float, ...]
+    effort: tuple[float, ...]
+    temperature: tuple[float, ...]
+    voltage: tuple[float, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -312,7 +336,17 @@ class Note:
 
 # What `Recording.records` yields; the robot's description is an attachment.
 RunRecord = (
-    Sent | Received | Transition | Goal | Feedback | Result | NodeStatus | Plan | Schedule | LogLine
+    Sent
+    | Received
+    | Measured
+    | Transition
+    | Goal
+    | Feedback
+    | Result
+    | NodeStatus
+    | Plan
+    | Schedule
+    | LogLine
 )
 Record = Description | RunRecord
 Item = Record | Attachment | Note

@@ -10,7 +10,9 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_typestore
 
 # Each `.msg` file beside this one defines one; `standard.msg` has those of ROS 2.
-_OURS = ("arduinobot_msgs/msg/SerialFrame", "arduinobot_msgs/msg/TaskFeedback")
+_OURS = tuple(
+    f"arduinobot_msgs/msg/{name}" for name in ("SerialFrame", "TaskFeedback", "MeasuredJoints")
+)
 
 _NESTED = "=" * 80  # precedes each nested type in a definition
 _ARRAY = re.compile(r"(.+)\[(\d*)\]")

@@ -10,6 +10,7 @@ from .records import (
     Feedback,
     Goal,
     LogLine,
+    Measured,
     NodeStatus,
     Plan,
     Received,
@@ -84,6 +85,12 @@ TOPICS = (
     Topic(Description, "/robot_description", _TEXT, as_.urdf, latched=True),
     Topic(Sent, "/tf", "tf2_msgs/msg/TFMessage", as_.transforms),
     Topic(Sent, "/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", as_.late_frame),
+    Topic(
+        Measured,
+        "/joint_states/measured",
+        "arduinobot_msgs/msg/MeasuredJoints",
+        as_.measured_joints,
+    ),
 )
 
 

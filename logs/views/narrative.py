@@ -15,6 +15,7 @@ from logs.records.records import (
     Feedback,
     Goal,
     LogLine,
+    Measured,
     NodeStatus,
     Plan,
     Received,
@@ -174,7 +175,7 @@ def narrative(path: Path, everything: bool) -> Iterator[tuple[float, str]]:
                 continue
             started.add(record.path)
         held = isinstance(record, Sent) and record.hold
-        if everything or held or not isinstance(record, Sent | Received | Feedback):
+        if everything or held or not isinstance(record, Sent | Received | Measured | Feedback):
             yield time, line(record)
 
 
@@ -210,6 +211,9 @@ def line(record: RunRecord) -> str:  # noqa: C901, a table of words
             return f"sent: {record.text} {late:.1f} ms late"
         case Received():
             return f"received: {wire_text(record.data)!r}"
+        case Measured():
+            pairs = zip(record.joints, record.position, strict=True)
+            return f"measured [rad]: {', '.join(f'{name} {q:.3f}' for name, q in pairs)}"
         case Feedback():
             share = "" if record.percentage is None else f"{record.percentage} % "
             return f"progress: {share}{record.phase} {record.node}"

@@ -20,7 +20,7 @@ from executive.executive import Executive
 from executive.server.event_hub import EventHub
 from executive.server.limits.cancel_thread import CancelThread
 from executive.server.limits.token_bucket import TokenBucket
-from hardware import state_interfaces
+from hardware import joint_positions
 
 from . import protocol as ros
 
@@ -47,6 +47,7 @@ class Bridge:
         self.executive, self.canceler = executive, canceler
         self._clients: set[_Client] = set()
         self._joints: tuple[float, Mapping[str, float]] | None = None
+        self._measures = executive.robot.firmware.measures
         self._statuses = _GoalStatuses(executive)
         self.goal_bucket = TokenBucket(*GOAL_RATE, executive.clock.now)
         hub.listeners.append(self._handle)
@@ -72,7 +73,7 @@ class Bridge:
             return ""
         time, positions = self._joints
         utc_ns = self.executive.clock.epoch_ns() + round(time * 1e9)
-        return ros.published(topic, ros.joint_state(utc_ns, positions))
+        return ros.published(topic, ros.joint_state(utc_ns, positions, self._measures))
 
     def _handle(self, event: Event) -> None:
         match event:
@@ -82,18 +83,18 @@ class Bridge:
                 self._for_each(lambda client: client.topic_changed(ros.STATUS))
             case logs.Feedback():
                 self._for_each(lambda client: client.progressed(event))
-            case logs.Sent() if event.joints:
-                self._commanded(event.time, dict(zip(event.joints, event.positions, strict=True)))
+            case logs.Measured():
+                self._moved(event.time, event.position)
+            case logs.Sent() if event.joints and not self._measures:
+                self._moved(event.time, event.positions)
             case logs.Transition(goal="active"):
-                self._commanded(event.time, self.executive.status().commanded)
+                status = self.executive.status()
+                if positions := status.measured if self._measures else status.commanded:
+                    self._moved(event.time, tuple(positions.values()))
 
-    def _commanded(self, time: float, commanded: Mapping[str, float] | None) -> None:
-        if commanded is None:
-            return
-        robot = self.executive.robot
-        actuated = [commanded[joint.name] for joint in robot.actuated]
-        interfaces = state_interfaces(robot, actuated)
-        self._joints = time, {name.partition("/")[0]: q for name, q in interfaces.items()}
+    def _moved(self, time: float, actuated: tuple[float, ...]) -> None:
+        """Take the measured positions [rad], or the commanded ones if nothing is measured."""
+        self._joints = time, joint_positions(self.executive.robot, actuated)
         self._for_each(lambda client: client.topic_changed(ros.JOINT_STATES))
 
     def _for_each(self, act: Callable[["_Client"], None]) -> None:

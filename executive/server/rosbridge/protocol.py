@@ -256,10 +256,13 @@ def error_status(error: BadMessage) -> str:
     return _dump(op="status", level="error", msg=str(error), **named)
 
 
-def joint_state(utc_ns: int, positions: Mapping[str, float]) -> dict[str, Any]:
-    """Return a sensor_msgs/JointState of commanded positions by joint [rad]."""
+def joint_state(utc_ns: int, positions: Mapping[str, float], measured: bool) -> dict[str, Any]:
+    """Return a sensor_msgs/JointState of positions by joint [rad].
+
+    Its `frame_id`, which joint states do not use, says whether they are measured or commanded.
+    """
     return {
-        "header": {"stamp": stamp(utc_ns), "frame_id": ""},
+        "header": {"stamp": stamp(utc_ns), "frame_id": "measured" if measured else "commanded"},
         "name": list(positions),
         "position": list(positions.values()),
         "velocity": [],

@@ -33,7 +33,13 @@ _WORDS = Words(
 _SERIES = {series.name: series for series in (STS, SCS)}
 FIRMWARES = {
     name: Firmware(
-        name, rate=_RATE, max_step=_MAX_STEP, resets=False, reports_pose=True, words=_WORDS
+        name,
+        rate=_RATE,
+        max_step=_MAX_STEP,
+        resets=False,
+        reports_pose=True,
+        measures=True,
+        words=_WORDS,
     )
     for name in _SERIES
 }

@@ -36,17 +36,18 @@ class BusProtocol(BoardProtocol):
         self._joints = {servo: joint for joint, servo in wires.servos.items()}
         self._first = series.registers["position"].address
         last = max(self._first, *(r.address + r.size for r in series.registers.values()))
-        self._request = sync_read(list(self._joints), self._first, last - self._first)
+        self._count = last - self._first
+        self._request = sync_read(list(self._joints), self._first, self._count)
         self._received = bytearray()
         self._waiting = set[int]()  # servos that have not answered the last request
         self._silent = dict.fromkeys(self._joints, 0)  # cycles in a row without an answer
-        self._positions = dict[int, int]()
+        self._answers = dict[int, bytes]()  # last values of each servo, from the position on
         self.lost = dict.fromkeys(self._joints, 0)
         self.next_poll = -math.inf  # ask at once where the servos are
 
     def check_booted(self, port: str, waited: float) -> None:
         """Check that all servos answered."""
-        if missing := [servo for servo in self._joints if servo not in self._positions]:
+        if missing := [servo for servo in self._joints if servo not in self._answers]:
             named = ", ".join(f"{servo} ({self._joints[servo]})" for servo in missing)
             one = len(missing) == 1
             what = f"the position of {'servo' if one else 'servos'} {named}"
@@ -57,9 +58,8 @@ class BusProtocol(BoardProtocol):
 
     def start_commands(self) -> bytes:
         """Return the commands that hold the servos where they are: goal first, then torque."""
-        here = [self._positions[servo] for servo in self._joints]
-        goals = self._wires.command("goal_position", here)
-        return goals + self._wires.command("torque_enable", [1] * len(here))
+        goals = self._wires.command("goal_position", self._values("position"))
+        return goals + self._wires.command("torque_enable", [1] * len(self._joints))
 
     def note_sent(self, frame: Frame, now: float) -> None:
         """Ask for the state of the servos right after a frame."""
@@ -94,6 +94,7 @@ class BusProtocol(BoardProtocol):
                 self._process(packet)
                 if not self._waiting:
                     self.free_at, self.next_poll = -math.inf, now + _IDLE_PERIOD
+                    self._measure()
 
     def _process(self, packet: Packet) -> None:
         servo, first = packet.servo, self._first
@@ -102,8 +103,20 @@ class BusProtocol(BoardProtocol):
             temperature = self._series.unpack("temperature", packet.parameters, first)
             volts = self._series.unpack("voltage", packet.parameters, first) / 10
             raise ServoFault(servo, self._joints[servo], names, temperature, volts)
+        if len(packet.parameters) != self._count:
+            return  # the answer to another request
         self._waiting.discard(servo)
         self._silent[servo] = 0
-        self._positions[servo] = self._series.unpack("position", packet.parameters, first)
-        if self.boot_frame is None and len(self._positions) == len(self._joints):
-            self.boot_frame = self._wires.frame([self._positions[each] for each in self._joints])
+        self._answers[servo] = packet.parameters
+        if self.boot_frame is None and len(self._answers) == len(self._joints):
+            self.boot_frame = self._wires.frame(self._values("position"))
+
+    def _values(self, register: str) -> list[int]:
+        """Return the last value of a register of every servo, by joint."""
+        answers = (self._answers[servo] for servo in self._joints)
+        return [self._series.unpack(register, answer, self._first) for answer in answers]
+
+    def _measure(self) -> None:
+        """Take the answers of one whole cycle as a measurement."""
+        names = ("position", "speed", "load", "temperature", "voltage")
+        self.measured = self._wires.measurement(*map(self._values, names))

@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from hardware.drivers.measurement import Measurement
 from hardware.drivers.wire_format import Frame
 from hardware.joints import Joint, check_positions
 
@@ -71,9 +72,28 @@ class ServoFormat:
     def decode(self, frame: Frame) -> tuple[float, ...]:
         """Return the joint positions of a frame, within their limits [rad]."""
         return tuple(
-            min(max(self._position(joint, wire, ticks), joint.lower), joint.upper)
+            min(max(self._position(wire, ticks), joint.lower), joint.upper)
             for joint, wire, ticks in zip(self._joints, self._wires, frame.servos, strict=True)
         )
 
-    def _position(self, joint: Joint, wire: ServoWire, ticks: int) -> float:
+    def measurement(
+        self,
+        positions: Sequence[int],
+        speeds: Sequence[int],
+        loads: Sequence[int],
+        temperatures: Sequence[int],
+        voltages: Sequence[int],
+    ) -> Measurement:
+        """Return a measurement from the registers of all servos, one value per joint."""
+        signs = [wire.sign for wire in self._wires]
+        wired = zip(self._wires, positions, strict=True)
+        return Measurement(
+            tuple(self._position(wire, ticks) for wire, ticks in wired),
+            tuple(s * v / self._per_radian for s, v in zip(signs, speeds, strict=True)),
+            tuple(s * load / 1000 for s, load in zip(signs, loads, strict=True)),
+            tuple(map(float, temperatures)),
+            tuple(volts / 10 for volts in voltages),
+        )
+
+    def _position(self, wire: ServoWire, ticks: int) -> float:
         return wire.sign * (ticks - self._series.ticks // 2) / self._per_radian - wire.offset

@@ -56,7 +56,7 @@ def test_where_after_a_move_is_its_target(folder: Path) -> None:
     """The last frame leaves before the motion ends; both are 70 servo degrees."""
     assert type_command(folder, "move", "joint_1=70.9deg", "--port", "virtual")[0] == 0
     status, out, _ = type_command(folder, "where")
-    assert (status, out.splitlines()[1]) == (0, "joint_1         70.9 deg")
+    assert (status, out.splitlines()[1]) == (0, "joint_1         70.9 deg commanded")
 
 
 def test_moves_on_the_server_of_this_machine(serve: Serve, folder: Path) -> None:
@@ -66,7 +66,7 @@ def test_moves_on_the_server_of_this_machine(serve: Serve, folder: Path) -> None
     assert out.startswith(f"Server {served.server.url}\nmove\n")
     status, out, _ = type_command(folder, "where")
     assert out.startswith(
-        f"arm         active, by server {served.server.url}\njoint_1         -5.0 deg"
+        f"arm         active, by server {served.server.url}\njoint_1         -5.0 deg commanded"
     )
     assert json.loads(type_command(folder, "home", "--json")[1].splitlines()[-1])["success"]
     where = json.loads(type_command(folder, "where", "--json")[1])

@@ -2,7 +2,7 @@
 
 import pytest
 
-from hardware import load_robot
+from hardware import Measurement, load_robot
 from hardware.arm.interfaces import Claim, Claims, command_interfaces, state_interfaces
 from hardware.errors import InterfaceClaimed, InterfaceUnknown, StaleGeneration
 
@@ -23,6 +23,14 @@ def test_every_joint_has_a_state_and_mimic_joints_follow_their_leaders() -> None
         "joint_4/position": -0.4,
         "joint_5/position": 0.4,
     }
+
+
+def test_what_is_measured_is_beside_what_is_commanded() -> None:
+    measured = Measurement((0.1, 0.2, 0.3, -0.4), temperature=(25.0, 26.0, 27.0, 28.0))
+    states = state_interfaces(load_robot(), (0.0,) * 4, measured)
+    assert (states["joint_4/position"], states["joint_4/measured/position"]) == (0.0, -0.4)
+    assert states["joint_2/measured/temperature"] == 26.0
+    assert len(states) == 5 + 4 + 4
 
 
 @pytest.mark.parametrize("count", [3, 5])

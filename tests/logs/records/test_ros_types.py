@@ -11,7 +11,7 @@ from logs.records import ros_types as module
 from logs.records.ros_types import RosTypes, ros_types
 
 WITHOUT = "the rosidl wheels are not installed; there are none but for x86-64 Linux"
-MESSAGES = ("SerialFrame", "TaskFeedback")
+MESSAGES = ("SerialFrame", "TaskFeedback", "MeasuredJoints")
 UUID = "uint8[16] uuid\n"
 
 

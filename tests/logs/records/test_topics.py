@@ -41,6 +41,9 @@ HASHES = {
     "arduinobot_msgs/msg/TaskFeedback": (
         "e79ef024d732c9f2de20ec8b15a9e2deb1cc557b9f8b9be5da4b14ac494a5df8"
     ),
+    "arduinobot_msgs/msg/MeasuredJoints": (
+        "cfe375a9d065e1ec68dc2d5a872a5dc406a58ca8ab60786c6cdabbd032efa488"
+    ),
 }
 
 
@@ -113,7 +116,7 @@ def test_the_page_has_every_field_of_the_json() -> None:
     assert [line for line in last.splitlines() if line.startswith("|")] == table()
 
 
-@pytest.mark.parametrize("name", ["SerialFrame", "TaskFeedback"])
+@pytest.mark.parametrize("name", ["SerialFrame", "TaskFeedback", "MeasuredJoints"])
 def test_our_messages_are_documented_in_every_recording(name: str) -> None:
     text = (Path(logs.__file__).parent / "records" / f"{name}.msg").read_text()
     assert ros_types().schema(f"arduinobot_msgs/msg/{name}").startswith(text)

@@ -44,7 +44,14 @@ TASKS = {
 class Served:
     """An executive and its server, from start to stop."""
 
-    def __init__(self, robot: Robot, pool: Pool, folder: Path, clock: RealClock) -> None:
+    def __init__(
+        self,
+        robot: Robot,
+        pool: Pool,
+        folder: Path,
+        clock: RealClock,
+        link: BoardLink[Any] | None = None,
+    ) -> None:
         self.clock, self.folder = clock, folder
         self.tasks = folder / "tasks"
         self.tasks.mkdir(exist_ok=True)
@@ -53,11 +60,11 @@ class Served:
         self.robot = dataclasses.replace(
             robot, serial=dataclasses.replace(robot.serial, boot_wait=0.01)
         )
-        self.link = BoardLink(virtual_board(self.robot), clock)
+        self.link: BoardLink[Any] = link or BoardLink(virtual_board(self.robot), clock)
         self.library = LiveLibrary(self.tasks, self.robot)
         self._pool, self._ended = pool, False
 
-    def start(self, policy: Policy, active: bool, **listen: Any) -> None:
+    def start(self, policy: Policy = Policy.REJECT, active: bool = True, **listen: Any) -> None:
         """Serve on a free port."""
         questions = Questions(self.clock)
         setup = Setup(recordings=self.folder / "recordings", policy=policy)

@@ -7,6 +7,7 @@ import pytest
 
 from executive.replay.verification import verify
 from executive.testing import SimulatedArm
+from logs import Measured, Recording, table
 from trees import Library
 
 TASKS = Library(robot="so101").names()
@@ -30,6 +31,17 @@ def test_a_run_is_verified_and_its_recording_is_small(arm: SimulatedArm) -> None
     assert path.stat().st_size < 2**20
     verified = verify(path)
     assert verified.holds, verified.text()
+
+
+def test_a_recording_has_the_measured_motion_beside_the_commanded_one(arm: SimulatedArm) -> None:
+    path = Path(arm.run("rest").recording)
+    commanded, measured = table(path, "/joint_states"), table(path, "/joint_states/measured")
+    assert len(measured["time_ns"]) >= len(commanded["time_ns"])
+    records = [r for r in Recording(path).records() if isinstance(r, Measured)]
+    events = [r for r in arm.records if isinstance(r, Measured)][-len(records) :]
+    assert [r.position for r in records] == [r.position for r in events]
+    sent = next(r for r in reversed(list(Recording(path).frames())))
+    assert records[-1].position == pytest.approx(sent.positions, abs=0.05)
 
 
 def test_the_places_are_three() -> None:

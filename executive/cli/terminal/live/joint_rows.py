@@ -20,6 +20,7 @@ def joint_rows(
     targets: Mapping[str, float],
     width: int,
     most: int,
+    measured: Mapping[str, float] | None = None,
 ) -> list[Text]:
     """Return the rows of the joints of an arm.
 
@@ -32,10 +33,15 @@ def joint_rows(
         targets: Position at the end of the motion by joint [rad].
         width: Columns of the terminal.
         most: Largest number of rows, at least 1.
+        measured: Measured position by joint [rad]; None or empty if nothing is measured. If there
+            is, the words say which one is which.
     """
     if not positions:
         return []
-    cells = [_Cell(where, name, q, targets.get(name, q)) for name, q in positions.items()]
+    cells = [
+        _Cell(where, name, q, targets.get(name, q), (measured or {}).get(name))
+        for name, q in positions.items()
+    ]
     name_width = max(len(cell.name) for cell in cells)
     words_width = max(cell.widest for cell in cells)
     least = name_width + words_width + 1
@@ -54,13 +60,19 @@ def joint_rows(
 
 
 class _Cell:
-    def __init__(self, where: Where, name: str, position: float, target: float) -> None:
+    def __init__(
+        self, where: Where, name: str, position: float, target: float, measured: float | None
+    ) -> None:
         self.name, self._known = printable(name), name in where.units
         self._position, self._target = position, target
         self._limits, unit = where.limits.get(name), where.units.get(name, "rad")
+        ends = (position, target, *(self._limits or ()))
+        most = max(len(rounded(q, unit)) for q in ends)
         self.words = rounded(position, unit)
-        widest = (position, target, *(self._limits or ()))
-        self.widest = max(len(rounded(q, unit)) for q in widest)
+        if measured is not None:
+            found = rounded(measured, unit)
+            self.words = f"{self.words:>{most}} commanded {found:>{most}} measured"
+        self.widest = max(most, len(self.words))
 
     @property
     def moves(self) -> bool:

@@ -66,6 +66,7 @@ class LiveView(View):
             case Where():
                 self._state.where = item
                 self._state.positions = item.commanded or {}
+                self._state.measured = item.measured or {}
             case Prompt():
                 self._asks = bool(item.text)
                 if item.text:
@@ -168,7 +169,9 @@ class Picture:
         rows = max(3, options.height or console.height - 1) - 2
         for_joints = max(1, rows // 3, rows - max(1, len(state.nodes)))
         positions = state.positions if self.joints else {}
-        joints = joint_rows(state.where, positions, state.targets, width, for_joints)
+        joints = joint_rows(
+            state.where, positions, state.targets, width, for_joints, state.measured
+        )
         yield _line((state.title, "bold"), f"{'   ' if state.title else ''}arm {state.arm}")
         yield self._progress(width)
         if state.nodes:

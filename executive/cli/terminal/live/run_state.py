@@ -28,6 +28,7 @@ class RunState:
         phase: What the goal does.
         nodes: The nodes of the tree by path, parents first.
         positions: Commanded position by joint [rad].
+        measured: Measured position by joint [rad]; empty if nothing is measured.
         targets: Position at the end of the current motion by joint [rad].
         motion_end: When the current motion ends; None if nothing moves.
     """
@@ -44,6 +45,7 @@ class RunState:
     phase: str = ""
     nodes: dict[str, logs.NodeStatus] = field(default_factory=dict)
     positions: Mapping[str, float] = field(default_factory=dict)
+    measured: Mapping[str, float] = field(default_factory=dict)
     targets: Mapping[str, float] = field(default_factory=dict)
     motion_end: float | None = None
     _due: tuple[float, ...] = ()
@@ -61,6 +63,7 @@ class RunState:
             self.activated,
             goal.time,
             positions=self.positions,
+            measured=self.measured,
         )
 
     def update(self, record: logs.Record) -> None:
@@ -76,6 +79,8 @@ class RunState:
                 self._schedule(record)
             case logs.Sent() if record.joints:
                 self._frame(record)
+            case logs.Measured():
+                self.measured = dict(zip(record.joints, record.position, strict=True))
             case logs.Transition():
                 self.arm = printable(record.goal)
                 self.activated = record.time if record.goal == "activating" else None

@@ -65,6 +65,7 @@ def test_foreign_clients(serve: Serve, client: list[str]) -> None:
     assert joints["name"] == [joint.name for joint in served.robot.joints]
     assert len(joints["position"]) == len(joints["name"])
     assert joints["header"]["stamp"]["sec"] > 1_600_000_000
+    assert joints["header"]["frame_id"] == "commanded"
     statuses = [each["status"] for each in reported["status"]["status_list"]]
     assert statuses == [4, 6, 5, 5] + [4] * 50
     uuid = reported["status"]["status_list"][0]["goal_info"]["goal_id"]["uuid"]

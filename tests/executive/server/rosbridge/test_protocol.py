@@ -197,3 +197,8 @@ def test_an_error_is_short() -> None:
     with pytest.raises(ros.BadGoal) as caught:
         parsed(**{**GOAL, "action": "x" * 60_000})
     assert len(str(caught.value)) < 400
+
+
+@pytest.mark.parametrize(("measured", "name"), [(True, "measured"), (False, "commanded")])
+def test_joint_states_say_whether_they_are_measured(measured: bool, name: str) -> None:
+    assert ros.joint_state(0, {"a": 0.5}, measured)["header"]["frame_id"] == name

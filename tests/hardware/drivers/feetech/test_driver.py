@@ -15,12 +15,13 @@ from hardware import (
     Faulted,
     FrameSent,
     HardwareError,
+    Measured,
     PlaybackState,
     SimulatedClock,
     State,
     load_robot,
 )
-from hardware.drivers.feetech.packets import Instruction, take_packets
+from hardware.drivers.feetech.packets import Instruction, Packet, take_packets
 from hardware.drivers.feetech.virtual.bus import Bus, Fault
 from hardware.errors import BoardSilent, PoseOutsideLimits, ServoFault, ServoSilent
 from hardware.testing import DriverContract
@@ -112,6 +113,46 @@ def test_an_arm_starts_where_its_servos_are_and_does_not_jump(tmp_path: Path) ->
         state = made.bus.state(made.clock.now())
         assert list(state.positions.values()) == list(there)
         assert all(state.torque.values())
+
+
+def test_what_the_servos_measure_is_the_state_of_the_arm(tmp_path: Path) -> None:
+    with rig(tmp_path) as made:
+        assert made.arm.measured is None
+        made.arm.activate()
+        assert made.play(PICK, 4.0) is None
+        made.wait(0.5)
+        measured = made.arm.measured
+        assert measured
+        assert measured.position == pytest.approx(PICK, abs=0.005)
+        assert measured.voltage == pytest.approx([12.0] * 4, abs=0.3)
+        assert {*measured.temperature} <= {25.0, 26.0}
+        assert made.arm.read()["joint_2/measured/position"] == measured.position[1]
+        events = [event for event in made.events if isinstance(event, Measured)]
+        fastest = max(max(map(abs, event.measurement.velocity)) for event in events)
+        assert 0.2 < fastest < 2.0
+        frames = sum(isinstance(event, FrameSent) for event in made.events)
+        assert len(events) >= frames  # one in each cycle
+        made.arm.deactivate()
+        assert made.arm.measured is None
+
+
+def test_a_joint_that_is_blocked_is_commanded_elsewhere_than_measured(tmp_path: Path) -> None:
+    with rig(tmp_path, Fault("block", 1, 2.0)) as made:
+        made.arm.activate()
+        assert isinstance(made.play(PICK, 60.0), ServoFault)
+        events = [event for event in made.events if isinstance(event, Measured | FrameSent)]
+        frame = next(event for event in reversed(events) if isinstance(event, FrameSent))
+        measured = next(event for event in reversed(events) if isinstance(event, Measured))
+        assert abs(frame.positions[0] - measured.measurement.position[0]) > 0.002
+        assert abs(measured.measurement.effort[0]) == 1.0
+
+
+def test_the_answer_to_another_request_is_not_a_position() -> None:
+    robot = load_robot(Path("so101"))
+    protocol = robot.protocol()
+    protocol.poll(0.0)
+    protocol.receive(b"".join(Packet(servo, 0).data for servo in range(1, 7)), 0.001)
+    assert (protocol.boot_frame, protocol.measured) == (None, None)
 
 
 def test_nothing_is_written_before_the_arm_is_active_but_requests(tmp_path: Path) -> None:

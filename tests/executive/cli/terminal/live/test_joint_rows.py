@@ -37,6 +37,11 @@ def test_a_joint_stands_between_its_limits() -> None:
     assert ends[1].endswith("─●┤")
 
 
+def test_measured_and_commanded_positions_are_named() -> None:
+    (row, *_) = [text.plain for text in joint_rows(ARM, REST, {}, 80, 9, REST | {"joint_1": 0.1})]
+    assert row.startswith("joint_1   0.0 deg commanded   5.7 deg measured ├")
+
+
 def test_the_target_is_marked_until_it_is_reached() -> None:
     assert "○" in shown(ARM, REST, REST | {"joint_1": 0.7}, 80, 9)[0]
     assert "○" not in "".join(shown(ARM, REST, REST, 80, 9))

@@ -1,0 +1,77 @@
+"""What is recorded of the requests to a board that measures, and of its answers."""
+
+import math
+import threading
+from collections.abc import Callable
+
+from hardware import ArmEvent, BytesReceived, CommandSent, FrameSent, Measured, Measurement
+
+# A smaller change of a resting arm is noise: [rad], [C], [V].
+_CHANGES = {"position": math.radians(0.5), "temperature": 1.0, "voltage": 0.5}
+_LONGEST = 10.0  # a resting arm is recorded at least this often [s]
+
+
+class Exchanges:
+    """Drops the exchanges with a board that measures the same as before.
+
+    A resting arm is asked several times a second whether it is well, and answers the same. An
+    exchange is a request, the bytes of its answers, and the measurement. It is recorded as a whole
+    if a frame was sent before it, if the measurement has changed, if 10 s have passed, or if the
+    answer is not complete. Everything else is recorded at once. Thread-safe.
+
+    Args:
+        record: Records an event.
+    """
+
+    def __init__(self, record: Callable[[ArmEvent], None]) -> None:
+        self._record = record
+        self._held: list[ArmEvent] = []  # the exchange so far
+        self._last: Measured | None = None  # last one recorded; None if the next one is recorded
+        self._lock = threading.RLock()
+
+    def restart(self) -> None:
+        """Record the next exchange: a new recording begins."""
+        with self._lock:
+            self._last = None
+
+    def take(self, event: ArmEvent) -> None:
+        """Record an event, or keep it until its exchange is complete."""
+        with self._lock:
+            match event:
+                case CommandSent(request=True):
+                    self._release()  # the answer to the request before was not complete
+                    self._held.append(event)
+                case BytesReceived():
+                    self._held.append(event)
+                case Measured() if self._last and not _differs(self._last, event):
+                    self._held.clear()
+                case Measured():
+                    self._release()
+                    self._last = event
+                    self._record(event)
+                case _:
+                    self._release()
+                    if isinstance(event, FrameSent):
+                        self._last = None
+                    self._record(event)
+
+    def _release(self) -> None:
+        held, self._held = self._held, []
+        for event in held:
+            self._record(event)
+
+
+def _differs(before: Measured, after: Measured) -> bool:
+    late = after.time - before.time >= _LONGEST
+    return late or any(
+        abs(new - old) >= change
+        for quantity, change in _CHANGES.items()
+        for old, new in zip(
+            _values(before.measurement, quantity), _values(after.measurement, quantity), strict=True
+        )
+    )
+
+
+def _values(measurement: Measurement, quantity: str) -> tuple[float, ...]:
+    values: tuple[float, ...] = getattr(measurement, quantity)
+    return values

@@ -1,0 +1,39 @@
+"""What a server shows of an arm that measures."""
+
+import json
+from pathlib import Path
+
+import pytest
+from websockets.sync.client import connect
+
+from hardware import BoardLink, RealClock, load_robot
+from skills.motion import Pool
+from tests.support.servers.serving import Served
+
+pytestmark = pytest.mark.slow
+
+pytest_plugins = ["tests.support.servers.server_fixtures"]
+
+
+def test_measured_is_beside_commanded_and_rosbridge_says_which_one_it_has(
+    real_pool: Pool, real_clock: RealClock, tmp_path: Path
+) -> None:
+    robot = load_robot(Path("so101"))
+    model = robot.model()
+    assert model
+    link = BoardLink(model, real_clock)
+    served = Served(robot, real_pool, tmp_path, real_clock, link)
+    served.start(active=True, rosbridge=True)
+    try:
+        status = served.ask("GET", "/api/status")[1]
+        assert status["measured"].keys() == status["commanded"].keys()
+        where = served.ask("GET", "/api/where")[1]
+        assert where["temperature"]["gripper"] == 25.0
+        assert where["voltage"].keys() == where["measured_effort"].keys() == where["units"].keys()
+        with connect(f"ws://127.0.0.1:{served.server.port}/", compression=None) as rosbridge:
+            rosbridge.send(json.dumps({"op": "subscribe", "topic": "/joint_states"}))
+            joints = json.loads(rosbridge.recv(10))["msg"]
+        assert joints["header"]["frame_id"] == "measured"
+        assert joints["position"] == list(status["measured"].values())
+    finally:
+        served.stop()
