@@ -5,7 +5,7 @@ import sys
 import warnings
 from collections.abc import Mapping
 from enum import Enum
-from typing import Any
+from typing import Any, ClassVar
 
 from py_trees.common import Status
 from py_trees.ports import BehaviourWithPorts
@@ -62,6 +62,7 @@ class Skill(BehaviourWithPorts):
         failure: Error of the last failure, or None.
         broken: Last exception of its code that is not one of armtree's errors, or None.
         start_count: Number of times it was started.
+        synonyms: Words of other languages and libraries for it, for corrections.
     """
 
     moves = False
@@ -76,6 +77,7 @@ class Skill(BehaviourWithPorts):
     tool_output = ""
     plans_goal = False
     copies_targets = False
+    synonyms: ClassVar[tuple[str, ...]] = ()
 
     def __init_subclass__(cls, **options: Any) -> None:
         """Register the class as a skill, with no ports if it declares none."""

@@ -1,6 +1,7 @@
 """One of each thing that people add. `trees/nodes/test_new_kind.py` adds a kind of control node."""
 
 import json
+import re
 import subprocess
 import sys
 from itertools import pairwise
@@ -18,6 +19,7 @@ from executive.server.http.endpoints import Endpoints
 from executive.testing import SimulatedArm
 from tests.support.paths import ROOT
 from tests.support.servers.serving import Serve
+from trees.compile.port_types import known_skills
 
 pytest_plugins = ["tests.support.servers.server_fixtures"]
 
@@ -31,6 +33,18 @@ def test_a_task_is_one_file(tmp_path: Path) -> None:
     with SimulatedArm(trees=tmp_path) as arm:
         assert arm.run(20).success
         assert arm.said("greet") == ["hello"]
+
+
+def test_only_the_room_of_skills_names_one() -> None:
+    named = re.compile(rf"""["']({"|".join(known_skills())})["']""")
+    found = [
+        f"{path.relative_to(ROOT)}: {line.strip()}"
+        for room in ("executive", "hardware", "logs", "trees")
+        for path in (ROOT / room).rglob("*.py")
+        for line in path.read_text().splitlines()
+        if named.search(line) and not line.strip().startswith("assert")  # an example in a docstring
+    ]
+    assert found == []
 
 
 SKILL = """

@@ -14,6 +14,7 @@ class Wait(Skill):
 
     may_fail = False
     phase = "waiting"
+    synonyms = ("sleep", "delay", "pause")
 
     INPUT_PORTS = {
         "duration": Port(float, description="duration [s]", unit="s", least=0.0, most=86_400.0)

@@ -348,8 +348,8 @@ class TreeCompiler:
     def _skill(self, spec: SkillNode, scope: Scope, shown: str) -> Behaviour:
         kind = self._skills.get(spec.skill)
         if kind is None:
-            known, subtrees = (*self._skills, *KINDS, "subtree", "task"), self._library.subtrees()
-            name = meant(spec, known, subtrees) if spec.skill else ""
+            subtrees = self._library.subtrees()
+            name = meant(spec, self._skills, subtrees) if spec.skill else ""
             if name in subtrees:
                 return self._node(self._as_subtree(spec, name, shown), scope)
             if name in self._skills:
@@ -357,7 +357,7 @@ class TreeCompiler:
                 self._wrong(spec.place, f"no skill {spec.skill}{did_you_mean(name)}", right)
                 return self._skill(replace(spec, skill=name), scope, shown)
             if spec.skill:  # else a mistake here is reported already
-                self._wrong(spec.place, why_unknown(spec.skill, known, subtrees))
+                self._wrong(spec.place, why_unknown(spec.skill, self._skills, subtrees))
             self._assume_used(spec.ports.values(), scope)
             return self._placeholder(spec.skill, spec.place)
         ports = declarations(kind)

@@ -1,17 +1,16 @@
 """Skills that do not exist: what their names most likely mean."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 
 from hardware.suggestions import closest, did_you_mean, there_are
+from skills import Skill
+from trees.nodes.kind import KINDS
 from trees.reading.document import Located
 from trees.reading.node_parser import synonyms
 from trees.reading.specs import SkillNode, Value
 
-# Words of other languages and libraries, and the skill that does the same.
-_SYNONYMS = {"sleep": "Wait", "delay": "Wait", "pause": "Wait", "print": "Say", "log": "Say"}
 
-
-def meant(spec: SkillNode, known: Collection[str], subtrees: Collection[str]) -> str:
+def meant(spec: SkillNode, skills: Mapping[str, type[Skill]], subtrees: Collection[str]) -> str:
     """Return the skill, kind of node or subtree that an unknown skill means; empty if unclear."""
     value = spec.ports.get("")
     text = value.value if isinstance(value, Located) else None
@@ -19,10 +18,18 @@ def meant(spec: SkillNode, known: Collection[str], subtrees: Collection[str]) ->
         return name  # such as `gripper: open`
     if len([name for name in subtrees if name.startswith(f"{spec.skill}_")]) > 1:
         return ""
-    return _SYNONYMS.get(spec.skill.lower(), "") or closest(spec.skill, (*known, *subtrees), 0.71)
+    for name, kind in skills.items():
+        if spec.skill.lower() in kind.synonyms:
+            return name
+    return closest(spec.skill, (*nodes(skills), *subtrees), 0.71)
 
 
-def why_unknown(skill: str, known: Collection[str], subtrees: Collection[str]) -> str:
+def nodes(skills: Collection[str]) -> tuple[str, ...]:
+    """Return what may begin a node: skills, and the keys of other nodes."""
+    return (*skills, *KINDS, "subtree", "task")
+
+
+def why_unknown(skill: str, skills: Collection[str], subtrees: Collection[str]) -> str:
     """Return what there is instead of an unknown skill."""
     begun = [name for name in subtrees if name.startswith(f"{skill}_")]
     if begun and skill:
@@ -30,7 +37,7 @@ def why_unknown(skill: str, known: Collection[str], subtrees: Collection[str]) -
     if near := synonyms().get(skill):
         return f"no skill {skill}{did_you_mean(near)}"
     own = "; `armtree skills` lists them, and --skills DIR adds your own"
-    return f"no skill {skill}; {there_are(skill, known)}{own}"
+    return f"no skill {skill}; {there_are(skill, nodes(skills))}{own}"
 
 
 def is_nothing(value: Value) -> bool:
