@@ -105,6 +105,13 @@ def test_a_tab_that_is_not_signed_in_changes_nothing(open_page: Open, page_serve
     tab = open_page(page_server.server.url)
     page_server.executive.send(WAIT)
     shows(tab, "#running", "^wait$")
+    tab.context.set_offline(True)
+    shows(tab, "#connection", "No connection")
+    tab.context.set_offline(False)  # the new stream repeats the current state
+    tab.locator("#connection").wait_for(state="hidden")
+    shows(tab, "#running", "^wait$")
+    forget(tab, "ERR_INTERNET_DISCONNECTED")
+    assert "\u00d7" not in tab.inner_text("#tree")
     assert tab.is_disabled("#pause")
     tab.click(".row .point")
     shows(tab, "#control-error", "needs the server's token")

@@ -158,8 +158,11 @@ export class Run {
   #updateNode(event) {
     const node = this.nodes.get(event.path) ?? this.#newNode(event);
     const before = node.status;
+    // A new stream repeats the current state.
+    const known = event.time_s === (event.status === "RUNNING" ? node.began : node.ended);
     node.message = cut(event.message);
     node.status = event.status === "INVALID" && before === "RUNNING" ? "HALTED" : event.status;
+    if (known) return void this.changed.add(node);
     if (event.status === "RUNNING") {
       node.began = event.time_s;
       node.ended = null;
