@@ -313,6 +313,7 @@ def test_two_trees_do_not_meet(shop: Shop) -> None:
     second.discard()
 
 
+@pytest.mark.slow
 @settings(
     max_examples=75, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
