@@ -17,7 +17,12 @@
     │   ├── BoardReset            it restarted while the arm was active
     │   ├── FrameLost             it received other frames than were sent
     │   ├── ServoSilent           a servo on a bus does not answer
-    │   └── ServoFault            a servo on a bus reports an error
+    │   ├── ServoFault            a servo on a bus reports an error
+    │   └── MeasuredFault         a measured value is beyond its limit
+    │       ├── JointNotFollowing a joint is too far from its commanded position
+    │       ├── JointStalled      a joint pushes and does not move
+    │       ├── ServoTooHot       a servo is too hot
+    │       └── SupplyTooLow      a servo has too low a voltage
     ├── DriverFailed              the driver raised another exception, or armtree has a bug
     ├── TransitionRefused         the lifecycle does not allow the transition now
     │   └── ActivationStopped     the arm was stopped while its board booted
@@ -35,6 +40,7 @@
 Every error has a stable `code`, and its message says what to do.
 """
 
+import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -287,6 +293,77 @@ class ServoFault(BoardError):
             "down, and check its supply, then run again. The servo may have let the joint go: "
             "gravity moves it"
         )
+
+
+class MeasuredFault(BoardError):
+    """A measured value is beyond its limit.
+
+    Attributes:
+        joint: Name of the joint.
+        value: The measured value.
+        limit: Its limit.
+    """
+
+    def __init__(self, joint: str, value: float, limit: float, message: str) -> None:
+        self.joint, self.value, self.limit = joint, value, limit
+        super().__init__(message)
+
+
+class JointNotFollowing(MeasuredFault):
+    """A joint is too far from its commanded position."""
+
+    code = "hw.not_following"
+    hint = "free the joint and check its servo, then configure and activate"
+
+    def __init__(self, joint: str, commanded: float, measured: float, limit: float) -> None:
+        error = abs(commanded - measured)
+        super().__init__(
+            joint,
+            math.radians(error),
+            math.radians(limit),
+            f"{joint} is commanded to {commanded:.1f} deg and measured at {measured:.1f} deg: "
+            f"{error:.1f} deg apart; the limit is {limit:g} deg (following_deg). Free the joint, "
+            "or move more slowly",
+        )
+
+
+class JointStalled(MeasuredFault):
+    """A joint pushes with its full effort and does not reach its commanded position."""
+
+    code = "hw.stalled"
+    hint = "free the joint, then configure and activate"
+
+    def __init__(self, joint: str, effort: float, limit: float, error: float) -> None:
+        super().__init__(
+            joint,
+            effort,
+            limit,
+            f"{joint} pushes with {effort:.0%} of its torque, {error:.1f} deg from its commanded "
+            f"position; the limit is {limit:.0%} (stall_effort). Free the joint, or lift less",
+        )
+
+
+class ServoTooHot(MeasuredFault):
+    """A servo is too hot."""
+
+    code = "hw.servo_hot"
+    hint = "let the servo cool down, then configure and activate"
+
+    def __init__(self, joint: str, celsius: float, limit: float) -> None:
+        words = f"The servo of {joint} has {celsius:g} degrees Celsius; the limit is {limit:g} "
+        advice = "(most_c). Let it cool down. Until then it holds the arm; support it by hand"
+        super().__init__(joint, celsius, limit, f"{words}{advice}")
+
+
+class SupplyTooLow(MeasuredFault):
+    """The supply of a servo has too low a voltage."""
+
+    code = "hw.voltage_low"
+    hint = "use a stronger supply, then configure and activate"
+
+    def __init__(self, joint: str, volts: float, limit: float) -> None:
+        words = f"The servo of {joint} has {volts:g} V; the limit is {limit:g} V (least_v). Use a "
+        super().__init__(joint, volts, limit, f"{words}stronger supply, or shorter cables")
 
 
 class DriverFailed(HardwareError):

@@ -279,6 +279,8 @@ class Arm:
             self._signal.notify()
         if streamer := self._streamer:
             streamer.close(error)
+        if (connection := self._connection) and self.state is State.ACTIVE:
+            connection.send_fault_commands(error)
         logger.error("%s", error)
         self._publish(Faulted(self._clock.now(), error))
         if self._reconnect and isinstance(error, PortLost):

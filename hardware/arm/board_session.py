@@ -63,6 +63,11 @@ class BoardSession:
         with self._lock:
             return self._protocol.start_commands()
 
+    def fault_commands(self, torque_off: bool) -> bytes:
+        """Return bytes that are sent once after a fault. See `BoardProtocol`."""
+        with self._lock:
+            return self._protocol.fault_commands(torque_off)
+
     def note_sent(self, frame: Frame, now: float) -> None:
         """Count a frame that is about to be sent."""
         with self._lock:

@@ -5,13 +5,15 @@ import threading
 from collections.abc import Callable
 
 from hardware.clock import Clock
+from hardware.description.guards import TORQUE_OFF
 from hardware.description.robot import Robot
-from hardware.errors import HardwareError, NotActive, PoseOutsideLimits
+from hardware.errors import HardwareError, LinkError, NotActive, PoseOutsideLimits
 from hardware.link.link import Link
 from hardware.link.timed_link import TimedLink
 
 from .board_session import BoardSession
 from .events import OBSERVER_TIMEOUT, BytesReceived, Measured, Observer
+from .measured_guard import MeasuredGuard
 from .streamer import Streamer
 from .write_guard import WriteGuard
 
@@ -54,7 +56,8 @@ class Connection:
         self._robot, self._link, self._clock = robot, TimedLink(link), clock
         self._observe, self._start_pose = observe, start_pose
         self._on_fault, self._on_receive, self._ready = on_fault, on_receive, ready
-        self._closed = False
+        self._closed = self._last_words = False
+        self._measured_guard = MeasuredGuard(robot.actuated, robot.guards)
         self._reader: threading.Thread | None = None
         self.session = BoardSession(robot.protocol())
         self.guard = WriteGuard(
@@ -97,6 +100,20 @@ class Connection:
         except Exception as error:  # a driver may raise any exception
             self._fault(error)
 
+    def send_fault_commands(self, error: HardwareError) -> None:
+        """Hold the joints where they are measured, or let them go, as the robot file says.
+
+        Args:
+            error: The fault. After one of the link, nothing can be sent.
+        """
+        if not self._robot.firmware.measures or isinstance(error, LinkError):
+            return
+        self._last_words = True
+        try:
+            self.guard.send_fault_commands(self._robot.guards.on_fault == TORQUE_OFF)
+        except Exception as failure:  # a driver may raise any exception
+            logger.error("Holding the arm after a fault failed: %s", failure)
+
     def hold(self, brake: float = 0.0) -> None:
         """Drop the rest of the motion and hold.
 
@@ -127,7 +144,7 @@ class Connection:
             _join(self.streamer.thread)
         self._closed = True
         try:
-            self._link.close(discard=error is not None)
+            self._link.close(discard=error is not None and not self._last_words)
         except Exception as failure:  # a driver may raise any exception
             logger.error("Closing the port %s failed: %s", self._link.port, failure)
         if self._reader:
@@ -164,7 +181,10 @@ class Connection:
                 before = self.session.measured
                 self.session.receive(data, self._clock.now())
                 if (measured := self.session.measured) and measured is not before:
-                    self._observe(Measured(self._clock.now(), measured))
+                    now = self._clock.now()
+                    self._observe(Measured(now, measured))
+                    if self.streamer:  # not before the arm is active
+                        self._measured_guard.check(self.guard.commanded, measured, now)
                 if self.streamer:
                     self.streamer.on_received()
                 self._on_receive()

@@ -137,6 +137,19 @@ class WriteGuard:
                 self._send_command(self._session.poll(self._clock.now()), request=True)
         self._outbox.deliver()
 
+    def send_fault_commands(self, torque_off: bool) -> None:
+        """Send what the board must receive after a fault. The guard is closed; nothing follows.
+
+        Args:
+            torque_off: True to let the joints go; False to hold them where they are measured.
+
+        Raises:
+            LinkError: The port failed.
+        """
+        with self._lock:
+            self._send_command(self._session.fault_commands(torque_off))
+        self._outbox.deliver()
+
     def close(self) -> None:
         """Refuse all writes from now on. A write in progress finishes and is reported first."""
         self._closed = True

@@ -17,6 +17,7 @@ from hardware.joints import Joint, rounded
 from hardware.link.link import VIRTUAL, Link
 
 from .gripper import Gripper
+from .guards import Guards
 from .kinematics import ForwardKinematics, reach
 from .meshes import find_mesh
 
@@ -87,6 +88,7 @@ class Robot:
         tool: The tool, or None if the robot file has none.
         gripper: The gripper, or None if the robot file does not say how its width is measured.
         brake: How long a stop slows the motion down before it holds [s]; 0 to hold at once.
+        guards: Limits of what the board measures; unused if it measures nothing.
         links: Names of all links.
         home: Target of `armtree home`: poses and JOINT=VALUE; empty for the boot pose.
         meshes: Files of meshes by their names in the URDF, if they are in another place than beside
@@ -105,6 +107,7 @@ class Robot:
     tool: Tool | None = None
     gripper: Gripper | None = None
     brake: float = 0.0
+    guards: Guards = field(default_factory=Guards)
     links: tuple[str, ...] = ()
     home: tuple[str, ...] = ()
     meshes: Mapping[str, Path] = field(default_factory=dict)

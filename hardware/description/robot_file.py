@@ -13,6 +13,7 @@ from hardware.suggestions import choices, there_are
 from hardware.toml_table import TomlTable
 
 from .gripper import Gripper
+from .guards import Guards
 from .kinematics import ForwardKinematics
 from .robot import CollisionRules, Robot, Serial, Tool
 from .urdf import Urdf, UrdfError, UrdfJoint, read_urdf
@@ -55,6 +56,7 @@ def load_robot(path: Path | None = None, urdf: Path | None = None) -> Robot:
         collision=_collision(root.table("collision"), described.links),
         tool=_tool(root.table("tool"), described.links) if "tool" in root else None,
         gripper=_gripper(root, joints, groups, described, urdf_path) if "gripper" in root else None,
+        guards=_guards(root, firmware) if "guards" in root else Guards(),
         links=described.links,
         home=tuple(root.text("home", default="").split()),
         brake=root.number("brake_s", least=0, most=MAX_BRAKE) if "brake_s" in root else 0.0,
@@ -112,6 +114,13 @@ def _board(root: TomlTable, driver: Driver | NullDriver) -> tuple[Serial, Firmwa
     )
     table.done()
     return serial, firmware
+
+
+def _guards(root: TomlTable, firmware: Firmware) -> Guards:
+    if not firmware.measures:
+        why = f"{firmware.name} measures nothing that they could check"
+        root.fail("guards", f"the table is not allowed: {why}; remove it")
+    return Guards.read(root.table("guards"))
 
 
 def _check_serial(table: TomlTable, robot: Robot) -> None:

@@ -46,6 +46,14 @@ class BoardProtocol:
         """Return bytes that are sent once, when the arm becomes active; empty for none."""
         return b""
 
+    def fault_commands(self, torque_off: bool) -> bytes:
+        """Return bytes that are sent once after a fault, if the port still works; empty for none.
+
+        Args:
+            torque_off: True to let the joints go; False to hold them where they are measured.
+        """
+        return b""
+
     def note_sent(self, frame: Frame, now: float) -> None:
         """Account for a frame that is about to be sent."""
 

@@ -58,8 +58,16 @@ class BusProtocol(BoardProtocol):
 
     def start_commands(self) -> bytes:
         """Return the commands that hold the servos where they are: goal first, then torque."""
-        goals = self._wires.command("goal_position", self._values("position"))
-        return goals + self._wires.command("torque_enable", [1] * len(self._joints))
+        return self._hold() + self._wires.command("torque_enable", [1] * len(self._joints))
+
+    def fault_commands(self, torque_off: bool) -> bytes:
+        """Return the command that lets the servos go, or holds them where they are."""
+        if torque_off:
+            return self._wires.command("torque_enable", [0] * len(self._joints))
+        return self._hold() if len(self._answers) == len(self._joints) else b""
+
+    def _hold(self) -> bytes:
+        return self._wires.command("goal_position", self._values("position"))
 
     def note_sent(self, frame: Frame, now: float) -> None:
         """Ask for the state of the servos right after a frame."""

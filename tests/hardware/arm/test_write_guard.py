@@ -210,7 +210,7 @@ def test_a_request_is_sent_in_any_state_when_it_is_due(active: bool) -> None:
     for time in (2.0, 2.999, 3.0, 3.0, 3.5, 4.5, 5.0, 5.5):
         rig.wait(time)
         rig.guard.poll()
-    assert rig.events == [CommandSent(time, b"?") for time in (3.0, 4.5, 5.5)]
+    assert rig.events == [CommandSent(time, b"?", request=True) for time in (3.0, 4.5, 5.5)]
     assert rig.link.written == [b"?"] * 3
 
 

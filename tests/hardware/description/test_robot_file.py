@@ -77,6 +77,7 @@ WRONG = {
     "baud is one": ("baud = 115200", "baud = 1", "baud =", "serial.baud: 1 is not from 1200 to 4000000"),
     "baud is huge": ("baud = 115200", f"baud = {10**400}", "baud =", r"serial.baud: 10+\.\.\.0+ is not from 1200"),
     "boot wait is a day": ("boot_wait_s = 2.0", "boot_wait_s = 86400", "boot_wait_s", "serial.boot_wait_s: 86400 is not allowed; .* at most 60"),
+    "guards of a board that measures nothing": ('[groups]', '[guards]\nmost_c = 60\n[groups]', "guards", "guards: the table is not allowed: stock measures nothing"),
     "brake of a day": ('name = "arduinobot"', 'name = "arduinobot"\nbrake_s = 86400', "brake_s", "brake_s: 86400 is not allowed; .* at most 10"),
     "brackets": ('name = "arduinobot"', f'name = {"[" * 100_000}', None, "its lists or tables are nested too deep"),
     "too long": ('name = "arduinobot"', "#" * 2**18, None, "cannot be read: it is larger than 262144 bytes"),

@@ -11,6 +11,7 @@ from hardware.printable import printable
 
 _GAP = 3  # columns between two joints
 _NARROWEST, _WIDEST = 8, 32  # columns of a bar
+_MEASURED = 10  # columns of a measured position: -100.0 deg
 _AT_REST = 1e-9  # a smaller distance to the target is none [rad]
 
 
@@ -67,12 +68,10 @@ class _Cell:
         self._position, self._target = position, target
         self._limits, unit = where.limits.get(name), where.units.get(name, "rad")
         ends = (position, target, *(self._limits or ()))
-        most = max(len(rounded(q, unit)) for q in ends)
-        self.words = rounded(position, unit)
-        if measured is not None:
-            found = rounded(measured, unit)
-            self.words = f"{self.words:>{most}} commanded {found:>{most}} measured"
-        self.widest = max(most, len(self.words))
+        found = "" if measured is None else f"{rounded(measured, unit):>{_MEASURED}} measured"
+        named = found and f" commanded {found}"
+        self.words = f"{rounded(position, unit)}{named}"
+        self.widest = max(len(rounded(q, unit)) for q in ends) + len(named)
 
     @property
     def moves(self) -> bool:

@@ -1,6 +1,8 @@
 """The driver of bus servos, on a virtual bus in simulated time."""
 
 import contextlib
+import logging
+import math
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -23,7 +25,15 @@ from hardware import (
 )
 from hardware.drivers.feetech.packets import Instruction, Packet, take_packets
 from hardware.drivers.feetech.virtual.bus import Bus, Fault
-from hardware.errors import BoardSilent, PoseOutsideLimits, ServoFault, ServoSilent
+from hardware.errors import (
+    BoardSilent,
+    JointNotFollowing,
+    JointStalled,
+    PoseOutsideLimits,
+    ServoFault,
+    ServoSilent,
+    ServoTooHot,
+)
 from hardware.testing import DriverContract
 from tests.support.arms.bus_arms import bus_arm
 from tests.support.arms.hardware_rigs import HOME, PICK, motion
@@ -79,8 +89,10 @@ class Rig:
 
 
 @contextlib.contextmanager
-def rig(folder: Path, *faults: Fault) -> Iterator[Rig]:
-    made = Rig(bus_arm(folder), list(faults))
+def rig(folder: Path, *faults: Fault, guards: str = "") -> Iterator[Rig]:
+    robot_file = bus_arm(folder)
+    robot_file.write_text(f"{robot_file.read_text()}\n[guards]\n{guards}\n")
+    made = Rig(robot_file, list(faults))
     with made.clock.working(), made.arm:
         made.arm.configure()
         yield made
@@ -139,11 +151,11 @@ def test_what_the_servos_measure_is_the_state_of_the_arm(tmp_path: Path) -> None
 def test_a_joint_that_is_blocked_is_commanded_elsewhere_than_measured(tmp_path: Path) -> None:
     with rig(tmp_path, Fault("block", 1, 2.0)) as made:
         made.arm.activate()
-        assert isinstance(made.play(PICK, 60.0), ServoFault)
+        assert isinstance(made.play(PICK, 4.0), JointStalled)
         events = [event for event in made.events if isinstance(event, Measured | FrameSent)]
         frame = next(event for event in reversed(events) if isinstance(event, FrameSent))
         measured = next(event for event in reversed(events) if isinstance(event, Measured))
-        assert abs(frame.positions[0] - measured.measurement.position[0]) > 0.002
+        assert abs(frame.positions[0] - measured.measurement.position[0]) > math.radians(2)
         assert abs(measured.measurement.effort[0]) == 1.0
 
 
@@ -193,7 +205,7 @@ def test_lost_and_damaged_answers_are_asked_for_again(tmp_path: Path) -> None:
             ServoFault,
             r"error voltage, at 25 degrees Celsius and 3\.\d V",
         ),
-        (Fault("overheat", 3, 2.0), ServoFault, "joint_3 reports the error temperature"),
+        (Fault("overheat", 3, 2.0), ServoTooHot, "servo of joint_3 has 66 degrees Celsius; .* 65"),
         (Fault("lose", 4, 2.0, 100), ServoSilent, "Servo 4 of joint_4 did not answer"),
     ],
     ids=lambda value: value.kind if isinstance(value, Fault) else "",
@@ -210,6 +222,46 @@ def test_a_fault_of_a_servo_ends_the_motion(
         assert [type(each) for each in made.faults] == [error]
 
 
+def test_a_blocked_joint_no_longer_pushes_after_the_fault(tmp_path: Path) -> None:
+    with rig(tmp_path, Fault("block", 1, 2.0)) as made:
+        made.arm.activate()
+        assert isinstance(made.play(PICK, 4.0), JointStalled)
+        made.wait(1.0)
+        made.bus.state(made.clock.now())
+        for servo in made.bus.servos:
+            assert servo.get("goal_position") == pytest.approx(servo.position, abs=15)
+            assert servo.get("torque_enable")
+        assert abs(made.bus.servos[0].get("goal_position") - made.bus.servos[0].position) <= 1
+
+
+def test_a_fault_may_let_the_joints_go(tmp_path: Path) -> None:
+    with rig(tmp_path, Fault("block", 1, 2.0), guards='on_fault = "torque_off"') as made:
+        made.arm.activate()
+        assert isinstance(made.play(PICK, 4.0), JointStalled)
+        made.wait(1.0)
+        assert not any(made.bus.state(made.clock.now()).torque.values())
+
+
+def test_a_joint_that_does_not_follow_is_a_fault(tmp_path: Path) -> None:
+    with rig(tmp_path, Fault("block", 1, 1.0), guards="stall_effort = 2") as made:
+        made.arm.activate()
+        with pytest.raises(JointNotFollowing, match=r"deg apart; the limit is 10 deg") as caught:
+            raise made.play(PICK, 2.0) or AssertionError("it ended well")
+        assert caught.value.joint == "joint_1"
+        assert math.radians(10) == caught.value.limit < caught.value.value < math.radians(20)
+
+
+def test_a_servo_that_gets_hot_is_warned_of_once_before_the_arm_stops(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    with caplog.at_level(logging.WARNING), rig(tmp_path, Fault("overheat", 3, 2.0)) as made:
+        made.arm.activate()
+        made.wait(60.0)
+    warned = [record.message for record in caplog.records if record.levelname == "WARNING"]
+    assert warned == ["The servo of joint_3 has 55 degrees Celsius; the arm stops above 65"]
+    assert [type(error) for error in made.faults] == [ServoTooHot]
+
+
 def test_a_servo_that_vanishes_from_a_resting_arm_is_a_fault(tmp_path: Path) -> None:
     with rig(tmp_path, Fault("vanish", 2, 10.0)) as made:
         made.arm.activate()
@@ -220,6 +272,13 @@ def test_a_servo_that_vanishes_from_a_resting_arm_is_a_fault(tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("old", "new", "why"),
     [
+        (
+            "[groups]",
+            "[guards]\nmost_c = 0\n[groups]",
+            "guards.most_c: 0 is not allowed; .* greater than 0",
+        ),
+        ("[groups]", '[guards]\non_fault = "fall"\n[groups]', "on_fault: .* hold"),
+        ("[groups]", "[guards]\nmost_f = 9\n[groups]", "most_f"),
         ("id = 2", "id = 1", "joint_2: its servo 1 is the servo of joint_1 already"),
         ("id = 2", "id = 254", "id: 254 is not from 0 to 252"),
         ("offset_deg = 0", "offset_deg = 120", "joint_1: the limit 90 deg is no position of serv"),

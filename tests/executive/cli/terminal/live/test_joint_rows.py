@@ -39,7 +39,7 @@ def test_a_joint_stands_between_its_limits() -> None:
 
 def test_measured_and_commanded_positions_are_named() -> None:
     (row, *_) = [text.plain for text in joint_rows(ARM, REST, {}, 80, 9, REST | {"joint_1": 0.1})]
-    assert row.startswith("joint_1   0.0 deg commanded   5.7 deg measured ├")
+    assert row.startswith("joint_1   0.0 deg commanded    5.7 deg measured ├")
 
 
 def test_the_target_is_marked_until_it_is_reached() -> None:

@@ -1,0 +1,84 @@
+"""The guard beside the write guard: it checks what the board measures."""
+
+import logging
+import math
+from collections.abc import Sequence
+
+from hardware.description.guards import Guards
+from hardware.drivers.measurement import Measurement
+from hardware.errors import JointNotFollowing, JointStalled, ServoTooHot, SupplyTooLow
+from hardware.joints import Joint
+
+logger = logging.getLogger(__name__)
+
+
+class MeasuredGuard:
+    """Checks measurements of one activation. Not thread-safe.
+
+    Args:
+        joints: The actuated joints. Those that slide are not checked for their position.
+        guards: The limits.
+    """
+
+    def __init__(self, joints: Sequence[Joint], guards: Guards) -> None:
+        self._joints, self._guards = joints, guards
+        self._since = dict[tuple[str, str], float]()  # when a joint exceeded a limit [s]
+        self._warned = set[tuple[str, str]]()
+
+    def check(self, commanded: Sequence[float], measured: Measurement, now: float) -> None:
+        """Check one measurement.
+
+        Args:
+            commanded: Commanded positions, one per joint [rad].
+            measured: The measurement.
+            now: Time of the measurement [s].
+
+        Raises:
+            JointStalled: A joint pushes with its full effort and does not move.
+            JointNotFollowing: A joint is too far from its commanded position for too long.
+            ServoTooHot: A servo is too hot.
+            SupplyTooLow: The voltage of a servo is too low.
+        """
+        guards = self._guards
+        for k, joint in enumerate(self._joints):
+            error = math.degrees(abs(commanded[k] - measured.position[k]))
+            error = error if joint.unit == "rad" else 0.0
+            effort = abs(measured.effort[k]) if measured.effort else 0.0
+            stalls = effort >= guards.stall_effort and error >= guards.stall_deg
+            if self._lasts("stall", joint, stalls, now, guards.stall_s):
+                raise JointStalled(joint.name, effort, guards.stall_effort, error)
+            if self._lasts("error", joint, error > guards.following_deg, now, guards.following_s):
+                values = math.degrees(commanded[k]), math.degrees(measured.position[k])
+                raise JointNotFollowing(joint.name, *values, guards.following_deg)
+            if measured.temperature:
+                self._check_temperature(joint, measured.temperature[k])
+            if measured.voltage:
+                self._check_voltage(joint, measured.voltage[k])
+
+    def _lasts(self, kind: str, joint: Joint, wrong: bool, now: float, allowed: float) -> bool:
+        """Return whether something is wrong for longer than allowed [s]."""
+        if not wrong:
+            self._since.pop((kind, joint.name), None)
+            return False
+        return now - self._since.setdefault((kind, joint.name), now) >= allowed
+
+    def _check_temperature(self, joint: Joint, celsius: float) -> None:
+        guards = self._guards
+        if celsius > guards.most_c:
+            raise ServoTooHot(joint.name, celsius, guards.most_c)
+        if celsius >= guards.warn_c and self._is_first("hot", joint):
+            words = "The servo of %s has %.0f degrees Celsius; the arm stops above %.0f"
+            logger.warning(words, joint.name, celsius, guards.most_c)
+
+    def _check_voltage(self, joint: Joint, volts: float) -> None:
+        guards = self._guards
+        if volts < guards.least_v:
+            raise SupplyTooLow(joint.name, volts, guards.least_v)
+        if volts < guards.warn_v and self._is_first("volts", joint):
+            words = "The servo of %s has %.1f V; the arm stops below %.1f V"
+            logger.warning(words, joint.name, volts, guards.least_v)
+
+    def _is_first(self, kind: str, joint: Joint) -> bool:
+        first = (kind, joint.name) not in self._warned
+        self._warned.add((kind, joint.name))
+        return first
