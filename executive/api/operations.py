@@ -13,6 +13,7 @@ from typing import Any
 from hardware import TRANSITIONS
 
 from . import schemas as s
+from .events import KINDS
 from .schemas import Component, Schema
 
 
@@ -102,9 +103,11 @@ _LIMIT = {
     "maximum": s.MAX_LISTED,
     "description": f"Most goals to list; default {s.MAX_LISTED}.",
 }
+_KIND = "|".join(sorted(KINDS))
 _KINDS = {
+    "title": f"a list of {_KIND.replace('|', ', ')}, separated by commas",
     "type": "string",
-    "pattern": "^[a-z]+(,[a-z]+)*$",
+    "pattern": f"^({_KIND})(,({_KIND}))*$",
     "maxLength": 200,
     "description": "Kinds of events to send, such as `goal,status`; default all.",
 }

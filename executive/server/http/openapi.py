@@ -5,7 +5,16 @@ from importlib.metadata import version
 from typing import Any
 
 from executive.api.operations import Access, Operation
-from executive.api.schemas import ERROR, TEXT, Component
+from executive.api.schemas import ERROR, TEXT, Component, Schema
+
+# What media contain that are not JSON; of a stream, each of its events.
+_MEDIA: Mapping[str, Schema] = {
+    "text/event-stream": {
+        "type": "object",
+        "properties": {"event": TEXT, "data": TEXT},
+        "required": ["event", "data"],
+    }
+}
 
 
 def document(operations: Iterable[Operation]) -> dict[str, Any]:
@@ -33,13 +42,14 @@ def document(operations: Iterable[Operation]) -> dict[str, Any]:
 
 def _described(operation: Operation) -> dict[str, Any]:
     codes = ", ".join((*operation.errors, "request"))
+    schema = operation.answer or _MEDIA.get(operation.media, TEXT)
     described: dict[str, Any] = {
         "operationId": operation.name,
         "summary": operation.summary,
         "responses": {
             str(operation.status): {
                 "description": operation.summary,
-                "content": {operation.media: {"schema": operation.answer or TEXT}},
+                "content": {operation.media: {"schema": schema}},
             },
             "4XX": {
                 "description": f"Refused; `code` is one of, or begins with: {codes}.",
