@@ -82,7 +82,7 @@ class BadTarget(SkillError):
 
     code = "goal.bad_target"
     exit_status = 4
-    hint = "correct what the message names"
+    hint = "correct the target"
     heading = "The target is invalid"
 
 

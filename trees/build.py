@@ -62,6 +62,7 @@ def build(
     context: Context,
     namespace: str,
     arguments: Mapping[str, Located] | None = None,
+    in_file: bool = True,
 ) -> Tree:
     """Build the tree of a task.
 
@@ -71,6 +72,7 @@ def build(
         context: Context of its skills.
         namespace: Namespace of its keys on the blackboard; a different one for every run.
         arguments: Values of its parameters.
+        in_file: True if the task is in a file of the user; then messages name places in it.
 
     Raises:
         FileError: The files have mistakes; it holds all of them.
@@ -85,7 +87,7 @@ def build(
     if found := tree.mistakes.found:
         raise wrong([*found, *(refusal.mistake for refusal in refused)], given)
     if refused:
-        raise _cause(refused, dict(paths(tree.root)))
+        raise _cause(refused, dict(paths(tree.root)), in_file)
     for leaf in tree.leaves.values():
         _wire(leaf)
     files = {FILE: as_text(given)} if given else {}
@@ -104,9 +106,9 @@ def refusals(tree: CompiledTree, robot: Robot) -> list[Refusal]:
     return tree.hooks.refused
 
 
-def _cause(refused: Sequence[Refusal], nodes: Mapping[Behaviour, str]) -> Exception:
+def _cause(refused: Sequence[Refusal], nodes: Mapping[Behaviour, str], in_file: bool) -> Exception:
     """Combine refusals into one error: the class and node of the first, the messages of all."""
-    for refusal in refused:
+    for refusal in refused if in_file else ():
         place = refusal.place
         at = f"{place.path.name}:{place.line}:{place.column}"
         refusal.error.args = (f"{refusal.error} ({at})",)

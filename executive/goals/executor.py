@@ -188,7 +188,9 @@ class GoalExecutor:
         namespace = f"run_{goal.identity}"
         arguments = located(goal.arguments)
         with self._blackboard:
-            attempt.tree = build(draft, library, context, namespace, arguments)
+            attempt.tree = build(
+                draft, library, context, namespace, arguments, in_file=not goal.text
+            )
         breakpoints.use(attempt.tree)
 
     def _open(self, attempt: _Attempt) -> None:

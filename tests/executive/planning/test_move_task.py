@@ -124,6 +124,21 @@ def test_a_change_out_of_bounds_is_known_from_the_start(server: RigMaker) -> Non
     assert "joint_1 = 100 deg is outside its limits, -90 deg to 90 deg" in outcome.message
 
 
+@pytest.mark.parametrize("words", [("9", "9", "9"), ("joint_1=170deg",)])
+def test_a_move_that_its_tree_refuses_has_no_place(
+    rig: RigMaker, shared_clock: SimulatedClock, words: tuple[str, ...]
+) -> None:
+    """The words of a move are in no file of the user."""
+    arm = rig()
+    with shared_clock.working():
+        arm.executive.start()
+        outcome = run_task(arm.executive, Move(words, relative=True), {})
+        arm.executive.close()
+    assert outcome.code in ("goal.bad_target", "goal.out_of_bounds")
+    assert "move.yaml" not in outcome.text()
+    assert verify(Path(outcome.recording)).holds
+
+
 def test_a_robot_names_its_home(server: RigMaker, tmp_path: Path) -> None:
     shipped = load_robot()
     assert shipped.home == ("upright", "open")
