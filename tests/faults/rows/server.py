@@ -139,7 +139,9 @@ def descriptors(scene: Scene) -> None:
             scene.check(state == "CANCELED", f"the goal ended {state}")
     size = len(server.text())
     scene.check(size < 10_240, f"the log has {size} bytes")
-    fewer = scene.armtree("serve", "--port", "virtual", limits={resource.RLIMIT_NOFILE: 20})
+    fewer = scene.armtree(
+        *("serve", "--tcp-port", "0", "--port", "virtual"), limits={resource.RLIMIT_NOFILE: 20}
+    )
     scene.check(fewer.wait() == 13, f"with 20, exit status {fewer.wait()}")
     said = fewer.text().splitlines()
     scene.check(len(said) == 1 and "ulimit -n" in said[0], f"with 20, it says {said}")
