@@ -25,7 +25,7 @@ class Guards:
     """
 
     following_deg: float = 10.0
-    following_s: float = 0.05
+    following_s: float = 0.03
     stall_effort: float = 0.9
     stall_deg: float = 2.0
     stall_s: float = 0.1

@@ -1,8 +1,8 @@
 """How the bottom room keeps time, stops, and sees a lost port.
 
 Everything runs on real pseudo-terminals, paced by the virtual Arduino with our firmware;
-`frames_per_s` by its machine code on a simulated chip. Only `stock_bytes_lost` is simulated, on the
-model of the published sketch.
+`frames_per_s` by its machine code on a simulated chip. `stock_bytes_lost` is simulated on the model
+of the published sketch, and the times until faults of servos are seen on that of the bus.
 """
 
 import dataclasses
@@ -29,18 +29,24 @@ from hardware import (
     VIRTUAL,
     Arm,
     ArmEvent,
+    BoardLink,
     Faulted,
     FrameSent,
+    Measured,
     Playback,
     PlaybackState,
     RealClock,
     Robot,
     Schedule,
     SerialLink,
+    SimulatedClock,
     compile_schedule,
     load_robot,
 )
+from hardware.clock import Signal
+from hardware.description.guards import Guards
 from hardware.drivers.arduino.firmware_profile import ARMTREE, FIRMWARES
+from hardware.drivers.feetech.virtual.bus import Bus, Fault
 from logs import Recorder, Sent
 from skills.motion import Pool, Query
 from tests.avr import rig
@@ -270,6 +276,64 @@ def _lines(link: SerialLink) -> Iterator[bytes]:
         yield from lines
 
 
+def fault_times(kind: str, count: int, guards: Guards) -> list[float]:
+    """From a fault of a servo of the SO-101, in the middle of a motion, until the arm stops [ms].
+
+    Simulated, on the model of the bus. For `follow` the joint is blocked, and the time counts from
+    the first measurement beyond the limit.
+    """
+    robot = dataclasses.replace(load_robot(Path("so101")), guards=guards)
+    rng, times = random.Random(1), []
+    for _ in range(count):
+        model, clock, begin = robot.model(), SimulatedClock(), rng.uniform(0.3, 0.8)
+        assert isinstance(model, Bus)
+        fault = Fault("vanish" if kind == "vanish" else "block", 1, begin)
+        bus, events = Bus(model.servos, robot.serial.baud, [fault]), list[ArmEvent]()
+        woken = clock.signal()
+
+        def wake(woken: Signal = woken) -> None:
+            with woken:
+                woken.notify()
+
+        with clock.working(), Arm(robot, BoardLink(bus, clock), clock, events.append) as arm:
+            arm.configure()
+            arm.activate()
+            start = arm.commanded
+            goal = (1.5, *start[1:])
+            schedule = sweep(robot, start, goal, 1.6)
+            playback = arm.play(schedule, wake, "bench", arm.generation)
+            with woken:
+                while playback.state is PlaybackState.PLAYING:
+                    woken.wait(None)
+        seen = next(event.time for event in events if isinstance(event, Faulted))
+        times.append((seen - (_beyond(events, guards) if kind == "follow" else begin)) * 1e3)
+    return times
+
+
+def _beyond(events: Sequence[ArmEvent], guards: Guards) -> float:
+    """Return when the first joint was first measured beyond the limit of following [s]."""
+    commanded = 0.0
+    for event in events:
+        match event:
+            case FrameSent():
+                commanded = event.positions[0]
+            case Measured():
+                error = abs(commanded - event.measurement.position[0])
+                if error > math.radians(guards.following_deg):
+                    return event.time
+    raise AssertionError("the limit was not exceeded")
+
+
+def bus_faults() -> list[Row]:
+    """How soon faults of bus servos are seen."""
+    no_stall = Guards(stall_effort=2.0)
+    return [
+        Row("stall_seen_ms", "ms", fault_times("stall", 50, Guards())),
+        Row("following_error_seen_ms", "ms", fault_times("follow", 50, no_stall)),
+        Row("vanished_seen_ms", "ms", fault_times("vanish", 50, Guards())),
+    ]
+
+
 def throughput() -> list[Row]:
     """What is known of `frames_per_s`."""
     if missing := rig.missing():
@@ -286,6 +350,7 @@ def main(runs: int, file: Path | None) -> None:
     rows = [
         Row("lateness_ratio_p99", "1", lateness_ratios(runs)),
         *throughput(),
+        *bus_faults(),
         Row("stop_ms_p99", "ms", [p99(stops)]),
         Row("unplug_seen_ms_p99", "ms", [p99(unplugs)]),
         Row("stock_bytes_lost", "bytes", [stock_bytes_lost(1000)]),
