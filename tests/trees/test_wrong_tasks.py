@@ -1,27 +1,18 @@
 """Mistakes of a first task file: each has one message, with the line as it should be."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import pytest
 
 from hardware import Robot
 from tests.support.generated import wrong_tasks
-from tests.support.generated.wrong_tasks import mistakes_of
+from tests.support.generated.wrong_tasks import TASK, mistakes_of
 from trees.check import check
+from trees.compile import port_types
 from trees.errors import Mistake
 
-TASK = """task: 20
-name: m
-description: One mistake.
-tree:
-  sequence:
-    - subtree: reach
-      with: {arm: upright, gripper: open}
-    - subtree: move_joints
-      with: {joints: {joint_1: 20 deg}}
-"""
 REACH, MOVE = "with: {arm: upright, gripper: open}", "with: {joints: {joint_1: 20 deg}}"
 
 # What is written instead of which part of a right file; the message; the line as it should be.
@@ -176,6 +167,14 @@ MISTAKES, IN_NODES = [*WRONG, *SLIPS], [*NODES, *SLIPS_OF_NODES]
 
 
 Found = Mapping[str, Sequence[Mistake]]
+
+
+@pytest.fixture(autouse=True, scope="module")
+def only_shipped_skills() -> Iterator[None]:
+    """Hide skills that other tests have loaded: messages list the skills that there are."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(port_types, "is_broken", lambda module: not module.startswith("skills."))
+        yield
 
 
 @pytest.fixture(scope="module")

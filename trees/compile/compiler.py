@@ -497,19 +497,30 @@ class TreeCompiler:
         likely = corrections(given, known)
         unknown = given.keys() - known.keys() - likely.keys()
         missing = [port for port, each in known.items() if each.needed and port not in given]
+        said = None
         if len(unknown) == len(missing) == 1 and not closest(next(iter(unknown)), known):
             likely[unknown.pop()] = missing[0]
+            said = missing[0] if known[missing[0]].type == "text" else None
         for port in given:
             if port not in known:
-                label = given[port].label
+                label, name = given[port].label, likely.get(port, "")
                 there = there_are(port, known, given)
                 if what:
-                    instead = label.replaced(port, likely.get(port, ""))
+                    instead = label.replaced(port, name)
+                    if name == said and self._edited(label):  # a text with a colon
+                        text = as_mapping({port: given[port]}).as_yaml()[1:-1]
+                        quoted = Located(label, text, label).as_yaml()
+                        instead = label.replaced(text, f"{name}: {quoted}")
                     self._wrong(label, f"{port} is not a {what}; {there}", instead)
                 if port not in likely:
                     self._assume_used((given[port],), scope)
         named = {likely.get(port, port): value for port, value in given.items()}
         return {port: value for port, value in named.items() if port in known}
+
+    def _edited(self, place: Place) -> bool:
+        """Return whether the layout of a line is wrong, so that it is read as it should be."""
+        found = [each.place for each in self._mistakes.found if each.place.path == place.path]
+        return any(each.line == place.line and each.lines != place.lines for each in found)
 
 
 def _placeholder_value(kind: ControlNodeKind, option: str) -> Any:

@@ -290,7 +290,7 @@ class _Reader:
             return self._scalar(event, place)
         if isinstance(event, SequenceStartEvent):
             return self._items(depth, place.location)
-        return self._mapping(depth, place.location)
+        return self._mapping(depth, place.location, in_braces=bool(event.flow_style))
 
     def _items(self, depth: int, location: str) -> list[Located]:
         items: list[Located] = []
@@ -298,7 +298,7 @@ class _Reader:
             items.append(self._value(event, depth, f"{location}[{len(items)}]"))
         return items
 
-    def _mapping(self, depth: int, location: str) -> dict[str, Located]:
+    def _mapping(self, depth: int, location: str, in_braces: bool) -> dict[str, Located]:
         values: dict[str, Located] = {}
         while not isinstance(event := next(self._events), MappingEndEvent):
             written = _printable(_joined(getattr(event, "value", "?")))
@@ -313,7 +313,8 @@ class _Reader:
                 self._wrong(key.place, f"the key {name} is given twice, first in {there}")
             label = Place(self._path, key.place.line, key.place.column, below, self._lines)
             value = self._value(next(self._events), depth, below, label)
-            if value.value is None and value.place is label and re.search(r"\W\S", written):
+            odd = (in_braces and values) or re.search(r"\W\S", written)
+            if odd and value.value is None and value.place is label:
                 self._wrong(label, f"{key} has no value; a key is followed by a colon and a space")
             if isinstance(name, str):
                 values.setdefault(name, value)

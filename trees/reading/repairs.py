@@ -245,6 +245,7 @@ def _foreign_sign_edits(lines: tuple[str, ...]) -> Iterator[_Edit]:
 
 _InLine = tuple[int, str, str]  # the column of a slip, what is wrong, and the line without it
 _KEY = r"(^[\s-]*|(?<=[{,\[])\s*)([A-Za-z_][\w-]*)"
+_TEXT = r"\s*[^\s\d$'\"{}\[\],:#][^'\"{}\[\],:#]*"
 
 _CALL = r"the values of `\2` follow a colon, not in parentheses"
 _IN_ONE_LINE = "two keys of a node in one line need braces and a comma"
@@ -274,6 +275,8 @@ _SLIPS = (
     (r"^(\s*)(//)", r"\1#", r"a comment begins with #, not with //"),
     (r"()(;)", r",", r"a comma separates values, not `;`"),
     (r"(: *[-+]?\d+)(,)(?=\d)", r"\1.", r"a point begins the decimals, not a comma"),
+    (rf"(: )({_TEXT}(,{_TEXT})+)(?=[,}}])", r'\1"\2"', r"a text with a comma needs quotes"),
+    (rf"(: )([A-Za-z]+: {_TEXT})(?=[,}}])", r'\1"\2"', r"a text with a colon needs quotes"),
 )
 
 

@@ -1,6 +1,7 @@
 """Wrong task files, and what `armtree check` says of them: `tests/data/wrong_tasks.txt`.
 
 `python -m tests.support.generated.wrong_tasks` writes the messages again.
+The number after a file's name is the number of lines of `TASK` with which the file begins.
 """
 
 from collections.abc import Mapping, Sequence
@@ -13,6 +14,18 @@ from tests.support.paths import DATA
 from trees.check import check
 from trees.errors import Mistake
 
+TASK = """task: 20
+name: m
+description: One mistake.
+tree:
+  sequence:
+    - subtree: reach
+      with: {arm: upright, gripper: open}
+    - subtree: move_joints
+      with: {joints: {joint_1: 20 deg}}
+"""
+
+_LINES = TASK.splitlines(keepends=True)
 TARGET = DATA / "wrong_tasks.txt"
 _CASE, _FILE, _SAID = "=== ", "--- ", ">>>"
 
@@ -38,8 +51,9 @@ def cases() -> dict[str, Case]:
         given, _, said = rest.partition(f"\n{_SAID}\n")
         files = dict[str, str]()
         for part in f"\n{given}".split(f"\n{_FILE}")[1:]:
-            file, _, text = part.partition("\n")
-            files[file] = f"{text}\n"
+            head, _, text = part.partition("\n")
+            file, _, shared = head.partition(" ")
+            files[file] = "".join(_LINES[: int(shared or 0)]) + f"{text}\n"
         found[name] = Case(files, said.strip("\n"))
     return found
 
@@ -76,9 +90,17 @@ def write(given: Mapping[str, Mapping[str, str]]) -> None:
         found = mistakes_of(load_robot(None), Path(folder), list(given.values()))
     blocks = ["Wrong files, and what `armtree check` prints of each."]
     for (name, files), mistakes in zip(given.items(), found, strict=True):
-        texts = [f"{_FILE}{file}\n{text.rstrip()}" for file, text in files.items()]
+        texts = [f"{_FILE}{file}{_shortened(text.rstrip())}" for file, text in files.items()]
         blocks.append("\n".join([f"{_CASE}{name}", *texts, _SAID, said(mistakes)]))
     TARGET.write_text("\n\n".join(blocks) + "\n")
+
+
+def _shortened(text: str) -> str:
+    """Return the number of lines that a text shares with `TASK`, and its other lines."""
+    lines = text.splitlines(keepends=True)
+    pairs = enumerate(zip(lines, _LINES, strict=False))
+    shared = next((row for row, (line, usual) in pairs if line != usual), len(_LINES))
+    return (f" {shared}\n" if shared else "\n") + "".join(lines[shared:])
 
 
 if __name__ == "__main__":
