@@ -98,6 +98,8 @@ class DriverContract:
             for _ in range(2):
                 rig.activate()
                 start = rig.arm.commanded
+                measures, measured = self.robot.firmware.measures, rig.arm.measured
+                assert measures == (measured is not None), f"measures is {measures}: {measured}"
                 for goal in (rig.goal(start), start):
                     playback = rig.play(goal)
                     assert playback.state is PlaybackState.DONE, f"it ended with {playback.error}"

@@ -28,7 +28,7 @@ class Guards:
     following_s: float = 0.03
     stall_effort: float = 0.9
     stall_deg: float = 2.0
-    stall_s: float = 0.1
+    stall_s: float = 0.08
     warn_c: float = 55.0
     most_c: float = 65.0
     warn_v: float = 4.8
