@@ -4,7 +4,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .move import find_server, pose_of
+from .move import pose_of
 from .support.command_group import command
 from .support.options import run_options, source_options, speed_option
 from .support.settings import option
@@ -40,6 +40,7 @@ def jog(server: str | None, speed: float, **options: Any) -> None:
     from hardware import load_robot
 
     from .support.run_jog import run_jog
+    from .support.server_requests import find_server
 
     robot, folder = load_robot(options.pop("robot")), options["trees"] or Path("trees")
     commands = saving(robot, folder)

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-from click.core import ParameterSource
 
 from executive.api.codes import look_up
 
@@ -32,26 +31,6 @@ if TYPE_CHECKING:
     from hardware.joints import Joint
 
 
-def find_server(server: str | None) -> str | None:
-    """Return the URL of the server that holds the arm, or None for an arm of this command.
-
-    It is the server that the command names, else the one that runs on this machine, unless the
-    command names a port.
-
-    Raises:
-        UsageError: Several servers run on this machine.
-    """
-    from executive.api.token_file import running
-
-    context = click.get_current_context()
-    if server or context.get_parameter_source("port") is ParameterSource.COMMANDLINE:
-        return server
-    found = [info.url for info in running()]
-    if len(found) > 1:
-        raise click.UsageError(f"several servers run; give --server URL: {', '.join(found)}")
-    return found[0] if found else None
-
-
 def _moving(function: Callable[..., "Move"]) -> Callable[..., None]:
     """Add the options of a move to a command; execute the move that it returns."""
 
@@ -66,6 +45,8 @@ def _moving(function: Callable[..., "Move"]) -> Callable[..., None]:
             name: options.pop(name) for name in ("target", "relative", "speed") if name in options
         }
         verbose = diagnostics().verbose
+        from .support.server_requests import find_server
+
         sys.exit(_execute(function(**own), find_server(server), options, as_json, verbose))
 
     return command
@@ -160,10 +141,12 @@ def find_arm(server: str | None, robot: Path | None, recordings: Path) -> "tuple
     """Return where the arm is, and who says so: a server, or else the newest recording with a pose.
 
     Raises:
-        UsageError: Several servers run on this machine.
+        UsageError: Several servers run on this machine, or the server has another robot.
         ClientError: The server does not answer; or there is none, and no such recording.
     """
     from executive.client.synchronous import Client
+
+    from .support.server_requests import find_server
 
     if url := find_server(server):
         with Client(url) as client:

@@ -9,7 +9,6 @@ import click
 from hardware.suggestions import plural
 
 from .jog import saving
-from .move import find_server
 from .support.command_group import command
 from .support.options import run_options, source_options, speed_option
 from .support.settings import option
@@ -48,6 +47,7 @@ def teach(number: int, name: str, server: str | None, speed: float, **options: A
     from trees.export.taught_task import TaughtTask
 
     from .support.run_jog import run_jog
+    from .support.server_requests import find_server
     from .terminal.jog_model import Command
 
     robot, folder = load_robot(options["robot"]), options["trees"] or Path("trees")

@@ -285,6 +285,10 @@ class AsyncClient:
         """Return where the arm is."""
         return await self._call("where", Where.from_json)
 
+    async def robot(self) -> Mapping[str, Any]:
+        """Return the description of the robot, as `GET /api/robot` answers it."""
+        return await self._call("robot", dict)
+
     async def tasks(self) -> tuple[Task, ...]:
         """Return the tasks."""
         return await self._call("tasks", lambda answer: tuple(map(Task.from_json, answer["tasks"])))

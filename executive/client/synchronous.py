@@ -281,6 +281,10 @@ class Client:
         """Return where the arm is."""
         return self._call("where", Where.from_json)
 
+    def robot(self) -> Mapping[str, Any]:
+        """Return the description of the robot, as `GET /api/robot` answers it."""
+        return self._call("robot", dict)
+
     def tasks(self) -> tuple[Task, ...]:
         """Return the tasks."""
         return self._call("tasks", lambda answer: tuple(map(Task.from_json, answer["tasks"])))

@@ -3,22 +3,79 @@
 import dataclasses
 import json
 import re
-from collections.abc import Iterator, Sequence
+import shlex
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import click
+from click.core import ParameterSource
 
+from executive.api import token_file
 from executive.api.events import Status, Where
 from executive.api.outcome import CancelCode, CancelResult
 from executive.cli.terminal.streams import echo
 from executive.client.synchronous import Client
 from executive.errors import ClientError
+from hardware import Robot, load_robot
 from logs import goal_title
 
 from .failures import print_error
+from .settings import configured, environment_name
 
 _QUESTION_ID = re.compile("[0-9a-f]{8}")
 _NO_QUESTION = "there is no open question"
+
+
+def find_server(server: str | None) -> str | None:
+    """Return the URL of the server that holds the arm, or None for an arm of this command.
+
+    It is the server that the command names, else the one that runs on this machine, unless the
+    command names a port.
+
+    Raises:
+        UsageError: Several servers run on this machine, or the server holds another robot than the
+            one that the user names.
+        ClientError: The user names a robot, and the server does not answer.
+    """
+    context = click.get_current_context()
+    if not server:
+        if context.get_parameter_source("port") is ParameterSource.COMMANDLINE:
+            return None
+        found = [info.url for info in token_file.running()]
+        if len(found) > 1:
+            raise click.UsageError(f"several servers run; give --server URL: {', '.join(found)}")
+        server = found[0] if found else None
+    if server and context.params.get("robot"):
+        _check_robot(context, server)
+    return server
+
+
+def _check_robot(context: click.Context, server: str) -> None:
+    """Reject a server that holds another robot than the one that the user names."""
+    given = context.params["robot"]
+    robot = load_robot(given)
+    with Client(server) as client:
+        held = client.robot()
+    if holds(held, robot):
+        return
+    source, by = context.get_parameter_source("robot"), "--robot"
+    if source is ParameterSource.ENVIRONMENT:
+        by = environment_name("robot")
+    elif source is not ParameterSource.COMMANDLINE:
+        by = configured(context)["robot"].place
+    other = " with other joints" if held["name"] == robot.name else ""
+    ways = f"Start a server for it with `armtree serve --robot {shlex.quote(str(given))}`"
+    if "port" in context.params:
+        ways += ", or use an arm of this command: --port PORT, or --port virtual"
+    why = f"the server {server} holds {held['name']}{other}, but {by} names {robot.name}"
+    raise click.UsageError(f"{why}. {ways}")
+
+
+def holds(held: Mapping[str, Any], robot: Robot) -> bool:
+    """Return whether the robot of a server, as `Client.robot` describes it, is this one."""
+    joints = {joint["name"] for joint in held["joints"]}
+    return held["name"] == robot.name and joints >= {joint.name for joint in robot.joints}
 
 
 def stop_all(urls: Sequence[str], as_json: bool) -> int:

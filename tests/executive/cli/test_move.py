@@ -117,3 +117,27 @@ def test_a_stop_reports_the_server_that_does_not_answer(serve: Serve, folder: Pa
     status, out, error = type_command(folder, "stop", "--server", "http://127.0.0.1:9")
     assert (status, out) == (13, "")
     assert "step" not in error
+
+
+def test_a_server_with_another_robot_than_the_named_one_is_refused(
+    serve: Serve, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The wrong arm would move."""
+    served = serve()
+    url, frames = served.server.url, served.executive.where()
+    named = ("--robot", "so101")
+    for words in (("move", "joint_1=5deg"), ("home",), ("jog",), ("teach", "5", "a"), ("where",)):
+        status, out, error = type_command(folder, *words, *named)
+        assert (status, out) == (2, "")
+        said = " ".join(error.split())
+        assert f"the server {url} holds arduinobot, but --robot names so101" in said
+        assert "armtree serve --robot so101" in said
+        assert ("--port virtual" in said) == (words != ("where",))
+    assert type_command(folder, "where", "--server", url, *named)[0] == 2
+    monkeypatch.setenv("ARMTREE_ROBOT", "so101")
+    assert "but ARMTREE_ROBOT names so101" in " ".join(type_command(folder, "home")[2].split())
+    monkeypatch.delenv("ARMTREE_ROBOT")
+    (folder / "armtree.toml").write_text('robot = "so101"\n')
+    assert "armtree.toml:1 names so101" in " ".join(type_command(folder, "home")[2].split())
+    assert served.executive.where() == frames
+    assert type_command(folder, "where", "--robot", "arduinobot")[0] == 0
