@@ -25,8 +25,9 @@ def jog(server: str | None, speed: float, **options: Any) -> None:
     """Move joints and tool in small steps, by keys.
 
     Each step is a move: planned, checked and recorded. Of the keys that are pressed meanwhile, the
-    last one moves the arm next. If a server runs on this machine, its arm moves, unless --port is
-    given. Otherwise the first step opens the port, which may move the arm.
+    last one moves the arm next, and s saves the pose at the end of the move. If a server runs on
+    this machine, its arm moves, unless --port is given. Otherwise the first step opens the port,
+    which may move the arm.
 
     \b
       <- ->        move by a step        space  stop

@@ -10,14 +10,16 @@ from executive.api.move import HOME, Move
 from hardware.joints import DISPLAY_UNITS
 from hardware.suggestions import plural
 
-from .keyboard import DELETE, DOWN, ENTER, ESCAPE, LEFT, RIGHT, UP
+from .keyboard import DELETE, DOWN, ENTER, ESCAPE, LEFT, RIGHT, UP, key_name
 
 STEPS = (0.1, 0.5, 1.0, 2.0, 5.0, 10.0)  # size of a step [deg], or [mm]
 _POSES = {"h": HOME, "o": "open", "c": "closed"}
 _TOOL = "xyz"
 _UP, _DOWN = "tool up", "tool down"  # z of the tool
 _MESSAGE = 4  # the share of the lines that a message has at most is 1 in this number
-_LISTED = 34  # columns of the axes, if a list is beside them
+_LISTED = 34  # least columns of the axes, if a list is beside them
+_NAMED = 16  # least columns of a name
+_ABOUT = "Of the keys pressed during a move, the last one waits; letters act when the arm is still"
 _HARD = "\xa0"  # a space at which no line is broken
 
 
@@ -130,7 +132,9 @@ class Jog:
         moving: The move under way; None for none.
         waiting: The move that follows; None for none. Only the last key pressed during a move
             counts, so that the arm stops soon after a key is released.
-        dropped: Number of keys pressed during the move that do not count.
+        calling: The command that follows when the arm is still; None for none.
+        dropped: Number of keys pressed during a move that do not count. It is kept until the first
+            key after the move.
         lost: True if nothing is known of the arm any more. Keys then do nothing; q leaves.
         prompt: Key of the command whose text is typed; empty for none.
         typed: What was typed for it.
@@ -145,6 +149,7 @@ class Jog:
     step: int = 3
     moving: Go | None = None
     waiting: Go | None = None
+    calling: Call | None = None
     dropped: int = 0
     lost: bool = False
     prompt: str = ""
@@ -178,36 +183,42 @@ class Jog:
         if self.lost:
             return self, Leave() if key == "q" else None
         if key == " ":
-            stopped = replace(self, waiting=None, dropped=0, prompt="")
-            return stopped.said("Stopped"), Stop()
+            undone = self._undone
+            stopped = replace(self, waiting=None, calling=None, dropped=0, prompt="", typed="")
+            return stopped.said(f"Stopped{undone}"), Stop()
         if self.prompt:
             return self._type(key)
         if key == "q":
             return self, Leave()
+        state = self if self.moving else replace(self, dropped=0)
         if key in self.commands:
-            return self._call(key)
+            return state._call(key)
         if (selected := self._chosen(key)) is not None:
-            return replace(self, selected=selected), None
+            return replace(state, selected=selected), None
         if key in ("+", "=", "-"):
             step = self.step + (-1 if key == "-" else 1)
-            return replace(self, step=min(max(step, 0), len(STEPS) - 1)), None
+            return replace(state, step=min(max(step, 0), len(STEPS) - 1)), None
         if go := self._go(key):
-            if not self.moving:
-                return self._started(go)
-            dropped = self.dropped + bool(self.waiting)
-            return replace(self, waiting=go, dropped=dropped).said(""), None
-        return self, None
+            return state._pressed(go)
+        if key == "?":
+            return state.said(_ABOUT), None
+        return state.said(f"{key_name(key)} is not a key of jog; ? shows help", failed=True), None
 
     def ended(self, message: str, failed: bool) -> tuple["Jog", Action | None]:
         """Return the state after the end of the move under way, and what to do.
 
         Args:
-            message: How it ended, for people; empty if it succeeded.
-            failed: True if it failed. The move that waits is then dropped.
+            message: How it ended, for people; empty if it succeeded. If it did not, the move and
+                the command that wait are dropped.
+            failed: True if it failed.
         """
-        waiting = None if failed else self.waiting
-        state = replace(self, moving=None, waiting=None, dropped=0).said(message, failed)
-        return state._started(waiting) if waiting else (state, None)
+        state = replace(self, moving=None, waiting=None)
+        if message:
+            said = message if self._undone in message else f"{message}{self._undone}"
+            return replace(state, calling=None).said(said, failed), None
+        if self.waiting:
+            return state._started(self.waiting)
+        return replace(state, calling=None), self.calling
 
     def lose(self, why: str) -> "Jog":
         """Return the state after the arm is lost.
@@ -215,7 +226,9 @@ class Jog:
         Args:
             why: Why nothing is known of it any more, for people.
         """
-        state = replace(self, lost=True, moving=None, waiting=None, dropped=0, prompt="")
+        state = replace(
+            self, lost=True, moving=None, waiting=None, calling=None, dropped=0, prompt="", typed=""
+        )
         return state.said(why, failed=True)
 
     def said(self, message: str, failed: bool = False) -> "Jog":
@@ -235,28 +248,29 @@ class Jog:
             title: What the screen is, such as `armtree jog`.
             steps: Steps that were taken, for people; None for a jog that takes none.
         """
-        said = wrap(self._said, width)[: max(rows // _MESSAGE, 1)] or [""]
+        said = wrap(self.message, width)
+        shown = [*wrap(self._typing, width), *wrap(self._next, width), *said]
+        shown = shown[: max(rows // _MESSAGE, 1)] or [""]
         head = f"{title}   arm {'unknown' if self.lost else where.arm}"
-        tail = [*self._state(width), *said, *self._help(width)]
+        tail = [*self._state(width), *shown, *self._help(width)]
         most = max(rows - len(tail) - 1, 1)
         body = list(self._listed(where, most))
         if steps is not None:
             beside = list(_last(steps, most))
+            listed = max(_LISTED, *map(len, body))
             body += [""] * (len(beside) - len(body))
             beside += [""] * (len(body) - len(beside))
-            body = [
-                f"{axis[:_LISTED]:<{_LISTED}} | {step}"
-                for axis, step in zip(body, beside, strict=True)
-            ]
+            body = [f"{axis:<{listed}} | {step}" for axis, step in zip(body, beside, strict=True)]
         for line in (head, *body, *tail)[:rows]:
             yield line[:width].rstrip(), self.failed and line in said
 
     def _listed(self, where: Where, most: int) -> Iterator[str]:
+        longest = max(_NAMED, *(len(each.name) for each in self.axes))
         first = min(max(self.selected - most // 2, 0), max(len(self.axes) - most, 0))
         for number, axis in enumerate(self.axes[first : first + most], first):
             mark = ">" if number == self.selected else " "
             key = number + 1 if axis.column is None else _TOOL[axis.column]
-            yield f"{mark} {key:>2} {axis.name:<16}{axis.shown(where)}"
+            yield f"{mark} {key:>2} {axis.name:<{longest}}{axis.shown(where)}"
 
     def _state(self, width: int) -> list[str]:
         """Return the size of a step, and what moves."""
@@ -264,13 +278,32 @@ class Jog:
         return [*wrap(size, width), f"moving {self.moving.words}" if self.moving else ""]
 
     @property
-    def _said(self) -> str:
-        if self.prompt:
-            return f"{self.commands[self.prompt].prompt}: {self.typed}_"
-        if self.waiting and not self.message:
-            before = f"; {plural(self.dropped, 'key')} before it not taken" if self.dropped else ""
-            return f"next: {self.waiting.words}{before}"
-        return self.message
+    def _typing(self) -> str:
+        """The prompt that is open."""
+        return f"{self.commands[self.prompt].prompt}: {self.typed}_" if self.prompt else ""
+
+    @property
+    def _next(self) -> str:
+        """What follows the move under way, and how many keys do not count."""
+        words = []
+        if self.waiting:
+            words.append(f"1 key waits: {self.waiting.words}")
+        if self.calling:
+            words.append(f"at the end of the move: {self._called}")
+        if self.dropped:
+            words.append(f"{plural(self.dropped, 'key')} not taken")
+        return "; ".join(words)
+
+    @property
+    def _called(self) -> str:
+        """The command that follows, for people."""
+        assert self.calling
+        return f"{self.commands[self.calling.key].title} {self.calling.text}".rstrip()
+
+    @property
+    def _undone(self) -> str:
+        """What to say if the command that follows is dropped."""
+        return f"; not done: {self._called}" if self.calling else ""
 
     def _help(self, width: int) -> list[str]:
         if self.lost:
@@ -302,23 +335,37 @@ class Jog:
         pose = _POSES.get(key)
         return Go(Move((pose,), speed=self.speed), f"to {pose}") if pose else None
 
+    def _pressed(self, go: Go) -> tuple["Jog", Action | None]:
+        """Return the state after the key of a move, which starts, waits or is dropped."""
+        if not self.moving:
+            return self._started(go)
+        if self.calling:  # its pose must not change any more
+            return replace(self, dropped=self.dropped + 1).said(""), None
+        dropped = self.dropped + bool(self.waiting)
+        return replace(self, waiting=go, dropped=dropped).said(""), None
+
     def _started(self, go: Go) -> tuple["Jog", Action]:
         return replace(self, moving=go, message="", failed=False), go
 
     def _call(self, key: str) -> tuple["Jog", Action | None]:
-        if self.moving:
-            return self.said("Wait until the move has ended, or stop it", failed=True), None
+        if self.calling:
+            return self.said(f"First comes {self._called}", failed=True), None
         if self.commands[key].prompt:
-            return replace(self, prompt=key, typed=""), None
-        return self, Call(key, "")
+            return replace(self, prompt=key, typed="").said(""), None
+        return self._when_still(Call(key, ""))
+
+    def _when_still(self, call: Call) -> tuple["Jog", Action | None]:
+        """Return the state after a command, which waits until nothing moves, and what to do."""
+        state = self.said("")
+        return (replace(state, calling=call), None) if self.moving else (state, call)
 
     def _type(self, key: str) -> tuple["Jog", Action | None]:
         """Return the state after a key of a text."""
         if key == ENTER:
-            action = Call(self.prompt, self.typed) if self.typed else None
-            return replace(self, prompt="", typed="", message="", failed=False), action
+            state = replace(self, prompt="", typed="")
+            return state._when_still(Call(self.prompt, self.typed)) if self.typed else (state, None)
         if key == ESCAPE:
-            return replace(self, prompt="", typed="", message="", failed=False), None
+            return replace(self, prompt="", typed=""), None
         if key == DELETE:
             return replace(self, typed=self.typed[:-1]), None
         more = key if len(key) == 1 and key.isprintable() else ""

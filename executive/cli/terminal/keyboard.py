@@ -14,6 +14,7 @@ ENTER, ESCAPE, DELETE = "\n", "\x1b", "\x7f"
 # An arrow in either of a terminal's two modes, another key that sends several characters, or one.
 _KEY = re.compile("\x1b[O\\[][0-9;]*[A-Za-z~]|.", re.DOTALL)
 _before: dict[int, list[Any]] = {}  # attributes of the terminals that are read key by key
+_NAMES = {ENTER: "Enter", ESCAPE: "Escape", DELETE: "Backspace", "\t": "Tab"}
 _SAME = {"\r": ENTER, "\x08": DELETE}
 
 
@@ -21,6 +22,11 @@ def keys_in(data: bytes) -> list[str]:
     """Return the keys that a terminal sent."""
     keys = _KEY.findall(data.decode("ascii", "replace"))
     return [key.replace("O", "[", 1) if len(key) > 1 else _SAME.get(key, key) for key in keys]
+
+
+def key_name(key: str) -> str:
+    """Return the name of a key, for people."""
+    return _NAMES.get(key, key if key.isprintable() else "This key")
 
 
 @contextlib.contextmanager

@@ -73,21 +73,26 @@ def test_the_size_of_a_step_has_limits() -> None:
 def test_only_the_last_key_of_a_move_counts() -> None:
     jog, _ = pressed(begun(), RIGHT)
     jog, action = pressed(jog, RIGHT)
-    assert (action, "next: base by +2 deg" in drawn(jog)) == (None, True)
+    assert (action, "1 key waits: base by +2 deg" in drawn(jog)) == (None, True)
     jog, action = pressed(jog, RIGHT, "2", LEFT)
     assert action is None
-    assert "next: lift by -2 mm; 2 keys before it not taken" in drawn(jog)
+    assert "1 key waits: lift by -2 mm; 2 keys not taken" in drawn(jog)
     jog, action = jog.ended("", failed=False)
     assert action == Go(Move(("lift=-2mm",), relative=True), "lift by -2 mm")
-    assert not any("next" in line for line in drawn(jog))
-    jog, action = jog.ended("", failed=False)
+    assert "2 keys not taken" in drawn(jog)
+    jog, _ = pressed(jog, LEFT, LEFT)
+    assert "1 key waits: lift by -2 mm; 3 keys not taken" in drawn(jog)
+    jog, action = jog.ended("", failed=False)[0].ended("", failed=False)
     assert (jog.moving, action) == (None, None)
+    assert "3 keys not taken" in drawn(jog)
+    assert not any("not taken" in line for line in drawn(jog.press("1")[0]))
 
 
 def test_nothing_follows_a_stop_or_a_failure() -> None:
     jog, _ = pressed(begun(), RIGHT, RIGHT)
     stopped, action = jog.press(" ")
     assert (action, stopped.waiting) == (Stop(), None)
+    assert jog.ended("Stopped", failed=False)[1] is None
     failed, action = jog.ended("out of its limits", failed=True)
     assert (action, failed.waiting, failed.message) == (None, None, "out of its limits")
 
@@ -102,17 +107,53 @@ def test_a_name_is_typed_for_a_command() -> None:
     assert jog.press(" ")[1] == Stop()
 
 
-def test_a_moving_arm_has_no_pose_to_save() -> None:
-    jog, action = pressed(begun(), RIGHT, "s")
-    assert (jog.prompt, action, jog.failed) == ("", None, True)
-    assert "Wait until the move has ended" in jog.message
+def test_a_prompt_opens_during_a_move_and_its_command_follows_the_move() -> None:
+    jog, action = pressed(begun(), RIGHT, LEFT, "s", "o", "1", "h", LEFT)
+    assert (action, jog.selected, jog.waiting and jog.waiting.words) == (None, 0, "base by -2 deg")
+    assert "Name: o1h_" in drawn(jog)
+    jog, action = pressed(jog, ENTER, RIGHT)
+    shown = "1 key waits: base by -2 deg; at the end of the move: save pose o1h; 1 key not taken"
+    assert (action, shown in drawn(jog, 100)) == (None, True)
+    assert "First comes save pose o1h" in drawn(jog.press("s")[0])
+    jog, action = jog.ended("", failed=False)
+    assert isinstance(action, Go)
+    assert jog.ended("", failed=False)[1] == Call("s", "o1h")
+    jog, _ = jog.press(" ")
+    assert "Stopped; not done: save pose o1h" in drawn(jog)
+    assert jog.ended("", failed=False)[1] is None
 
 
-def test_other_keys_do_nothing() -> None:
-    jog = begun()
-    for key in ("\x1b[3~", "\x1b[H", ENTER, ESCAPE, DELETE, "?", "\ufffd", "0"):
-        assert jog.press(key) == (jog, None)
+def test_a_move_that_fails_during_a_prompt_is_shown() -> None:
+    jog, _ = pressed(begun(), RIGHT, "s", "a")
+    jog, _ = jog.ended("out of its limits", failed=True)
+    assert ("Name: a_", False) in [*jog.lines(WHERE, 80, 24, "")]
+    assert ("out of its limits", True) in [*jog.lines(WHERE, 80, 24, "")]
+    jog, _ = pressed(begun(), RIGHT, "s", "a", ENTER)
+    failed, action = jog.ended("out of its limits", failed=True)
+    assert (failed.message, action) == ("out of its limits; not done: save pose a", None)
+
+
+@pytest.mark.parametrize(
+    ("key", "name"),
+    [
+        ("\x1b[3~", "This key"),
+        (ENTER, "Enter"),
+        (ESCAPE, "Escape"),
+        (DELETE, "Backspace"),
+        ("\t", "Tab"),
+        ("v", "v"),
+        ("0", "0"),
+    ],
+)
+def test_an_unknown_key_is_named(key: str, name: str) -> None:
+    jog, action = begun().press(key)
+    assert (action, jog.message) == (None, f"{name} is not a key of jog; ? shows help")
     assert jog.press("q") == (jog, Leave())
+
+
+def test_help_says_what_waits() -> None:
+    jog, action = begun().press("?")
+    assert (action, "the last one waits" in jog.message) == (None, True)
 
 
 @pytest.mark.parametrize("size", [(200, 50), (80, 24), (60, 12)])
@@ -137,6 +178,14 @@ def test_positions_are_in_degrees_and_millimetres() -> None:
     unknown = replace(WHERE, arm=State.INACTIVE, commanded=None, tool=None)
     shown = begun().lines(unknown, 80, 24, "armtree jog")
     assert all(" ? " in line for line, _ in list(shown)[1:7])
+
+
+def test_units_are_in_line_with_long_names() -> None:
+    units = {"base": "rad", "panda_finger_joint1": "m"}
+    where = replace(WHERE, units=units, commanded=dict.fromkeys(units, 0.0))
+    jog = Jog.start(where, {}, 1.0, "")
+    lines = [line for line, _ in jog.lines(where, 80, 24, "")][1:6]
+    assert {max(line.rfind(" deg"), line.rfind(" mm")) for line in lines} == {32}
 
 
 def test_no_position_is_minus_zero() -> None:
