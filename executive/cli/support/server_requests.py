@@ -106,7 +106,8 @@ def stop_all(urls: Sequence[str], as_json: bool) -> int:
             else:
                 canceled = ", ".join(answer.goals)
                 done = f"canceled {canceled}" if canceled else "no goal was under way"
-                echo(f"Stopped the arm of {url}; {done}")
+                whose = "" if urls else ", which another user or session started"
+                echo(f"Stopped the arm of {url}{whose}; {done}")
     return status
 
 

@@ -141,3 +141,20 @@ def test_a_server_with_another_robot_than_the_named_one_is_refused(
     assert "armtree.toml:1 names so101" in " ".join(type_command(folder, "home")[2].split())
     assert served.executive.where() == frames
     assert type_command(folder, "where", "--robot", "arduinobot")[0] == 0
+
+
+def test_a_stop_says_that_it_stopped_the_server_of_somebody_else(
+    serve: Serve, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """More stops are safe, but the user learns whose arm it was."""
+    port = serve().server.port
+    monkeypatch.setenv("ARMTREE_TCP_PORT", str(port))
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(folder / "other"))
+    status, out, error = type_command(folder, "stop")
+    assert (status, error) == (0, "")
+    stopped = (
+        f"Stopped the arm of http://localhost:{port}, which another user or session started; no"
+    )
+    assert out.startswith(stopped)
+    url = f"http://localhost:{port}"
+    assert "another user" not in type_command(folder, "stop", "--server", url)[1]
