@@ -68,7 +68,7 @@ def suggestion(word: str, known: Iterable[str], given: Collection[str] = ()) -> 
 
 
 def there_are(word: str, known: Iterable[str], given: Collection[str] = ()) -> str:
-    """Return `there are NAMES`, or `there is only NAME`, as `choices`."""
+    """Return `there are NAMES`, or `there is only NAME`; of many names, only what may be meant."""
     names = tuple(known)
     if len(names) == 1:
         return f"there is only {names[0]}"
@@ -77,8 +77,9 @@ def there_are(word: str, known: Iterable[str], given: Collection[str] = ()) -> s
     found = _similar(word, names)
     if not found:
         return "none that there is has a similar name"
-    most = f"the most similar {'is' if len(found) == 1 else 'are'}"
-    return f"{most} {', '.join(found)}{did_you_mean(closest(word, names, _NEARER))}"
+    if near := closest(word, names, _NEARER):
+        return f"did you mean {near}?"
+    return f"the most similar {'is' if len(found) == 1 else 'are'} {', '.join(found)}"
 
 
 def choices(word: str, known: Iterable[str], given: Collection[str] = ()) -> str:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from hardware import Arm, RealClock, Robot
 from hardware.suggestions import did_you_mean
-from skills import Context, Positions, SkillError, check_joints, known_errors
+from skills import Context, Positions, SkillError, WorldChange, check_joints, known_errors
 from skills.motion import Body, Carry, Pool, Reached, ToolQuery, World
 
 from .analysis.collisions import CollisionChecks
@@ -18,16 +18,16 @@ from .build import refusals
 from .compile.compiler import CompiledTree, TreeCompiler
 from .compile.data_flow import short_name
 from .compile.node_paths import paths
+from .compile.port_types import declarations, known_skills
 from .compile.skill_hooks import Pose
 from .errors import FileError, Mistake, Place, TreeError
 from .reading.document import Located, StandIn, nested
 from .reading.grammar import PosesFile
 from .reading.library import Library
-from .reading.values import in_smaller_units
+from .reading.values import in_other_unit, in_smaller_units
 
 # What a file is in its library: the number of a task, the name of a subtree, None for poses, or
 # the reason why it is not one of these.
-_NO_BODY = "no node before this adds a body"
 Named = int | str | None | FileError
 
 
@@ -80,7 +80,7 @@ def check(robot: Robot, folder: Path | None, files: Sequence[Path] = ()) -> Find
     findings.mistakes += [
         Mistake(
             place,
-            f"no node before this adds a body {name}{did_you_mean(near)}",
+            f"no node before this adds a body {name}{did_you_mean(near) or _how_to_add(name)}",
             place.replaced(name, near),
         )
         for place, (name, near) in collisions.absent.items()
@@ -96,6 +96,16 @@ def check(robot: Robot, folder: Path | None, files: Sequence[Path] = ()) -> Find
     findings.notes = list(FileError(findings.notes).mistakes)
     findings.mistakes = list(FileError(findings.mistakes).mistakes)
     return findings
+
+
+def _how_to_add(name: str) -> str:
+    """Return the skills that add a body, the first one as it is written."""
+    kinds = {n: kind for n, kind in known_skills().items() if kind.world_change is WorldChange.ADDS}
+    first, *others = kinds
+    ports = {port: "…" for port, each in declarations(kinds[first]).items() if each.needed}
+    written = ", ".join(f"{port}: {value}" for port, value in (ports | {"body": name}).items())
+    more = f"; or with {' or '.join(others)}" if others else ""
+    return f": add it above, such as with {first}: {{{written}}}{more}"
 
 
 def _names_body(library: Library, name: str, but: Path) -> bool:
@@ -274,11 +284,13 @@ class _Checker:
         name = pose.label.location.rpartition(".")[2]
         if not item or joint not in {each.name for each in robot.joints}:
             return Mistake(pose.label, f"{name}: {error}")
-        for text, factor in in_smaller_units(item.value, robot.joint(joint).unit):
+        unit = robot.joint(joint).unit
+        for text, factor in in_smaller_units(item.value, unit):
             with suppress(SkillError, ExceptionGroup):
                 check_joints(robot, Positions({joint: known[joint] * factor}))
                 instead = item.place.replaced(str(item.value), text)
-                return Mistake(item.label, f"{name}: {error}{did_you_mean(text)}", instead)
+                words = in_other_unit(f"{name}: {error}", item, unit, text)
+                return Mistake(item.label, words, instead)
         return Mistake(item.label, f"{name}: {error}")
 
 

@@ -17,7 +17,7 @@ SHIPPED_ROBOT = "arduinobot"  # name of the robot that the shipped tasks and exa
 EXAMPLES = Path(__file__).with_name("examples")  # folder with example tasks
 
 _SHOWN = 20  # mistakes in a message
-_BEFORE, _WIDTH = 40, 76  # characters of a line in an excerpt
+_BEFORE, _WIDTH = 40, 96  # characters of a line in an excerpt, if it is cut
 _BEGIN, _END = 600, 200  # characters of a message, if it is cut
 _LINES = 8  # lines of a correction
 
@@ -100,8 +100,9 @@ class Place:
         """The line, with a caret below the column; empty if the text is not known."""
         if not 0 < self.line <= len(self.lines):
             return ""
-        begin = max(0, self.column - 1 - _BEFORE)
-        shown = self.lines[self.line - 1][begin : begin + _WIDTH].replace("\t", " ")
+        line = self.lines[self.line - 1]
+        begin = max(0, self.column - 1 - _BEFORE) if len(line) > _WIDTH else 0
+        shown = line[begin : begin + _WIDTH].replace("\t", " ")
         pointer = f"{' ' * (self.column - 1 - begin)}^ {self.location}".rstrip()
         return f"    {_printable(shown)}\n    {_cut(pointer)}"
 
@@ -281,15 +282,18 @@ class DuplicateTask(FileError):
         number: The number.
         first: The first file.
         second: Place of the number in the second file.
+        free: A number that no task has.
         replaces: Name of the first task, if the second may replace it; else empty.
     """
 
     code = "file.duplicate_task"
-    hint = "rename one of them"
+    hint = "give one of them another number, in its file name and at its key task"
 
-    def __init__(self, number: int, first: Path, second: Place, replaces: str) -> None:
+    def __init__(self, number: int, first: Path, second: Place, free: int, replaces: str) -> None:
         what = f"task {number} is in two files, {first} and {second.path}"
-        advice = f"rename this one, or add the line replaces: {replaces}" if replaces else self.hint
+        this = f"add the line replaces: {replaces}, or " if replaces else ""
+        which = f"{'this one' if replaces else 'one of them'} another number, such as {free}"
+        advice = f"{this}give {which}, in its file name and at its key task"
         super().__init__([Mistake(second, f"{what}: {advice}")])
 
 

@@ -139,7 +139,7 @@ def check(
 
     findings = find_mistakes(load_robot(robot), trees, files)
     for note in findings.notes:
-        echo(f"note: {note.place} {note.message}", err=True)
+        echo(f"note: {note}", err=True)
     mistakes, count = findings.mistakes, len(findings.mistakes)
     checked = plural(len(findings.files), "file")
     if as_json:
@@ -154,7 +154,9 @@ def check(
         wrong = ", ".join(dict.fromkeys(str(mistake.place.path) for mistake in mistakes))
         echo(f"{plural(count, 'mistake')} in {wrong}; {checked} checked", err=True)
     else:
-        echo(f"{checked} {'is' if len(findings.files) == 1 else 'are'} right")
+        right = f"{checked} {'is' if len(findings.files) == 1 else 'are'} right"
+        notes = f"no mistakes, but {plural(len(findings.notes), 'note')}; {checked} checked"
+        echo(notes if findings.notes else right)
     if mistakes:
         sys.exit(FileError.exit_status)
 

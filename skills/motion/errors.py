@@ -243,9 +243,9 @@ class Unreachable(MotionError):
 
     def _too_far(self) -> str:
         # Enough digits that two different points look different.
-        digits = max(4, 1 - math.floor(math.log10(self.distance)))
-        off = f"{1e3 * self.distance:.{max(1, digits - 3)}f} mm away"
-        if digits > 4:
+        digits = max(1, -2 - math.floor(math.log10(self.distance)))
+        off = f"{1e3 * self.distance:.{digits}f} mm away"
+        if digits > 1:
             off += f" (tolerance: {1e3 * self.tolerance:g} mm)"
         anyhow = "" if self.direction is None else ", in any direction"
         return (
@@ -427,8 +427,8 @@ def _the(what: str) -> str:
     return what.capitalize() if what[-1].isdigit() else f"The {what}"
 
 
-def _place(point: tuple[float, ...], digits: int = 4) -> str:
-    return "(" + ", ".join(f"{x:.{digits}f}" for x in point) + ") m"
+def _place(point: tuple[float, ...], digits: int = 1) -> str:
+    return "(" + ", ".join(f"{1e3 * x:.{digits}f}" for x in point) + ") mm"
 
 
 def _contact(first: str, second: str, distance: float) -> str:

@@ -368,7 +368,7 @@ def test_two_files_of_one_number_are_reported_with_a_place(robot: Robot, tmp_pat
     [
         (
             "{joint_1: 5}",
-            "joint_1 = 286.48 deg is outside its limits, -90 deg to 90 deg; did you mean",
+            "joint_1 = 286.48 deg is outside its limits, -90 deg to 90 deg; 5 without a unit",
         ),
         ("{jint_1: 1}", "jint_1 is not a joint"),
     ],

@@ -367,7 +367,8 @@ def test_the_files_that_a_task_needs(robot: Robot, tmp_path: Path) -> None:
     look = "{sequence: [{Wait: {duration: $a}}, {Set: {value: 5, key: $b}}, {Say: {text: 5}}]}"
     calls = "{subtree: look, with: {a: 1, b: $c, d: 1}}, {Say: {text: c, value: $c}}"
     moves = "{subtree: move_joints, with: {joints: %s}}"
-    far = "515.66 deg is outside its limits, -90 deg to 90 deg; did you mean 9 deg?"
+    far = "515.66 deg is outside its limits, -90 deg to 90 deg; 9 without a unit is 9 rad; "
+    far += "did you mean 9 deg?"
     files = {
         "poses.yaml": "poses: {left: {joint_1: x}, far: {joint_1: 9, joint_2: 9}, open: closed}\n",
         "look.yaml": "subtree: lok\nports: {a: {type: angel}, b: {type: text, output: yes}}\n"

@@ -18,7 +18,7 @@ REACH, MOVE = "with: {arm: upright, gripper: open}", "with: {joints: {joint_1: 2
 # What is written instead of which part of a right file; the message; the line as it should be.
 WRONG = [
     ("20 deg", "70", "9:23 joint_1 = 4010.7 deg is outside its limits, -90 deg to 90 deg; "
-     "did you mean 70 deg?", f"      {MOVE.replace('20', '70')}"),
+     "70 without a unit is 70 rad; did you mean 70 deg?", f"      {MOVE.replace('20', '70')}"),
     ("20 deg", "120 deg", "9:23 joint_1 = 120 deg is outside its limits, -90 deg to 90 deg",
      ""),
     ("joint_1: 20", "joint_7: 20", "9:23 joint_7 is not a joint of the robot; it has "
@@ -81,16 +81,22 @@ NODES = [
      "each node of a list with a -", ""),
     ("timeout:\n        subtree: move_joints\n        with: {joints: {joint_1: 40 deg}}\n"
      "      after: 1 s",
-     "10:7 timeout always fails after 1 s; its child takes at least 1.67 s", ""),
-    ("Attach: {body: cube, link: claw_support}", "10:22 no node before this adds a body cube", ""),
+     "13:7 timeout always fails after 1 s; its child takes at least 1.67 s; set after "
+     "above 1.68 s", ""),
+    ("Attach: {body: cube, link: claw_support}", "10:22 no node before this adds a body cube: "
+     "add it above, such as with AddBox: {body: cube, "
+     "position: …, size: …}; or with AddSphere or AddCylinder", ""),
     ("AddBox: {body: b, size: [10, 10, 10], position: [20 cm, 0, 0]}", "10:31 AddBox: size 10 m "
-     "is much larger than all this arm reaches, 0.26 m; did you mean 10 mm?",
+     "is much larger than all this arm reaches, 0.26 m; did you mean [10 mm, 10 mm, 10 mm]?",
      "    - AddBox: {body: b, size: [10 mm, 10 mm, 10 mm], position: [20 cm, 0, 0]}"),
     ("subtree: move_tool\n      with: {point: 20 cm}", "11:21 point: '20 cm' is not a list, each "
      "item a length in m, cm or mm; write [20 cm, 0, 0]", ""),
-    ("subtree: move_tool\n      with: {point: [50 cm, 0, 0]}", "11:21 The tool cannot reach", ""),
+    ("subtree: move_tool\n      with: {point: [50 cm, 0, 0]}", "11:21 The tool cannot reach "
+     "(500.0, 0.0, 0.0) mm. The nearest point is (221.1, 15.0, 43.7) mm, ",
+     "      with: {point: [22.02 cm, 1.51 cm, 4.39 cm]}"),
     ("subtree: move_relative\n      with: {by: {joint_1: 20}}",
-     "11:19 joint_1 by 1145.9 deg is more than its range, 180 deg; did you mean 20 deg?",
+     "11:19 joint_1 by 1145.9 deg is more than its range, 180 deg; 20 without a "
+     "unit is 20 rad; did you mean 20 deg?",
      "      with: {by: {joint_1: 20 deg}}"),
 ]  # fmt: skip
 
@@ -131,7 +137,8 @@ SLIPS = [
     ("joints:", "by:", "9:14 by is not a port of subtree move_joints; there are joints, speed",
      f"      {MOVE}"),
     (f"- subtree: move_joints\n      {MOVE}", "- move_joints: {joint_1: 20 deg}",
-     "8:7 no skill move_joints, but a subtree move_joints: write subtree: move_joints",
+     "8:7 no skill move_joints, but a subtree move_joints: write subtree: move_joints, with: "
+     "{joints: {joint_1: 20 deg}}",
      f"    - subtree: move_joints\n      {MOVE}"),
 ]  # fmt: skip
 SLIPS_OF_NODES = [
@@ -152,8 +159,18 @@ SLIPS_OF_NODES = [
      "    - repeat:\n        subtree: open_gripper\n      times: 3"),
     ("sequence:", "10:7 sequence needs a list of nodes: begin each with a `-`, below sequence:",
      ""),
-    ("if: CheckHardware\n      then: {subtree: open_gripper}", "10:7 there is no if: a sequence "
-     "that begins with a condition runs the rest only if it holds", ""),
+    ("if: CheckHardware\n      then: {subtree: open_gripper}", "10:7 there is no if: a selector "
+     "runs its nodes until one succeeds; begin it with the inverted condition",
+     "    - selector:\n        - inverter: CheckHardware\n        - {subtree: open_gripper}"),
+    ("if: CheckHardware\n      then: {subtree: open_gripper}\n      else: [Succeed]",
+     "10:7 there is no if: a selector runs its nodes until one succeeds; begin it with the "
+     "sequence of one case, which begins with the condition",
+     "    - selector:\n        - sequence:\n            - CheckHardware\n            - {subtree: "
+     "open_gripper}\n        - sequence:\n            - inverter: CheckHardware\n            - "
+     "sequence: [Succeed]"),
+    ("if: {left: 1, is: ==, right: 1}\n      then: Succeed", "10:7 there is no if: a selector ",
+     '    - selector:\n        - inverter: {Compare: {left: 1, is: "==", right: 1}}\n'
+     "        - Succeed"),
     ("CheckBounds: {arm: upright, gripper: open, goal: $goal}\n    - PlanArm: {goal: $goal}",
      "11:7 PlanArm needs start: position of every actuated joint [rad]; SetStart before it can "
      "write it: start: $start", ""),
@@ -219,7 +236,8 @@ FILES = [
     ("poses.yaml", "left: {joint_1: 20 deg}\n", "1:1 left must be below the key poses",
      "poses:\n  left: {joint_1: 20 deg}"),
     ("poses.yaml", "poses: {left: {joint_1: 80}}\n", "1:16 left: joint_1 = 4583.7 deg is outside "
-     "its limits, -90 deg to 90 deg; did you mean 80 deg?", "poses: {left: {joint_1: 80 deg}}"),
+     "its limits, -90 deg to 90 deg; 80 without a unit is 80 rad; did you mean 80 deg?",
+     "poses: {left: {joint_1: 80 deg}}"),
     ("wave.yaml", TASK, "1:1 this is a task, whose file is named like 20_wave.yaml; rename this "
      "one",
      ""),
@@ -342,7 +360,9 @@ def test_subtrees_that_use_each_other_are_reported_once(robot: Robot, tmp_path: 
     (tmp_path / "20_m.yaml").write_text(f"{TASK}    - subtree: aa\n")
     (mistake,) = check(robot, tmp_path).mistakes
     assert (mistake.place.path.name, mistake.place.line) == ("bb.yaml", 5)
-    assert mistake.message == "aa would contain itself: aa -> bb -> aa"
+    assert mistake.message == (
+        "aa would contain itself: aa -> bb (aa.yaml:5) -> aa (bb.yaml:5); leave one of them out"
+    )
 
 
 FINE = [

@@ -118,7 +118,7 @@ class CollisionChecks:
             predicted = predict_motions(tree, self.robot, self._carry, reach=reach)
             if task:
                 self.absent |= predicted.absent
-                self._found += [Mistake(*each) for each in predicted.unreachable.items()]
+                self._found += dict.fromkeys(predicted.unreachable)
                 check_outcomes(tree, predicted.least)
                 self._found += tree.mistakes.found
             for motion in predicted.motions:

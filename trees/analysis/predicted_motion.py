@@ -14,9 +14,11 @@ from skills.motion import EMPTY, Body, Carry, MotionError, Reached, ToolQuery, U
 from trees.compile.compiler import CompiledTree
 from trees.compile.leaf import Leaf
 from trees.compile.skill_hooks import Pose, SkillHooks
-from trees.errors import Place
+from trees.errors import Mistake, Place
 from trees.nodes.kind import Flow
+from trees.reading.values import in_unit_of
 
+_INSIDE = 1e-3  # distance of a suggested point from the end of the reach [m]
 _UNNAMED = "bodies named at run time"
 _UNKNOWN = "its start or target is known only during a run"
 
@@ -52,14 +54,14 @@ class PredictedMotions:
         unknown: Nodes that also move the arm, and why their target is not known.
         absent: Places of bodies that are used, but certainly not there; their names, and a similar
             name that is there, or "".
-        unreachable: Places of points that the tool cannot reach, and the reason.
+        unreachable: Points that the tool cannot reach.
         least: Least time that a node needs to move the arm [s].
     """
 
     motions: list[Motion] = field(default_factory=list)
     unknown: dict[Behaviour, str] = field(default_factory=dict)
     absent: dict[Place, tuple[str, str]] = field(default_factory=dict)
-    unreachable: dict[Place, str] = field(default_factory=dict)
+    unreachable: list[Mistake] = field(default_factory=list)
     least: dict[Behaviour, float] = field(default_factory=dict)
 
 
@@ -234,12 +236,27 @@ class _Walk:
         except MotionError as error:
             self._why = str(error)
             if isinstance(error, Unreachable):
-                self.found.unreachable[leaf.written.get("point", leaf).place] = str(error)
+                self.found.unreachable.append(self._unreachable(leaf, query, error))
             return now
         names = (joint.name for joint in self._robot.actuated_in(query.group))
         target = Positions(zip(names, answer.positions, strict=True))
         key = leaf.keys[type(leaf.skill).tool_output]
         return replace(now, keys={**now.keys, key: target})
+
+    def _unreachable(self, leaf: Leaf, query: ToolQuery, error: Unreachable) -> Mistake:
+        """Return the mistake of a point, with one within reach near the nearest one."""
+        point = leaf.written.get("point")
+        if not point or query.relative or query.direction or not self._reach:
+            return Mistake(point.place if point else leaf.place, str(error))
+        pairs = zip(error.nearest, error.point, strict=True)
+        inside = [near - _INSIDE * (far - near) / error.distance for near, far in pairs]
+        text, (x, y, z) = in_unit_of(point, inside)
+        instead = point.place.replaced(point.place.brackets, text)
+        try:
+            self._reach(replace(query, point=(x, y, z)))
+        except MotionError as again:
+            instead = None if isinstance(again, Unreachable) else instead
+        return Mistake(point.place, str(error), instead)
 
     def _pass(self, leaf: Leaf, inputs: Mapping[str, Any]) -> None:
         """Add the points on the way to the last motion, if this skill plans it."""

@@ -120,9 +120,10 @@ class _Node:
                 why = f"is never reached: {child.name} before it never {how}"
                 following.wrong(f"{following.name} {why}")
 
-    def wrong(self, message: str) -> None:
-        """Report a mistake of the node."""
-        self.tree.mistakes.add_also(self._place, message)
+    def wrong(self, message: str, option: str = "") -> None:
+        """Report a mistake of the node, or of one of its options."""
+        places = self.control.places if self.control else {}
+        self.tree.mistakes.add_also(places.get(option, self._place), message)
 
     def _leaves(self) -> Iterator[Leaf]:
         below = self.behaviour.iterate()

@@ -10,7 +10,7 @@ from py_trees.behaviours import Dummy
 from hardware.suggestions import closest, corrections, did_you_mean, there_are
 from skills import Context, Port, Skill
 from trees.declarations import ANY, Declaration, type_fits, words
-from trees.errors import Correction, Mistake, Mistakes, Place
+from trees.errors import Correction, Mistakes, Place
 from trees.nodes.kind import KINDS, Control, ControlNodeKind, Flow
 from trees.nodes.unknown import UnknownKind
 from trees.reading.document import REFUSED, Located, StandIn
@@ -195,7 +195,8 @@ class TreeCompiler:
             specs = [*specs, *[SkillNode(spec.place, "", {})] * 2][:2]
         nodes = self._children(specs, kind, options, scope)
         node = kind.make(shown or spec.kind or kind.name, nodes, options, self._context)
-        self._tree.controls[node] = Control(kind, options)
+        places = {option: value.label for option, value in spec.options.items()}
+        self._tree.controls[node] = Control(kind, options, places)
         if wrong or kind is _UNKNOWN:
             self._tree.hooks.doubtful.add(node)
         return node
@@ -305,7 +306,10 @@ class TreeCompiler:
         names = list(way)[list(way).index(label) :]
         first = names.index(min(names))
         cycle = [*names[first:], *names[: first + 1]]
-        self._wrong(way[cycle[0]], f"{cycle[0]} would contain itself: {' -> '.join(cycle)}")
+        uses = (f"{name} ({way[name].path.name}:{way[name].line})" for name in cycle[1:])
+        circle = " -> ".join([cycle[0], *uses])
+        why = f"{cycle[0]} would contain itself: {circle}; leave one of them out"
+        self._wrong(way[cycle[0]], why)
 
     def _ports(
         self, spec: SubtreeNode, source: TaskFile, scope: Scope, what: str
@@ -388,6 +392,8 @@ class TreeCompiler:
         ports = by_port(given, source.parameters if source else {}, ("", ""), mistakes.add)
         ports = ports if any(mistake.instead for mistake in mistakes.found) else given
         why = f"no skill {spec.skill}, but a subtree {name}: write subtree: {name}"
+        if ports and ports.keys() != spec.ports.keys():
+            why += f", with: {as_mapping(ports).as_yaml()}"
         self._wrong(spec.place, why, as_subtree(spec.place, spec.skill, name, ports))
         return SubtreeNode(spec.place, name, ports, shown)
 
@@ -475,8 +481,8 @@ class TreeCompiler:
             self._mistakes.add_last(place, f"{what}: {why}", instead)  # other uses may read it too
 
         fitted = fit(value, wanted, self._sources.poses, wrong)
-        if why := doubt(value, wanted):
-            self._mistakes.notes.append(Mistake(value.place, f"{what}: {why}"))
+        if note := doubt(value, wanted, what):
+            self._mistakes.notes.append(note)
         if wanted.type.endswith("positions") and fitted is not None:
             items = value.value if isinstance(value.value, list) else [value]
             if any(isinstance(item.value, str) for item in items):

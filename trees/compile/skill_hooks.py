@@ -18,7 +18,7 @@ from skills import Context, Skill, SkillBroken, SkillError, known_errors
 from skills.motion import Body, MotionError, ToolQuery, shown
 from trees.errors import Correction, Mistake, Place
 from trees.reading.document import Located
-from trees.reading.values import in_smaller_units
+from trees.reading.values import in_other_unit, in_smaller_units
 
 from .leaf import Leaf
 from .port_types import declaration
@@ -101,10 +101,12 @@ class SkillHooks:
                 step = fault.location[-1] if isinstance(fault, SkillError) else ""
                 there = place.replaced(str(step), name[1])
                 instead = there or place.replaced(str(value.value), name[1])
-            if value and (near := _in_smaller_unit(leaf, robot, inputs, fault)):
-                words = str(fault).removesuffix(meant := did_you_mean(near))
-                fault.args = (words + meant,)  # a skill may raise the same object again
-                instead = _with_unit(value, near.split()[1])
+            if value and (units := _in_smaller_unit(leaf, robot, inputs, fault)):
+                unit, near = units
+                old, right = value.place.brackets or str(value.value), _with_unit(value, near)
+                words = str(fault).removesuffix(did_you_mean(right))
+                fault.args = (in_other_unit(words, value, unit, right),)  # may be raised again
+                instead = value.place.replaced(old, right)
             self._refuse(Refusal(leaf.skill, kind.__name__, fault, place, instead))
 
     def min_duration(self, leaf: Leaf) -> float:
@@ -234,31 +236,32 @@ def _refused(leaf: Leaf, error: Fault) -> tuple[Place, Located | None]:
     return place, value
 
 
-def _in_smaller_unit(leaf: Leaf, robot: Robot, inputs: Mapping[str, Any], error: Fault) -> str:
-    """Return a refused number with a unit in which the skill accepts it; or an empty text."""
+def _in_smaller_unit(
+    leaf: Leaf, robot: Robot, inputs: Mapping[str, Any], error: Fault
+) -> tuple[str, str] | None:
+    """Return the unit of a refused number, and a smaller one in which the skill accepts it."""
     kind, (_, value) = type(leaf.skill), _refused(leaf, error)
     if value is None or not isinstance(error, SkillError):
-        return ""
+        return None
     port = str(error.location[0])
+    unit = declaration(kind.input_ports()[port]).unit
     first = value.value[0] if isinstance(value.value, list) and value.value else value
-    for text, factor in in_smaller_units(first.value, declaration(kind.input_ports()[port]).unit):
+    for text, factor in in_smaller_units(first.value, unit):
         scaled = {**inputs, port: _scaled(inputs.get(port), factor)}
         _, faults = _result(kind, "validate", partial(kind.validate, robot, scaled), _ANY)
         if not any(
             isinstance(fault, SkillBroken) or getattr(fault, "location", ()) == error.location
             for fault in faults
         ):
-            return text
-    return ""
+            return unit, text.split()[1]
+    return None
 
 
-def _with_unit(value: Located, unit: str) -> Correction | None:
-    """Return the line of a value with a unit after each of its numbers."""
+def _with_unit(value: Located, unit: str) -> str:
+    """Return a value with a unit after each of its numbers."""
     items, numbers = value.value if isinstance(value.value, list) else [value], (int, float)
     texts = [f"{i.value} {unit}" if type(i.value) in numbers else i.as_yaml() for i in items]
-    if isinstance(value.value, list):
-        return value.place.replaced(value.place.brackets, f"[{', '.join(texts)}]")
-    return value.place.replaced(str(value.value), texts[0])
+    return f"[{', '.join(texts)}]" if isinstance(value.value, list) else texts[0]
 
 
 def _scaled(value: Any, factor: float) -> Any:

@@ -69,17 +69,17 @@ class Sources:
         return self._read[spec.source]
 
     def _load(self, spec: SubtreeNode, mistakes: Mistakes) -> TaskFile | None:
-        right = None
+        right, place = None, spec.named or spec.place
         source, numbers, subtrees = spec.source, self._library.numbers(), self._library.subtrees()
         if source not in (*numbers, *subtrees):
             if isinstance(source, str):
                 near = closest(source, subtrees)
-                right = spec.place.replaced(f"subtree: {source}", near and f"subtree: {near}")
+                right = place.replaced(source, near)
                 message = f"no subtree {source}; {there_are(source, subtrees)}"
             else:
                 there = ", ".join(map(str, numbers[:_SHOWN])) + (", …" if numbers[_SHOWN:] else "")
                 message = f"no task {source}; there are {there}"
-            mistakes.add_last(spec.place, message, right)
+            mistakes.add_last(place, message, right)
             return None
         file, wrong = self._library.draft(source)
         if {"", f"{file.port}s"} & {mistake.place.location for mistake in wrong}:

@@ -14,6 +14,7 @@ from py_trees.behaviour import Behaviour
 
 from skills import Context
 from trees.declarations import Declaration
+from trees.errors import Place
 
 Options = Mapping[str, Any]
 Element = tuple[str, Mapping[str, str]]  # tag and attributes of an XML element
@@ -88,8 +89,8 @@ class Node(Protocol):
             how: How a child ends if the next one follows, for the message.
         """
 
-    def wrong(self, message: str) -> None:
-        """Report a mistake of the node."""
+    def wrong(self, message: str, option: str = "") -> None:
+        """Report a mistake of the node, or of one of its options."""
 
 
 class ControlNodeKind(ABC):
@@ -186,10 +187,12 @@ class Control:
     Attributes:
         kind: Its kind.
         options: Values of its options.
+        places: Places of the options that the file gives.
     """
 
     kind: ControlNodeKind
     options: Options
+    places: Mapping[str, Place]
 
 
 def all_of(outcomes: Sequence[PossibleOutcomes], shortest: float) -> PossibleOutcomes:

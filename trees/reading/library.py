@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from functools import cache
 from importlib import resources
+from itertools import count
 from pathlib import Path
 
 from hardware.suggestions import there_are
@@ -144,12 +145,18 @@ class Library:
             self._seconds[path] = source
             place = _top(path, self._text(path), _what(source))
             if isinstance(source, int):
-                raise DuplicateTask(source, there, place, name)
+                raise DuplicateTask(source, there, place, self._free_number(source), name)
             why = f"subtree {name} is in {there} already; rename this one, or add the line "
             raise FileError([Mistake(place, f"{why}replaces: {name}")])
         except FileError as error:
             self._claimed[source] = error
             raise
+
+    def _free_number(self, number: int) -> int:
+        """Return the next number that no file has."""
+        names = (_TASK.fullmatch(name) for folder in self.folders for name in _files(folder))
+        taken = {int(named[1]) for named in names if named}
+        return next(n for n in count(number) if n not in taken)
 
     def _text(self, path: Path) -> str:
         """Return the text of a file for messages; empty if it cannot be read."""

@@ -22,8 +22,10 @@ _WORDS = re.compile(r"[a-z]+( [a-z]+)+")
 _EXAMPLES = {"integer": "3", "duration": "1 s"}  # of an option, by type
 _FILES = {"subtree": ("with", "name"), "task": ("with", "name")}
 
-_IF = "there is no if: a sequence that begins with a condition runs the rest only if it holds"
-_OTHER_WORDS = {"if": _IF, "then": _IF, "else": f"{_IF}; a selector has the other case"}
+_IF = "there is no if: a selector runs its nodes until one succeeds; begin it with the "
+_ONE_CASE = f"{_IF}inverted condition"
+_TWO_CASES = f"{_IF}sequence of one case, which begins with the condition"
+_OTHER_WORDS = {"else": _TWO_CASES, "if": _ONE_CASE, "then": _ONE_CASE}
 _AMOUNT = re.compile(r"[0-9.]+ ?([a-z]+)?")
 
 
@@ -68,6 +70,8 @@ class NodeParser:
         if isinstance(value.value, list) and value.value:
             margin = " " * (value.place.column - 1)
             instead = Correction(f"{margin}sequence:", value.place.line, 0)
+        elif keys.keys() <= _OTHER_WORDS.keys() and {"if", "then"} <= keys.keys():
+            instead = replaced_block(value.place, _as_selector(keys))
         self._wrong(value.place, _no_node(value, tuple(keys)), instead)
         return self._broken(value, keys)
 
@@ -92,7 +96,7 @@ class NodeParser:
             moved = [line for row, line in enumerate(lines) if row in rows]
             kept = [f"  {line}" for row, line in enumerate(lines) if row not in rows]
             moved = [amount if line.startswith(f"{word}:") else line for line in moved]
-            why = f"{kind} has its node below it, and its number beside it, as {amount}"
+            why = f"{kind} has its node below it, and its number in a line of its own: {amount}"
             right = replaced_block(value.place, [f"{kind}:", *kept, *moved]) if lines else None
             self._wrong(item.label, why, right)
             child = Located(value.place, below, value.label)
@@ -254,7 +258,7 @@ class NodeParser:
         else:
             source = self.name(keys[head], head)
         values = self._wiring(keys["with"]) if "with" in keys else {}
-        return SubtreeNode(place, source, values, self._shown(keys))
+        return SubtreeNode(place, source, values, self._shown(keys), keys[head].place)
 
     def _with(self, head: str, keys: Mapping[str, Located]) -> Mapping[str, Located]:
         """Report ports beside a subtree or a task; return the values with them below `with`."""
@@ -357,6 +361,28 @@ def _is_amount(value: Located) -> bool:
 def is_number(value: object) -> TypeGuard[int]:
     """Return whether a value is a task number."""
     return type(value) is int and 0 <= value <= MAX_NUMBER
+
+
+def _as_selector(keys: Mapping[str, Located]) -> list[str]:
+    """Return the lines of a selector that does the same as if, then and else."""
+    from py_trees.ports import get_ports_registry  # slow to load, like the kinds
+
+    condition, ports = keys["if"].as_yaml(), nested(keys["if"]).keys()
+    for name, kind in get_ports_registry().items() if ports else ():
+        if getattr(kind, "condition", False) and kind.input_ports().keys() == ports:
+            condition = f"{{{name}: {condition}}}"  # only the ports were written
+            break
+    inverted = f"inverter: {condition}"
+    nodes = {
+        word: ("sequence: " if isinstance(keys[word].value, list) else "") + keys[word].as_yaml()
+        for word in ("then", "else")
+        if word in keys
+    }
+    if "else" not in nodes:
+        return ["selector:", f"  - {inverted}", f"  - {nodes['then']}"]
+    one = ["  - sequence:", f"      - {condition}", f"      - {nodes['then']}"]
+    other = ["  - sequence:", f"      - {inverted}", f"      - {nodes['else']}"]
+    return ["selector:", *one, *other]
 
 
 def _respell(keys: Mapping[str, Located], likely: Mapping[str, str]) -> dict[str, Located]:

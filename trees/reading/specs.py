@@ -72,12 +72,14 @@ class SubtreeNode:
         source: Name of the subtree, or number of the task; empty if the file is wrong here.
         values: Values and references by port or parameter; a value without one is at "".
         name: Name of the node; empty for the name in the file.
+        named: Place of the source; None if the file names it as a skill.
     """
 
     place: Place
     source: str | int
     values: Mapping[str, Value]
     name: str = ""
+    named: Place | None = None
 
 
 TreeNode = SkillNode | ControlNode | SubtreeNode

@@ -9,6 +9,7 @@ from typing import Any
 from hardware.joints import DISPLAY_UNITS
 from hardware.suggestions import choices, closest, did_you_mean, plural, there_are
 from trees.declarations import ANY, LIST, UNITS, Declaration, type_fits, words
+from trees.errors import Mistake
 
 from .document import REFUSED, Located, StandIn
 from .lines import as_mapping
@@ -22,11 +23,15 @@ _PYTHON: Mapping[str, tuple[type, ...]] = {
     ANY: (float, bool, str),
 }
 
-# What other programs and languages write, and what it means here.
+# What other programs, languages and libraries write, and what it means here.
 _SWITCHES = {"yes": "true", "on": "true", "no": "false", "off": "false", "1": "true", "0": "false"}
-_COMPARISONS = {"equals": "==", "equal": "==", "is": "==", "not": "!=", "less": "<"} | {
+_CHOICES = {"equals": "==", "equal": "==", "is": "==", "not": "!=", "less": "<"} | {
     "greater": ">",
     "more": ">",
+    "one": "any",
+    "first": "any",
+    "every": "all",
+    "both": "all",
 }
 _SIGNS = str.maketrans({",": ".", "\u2212": "-", "\u2013": "-"})
 _UNIT_NAMES = {"grad": "deg", "\xb0": "deg", "milli": "m", "centi": "c", "zenti": "c"}
@@ -54,15 +59,37 @@ def in_smaller_units(value: object, unit: str) -> Iterator[tuple[str, float]]:
                 yield f"{value:g} {name}", factor
 
 
-def doubt(value: Located, wanted: Declaration) -> str:
-    """Return why a value may be meant otherwise: a long time without a unit; or ""."""
+def in_unit_of(value: Located, point: Iterable[float]) -> tuple[str, tuple[float, ...]]:
+    """Return a point [m] as a list in the unit of a written one, and as it is rounded there [m]."""
+    items = value.value if isinstance(value.value, list) else []
+    found = (_QUANTITY.fullmatch(str(item.value)) for item in items)
+    unit = next((each[2] for each in found if each and each[2] in UNITS["length"]), "m")
+    factor = UNITS["length"][unit]
+    digits = 4 + round(math.log10(factor))  # 0.1 mm
+    numbers = [round(x / factor, digits) + 0.0 for x in point]
+    text = ", ".join(f"{x:g} {unit}" for x in numbers)
+    return f"[{text}]", tuple(x * factor for x in numbers)
+
+
+def in_other_unit(words: str, value: Located, unit: str, near: str) -> str:
+    """Return a message with the unit of a number without one, and the value that may be meant."""
+    numbers = [each.value for each in (value.value if isinstance(value.value, list) else [value])]
+    if not any(f"{number} {unit}" in words for number in numbers):
+        words += f"; {numbers[0]} without a unit is {numbers[0]} {unit}"
+    return words + did_you_mean(near)
+
+
+def doubt(value: Located, wanted: Declaration, what: str) -> Mistake | None:
+    """Return a note of a value that may be meant otherwise: a long time without a unit."""
     number = value.value
     if wanted.type != "duration" or value.use or not isinstance(number, int | float):
-        return ""
+        return None
     if not _LONG <= number <= _LONGEST:
-        return ""
+        return None
+    near = f"{number:g} ms"
     long = f"{number / 60:.3g} min" if number < 3600 else f"{number / 3600:.3g} h"
-    return f"{number:g} without a unit is {number:g} s, or {long}{did_you_mean(f'{number:g} ms')}"
+    why = f"{number:g} without a unit is {number:g} s, or {long}{did_you_mean(near)}"
+    return Mistake(value.place, f"{what}: {why}", value.place.replaced(str(number), near))
 
 
 def fit(
@@ -103,10 +130,10 @@ def fit(
         meant = did_you_mean(near[0]) if near else ""
         said = str(value.plain())
         chosen = closest(said, wanted.choices)
-        if _COMPARISONS.get(said) in wanted.choices:
-            chosen = _COMPARISONS[said]
-            meant = did_you_mean(f'"{chosen}"')
+        common = _CHOICES.get(said.removeprefix("success_on_").lower())
+        chosen = common if common in wanted.choices else chosen
         right = Located(value.place, chosen, value.label).as_yaml() if chosen else "".join(near[:1])
+        meant = did_you_mean(right) if chosen == common else meant
         instead = value.place.replaced(str(value.plain()), right)
         shown = f"{value} {wanted.unit if smaller else ''}".rstrip()
         wrong(value.place, f"{shown} {reason}{meant}", instead)
@@ -128,6 +155,8 @@ def _items(
         return None
     if wanted.count and len(value.value) != wanted.count and value.value != wanted.default:
         why = f"{value} has {plural(len(value.value), 'item')}, not {wanted.count}"
+        if near:
+            why = f"commas are missing in {value.as_yaml()}"
         wrong(value.place, why + did_you_mean(near), value.place.replaced(old, near))
         return None
     each = replace(wanted, type=wanted.type.removeprefix(LIST))

@@ -256,7 +256,7 @@ def test_a_plan_follows_points_for_the_tool_and_on_the_way(tmp_path: Path) -> No
 @pytest.mark.usefixtures("undrawn")
 def test_a_plan_names_the_moves_that_it_leaves_out(tmp_path: Path) -> None:
     said = all_said(tmp_path, GO, FAR, TURN, COME, COME)
-    assert "Not seen  x/move_tool/Target: The tool cannot reach (1.0000, 0.0500, 0.0800)" in said
+    assert "Not seen  x/move_tool/Target: The tool cannot reach (1000.0, 50.0, 80.0) mm" in said
     assert "Not seen  x/move_joints/Target: its start or target is known only during a run" in said
     start = "Start     assumed to be joint_1 -80.214 deg, joint_2 -34.377 deg, "
     start += "joint_3 -4.0107 deg"

@@ -147,6 +147,9 @@ def test_an_error_that_is_raised_again_suggests_a_unit_once(robot: Robot, tmp_pa
     file.write_text(HEAD.format(7, "near", "Farsighted: {joints: {joint_1: 70}}"))
     for _ in range(2):
         (mistake,) = check(robot, None, [file]).mistakes
-        assert mistake.message == "Farsighted: too far; did you mean 70 deg?"
+        assert (
+            mistake.message
+            == "Farsighted: too far; 70 without a unit is 70 rad; did you mean 70 deg?"
+        )
         assert mistake.instead
         assert mistake.instead.text.strip() == "- Farsighted: {joints: {joint_1: 70 deg}}"

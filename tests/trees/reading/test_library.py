@@ -73,7 +73,8 @@ def test_two_files_with_one_number(tmp_path: Path) -> None:
     with pytest.raises(
         DuplicateTask,
         match=r"01_x.yaml:1:1: task 1 is in two files, .*1_pick.yaml and .*01_x.yaml: "
-        "rename this one, or add the line replaces: pick\n    task: 1\n",
+        "add the line replaces: pick, or give this one another number, such as 3, in its file name "
+        r"and at its key task\n    task: 1\n",
     ):
         Library(write(tmp_path, "01_x.yaml", TASK.format(number=1))).task(1)
 
@@ -84,7 +85,9 @@ def test_a_number_claimed_twice_costs_no_other(tmp_path: Path) -> None:
     library = Library(write(tmp_path, "4_x.yaml", TASK.format(number=4)))
     assert library.task(4).number == 4
     assert library.numbers() == [0, 1, 2, 3, 4]
-    with pytest.raises(DuplicateTask, match=r"3_a.yaml and .*3_b.yaml: rename one of them"):
+    with pytest.raises(
+        DuplicateTask, match=r"3_a.yaml and .*3_b.yaml: give one of them another number, such as 5,"
+    ):
         library.head(3)
     assert [m.place.path.name for m in library.mistakes] == ["3_b.yaml"]
 

@@ -110,7 +110,7 @@ def test_an_unreachable_direction_differs_from_an_unreachable_point(
     assert np.degrees(error.askew) == pytest.approx(degrees, abs=0.1)
     assert error.direction == direction
     shown = re.escape(", ".join(f"{x:g}" for x in direction))
-    wanted = rf"can reach \(0\.1000, .*at least {degrees} deg off the direction \({shown}\)"
+    wanted = rf"can reach \(100\.0, .*at least {degrees} deg off the direction \({shown}\)"
     assert re.search(wanted, str(error))
     assert "leave it out" in str(error)
 
@@ -129,7 +129,7 @@ def test_a_point_slightly_out_of_reach_is_shown_with_enough_digits(planner: Plan
     x, y, z = (np.array(far.nearest) + 2e-5 * out).tolist()
     error = refusal(planner, ToolQuery("arm", HOME, (x, y, z)))
     assert error.distance == pytest.approx(2e-5, abs=3e-6)
-    requested, nearest = re.findall(r"\(.*?\) m", str(error))
+    requested, nearest = re.findall(r"\(.*?\) mm", str(error))
     assert requested != nearest
     assert re.search(r", 0\.0[12]\d* mm away \(tolerance: 0\.001 mm\); ", str(error))
 
