@@ -22,7 +22,7 @@ def folder(tmp_path: Path, picked: Path, monkeypatch: pytest.MonkeyPatch) -> Pat
 def test_a_pose_from_a_recording_to_a_task(folder: Path) -> None:
     status, out, error = type_command(folder, "pose", "save", "there")
     assert (status, error) == (0, "")
-    assert out.startswith("trees/poses.yaml\nthere        joint_1 -80.18 deg, joint_2 -34.36")
+    assert out.startswith("trees/poses.yaml\nthere        joint_1 -80.21 deg, joint_2 -34.38")
     assert "runs/pick.mcap; the arm may have moved since" in out
     assert "joint_4" not in out
     assert type_command(folder, "pose", "save", "all", "--group", "all")[0] == 0
