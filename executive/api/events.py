@@ -156,6 +156,8 @@ class Where:
         commanded: Last commanded position by joint [rad]; None if the arm is not active.
         tool: x, y, z of the tool at the commanded position, in the frame of the robot's root [m];
             None if the arm is not active, or its robot file names no tool.
+        width: Distance between the fingers at the commanded position [m]; None if the arm is not
+            active, or its robot file has no `pads`.
         measured: Measured position by joint [rad]; None if the arm is not active, or its board
             measures none. The next four are None in the same cases.
         measured_velocity: Measured velocity by joint [rad/s].
@@ -170,6 +172,7 @@ class Where:
     boot_wait: float = 0.0
     commanded: Mapping[str, float] | None = None
     tool: tuple[float, float, float] | None = None
+    width: float | None = None
     measured: Mapping[str, float] | None = None
     measured_velocity: Mapping[str, float] | None = None
     measured_effort: Mapping[str, float] | None = None
@@ -201,6 +204,7 @@ class Where:
             robot.serial.boot_wait,
             commanded,
             robot.tool_position(commanded) if commanded else None,
+            robot.width(commanded) if commanded else None,
             *(dict(zip(names, each, strict=True)) if each else None for each in values),
         )
 
@@ -215,6 +219,11 @@ class Where:
         """The position of the tool for people, as `120.0, 0.0, 85.5 mm`; empty if unknown."""
         shown = (f"{round(1e3 * q, 1) + 0.0:.1f}" for q in self.tool or ())  # no -0
         return f"{', '.join(shown)} mm" if self.tool else ""
+
+    @property
+    def width_words(self) -> str:
+        """The width of the gripper for people, as `20.0 mm`; empty if unknown."""
+        return "" if self.width is None else f"{1e3 * self.width:.1f} mm"
 
     def to_json(self) -> dict[str, Any]:
         """Return it as a JSON object."""

@@ -296,6 +296,10 @@ WHERE = answer(
         **_or_null({**array(NUMBER), "minItems": 3, "maxItems": 3}),
         "description": "x, y, z of the tool at the commanded position [m].",
     },
+    width={
+        **_or_null(NUMBER),
+        "description": "Distance between the fingers at the commanded position [m].",
+    },
 )
 TASK = answer(
     "Task",

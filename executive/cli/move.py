@@ -128,7 +128,7 @@ def home(speed: float) -> "Move":
 @recordings_option
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def where(server: str | None, as_json: bool, **options: Any) -> None:
-    """Print where the arm is: joints in degrees, the tool in mm.
+    """Print where the arm is: joints in degrees, the tool and the width of the gripper in mm.
 
     Asks the server on this machine. Without one, prints the last pose that a recording in this
     folder holds.
@@ -209,6 +209,8 @@ def _where_lines(found: "Where", source: str) -> Sequence[str]:
         lines.append(line)
     if found.tool:
         lines.append(f"{'tool':<12}{found.tool_words}")
+    if found.width_words:
+        lines.append(f"{'width':<12}{found.width_words:>12}")
     return lines
 
 

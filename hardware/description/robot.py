@@ -191,6 +191,16 @@ class Robot:
             return None
         return self._kinematics.locate(self.tool.link, self.tool.offset, positions)
 
+    def width(self, positions: Mapping[str, float]) -> float | None:
+        """Return the width of the gripper [m]; None if the robot file does not say how to measure.
+
+        Args:
+            positions: Position of every actuated joint [rad], by name.
+        """
+        if self.gripper is None:
+            return None
+        return self.gripper.width(self._kinematics, positions[self.gripper.joint.name])
+
     def at_width(self, width: float) -> dict[str, float]:
         """Return the position of the joint of the gripper [rad] by name, from its width [m].
 

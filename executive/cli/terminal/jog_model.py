@@ -252,7 +252,7 @@ class Jog:
         shown = [*wrap(self._typing, width), *wrap(self._next, width), *said]
         shown = shown[: max(rows // _MESSAGE, 1)] or [""]
         head = f"{title}   arm {'unknown' if self.lost else where.arm}"
-        tail = [*self._state(width), *shown, *self._help(width)]
+        tail = [*self._state(where, width), *shown, *self._help(width)]
         most = max(rows - len(tail) - 1, 1)
         body = list(self._listed(where, most))
         if steps is not None:
@@ -272,9 +272,10 @@ class Jog:
             key = number + 1 if axis.column is None else _TOOL[axis.column]
             yield f"{mark} {key:>2} {axis.name:<{longest}}{axis.shown(where)}"
 
-    def _state(self, width: int) -> list[str]:
-        """Return the size of a step, and what moves."""
+    def _state(self, where: Where, width: int) -> list[str]:
+        """Return the size of a step, the width of the gripper, and what moves."""
         size = f"step {STEPS[self.step]:g} {self.axis.people_unit}   speed {self.speed:g}"
+        size += f"   width {where.width_words}" if where.width_words else ""
         return [*wrap(size, width), f"moving {self.moving.words}" if self.moving else ""]
 
     @property

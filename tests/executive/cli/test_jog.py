@@ -88,7 +88,7 @@ def test_the_arm_holds_whatever_ends_a_move(command: list[str], tmp_path: Path, 
         else:
             terminal.type({"Ctrl-C": "\x03", "space": " ", "q": "q"}[way])
             if way == "space":
-                terminal.until("Stopped", "speed 0.02\n")
+                terminal.until("Stopped", "speed 0.02   width 0.8 mm\n")
                 terminal.type("q")
             status, printed = terminal.end()
             assert (status, "The arm holds at" in printed) == (130 * (way == "Ctrl-C"), True)

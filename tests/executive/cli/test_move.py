@@ -59,6 +59,13 @@ def test_where_after_a_move_is_its_target(folder: Path) -> None:
     assert (status, out.splitlines()[1]) == (0, "joint_1         70.9 deg commanded")
 
 
+def test_where_shows_the_width_that_a_move_takes(folder: Path) -> None:
+    assert type_command(folder, "move", "width=20mm", "--port", "virtual")[0] == 0
+    assert type_command(folder, "where")[1].splitlines()[-1] == "width            20.0 mm"
+    where = json.loads(type_command(folder, "where", "--json")[1])
+    assert where["width"] == pytest.approx(0.02)
+
+
 def test_moves_on_the_server_of_this_machine(serve: Serve, folder: Path) -> None:
     served = serve()
     status, out, _ = type_command(folder, "move", "--by", "joint_1=-5deg")

@@ -33,7 +33,7 @@ def test_a_pose_from_a_recording_to_a_task(folder: Path) -> None:
     assert found["there"] == "trees/poses.yaml:3"
     assert found["folded"] == "shipped"
     shown = type_command(folder, "pose", "show", "there")[1]
-    assert "joint_1      -80.18 deg" in shown
+    assert "joint_1      -80.21 deg" in shown
     assert "mm\nfrom         trees/poses.yaml:3" in shown
     assert "there" in type_command(folder, "pose", "ls")[1]
     assert type_command(folder, "pose", "rm", "all")[0] == 0
