@@ -113,6 +113,7 @@ def test_the_live_view() -> None:
         view.put(logs.Feedback(0.0, "ab" * 16, 5, f"phase{EVIL}", ""))
         view.put(logs.Transition(0.0, "a", "b", f"arm{EVIL}"))
         view.put(f"said{EVIL}")
+    with LiveView(console) as view:
         view.put(Outcome.of(60, GoalState.ABORTED, Cause("task.failed", f"why{EVIL}")))
     shown = stream.getvalue()
     assert all(word in shown for word in ("name", "node", "words", "phase", "arm", "said", "why"))
