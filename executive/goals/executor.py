@@ -195,7 +195,9 @@ class GoalExecutor:
 
     def _open(self, attempt: _Attempt) -> None:
         """Open the recording of a goal."""
-        goal, name = attempt.goal, attempt.task.name if attempt.task else ""
+        goal, name = attempt.goal, ""
+        if attempt.task:
+            name = attempt.task.description if goal.text else attempt.task.name
         self._recordings.open(goal.status, name, self._context.seed, attempt.tree)
         # After that, so that the lines are in its recording and follow its first event.
         logger.info("Executing the goal for %s (%s)", *goal.name)

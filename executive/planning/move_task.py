@@ -45,7 +45,7 @@ def move_text(move: Move, robot: Robot, poses: Poses) -> str:
         raise combine_errors(known_errors(group)) from group
     tree = _tree(read, move.relative, move.speed)
     description = f"{'by ' * move.relative}{' '.join(move.words)}"
-    head = {"subtree": FILE.stem, "description": f"Move {description}.", "ports": {}}
+    head = {"subtree": FILE.stem, "description": f"move {description}", "ports": {}}
     lines = [f"{key}: {json.dumps(value)}" for key, value in head.items()]
     return "\n".join([*lines, f"tree: {json.dumps(tree)}\n"])
 

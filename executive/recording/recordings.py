@@ -97,7 +97,7 @@ class Recordings:
 
         Args:
             goal: Status of the goal.
-            name: Name of its task.
+            name: Name of its task; of a move, what it is.
             seed: Seed of the planners.
             tree: The goal's tree, whose files are attached; None if it could not be built.
 

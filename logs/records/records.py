@@ -16,8 +16,8 @@ _AT_ONCE = 0.1  # a goal that starts within this time did not wait [s]
 
 
 def goal_title(task: int, name: str = "") -> str:
-    """Return how people call a goal: `move`, or its task with number and name."""
-    return "move" if task == MOVE else f"task {task} {name}".rstrip()
+    """Return how people call a goal: what a move is, such as `move folded`, or number and name."""
+    return name or "move" if task == MOVE else f"task {task} {name}".rstrip()
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +111,8 @@ class Goal:
         time: When it started to execute; in a server's own recording, when it was accepted [s].
         goal_id: UUID, 32 hexadecimal digits.
         task: Number of the requested task; -1 for a move.
-        name: Name of the task; empty if there is no such task.
+        name: Name of the task; empty if there is no such task. Of a move, what it is, such as
+            `move folded`.
         seed: Seed of the planners; 0 if the goal has a recording of its own.
     """
 

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from logs.records.records import MOVE, goal_title
+from logs.records.records import goal_title
 
 from .figure_file import save, widen
 from .motion_figure import MotionDrawing, draw_motion
@@ -312,10 +312,8 @@ def _draw_scene(figure: Figure, scene: Scene, floor: float) -> None:
 def _draw_title(figure: Figure, run: Timeline, cause: Sequence[str]) -> None:
     tall = figure.get_figheight()
     left, top = _EDGE / _WIDTH, 1 - 0.07 / tall
-    task = goal_title(run.goal.task).capitalize() if run.goal else "No goal recorded"
-    name = run.goal.name if run.goal and run.goal.task != MOVE else ""
-    name = f" · {name}" if name else ""
-    figure.text(left, top, task + name, fontsize=10, weight="bold", va="top")
+    title = goal_title(run.goal.task, run.goal.name) if run.goal else "no goal recorded"
+    figure.text(left, top, title[0].upper() + title[1:], fontsize=10, weight="bold", va="top")
     figure.text(1 - left, top, _outcome(run), fontsize=10, ha="right", va="top")
     figure.text(left, 1 - 0.26 / tall, "\n".join(cause), fontsize=7.5, va="top")
 

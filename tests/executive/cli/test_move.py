@@ -70,7 +70,7 @@ def test_moves_on_the_server_of_this_machine(serve: Serve, folder: Path) -> None
     served = serve()
     status, out, _ = type_command(folder, "move", "--by", "joint_1=-5deg")
     assert status == 0
-    assert out.startswith(f"Server {served.server.url}\nmove\n")
+    assert out.startswith(f"Server {served.server.url}\nmove by joint_1=-5deg\n")
     status, out, _ = type_command(folder, "where")
     assert out.startswith(
         f"arm         active, by server {served.server.url}\njoint_1         -5.0 deg commanded"

@@ -209,7 +209,7 @@ export class Run {
  * @param {string} [name]
  */
 export function goalTitle(task, name = "") {
-  return task === MOVE ? "move" : `task ${task} ${name}`.trimEnd();
+  return task === MOVE ? name || "move" : `task ${task} ${name}`.trimEnd();
 }
 
 /** @param {string} message */
