@@ -425,6 +425,10 @@ class NotActive(WriteRefused):
         "finalized, start armtree again"
     )
 
+    def __init__(self, message: str, hint: str = hint) -> None:
+        super().__init__(message)
+        self.hint = hint
+
 
 class InterfaceUnknown(WriteRefused):
     """The arm has no such command interface."""

@@ -59,7 +59,11 @@ ROWS = {
     USAGE: Code(2, "The command line is wrong", "see `armtree COMMAND --help`"),
     "file": Code(3, "A file is wrong", "correct it at the line that the message names"),
     CANCELED: Code(7, "The goal was canceled", "", "Canceled"),
-    BUSY: Code(4, "Another goal is under way", "wait for it, cancel it, or choose another policy"),
+    BUSY: Code(
+        4,
+        "Another goal is under way",
+        "wait, or cancel it: `armtree cancel GOAL`, or `armtree stop`",
+    ),
     QUEUE_FULL: Code(4, "The queue of goals is full", "wait for some, or cancel them"),
     DUPLICATE: Code(4, "Another goal has that identity", "give every goal its own identity"),
     BAD_IDENTITY: Code(

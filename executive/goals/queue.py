@@ -268,9 +268,7 @@ class GoalQueue:
         if invalid:  # checked first, because waiting would not help
             return cause_of(invalid)
         if busy and self.policy is Policy.REJECT:
-            words = (
-                f"goal {busy.identity} for {goal_title(busy.task)} is under way; wait, or cancel it"
-            )
+            words = f"goal {busy.identity} for {goal_title(busy.task)} is under way"
             return cause_for(BUSY, words)
         if self.policy is Policy.QUEUE and len(self._waiting) >= WAITING:
             words = f"{WAITING} goals are waiting, which is the limit; wait, or cancel some"

@@ -343,10 +343,16 @@ class Arm:
     def _not_active(self) -> NotActive:
         failing = self.state in (State.ACTIVE, State.ERRORPROCESSING)
         state = "failing" if failing else self.state.value
-        first = {State.INACTIVE: "activate it first", State.FINALIZED: "start armtree again"}
-        advice = first.get(self.state, "configure and activate it first")
+        again, activate = "start armtree again", "`armtree arm activate`"
+        advice, hint = {
+            State.INACTIVE: ("activate it first", activate),
+            State.FINALIZED: (again, again),
+        }.get(
+            self.state,
+            ("configure and activate it first", f"`armtree arm configure`, then {activate}"),
+        )
         why = f"; it failed: {self._failure}" if self._failure else ""
-        return NotActive(f"the arm is {state}; {advice}{why}")
+        return NotActive(f"the arm is {state}; {advice}{why}", hint)
 
     def _configure(self) -> Result:
         self._stop_reconnect()

@@ -56,7 +56,7 @@ def test_what_is_refused_has_its_code(typed: tuple[Served, Typed]) -> None:
     served, type_in = typed
     served.executive.arm_to("activate")
     type_in("send", "10")
-    assert "[goal.busy]\n" in type_in("send", "11")[2]
+    assert "is under way [goal.busy]\n  -> wait, or cancel" in type_in("send", "11")[2]
     assert (
         "; legal: deactivate, shutdown, raise_error [hw.transition_refused]\n"
         in type_in("arm", "cleanup")[2]

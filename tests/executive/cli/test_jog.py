@@ -127,7 +127,7 @@ def test_a_jog_on_a_server(serve: Serve, tmp_path: Path) -> None:
         goal = client.send(10)
         terminal.type(RIGHT)
         shown = " ".join(terminal.until("goal.busy").split())
-        assert f"goal {goal} for task 10 is under way; wait, or cancel it" in shown
+        assert f"goal {goal} for task 10 is under way -> wait" in shown
         client.cancel(goal)
         client.result(goal)
         client.move(joint_1="-5 deg")

@@ -68,22 +68,27 @@ def test_edges_are_reported_in_order(rig: Rig) -> None:
 
 
 def test_writing_outside_active_is_refused(rig: Rig) -> None:
-    schedule = motion(HOME, PICK, 3.0)
+    schedule, activate = motion(HOME, PICK, 3.0), "`armtree arm activate`"
 
-    def refused(state: State, advice: str) -> None:
-        with pytest.raises(NotActive, match=f"^the arm is {state.value}; {advice}$"):
+    def refused(state: State, advice: str, hint: str) -> None:
+        with pytest.raises(NotActive, match=f"^the arm is {state.value}; {advice}$") as error:
             rig.arm.play(schedule, nothing, "test", rig.arm.generation)
+        assert error.value.hint == hint
         with pytest.raises(NotActive):
             _ = rig.arm.commanded
 
-    refused(State.UNCONFIGURED, "configure and activate it first")
+    refused(
+        State.UNCONFIGURED,
+        "configure and activate it first",
+        f"`armtree arm configure`, then {activate}",
+    )
     rig.arm.configure()
-    refused(State.INACTIVE, "activate it first")
+    refused(State.INACTIVE, "activate it first", activate)
     rig.arm.activate()
     rig.arm.deactivate()
-    refused(State.INACTIVE, "activate it first")
+    refused(State.INACTIVE, "activate it first", activate)
     rig.arm.shutdown()
-    refused(State.FINALIZED, "start armtree again")
+    refused(State.FINALIZED, "start armtree again", "start armtree again")
     assert rig.frames == []
 
 

@@ -41,7 +41,7 @@ def test_a_refused_goal_says_why(open_page: Open, page_server: Served) -> None:
     shows(tab, "#goal-state", "waiting")
     tab.click(f"{task('11 nothing')} summary")
     tab.click(f"{task('11 nothing')} button")
-    shows(tab, f"{task('11 nothing')} [role=alert]", "is under way; wait, or cancel it")
+    shows(tab, f"{task('11 nothing')} [role=alert]", "is under way")
     forget(tab, "409")
 
 
