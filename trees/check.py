@@ -104,7 +104,7 @@ def _how_to_add(name: str) -> str:
     first, *others = kinds
     ports = {port: "…" for port, each in declarations(kinds[first]).items() if each.needed}
     written = ", ".join(f"{port}: {value}" for port, value in (ports | {"body": name}).items())
-    more = f"; or with {' or '.join(others)}" if others else ""
+    more = f"; or with {', '.join(others)}" if others else ""
     return f": add it above, such as with {first}: {{{written}}}{more}"
 
 

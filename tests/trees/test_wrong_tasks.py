@@ -81,11 +81,11 @@ NODES = [
      "each node of a list with a -", ""),
     ("timeout:\n        subtree: move_joints\n        with: {joints: {joint_1: 40 deg}}\n"
      "      after: 1 s",
-     "13:7 timeout always fails after 1 s; its child takes at least 1.67 s; set after "
-     "above 1.68 s", ""),
+     "13:7 timeout always fails after 1 s; its child takes at least 1.67 s; write a "
+     "time above 1.68 s", ""),
     ("Attach: {body: cube, link: claw_support}", "10:22 no node before this adds a body cube: "
      "add it above, such as with AddBox: {body: cube, "
-     "position: …, size: …}; or with AddSphere or AddCylinder", ""),
+     "position: …, size: …}; or with AddSphere, AddCylinder", ""),
     ("AddBox: {body: b, size: [10, 10, 10], position: [20 cm, 0, 0]}", "10:31 AddBox: size 10 m "
      "is much larger than all this arm reaches, 0.26 m; did you mean [10 mm, 10 mm, 10 mm]?",
      "    - AddBox: {body: b, size: [10 mm, 10 mm, 10 mm], position: [20 cm, 0, 0]}"),
@@ -286,6 +286,17 @@ def test_a_key_that_nothing_reads_is_a_note(
     assert [note.message for note in found.notes] == [
         f"nothing reads ${key}; let a node read it, or leave it out" for key in unread
     ]
+
+
+def test_a_long_time_without_a_unit_is_a_note_with_the_line(robot: Robot, tmp_path: Path) -> None:
+    (tmp_path / "20_m.yaml").write_text(f"{TASK}    - Wait: {{duration: 2000}}\n")
+    found = check(robot, None, [tmp_path / "20_m.yaml"])
+    (note,) = found.notes
+    assert not found.mistakes
+    assert note.message == (
+        "Wait.duration: 2000 without a unit is 2000 s, or 33.3 min; did you mean 2000 ms?"
+    )
+    assert _text(note) == "    - Wait: {duration: 2000 ms}"
 
 
 def test_no_file_that_ships_has_a_note(robot: Robot) -> None:

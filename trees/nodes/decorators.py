@@ -60,7 +60,7 @@ class TimeoutKind(ControlNodeKind):
         child, after = node.child(0, halted=True), node.options["after"]
         if child.shortest >= after:
             least = f"its child takes at least {child.shortest:.3g} s"
-            advice = f"; set after above {math.ceil(100 * child.shortest) / 100:g} s"
+            advice = f"; write a time above {math.ceil(100 * child.shortest) / 100:g} s"
             advice = advice if math.isfinite(child.shortest) else ""
             node.wrong(f"{node.name} always fails after {after:g} s; {least}{advice}", "after")
         return PossibleOutcomes(child.succeeds, True, child.shortest)
