@@ -55,7 +55,9 @@ def saving(robot: "Robot", folder: Path) -> "dict[str, tuple[Command, Act]]":
     from .terminal.jog_model import Command
 
     def save(where: "Where", name: str) -> str:
-        path = save_pose(robot, folder, name, pose_of(robot, where, robot.actuated_in("arm")))
-        return f"Saved the pose {name} of the arm to {path}"
+        joints = robot.actuated_in("arm")
+        path = save_pose(robot, folder, name, pose_of(robot, where, joints))
+        alone = ", without the gripper," if {*robot.actuated} - {*joints} else ""
+        return f"Saved the pose {name} of the arm{alone} to {path}"
 
     return {"s": (Command("save pose", "Name of the pose"), save)}

@@ -25,9 +25,8 @@ _name = click.argument("name", shell_complete=complete_pose)
 def pose() -> None:
     """Save, list, show and remove poses.
 
-    Your poses are in the file poses.yaml in your folder of tasks. For another robot than the
-    Arduinobot, the file is in the subfolder with the name of the robot. Tasks, `armtree move` and
-    `armtree plan` take the names of poses.
+    Your poses are in the file poses.yaml, in the subfolder of your tasks that has the name of the
+    robot. Tasks, `armtree move` and `armtree plan` take the names of poses.
     """
 
 
@@ -76,6 +75,8 @@ def save(
     positions = pose_of(loaded, found, joints)
     path = save_pose(loaded, trees, name, positions, replace)
     echo(f"{path}\n{name:<12} {_words(loaded, positions)}\n{'':<12} by {source}")
+    if left := [joint.name for joint in loaded.actuated if joint not in joints]:
+        echo(f"{'':<12} without {', '.join(left)}; --group all saves every joint")
 
 
 @pose.command()

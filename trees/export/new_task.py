@@ -7,7 +7,7 @@ from pathlib import Path
 from hardware import Robot
 from hardware.joints import DISPLAY_UNITS
 from trees.errors import FileError, Mistake, Place
-from trees.reading.library import Library, own_folder
+from trees.reading.library import Library
 
 from .schema import NAME, schema_text
 
@@ -53,7 +53,7 @@ def write_task(robot: Robot, folder: Path, number: int, name: str) -> Path:
 def prepare_file(robot: Robot, folder: Path, number: int, name: str) -> Path:
     """Check number and name of a new task, and write the JSON Schema that editors use beside it.
 
-    A task of another robot than the shipped one is written to the folder of its name.
+    A task names joints, so it is written to the subfolder with the name of its robot.
 
     Args:
         robot: The robot.
@@ -67,7 +67,7 @@ def prepare_file(robot: Robot, folder: Path, number: int, name: str) -> Path:
     Raises:
         FileError: Number or name are in use, the name is invalid, or the schema cannot be written.
     """
-    own = own_folder(folder, robot.name)
+    own = folder / robot.name
     path = own / f"{number}_{name}.yaml"
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", name):
         raise _wrong(path, f"{name!r} is not a name; use a letter, then letters, digits, _ or -")

@@ -17,7 +17,7 @@ from trees.declarations import UNITS
 from trees.errors import FileError, Mistake, Place
 from trees.reading.document import read_text
 from trees.reading.grammar import PosesFile, draft_poses
-from trees.reading.library import POSES, Library, own_folder
+from trees.reading.library import POSES, Library
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 _NEW = "# Poses of the {}. A pose can replace joint values in any task.\nposes: {{}}\n"
@@ -30,9 +30,9 @@ def save_pose(
     positions: Mapping[str, float],
     replace: bool = False,
 ) -> Path:
-    """Save a pose to the poses file in a folder of tasks.
+    """Save a pose to the poses file of a robot, in the subfolder of its name.
 
-    Poses of another robot than the shipped one are saved to the folder of its name.
+    A pose that another file of the user has is replaced there.
 
     Args:
         robot: The robot.
@@ -48,16 +48,11 @@ def save_pose(
     Raises:
         FileError: The name is invalid or in use, or the file is wrong or cannot be written.
     """
-    own = own_folder(folder, robot.name)
-    path = own / POSES
+    path = folder / robot.name / POSES
     units = {unit for names in UNITS.values() for unit in names}
     if not _NAME.fullmatch(name) or name in units or name in {each.name for each in robot.joints}:
         rule = "use a letter, then letters, digits, _ or -, and no name of a joint or a unit"
         raise _wrong(path, f"{name!r} cannot be the name of a pose; {rule}")
-    try:
-        own.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise _wrong(own, f"cannot be created: {error.strerror}") from error
     shipped, files = _poses(robot, folder)
     path = next((file.path for file in files if name in file.poses), path)
     if not replace and any(name in file.poses for file in files):
@@ -65,6 +60,10 @@ def save_pose(
     if not replace and name in shipped:
         why = f"pose {name} ships with armtree; give another name, or --replace to use yours"
         raise _wrong(path, why)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise _wrong(path.parent, f"cannot be created: {error.strerror}") from error
     text = read_text(path) if path.exists() else _NEW.format(robot.name)
     new = _with_pose(text, name, _values(robot, positions))
     replaced = {each for file in files if file.path == path for each in file.replaces}
@@ -92,7 +91,7 @@ def create_poses(
         FileError: A file is wrong, or this one cannot be written.
     """
     library = Library(folder if folder.is_dir() else None, robot.name)
-    path = own_folder(folder, robot.name) / POSES
+    path = folder / robot.name / POSES
     known = {name for file in library.draft_poses()[0] for name in file.poses}
     if path.exists() or known & poses.keys():
         return None
@@ -139,7 +138,7 @@ def _poses(robot: Robot, folder: Path) -> tuple[set[str], list[PosesFile]]:
     Raises:
         FileError: A file has mistakes.
     """
-    library = Library(folder, robot.name)
+    library = Library(folder if folder.is_dir() else None, robot.name)
     files, mistakes = library.draft_poses()
     if mistakes:
         raise FileError(mistakes)

@@ -1,7 +1,8 @@
 """The library of task files for a robot: those that ship, and those in the user's folder.
 
-Files in one of these folders itself are for every robot. Files in its folder `NAME` are for the
-robot of that name only.
+Files in one of these folders itself are for every robot, except poses: a pose names joints, so
+`poses.yaml` there is for the shipped robot. Files in its folder `NAME` are for the robot of that
+name only.
 
 The name of a task's file contains its number and name, such as `1_pick.yaml`, so a task is found
 without reading the other files. `poses.yaml` contains poses. Any other `.yaml` file is a subtree.
@@ -43,9 +44,9 @@ def with_robot(folder: Path, robot: str) -> tuple[Path, ...]:
     return (folder, own) if own.parent == folder and os.path.isdir(own) else (folder,)
 
 
-def own_folder(folder: Path, robot: str) -> Path:
-    """Return where files for a robot are written: the folder itself for the shipped robot."""
-    return folder if robot == SHIPPED_ROBOT else folder / robot
+def _is_for(path: Path, robot: str) -> bool:
+    """Return whether a file of poses is for a robot."""
+    return robot in (SHIPPED_ROBOT, path.parent.name)
 
 
 class Library:
@@ -117,8 +118,12 @@ class Library:
             place = _top(path, self._text(path), "task")
             wrong = "a task's file is named like 3_wave.yaml; rename this one"
             raise FileError([Mistake(place, wrong)])
-        elif name == POSES:
+        elif name == POSES and _is_for(path, self.robot):
             self._poses.append(path)
+        elif name == POSES:
+            where = f"those of the {self.robot} are in {folder / self.robot / POSES}"
+            why = f"is not read: its poses are for the {SHIPPED_ROBOT}; {where}"
+            self.notes.append(Mistake(Place(path, 0, 0), why))
         else:
             self._claim(path.stem, path)
 

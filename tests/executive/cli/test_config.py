@@ -168,4 +168,4 @@ def test_a_folder_of_tasks_that_does_not_exist_yet_is_a_note(project: Path) -> N
     assert "1  pick" in result.output
     assert "there is no such folder" in str(armtree("tasks", "--trees", "x").exception)
     assert armtree("new", "3", "wave").exit_code == 0
-    assert (project / "later" / "3_wave.yaml").exists()
+    assert (project / "later" / "arduinobot" / "3_wave.yaml").exists()

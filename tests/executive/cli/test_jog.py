@@ -54,14 +54,19 @@ def test_every_step_is_a_recorded_move(own: PseudoTerminal, tmp_path: Path) -> N
     lifted = own.at_rest("joint_3              2.0 deg")
     assert ">  z tool z             147.3 mm" in lifted
     own.type("sthere\r")
-    own.until("Saved the pose there of the arm to trees/poses.yaml")
+    own.until(
+        "Saved the pose there of the arm, without the gripper, to trees/arduinobot/poses.yaml"
+    )
     own.type("sthere\r")
     own.until("has a pose there already")
     own.type("q")
     status, printed = own.end()
     assert status == 0
     assert "The arm holds at joint_1 2.0 deg, joint_2 5.0 deg, joint_3 2.0 deg" in printed
-    assert "there: {joint_1: 2 deg, joint_2: 5" in (tmp_path / "trees" / "poses.yaml").read_text()
+    assert (
+        "there: {joint_1: 2 deg, joint_2: 5"
+        in (tmp_path / "trees" / "arduinobot" / "poses.yaml").read_text()
+    )
     assert len(recordings(tmp_path)) == 3
     assert all(verify(path).holds for path in recordings(tmp_path))
 

@@ -22,22 +22,26 @@ def folder(tmp_path: Path, picked: Path, monkeypatch: pytest.MonkeyPatch) -> Pat
 def test_a_pose_from_a_recording_to_a_task(folder: Path) -> None:
     status, out, error = type_command(folder, "pose", "save", "there")
     assert (status, error) == (0, "")
-    assert out.startswith("trees/poses.yaml\nthere        joint_1 -80.21 deg, joint_2 -34.38")
+    assert out.startswith(
+        "trees/arduinobot/poses.yaml\nthere        joint_1 -80.21 deg, joint_2 -34.38"
+    )
     assert "runs/pick.mcap; the arm may have moved since" in out
-    assert "joint_4" not in out
-    assert type_command(folder, "pose", "save", "all", "--group", "all")[0] == 0
+    assert out.endswith("without joint_4; --group all saves every joint\n")
+    status, out, _ = type_command(folder, "pose", "save", "all", "--group", "all")
+    assert (status, "without" in out) == (0, False)
+    assert type_command(folder, "check", "--robot", "so101")[0] == 0
     rows = [
         json.loads(line) for line in type_command(folder, "pose", "ls", "--json")[1].splitlines()
     ]
     found = {row["pose"]: row["source"] for row in rows}
-    assert found["there"] == "trees/poses.yaml:3"
+    assert found["there"] == "trees/arduinobot/poses.yaml:3"
     assert found["folded"] == "shipped"
     shown = type_command(folder, "pose", "show", "there")[1]
     assert "joint_1      -80.21 deg" in shown
-    assert "mm\nfrom         trees/poses.yaml:3" in shown
+    assert "mm\nfrom         trees/arduinobot/poses.yaml:3" in shown
     assert "there" in type_command(folder, "pose", "ls")[1]
     assert type_command(folder, "pose", "rm", "all")[0] == 0
-    assert "all:" not in Path("trees/poses.yaml").read_text()
+    assert "all:" not in Path("trees/arduinobot/poses.yaml").read_text()
 
 
 @pytest.mark.parametrize(

@@ -47,7 +47,7 @@ def begin(terminal: PseudoTerminal) -> None:
 
 
 def steps(folder: Path) -> str:
-    return (folder / "trees" / "5_fetch.yaml").read_text().partition(HEAD)[2]
+    return (folder / "trees" / "arduinobot" / "5_fetch.yaml").read_text().partition(HEAD)[2]
 
 
 def test_a_task_is_taught_and_runs(command: list[str], tmp_path: Path, robot: Path) -> None:
@@ -72,11 +72,13 @@ def test_a_task_is_taught_and_runs(command: list[str], tmp_path: Path, robot: Pa
         terminal.type("t")
         terminal.until("Step 3: move to open")
         terminal.type("sthere\r")
-        terminal.until("Saved the pose there of the arm to trees/poses.yaml")
+        terminal.until(
+            "Saved the pose there of the arm, without the gripper, to trees/arduinobot/poses.yaml"
+        )
         terminal.type("q")
         status, printed = terminal.end()
     assert status == 0
-    assert "trees/5_fetch.yaml has 3 steps. Next, type: armtree run 5" in printed
+    assert "trees/arduinobot/5_fetch.yaml has 3 steps. Next, type: armtree run 5" in printed
     assert steps(tmp_path) == FIRST + WAIT + OPEN
     assert typed(tmp_path, "check", "--trees", str(tmp_path / "trees"))[0] == 0
     with SimulatedArm(tmp_path / "trees", robot=robot) as arm:
@@ -101,7 +103,10 @@ def test_nothing_is_lost(command: list[str], tmp_path: Path, way: str) -> None:
         if way == "Ctrl-C":
             terminal.type("\x03")
             status, printed = terminal.end()
-            assert (status, "trees/5_fetch.yaml has 1 step. Next" in printed) == (130, True)
+            assert (status, "trees/arduinobot/5_fetch.yaml has 1 step. Next" in printed) == (
+                130,
+                True,
+            )
         elif way == "closed terminal":
             terminal.close()
             terminal.process.wait()

@@ -37,8 +37,14 @@ FLOW += "replaces: [open]"
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
     text = BLOCK.replace("    # the end", "    open: {joint_4: -0.1}\n    # the end")
-    (path := tmp_path / "poses.yaml").write_text(text)
+    (path := own(tmp_path)).write_text(text)
     return path
+
+
+def own(folder: Path) -> Path:
+    """Return the file of poses of the robot, in a folder that exists."""
+    (folder / "arduinobot").mkdir()
+    return folder / "arduinobot" / "poses.yaml"
 
 
 def poses(folder: Path) -> dict[str, dict[str, float]]:
@@ -48,45 +54,45 @@ def poses(folder: Path) -> dict[str, dict[str, float]]:
 def test_the_first_pose_makes_the_file(robot: Robot, tmp_path: Path) -> None:
     folder = tmp_path / "new" / "trees"
     path = save_pose(robot, folder, "left", LEFT)
-    assert path == folder / "poses.yaml"
+    assert path == folder / "arduinobot" / "poses.yaml"
     assert path.read_text().splitlines()[1:] == ["poses:", f"  {WRITTEN}"]
     assert poses(folder)["left"] == pytest.approx(LEFT, abs=1e-4)
-    assert os.listdir(folder) == ["poses.yaml"]
+    assert os.listdir(folder) == ["arduinobot"]
 
 
 def test_another_pose_is_one_more_line(robot: Robot, file: Path) -> None:
     before = file.read_text()
-    save_pose(robot, file.parent, "left", LEFT)
+    save_pose(robot, file.parent.parent, "left", LEFT)
     assert file.read_text() == before.replace("    # the end", f"    {WRITTEN}\n    # the end")
-    remove_pose(robot, file.parent, "left")
+    remove_pose(robot, file.parent.parent, "left")
     assert file.read_text() == before
 
 
 def test_a_pose_is_replaced_where_it_is(robot: Robot, file: Path) -> None:
     before, pose = file.read_text(), WRITTEN.removeprefix("left: ")
-    save_pose(robot, file.parent, "near", LEFT, replace=True)
+    save_pose(robot, file.parent.parent, "near", LEFT, replace=True)
     assert file.read_text() == before.replace("{joint_1: 0.1}", pose)
-    save_pose(robot, file.parent, "far", LEFT, replace=True)
+    save_pose(robot, file.parent.parent, "far", LEFT, replace=True)
     assert f"    far: {pose}\n    open:" in file.read_text()
-    assert set(poses(file.parent)) >= {"near", "far", "open", "upright"}
+    assert set(poses(file.parent.parent)) >= {"near", "far", "open", "upright"}
 
 
 def test_removed_poses_leave_the_comments(robot: Robot, file: Path) -> None:
     before = file.read_text()
-    remove_pose(robot, file.parent, "near")
+    remove_pose(robot, file.parent.parent, "near")
     assert file.read_text() == before.replace("    near: {joint_1: 0.1}   # [rad]\n", "")
-    remove_pose(robot, file.parent, "open")
+    remove_pose(robot, file.parent.parent, "open")
     assert "replaces:" not in file.read_text()
-    assert poses(file.parent)["open"] == {"joint_4": -0.7}
-    remove_pose(robot, file.parent, "far")
+    assert poses(file.parent.parent)["open"] == {"joint_4": -0.7}
+    remove_pose(robot, file.parent.parent, "far")
     assert "poses: {}" in file.read_text()
-    save_pose(robot, file.parent, "left", LEFT)
+    save_pose(robot, file.parent.parent, "left", LEFT)
     assert f"poses:\n  {WRITTEN}" in file.read_text()
     assert "# replaced" in file.read_text()
 
 
 def test_poses_in_one_line(robot: Robot, tmp_path: Path) -> None:
-    (path := tmp_path / "poses.yaml").write_text(FLOW)
+    (path := own(tmp_path)).write_text(FLOW)
     save_pose(robot, tmp_path, "left", LEFT)
     assert path.read_text() == FLOW.replace("-0.1}}", f"-0.1}}, {WRITTEN}}}")
     remove_pose(robot, tmp_path, "near")
@@ -136,17 +142,17 @@ def test_a_bad_name_is_refused(robot: Robot, tmp_path: Path, name: str) -> None:
 def test_what_is_wrong_changes_nothing(robot: Robot, file: Path) -> None:
     before = file.read_text()
     with pytest.raises(FileError, match="has a pose near already; give --replace"):
-        save_pose(robot, file.parent, "near", LEFT)
+        save_pose(robot, file.parent.parent, "near", LEFT)
     with pytest.raises(FileError, match=r"no pose nea is here; there are .*did you mean near"):
-        remove_pose(robot, file.parent, "nea")
+        remove_pose(robot, file.parent.parent, "nea")
     assert file.read_text() == before
     file.write_text(wrong := before.replace("far:", "far: 1\n    bad:"))
     with pytest.raises(FileError, match="far"):
-        save_pose(robot, file.parent, "left", LEFT)
+        save_pose(robot, file.parent.parent, "left", LEFT)
     assert file.read_text() == wrong
     file.write_text(json := '{"poses": {"near": {"joint_1": 0.1}}}')
     with pytest.raises(FileError, match="edit it by hand"):
-        save_pose(robot, file.parent, "folded", LEFT, replace=True)
+        save_pose(robot, file.parent.parent, "folded", LEFT, replace=True)
     assert file.read_text() == json
 
 

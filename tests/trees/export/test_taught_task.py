@@ -30,7 +30,7 @@ def test_a_task_is_taught_and_runs(robot: Robot, tmp_path: Path) -> None:
         "move to lifted",
         "move to closed",
     ]
-    assert task.path == tmp_path / "5_fetch.yaml"
+    assert task.path == tmp_path / "arduinobot" / "5_fetch.yaml"
     assert task.path.read_text() == (
         "# yaml-language-server: $schema=task.schema.json\n"
         "task: 5\n"

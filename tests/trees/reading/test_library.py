@@ -53,6 +53,17 @@ def test_tasks_and_poses_belong_to_a_robot(tmp_path: Path) -> None:
     assert Library(tmp_path).numbers() == [0, 1, 2, 4]
 
 
+def test_poses_of_no_folder_are_for_the_shipped_robot(tmp_path: Path) -> None:
+    write(tmp_path, "poses.yaml", "poses: {left: {joint_1: 0}}\n")
+    assert "left" in Library(tmp_path).poses()[0]
+    so101 = Library(tmp_path, "so101")
+    assert "joint_1" not in so101.poses()[0].get("left", {})
+    (note,) = so101.notes
+    assert "poses.yaml: is not read: its poses are for the arduinobot; those of the so101" in str(
+        note
+    )
+
+
 @pytest.mark.parametrize("name", ["", ".", "..", "../tasks", "a/b", "x" * 1000, "\0"])
 def test_a_robot_of_any_name_has_no_tasks_elsewhere(tmp_path: Path, name: str) -> None:
     assert Library(tmp_path, name).numbers() == []
