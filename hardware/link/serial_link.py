@@ -170,4 +170,8 @@ def _open_error(port: str, error: Exception) -> LinkError:
 
 
 def _present() -> list[str]:
-    return [" = ".join(filter(None, (port.device, port.by_id))) for port in serial_ports()]
+    return [
+        " = ".join(filter(None, (port.device, port.by_id)))
+        + (f" ({port.name})" if port.name else "")
+        for port in serial_ports()
+    ]

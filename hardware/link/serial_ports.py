@@ -11,6 +11,8 @@ from hardware.errors import LinkError, PortBusy, PortDenied, PortMissing
 
 _BY_ID = Path("/dev/serial/by-id")
 _LOCKS = Path("/proc/locks")
+_ON_BOARD = re.compile("/dev/ttyS[0-9]+")
+_ON_BOARD_NAME = "on-board, probably not the board"
 _PSEUDO_TERMINALS = range(136, 144)  # major numbers, which sysfs does not list
 
 
@@ -20,7 +22,8 @@ class SerialPort:
 
     Attributes:
         device: Device, such as `/dev/ttyACM0`.
-        name: Product name of the device; empty if it reports none.
+        name: Product name of the device; empty if it reports none. That of a port of the computer
+            itself says that the board is probably not there.
         usb: Vendor and product id, such as `2341:0043`; empty if it is not a USB device.
         by_id: Name under `/dev/serial/by-id`, which is the same after plugging it in again; empty
             if there is none.
@@ -52,19 +55,20 @@ class Check:
 
 
 def serial_ports() -> list[SerialPort]:
-    """Return the serial ports of this machine."""
+    """Return the serial ports of this machine; those of the computer itself are the last."""
     from serial.tools import list_ports  # takes longer to load than the rest of pyserial
 
     names = {os.path.realpath(link): str(link) for link in _links()}
-    return [
+    ports = [
         SerialPort(
             device=found.device,
-            name=found.product or "",
+            name=_ON_BOARD_NAME if _ON_BOARD.fullmatch(found.device) else found.product or "",
             usb=f"{found.vid:04x}:{found.pid:04x}" if found.vid is not None else "",
             by_id=names.get(os.path.realpath(found.device), ""),
         )
         for found in sorted(list_ports.comports())
     ]
+    return sorted(ports, key=lambda port: port.name == _ON_BOARD_NAME)
 
 
 def persistent_name(port: str) -> Path | None:
@@ -92,7 +96,8 @@ def _check_exists(port: str) -> Check:
     if not _is_terminal(status):
         remedy = "give another --port"
         return Check("port", False, f"{port} is not a serial port", remedy, LinkError.code)
-    return Check("port", True, f"{port} is there")
+    on_board = f" ({_ON_BOARD_NAME})" if _ON_BOARD.fullmatch(port) else ""
+    return Check("port", True, f"{port} is there{on_board}")
 
 
 def _is_terminal(status: os.stat_result) -> bool:

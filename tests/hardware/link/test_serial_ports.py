@@ -5,8 +5,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from serial.tools import list_ports
+from serial.tools.list_ports_common import ListPortInfo
 
 from hardware import Check, SerialLink, check_port
+from hardware.errors import PortMissing
 from hardware.link import serial_ports as module
 from hardware.link.serial_ports import SerialPort
 from tests.support.arms.hardware_rigs import Pty
@@ -37,6 +40,19 @@ def test_a_port_that_is_there_and_free(line: Pty) -> None:
 def test_a_name_that_leads_to_a_port_is_one(line: Pty, tmp_path: Path) -> None:
     (tmp_path / "by-id").symlink_to(line.port)
     assert reported(str(tmp_path / "by-id")).ok
+
+
+def test_a_port_of_the_computer_itself_is_last_and_marked(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing answers there, and the published sketch never does, so a run would succeed."""
+    ports = [ListPortInfo(f"/dev/{name}") for name in ("ttyS0", "ttyUSB0", "ttySC9", "ttyACM0")]
+    monkeypatch.setattr(list_ports, "comports", lambda: ports)
+    found = module.serial_ports()
+    assert [each.device for each in found] == [
+        "/dev/ttyACM0", "/dev/ttySC9", "/dev/ttyUSB0", "/dev/ttyS0",
+    ]  # fmt: skip
+    assert [each.name for each in found] == ["", "", "", "on-board, probably not the board"]
+    with pytest.raises(PortMissing, match=r"ttyUSB0, /dev/ttyS0 \(on-board, probably not the b"):
+        SerialLink("/dev/ttyNONE9", 115200).open()
 
 
 def test_a_missing_port() -> None:
