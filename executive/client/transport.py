@@ -126,6 +126,9 @@ def transport_errors(url: str, silence: float = 0.0) -> Iterator[None]:
     except httpcore.ReadTimeout as error:
         words = f"nothing came for {silence:g} s" if silence else "its answer takes too long"
         raise ServerUnreachable(url, words) from error
+    except httpcore.RemoteProtocolError as error:
+        words = "the connection ended before the answer did, or another program answers"
+        raise ServerUnreachable(url, words) from error
     except (
         httpcore.TimeoutException,
         httpcore.NetworkError,

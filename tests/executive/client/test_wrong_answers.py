@@ -129,6 +129,25 @@ def test_events_of_another_program_are_an_error(say: Say, data: bytes) -> None:
         asyncio.run(watch())
 
 
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"",
+        b"HTTP/1.1 200 OK\r\ncontent-length: 99\r\n\r\n{",
+        b"HTTP/1.1 200 OK\r\ntransfer-encoding: chunked\r\n\r\n9\r\n{",
+    ],
+)
+def test_a_server_that_ends_in_the_middle_of_an_answer_is_unreachable(
+    say: Say, data: bytes
+) -> None:
+    ended = pytest.raises(ServerUnreachable, match="the connection ended before the answer")
+    with Client(say(data), "x") as client:
+        with ended:
+            client.status()
+        with ended, client.events() as events:
+            list(events)
+
+
 def test_an_answer_that_does_not_end_is_an_error(say: Say, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("executive.client.transport.ANSWER_TIMEOUT", 0.0)
     with Client(say(http(b"{}")), "x") as client, pytest.raises(ClientError):

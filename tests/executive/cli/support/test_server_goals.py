@@ -2,14 +2,19 @@
 
 import io
 import threading
+from collections.abc import Iterator
+from contextlib import nullcontext
 from typing import Any
+from unittest.mock import MagicMock
 
 import pytest
 from rich.console import Console
 
-from executive.api.events import Where
+from executive.api.events import Event, Where
+from executive.api.move import Move
 from executive.cli.support import server_goals
 from executive.cli.terminal.live.live_view import LiveView
+from executive.errors import Refused, ServerUnreachable
 from hardware import State, load_robot
 
 
@@ -38,6 +43,24 @@ class Client:
     def arm(self, transition: str, pose: str | None) -> str:
         assert self._terminal.boots.wait(20.0)
         return "active"
+
+
+def test_a_server_that_is_lost_during_a_move_leaves_the_pose_unknown(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    client: Any = MagicMock()
+    client.events.return_value.__enter__.return_value = _failing(ServerUnreachable("http://a", "x"))
+    monkeypatch.setattr(server_goals, "view_for", lambda *_: nullcontext(MagicMock()))
+    with pytest.raises(Refused, match=r"so the pose of the arm is not known now$") as error:
+        server_goals.send_and_wait(client, Move(("home",)), (), False, False, False)
+    assert error.value.code == "server.unreachable"
+    assert error.value.hint.startswith("look at the arm, start the server again")
+
+
+def _failing(error: Exception) -> Iterator[Event]:
+    """Events of which the first one is an error."""
+    raise error
+    yield
 
 
 def test_the_boot_of_an_arm_that_is_activated_is_shown(monkeypatch: pytest.MonkeyPatch) -> None:
