@@ -21,7 +21,6 @@ import pytest
 from mcap.reader import make_reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from executive.api import token_file
 from tests.support.command_line.typed import typed
 from tests.support.paths import EXAMPLES, ROBOT_FILE
 
@@ -326,32 +325,22 @@ def test_a_busy_port_is_9(tmp_path: Path, robot: Path, listener: Listener) -> No
 def test_a_run_on_the_arm_of_a_server_offers_to_send(
     tmp_path: Path, robot: Path, listener: Listener
 ) -> None:
-    arguments = ["--robot", str(robot), "--port", listener.port]
+    arguments = ["--robot", str(robot), "--port", listener.port, "--trees", str(EXAMPLES)]
     with start(tmp_path, "serve", "--activate", "--tcp-port", "0", *arguments) as server:
         assert server.stderr
         lines = iter(server.stderr.readline, "")
         url = next(words[0] for line in lines if (words := re.findall(r"http://[\d.:]+", line)))
         assert any("is ready to take commands" in line for line in lines)
-        arguments += ["--trees", str(EXAMPLES)]
+        (mine := tmp_path / "mine").mkdir()
+        write_task(mine, 3, "{joint_1: 0, joint_2: 0, joint_3: 0}", "{joint_4: 0}")
+        other = typed(tmp_path, "run", "3", *arguments[:-1], str(mine))[1]
+        assert "an armtree server has the arm, without this task" in " ".join(other.split())
         status, out, _ = typed(tmp_path, "run", "3", "--set", "swing=5 deg", *arguments)
         server.send_signal(signal.SIGINT)
         server.stderr.read()
     assert status == 9
     offered = f"armtree send 3 --wait --set 'swing=5 deg' --server {url}\n"
     assert f"  -> an armtree server has the arm; give {offered}" in out
-
-
-def test_a_second_virtual_arm_says_so(
-    tmp_path: Path, robot: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    arguments = ["run", "99", "--robot", str(robot), "--port", "virtual"]
-    assert "Note" not in typed(tmp_path, *arguments)[1]
-    token_file.write(1, token_file.ServerInfo("http://127.0.0.1:1", "", os.getpid()))
-    assert (
-        "Note: this is not the arm of the server http://127.0.0.1:1; "
-        "for that, give armtree send 99 --wait --server http://127.0.0.1:1\n"
-    ) in typed(tmp_path, *arguments)[1]
 
 
 def test_tasks_are_listed(tmp_path: Path) -> None:

@@ -16,6 +16,8 @@ from executive.cli.terminal.operator import Terminal
 from executive.cli.terminal.streams import echo
 from executive.cli.terminal.view import Prompt, View
 from executive.cli.terminal.views import view_for
+from executive.client.synchronous import Client
+from executive.errors import ClientError
 from executive.executive import Executive
 from executive.session import finish_recording, open_executive, port_line
 from executive.setup import Setup
@@ -28,6 +30,7 @@ from trees.compile.arguments import read_arguments
 from .interrupts import CANCELING, Interrupts
 from .log_handler import recorded_log
 from .process import raise_priority
+from .server_requests import holds
 
 
 def execute(
@@ -71,8 +74,9 @@ def execute(
         view.put(port_line(executive))
         if known and executive.port == VIRTUAL:
             for server in token_file.running():
-                there = _on_server(server, number_of(tasks[0]), settings)
-                view.put(f"Note: this is not the arm of the server {server.url}; for that, {there}")
+                if there := _on_server(server, executive, number_of(tasks[0]), settings):
+                    other = f"this is not the arm of the server {server.url}"
+                    view.put(f"Note: {other}; for that, {there}")
         sequence = TaskSequence(executive)
 
         def cancel() -> None:
@@ -81,7 +85,7 @@ def execute(
 
         interrupts.on_cancel(cancel)
         with recorded_log(executive):
-            report = partial(_report, view, executive.port, settings) if known else view.put
+            report = partial(_report, view, executive, settings) if known else view.put
             outcomes = interrupts.run(lambda: sequence.run(tasks, report, arguments))
         remaining = [number_of(task) for task in tasks]
         for outcome in outcomes:
@@ -96,17 +100,32 @@ def _show(view: View, event: Event) -> None:
         view.put(event)
 
 
-def _report(view: View, port: str, settings: Sequence[str], outcome: Outcome) -> None:
+def _report(view: View, executive: Executive, settings: Sequence[str], outcome: Outcome) -> None:
     """Report an outcome; if a server has the arm, with the command that sends the task to it."""
     cause = outcome.cause
-    if cause and cause.code == PortBusy.code and (server := _server_with(port)):
-        hint = f"an armtree server has the arm; {_on_server(server, outcome.task, settings)}"
+    if cause and cause.code == PortBusy.code and (server := _server_with(executive.port)):
+        there = _on_server(server, executive, outcome.task, settings)
+        without = f"without this task; end it, or serve this task: {server.url}"
+        hint = f"an armtree server has the arm{f'; {there}' if there else f', {without}'}"
         outcome = replace(outcome, cause=replace(cause, hint=hint))
     view.put(outcome)
 
 
-def _on_server(server: token_file.ServerInfo, task: int, settings: Sequence[str]) -> str:
-    """Return what to type, so that a server runs a task or a move."""
+def _on_server(
+    server: token_file.ServerInfo, executive: Executive, task: int, settings: Sequence[str]
+) -> str:
+    """Return what to type, so that a server runs a task or a move; empty if it cannot.
+
+    It cannot if it does not answer, holds another robot, or has no such task of the same name.
+    """
+    name = {number: name for name, number in executive.library.latest.names().items()}.get(task)
+    try:
+        with Client(server.url) as client:
+            there = {(each.number, each.name) for each in client.tasks()} | {(logs.MOVE, None)}
+            if (task, name) not in there or not holds(client.robot(), executive.robot):
+                return ""
+    except ClientError:
+        return ""
     words = ["--server", server.url]
     if task != logs.MOVE:
         parameters = [word for setting in settings for word in ("--set", setting)]
