@@ -16,7 +16,6 @@ from executive.cli.terminal.operator import Terminal
 from executive.cli.terminal.streams import echo
 from executive.cli.terminal.view import Prompt, View
 from executive.cli.terminal.views import view_for
-from executive.client.synchronous import Client
 from executive.errors import ClientError
 from executive.executive import Executive
 from executive.session import finish_recording, open_executive, port_line
@@ -30,7 +29,6 @@ from trees.compile.arguments import read_arguments
 from .interrupts import CANCELING, Interrupts
 from .log_handler import recorded_log
 from .process import raise_priority
-from .server_requests import holds
 
 
 def execute(
@@ -118,6 +116,10 @@ def _on_server(
 
     It cannot if it does not answer, holds another robot, or has no such task of the same name.
     """
+    from executive.client.synchronous import Client  # only where a server runs
+
+    from .server_requests import holds
+
     name = {number: name for name, number in executive.library.latest.names().items()}.get(task)
     try:
         with Client(server.url) as client:

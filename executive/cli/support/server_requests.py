@@ -6,7 +6,7 @@ import re
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 from click.core import ParameterSource
@@ -17,11 +17,13 @@ from executive.api.outcome import CancelCode, CancelResult
 from executive.cli.terminal.streams import echo
 from executive.client.synchronous import Client
 from executive.errors import ClientError
-from hardware import Robot, load_robot
 from logs import goal_title
 
 from .failures import print_error
 from .settings import configured, environment_name
+
+if TYPE_CHECKING:
+    from hardware import Robot
 
 _QUESTION_ID = re.compile("[0-9a-f]{8}")
 _NO_QUESTION = "there is no open question"
@@ -53,6 +55,8 @@ def find_server(server: str | None) -> str | None:
 
 def _check_robot(context: click.Context, server: str) -> None:
     """Reject a server that holds another robot than the one that the user names."""
+    from hardware import load_robot  # a stop does not need it
+
     given = context.params["robot"]
     robot = load_robot(given)
     with Client(server) as client:
@@ -72,7 +76,7 @@ def _check_robot(context: click.Context, server: str) -> None:
     raise click.UsageError(f"{why}. {ways}")
 
 
-def holds(held: Mapping[str, Any], robot: Robot) -> bool:
+def holds(held: Mapping[str, Any], robot: "Robot") -> bool:
     """Return whether the robot of a server, as `Client.robot` describes it, is this one."""
     joints = {joint["name"] for joint in held["joints"]}
     return held["name"] == robot.name and joints >= {joint.name for joint in robot.joints}
