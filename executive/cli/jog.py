@@ -57,7 +57,7 @@ def saving(robot: "Robot", folder: Path) -> "dict[str, tuple[Command, Act]]":
     def save(where: "Where", name: str) -> str:
         joints = robot.actuated_in("arm")
         path = save_pose(robot, folder, name, pose_of(robot, where, joints))
-        alone = ", without the gripper," if {*robot.actuated} - {*joints} else ""
-        return f"Saved the pose {name} of the arm{alone} to {path}"
+        alone = " without gripper" if {*robot.actuated} - {*joints} else ""
+        return f"Saved {name} (arm{alone}) to {path}"
 
     return {"s": (Command("save pose", "Name of the pose"), save)}

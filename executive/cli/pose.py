@@ -86,7 +86,7 @@ def save(
 def ls(robot: Path | None, trees: Path | None, as_json: bool) -> None:
     """List the poses, their joints, and where they are from."""
     loaded, library = load_library(trees, robot)
-    for name, positions, source in _poses(library):
+    for name, positions, source in _poses(loaded, library):
         if as_json:
             echo(json.dumps({"pose": name, "positions": positions, "source": source}))
         else:
@@ -104,7 +104,7 @@ def show(name: str, robot: Path | None, trees: Path | None, as_json: bool) -> No
     from trees import FileError, Mistake, Place
 
     loaded, library = load_library(trees, robot)
-    poses = {each: (positions, source) for each, positions, source in _poses(library)}
+    poses = {each: (positions, source) for each, positions, source in _poses(loaded, library)}
     if name not in poses:
         folder = trees or library.shipped[-1]
         why = f"no pose {name} is here; there are {choices(name, poses)}"
@@ -137,10 +137,16 @@ def rm(name: str, robot: Path | None, trees: Path) -> None:
     echo(f"{path}: pose {name} is removed; `armtree check` finds tasks that used it")
 
 
-def _poses(library: "Library") -> Iterator[tuple[str, Mapping[str, float], str]]:
+def _poses(robot: "Robot", library: "Library") -> Iterator[tuple[str, Mapping[str, float], str]]:
     """Yield each pose: its name, its joint positions [rad], and the place of its file."""
+    from executive.api.move import HOME
+    from executive.planning.move_task import poses_with_home
+
     poses, _ = library.poses()
     files, _ = library.draft_poses()
+    if HOME not in poses:
+        source = "home of the robot file" if robot.home else "boot pose"
+        yield HOME, poses_with_home(robot, poses)[HOME], source
     for name, positions in poses.items():
         (*_, file) = (file for file in files if name in file.poses)
         place = file.labels[name].label
@@ -149,8 +155,11 @@ def _poses(library: "Library") -> Iterator[tuple[str, Mapping[str, float], str]]
 
 
 def _words(robot: "Robot", positions: Mapping[str, float]) -> str:
-    """Return positions in words. A pose may name joints of other robots."""
+    """Return positions in words, and say which joints are not of this robot."""
     known = {joint.name: joint for joint in robot.joints}
     return ", ".join(
-        f"{name} {known[name].words(q, 4) if name in known else q}" for name, q in positions.items()
+        f"{name} {known[name].words(q, 4)}"
+        if name in known
+        else f"{name}, which {robot.name} lacks"
+        for name, q in positions.items()
     )

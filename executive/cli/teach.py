@@ -1,5 +1,6 @@
 """`armtree teach`."""
 
+import shlex
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +16,8 @@ from .support.settings import option
 from .terminal.streams import LastingStream
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from executive.api.events import Where
     from trees.export.taught_task import TaughtTask
 
@@ -72,19 +75,32 @@ def teach(number: int, name: str, server: str | None, speed: float, **options: A
         )
     finally:
         terminal = LastingStream(sys.stdout)
-        terminal.write(f"{summary(task, server, url)}\n")
+        given = {"--robot": options["robot"], "--trees": options["trees"]}
+        terminal.write(f"{summary(task, server, url, given)}\n")
         terminal.flush()
     sys.exit(status)
 
 
-def summary(task: "TaughtTask", server: str | None, url: str | None) -> str:
-    """Return what was taught, and the command that runs it: on the server, if that has the arm."""
+def summary(
+    task: "TaughtTask", server: str | None, url: str | None, given: "Mapping[str, object]"
+) -> str:
+    """Return what was taught, and the command that runs it: on the server, if that has the arm.
+
+    Args:
+        task: The task.
+        server: URL of the server, if the command names it.
+        url: URL of the server that has the arm; None for an arm of this command.
+        given: Options that the task needs on an arm of this command; those with None are left out.
+    """
     if not task.steps:
         return "No step was taken, so there is no new task"
     steps, number = plural(len(task.steps), "step"), task.path.stem.partition("_")[0]
-    given = f" --server {server}" if server else ""
-    command = f"send {number} --wait{given}" if url else f"run {number}"
-    return f"{task.path} has {steps}. Next, type: armtree {command}"
+    if (nodes := sum(len(step.nodes) for step in task.steps)) != len(task.steps):
+        steps += f" ({plural(nodes, 'node')})"
+    words = ["send", number, "--wait"] if url else ["run", number]
+    for option_name, value in ({"--server": server} if url else given).items():
+        words += [option_name, str(value)] if value else []
+    return f"{task.path} has {steps}. Next, type: armtree {shlex.join(words)}"
 
 
 class _Teaching:

@@ -2,6 +2,8 @@
 
 import json
 import re
+from collections.abc import Collection
+from itertools import count
 from pathlib import Path
 
 from hardware import Robot
@@ -74,14 +76,23 @@ def prepare_file(robot: Robot, folder: Path, number: int, name: str) -> Path:
     try:
         own.mkdir(parents=True, exist_ok=True)
         library = Library(folder, robot.name)
-        if number in library.numbers():
-            raise _wrong(path, f"task {number} is in {library.path(number)} already")
+        if number in (numbers := library.numbers()):
+            there = library.path(number)
+            where = "is here" if there == path else f"is in {there}"
+            ways = f"give another number, such as {_next_number(number, numbers)}"
+            if there.parent not in library.shipped:
+                ways = f"edit that file, or delete it, or {ways}"
+            raise _wrong(path, f"task {number} {where} already; {ways}")
         if name in (names := library.names()):
             raise _wrong(path, f"task {names[name]} is called {name} already; give another name")
         (own / NAME).write_text(schema_text(library))
     except OSError as error:
         raise _wrong(path, f"cannot be written: {error.strerror}") from error
     return path
+
+
+def _next_number(number: int, used: Collection[int]) -> int:
+    return next(each for each in count(number) if each not in used)
 
 
 def _values(robot: Robot) -> dict[str, str]:

@@ -80,17 +80,23 @@ def complete_task(context: click.Context, _word: str) -> Iterator[tuple[str, str
         yield name, f"task {number}"
 
 
+def _pose_names(library: "Library") -> set[str]:
+    from executive.api.move import HOME
+
+    return {HOME, *library.poses()[0]}
+
+
 @completing
 def complete_pose(context: click.Context, _word: str) -> Iterable[tuple[str, str]]:
     """Complete the name of a pose."""
-    return ((name, "pose") for name in _chosen(context)[1].poses()[0])
+    return ((name, "pose") for name in _pose_names(_chosen(context)[1]))
 
 
 @completing
 def complete_goal(context: click.Context, _word: str) -> Iterator[tuple[str, str]]:
     """Complete the name of a pose or of a task."""
     _, library = _chosen(context)
-    yield from ((name, "pose") for name in library.poses()[0])
+    yield from ((name, "pose") for name in _pose_names(library))
     yield from ((name, f"task {number}") for name, number in library.names().items())
 
 

@@ -55,7 +55,7 @@ def test_every_step_is_a_recorded_move(own: PseudoTerminal, tmp_path: Path) -> N
     assert ">  z tool z             147.3 mm" in lifted
     own.type("sthere\r")
     own.until(
-        "Saved the pose there of the arm, without the gripper, to trees/arduinobot/poses.yaml"
+        "Saved there (arm without gripper) to trees/arduinobot/poses.yaml"
     )
     own.type("sthere\r")
     own.until("has a pose there already")

@@ -35,13 +35,19 @@ def test_a_pose_from_a_recording_to_a_task(folder: Path) -> None:
     ]
     found = {row["pose"]: row["source"] for row in rows}
     assert found["there"] == "trees/arduinobot/poses.yaml:3"
-    assert found["folded"] == "shipped"
+    assert (found["folded"], found["home"]) == ("shipped", "home of the robot file")
     shown = type_command(folder, "pose", "show", "there")[1]
     assert "joint_1      -80.21 deg" in shown
     assert "mm\nfrom         trees/arduinobot/poses.yaml:3" in shown
     assert "there" in type_command(folder, "pose", "ls")[1]
     assert type_command(folder, "pose", "rm", "all")[0] == 0
     assert "all:" not in Path("trees/arduinobot/poses.yaml").read_text()
+
+
+def test_a_pose_with_a_joint_of_another_robot(folder: Path) -> None:
+    Path("trees").mkdir()
+    Path("trees/poses.yaml").write_text("poses: {far: {elbow: 0.10471975511965978}}\n")
+    assert "far          elbow, which arduinobot lacks\n" in type_command(folder, "pose", "ls")[1]
 
 
 @pytest.mark.parametrize(

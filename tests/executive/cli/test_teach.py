@@ -73,12 +73,15 @@ def test_a_task_is_taught_and_runs(command: list[str], tmp_path: Path, robot: Pa
         terminal.until("Step 3: move to open")
         terminal.type("sthere\r")
         terminal.until(
-            "Saved the pose there of the arm, without the gripper, to trees/arduinobot/poses.yaml"
+            "Saved there (arm without gripper) to trees/arduinobot/poses.yaml"
         )
         terminal.type("q")
         status, printed = terminal.end()
     assert status == 0
-    assert "trees/arduinobot/5_fetch.yaml has 3 steps. Next, type: armtree run 5" in printed
+    assert (
+        "trees/arduinobot/5_fetch.yaml has 3 steps (4 nodes). Next, type: armtree run 5 --robot"
+        in printed
+    )
     assert steps(tmp_path) == FIRST + WAIT + OPEN
     assert typed(tmp_path, "check", "--trees", str(tmp_path / "trees"))[0] == 0
     with SimulatedArm(tmp_path / "trees", robot=robot) as arm:
@@ -92,8 +95,19 @@ def test_what_runs_a_task_that_is_taught_on_a_server(tmp_path: Path, robot: Path
     task = TaughtTask(load_robot(robot), tmp_path, 5, "fetch")
     task.wait("1s")
     for server, words in ((None, ""), ("http://arm:1", " --server http://arm:1")):
-        said = summary(task, server, "http://arm:1")
+        said = summary(task, server, "http://arm:1", {"--trees": "mine"})
         assert said.endswith(f"1 step. Next, type: armtree send 5 --wait{words}")
+
+
+def test_what_runs_a_taught_task_names_its_folder_and_robot(tmp_path: Path, robot: Path) -> None:
+    task = TaughtTask(arm := load_robot(robot), tmp_path, 5, "fetch")
+    task.move({joint.name: 0.1 for joint in arm.actuated})
+    for given, words in (
+        ({"--robot": None, "--trees": Path("mine 2")}, " --trees 'mine 2'"),
+        ({"--robot": "so101", "--trees": None}, " --robot so101"),
+    ):
+        said = summary(task, None, None, given)
+        assert said.endswith(f"has 1 step (2 nodes). Next, type: armtree run 5{words}")
 
 
 @pytest.mark.parametrize("way", ["Ctrl-C", "closed terminal", "killed"])
@@ -103,7 +117,7 @@ def test_nothing_is_lost(command: list[str], tmp_path: Path, way: str) -> None:
         if way == "Ctrl-C":
             terminal.type("\x03")
             status, printed = terminal.end()
-            assert (status, "trees/arduinobot/5_fetch.yaml has 1 step. Next" in printed) == (
+            assert (status, "5_fetch.yaml has 1 step (2 nodes). Next" in printed) == (
                 130,
                 True,
             )

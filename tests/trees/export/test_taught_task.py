@@ -76,15 +76,18 @@ def test_the_last_step_is_undone(robot: Robot, tmp_path: Path) -> None:
 
 def test_what_exists_is_refused(robot: Robot, tmp_path: Path) -> None:
     for number, name, why in (
-        (1, "fetch", "task 1 is in .*1_pick.yaml already"),
+        (1, "fetch", "task 1 is in .*1_pick.yaml already; give another number, such as 3$"),
         (5, "pick", "task 1 is called pick already"),
         (5, "a b", "'a b' is not a name"),
     ):
         with pytest.raises(FileError, match=why):
             TaughtTask(robot, tmp_path, number, name)
     TaughtTask(robot, tmp_path, 5, "fetch").wait("1")
-    with pytest.raises(FileError, match=r"task 5 is in .*5_fetch.yaml already"):
+    ways = "already; edit that file, or delete it, or give another number, such as 6$"
+    with pytest.raises(FileError, match=rf"task 5 is in .*5_fetch.yaml {ways}"):
         TaughtTask(robot, tmp_path, 5, "other")
+    with pytest.raises(FileError, match=rf"5_fetch.yaml: task 5 is here {ways}"):
+        TaughtTask(robot, tmp_path, 5, "fetch")
     assert Library(tmp_path).mistakes == []
 
 
