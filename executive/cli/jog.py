@@ -50,14 +50,23 @@ def jog(server: str | None, speed: float, **options: Any) -> None:
 
 def saving(robot: "Robot", folder: Path) -> "dict[str, tuple[Command, Act]]":
     """Return the command that saves a pose of the arm to a folder of tasks, by its key."""
-    from trees.export.saved_poses import save_pose
+    from trees.export.saved_poses import PoseExists, save_pose
 
     from .terminal.jog_model import Command
+    from .terminal.jog_screen import Question
 
     def save(where: "Where", name: str) -> str:
         joints = robot.actuated_in("arm")
-        path = save_pose(robot, folder, name, pose_of(robot, where, joints))
-        alone = " without gripper" if {*robot.actuated} - {*joints} else ""
-        return f"Saved {name} (arm{alone}) to {path}"
+        positions = pose_of(robot, where, joints)
+
+        def saved(replace: bool) -> str:
+            path = save_pose(robot, folder, name, positions, replace)
+            alone = " without gripper" if {*robot.actuated} - {*joints} else ""
+            return f"Saved {name} (arm{alone}) to {path}"
+
+        try:
+            return saved(replace=False)
+        except PoseExists:
+            raise Question(f"Replace the pose {name}?", lambda: saved(replace=True)) from None
 
     return {"s": (Command("save pose", "Name of the pose"), save)}

@@ -23,6 +23,10 @@ _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 _NEW = "# Poses of the {}. A pose can replace joint values in any task.\nposes: {{}}\n"
 
 
+class PoseExists(FileError):
+    """A pose of that name exists, and was not to be replaced."""
+
+
 def save_pose(
     robot: Robot,
     folder: Path,
@@ -46,7 +50,8 @@ def save_pose(
         The file.
 
     Raises:
-        FileError: The name is invalid or in use, or the file is wrong or cannot be written.
+        PoseExists: The name is in use.
+        FileError: The name is invalid, or the file is wrong or cannot be written.
     """
     path = folder / robot.name / POSES
     units = {unit for names in UNITS.values() for unit in names}
@@ -56,10 +61,11 @@ def save_pose(
     shipped, files = _poses(robot, folder)
     path = next((file.path for file in files if name in file.poses), path)
     if not replace and any(name in file.poses for file in files):
-        raise _wrong(path, f"has a pose {name} already; give --replace, or another name")
+        why = f"has a pose {name} already; give --replace, or another name"
+        raise PoseExists([Mistake(Place(path, 0, 0), why)])
     if not replace and name in shipped:
         why = f"pose {name} ships with armtree; give another name, or --replace to use yours"
-        raise _wrong(path, why)
+        raise PoseExists([Mistake(Place(path, 0, 0), why)])
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -103,7 +103,12 @@ class Call:
     text: str
 
 
-Action = Go | Stop | Leave | Call
+@dataclass(frozen=True, slots=True)
+class Yes:
+    """Action: do what the question was about."""
+
+
+Action = Go | Stop | Leave | Call | Yes
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,6 +143,7 @@ class Jog:
         lost: True if nothing is known of the arm any more. Keys then do nothing; q leaves.
         prompt: Key of the command whose text is typed; empty for none.
         typed: What was typed for it.
+        question: Question that y or n answers; empty for none.
         message: Last message, for people.
         failed: True if the message is an error.
     """
@@ -154,6 +160,7 @@ class Jog:
     lost: bool = False
     prompt: str = ""
     typed: str = ""
+    question: str = ""
     message: str = ""
     failed: bool = False
 
@@ -184,10 +191,10 @@ class Jog:
             return self, Leave() if key == "q" else None
         if key == " ":
             undone = self._undone
-            stopped = replace(self, waiting=None, calling=None, dropped=0, prompt="", typed="")
-            return stopped.said(f"Stopped{undone}"), Stop()
-        if self.prompt:
-            return self._type(key)
+            stopped = replace(self, waiting=None, calling=None, dropped=0)
+            return stopped._closed().said(f"Stopped{undone}"), Stop()
+        if self.prompt or self.question:
+            return self._type(key) if self.prompt else self._answer(key)
         if key == "q":
             return self, Leave()
         state = self if self.moving else replace(self, dropped=0)
@@ -226,10 +233,12 @@ class Jog:
         Args:
             why: Why nothing is known of it any more, for people.
         """
-        state = replace(
-            self, lost=True, moving=None, waiting=None, calling=None, dropped=0, prompt="", typed=""
-        )
-        return state.said(why, failed=True)
+        state = replace(self, lost=True, moving=None, waiting=None, calling=None, dropped=0)
+        return state._closed().said(why, failed=True)
+
+    def ask(self, question: str) -> "Jog":
+        """Return the state with a question that y or n answers. No other key but space counts."""
+        return replace(self, question=question).said("")
 
     def said(self, message: str, failed: bool = False) -> "Jog":
         """Return the state with a message."""
@@ -280,7 +289,9 @@ class Jog:
 
     @property
     def _typing(self) -> str:
-        """The prompt that is open."""
+        """The prompt or question that is open."""
+        if self.question:
+            return f"{self.question} y/n"
         return f"{self.commands[self.prompt].prompt}: {self.typed}_" if self.prompt else ""
 
     @property
@@ -360,13 +371,25 @@ class Jog:
         state = self.said("")
         return (replace(state, calling=call), None) if self.moving else (state, call)
 
+    def _closed(self) -> "Jog":
+        """Return the state without a prompt or question."""
+        return replace(self, prompt="", typed="", question="")
+
+    def _answer(self, key: str) -> tuple["Jog", Action | None]:
+        """Return the state after a key that may answer the question."""
+        if key == "y":
+            return self._closed(), Yes()
+        if key in ("n", ESCAPE):
+            return self._closed().said("Nothing has changed"), None
+        return self, None
+
     def _type(self, key: str) -> tuple["Jog", Action | None]:
         """Return the state after a key of a text."""
         if key == ENTER:
-            state = replace(self, prompt="", typed="")
+            state = self._closed()
             return state._when_still(Call(self.prompt, self.typed)) if self.typed else (state, None)
         if key == ESCAPE:
-            return replace(self, prompt="", typed=""), None
+            return self._closed(), None
         if key == DELETE:
             return replace(self, typed=self.typed[:-1]), None
         more = key if len(key) == 1 and key.isprintable() else ""

@@ -19,7 +19,7 @@ from executive.errors import ClientError, Refused
 from hardware.printable import printable
 
 from .full_screen import FullScreen
-from .jog_model import Action, Call, Command, Go, Jog, Leave, Stop
+from .jog_model import Action, Call, Command, Go, Jog, Leave, Stop, Yes
 from .keyboard import keys_in
 from .streams import LastingStream
 
@@ -53,6 +53,19 @@ class JogArm(Protocol):
 # A command of a key: receives where the arm is and what was typed, returns a message. An exception
 # is shown as its message.
 Act = Callable[[Where, str], str]
+
+
+class Question(Exception):
+    """Raised by a command to ask first.
+
+    Args:
+        text: The question, which y or n answers.
+        then: Called for y; returns a message.
+    """
+
+    def __init__(self, text: str, then: Callable[[], str]) -> None:
+        super().__init__(text)
+        self.then = then
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,6 +120,7 @@ class JogScreen:
         self._stops = 0  # number of stops
         self._changed, self._looking = threading.Event(), threading.Lock()
         self._lost: ClientError | None = None
+        self._asked: Callable[[], str] | None = None
 
     def leave(self) -> None:
         """Stop the arm, and end the jog. Any thread may call."""
@@ -208,10 +222,19 @@ class JogScreen:
             case Leave():
                 self._left.set()
             case Call(key, text):
-                try:
-                    self._jog = self._jog.said(self._acts[key][1](self._where, text))
-                except self._known as error:
-                    self._jog = self._jog.said(str(error), failed=True)
+                self._act(lambda: self._acts[key][1](self._where, text))
+            case Yes():
+                assert self._asked
+                self._act(self._asked)
+
+    def _act(self, act: Callable[[], str]) -> None:
+        """Call a command, and show what it says or asks."""
+        try:
+            self._jog = self._jog.said(act())
+        except Question as question:
+            self._jog, self._asked = self._jog.ask(str(question)), question.then
+        except self._known as error:
+            self._jog = self._jog.said(str(error), failed=True)
 
     def _move(self, move: Move, stops: int) -> None:
         def accepted() -> None:

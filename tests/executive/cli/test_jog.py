@@ -54,11 +54,15 @@ def test_every_step_is_a_recorded_move(own: PseudoTerminal, tmp_path: Path) -> N
     lifted = own.at_rest("joint_3              2.0 deg")
     assert ">  z tool z             147.3 mm" in lifted
     own.type("sthere\r")
-    own.until(
-        "Saved there (arm without gripper) to trees/arduinobot/poses.yaml"
-    )
+    own.until("Saved there (arm without gripper) to trees/arduinobot/poses.yaml")
     own.type("sthere\r")
-    own.until("has a pose there already")
+    own.until("Replace the pose there? y/n")
+    own.type(RIGHT + "n")
+    own.until("Nothing has changed", "joint_3              2.0 deg")
+    own.type("sthere\r")
+    own.until("Replace the pose there? y/n")
+    own.type("y")
+    own.until("Saved there (arm without gripper) to trees/arduinobot/poses.yaml")
     own.type("q")
     status, printed = own.end()
     assert status == 0

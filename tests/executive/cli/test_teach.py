@@ -72,9 +72,7 @@ def test_a_task_is_taught_and_runs(command: list[str], tmp_path: Path, robot: Pa
         terminal.type("t")
         terminal.until("Step 3: move to open")
         terminal.type("sthere\r")
-        terminal.until(
-            "Saved there (arm without gripper) to trees/arduinobot/poses.yaml"
-        )
+        terminal.until("Saved there (arm without gripper) to trees/arduinobot/poses.yaml")
         terminal.type("q")
         status, printed = terminal.end()
     assert status == 0

@@ -6,7 +6,7 @@ import pytest
 
 from executive.api.events import Where
 from executive.api.move import Move
-from executive.cli.terminal.jog_model import STEPS, Call, Command, Go, Jog, Leave, Stop
+from executive.cli.terminal.jog_model import STEPS, Call, Command, Go, Jog, Leave, Stop, Yes
 from executive.cli.terminal.keyboard import DELETE, DOWN, ENTER, ESCAPE, LEFT, RIGHT, UP
 from hardware import State
 
@@ -149,6 +149,15 @@ def test_an_unknown_key_is_named(key: str, name: str) -> None:
     jog, action = begun().press(key)
     assert (action, jog.message) == (None, f"{name} is not a key of jog; ? shows help")
     assert jog.press("q") == (jog, Leave())
+
+
+def test_a_question_takes_yes_no_or_a_stop() -> None:
+    jog = begun().ask("Replace left?")
+    assert "Replace left? y/n" in drawn(jog)
+    assert pressed(jog, RIGHT, "h", "1", "q", ENTER) == (jog, None)
+    for key, action in (("y", Yes()), ("n", None), (ESCAPE, None), (" ", Stop())):
+        answered = jog.press(key)
+        assert (answered[0].question, answered[1]) == ("", action)
 
 
 def test_help_says_what_waits() -> None:
