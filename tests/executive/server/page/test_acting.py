@@ -60,14 +60,18 @@ def test_joints_and_tool_move_in_steps(open_page: Open, page_server: Served) -> 
     tab = open_page()
     tab.click("#move summary")
 
-    def press(label: str) -> Outcome:
+    def until_usable() -> None:
         tab.wait_for_function("() => !document.querySelector('#move-rows button').disabled")
+
+    def press(label: str) -> Outcome:
+        until_usable()
         with tab.expect_response("**/api/move") as asked:
             tab.get_by_label(label).click()
         return page_server.executive.result(asked.value.json()["goal_id"])
 
     assert press("joint_1 more").success
     shows(tab, "#positions", r"joint_1\s*[45]\.\d°")
+    until_usable()
     tab.locator("#move [aria-label='joint_2 [deg]']").focus()
     with tab.expect_response("**/api/move") as asked:
         tab.keyboard.press("PageUp")
