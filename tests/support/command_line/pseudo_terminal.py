@@ -38,7 +38,8 @@ class PseudoTerminal:
     ) -> None:
         self._keys, slave = pty.openpty()
         self.resize(24, 80)
-        kept = {k: v for k, v in os.environ.items() if not k.startswith("ARMTREE")}
+        sized = ("COLUMNS", "LINES")  # would take the place of the size of this terminal
+        kept = {k: v for k, v in os.environ.items() if k not in sized and "ARMTREE" not in k}
         shell = ["bash", "-mc", script, "bash"] if script else []
         self.process = subprocess.Popen(
             ["setsid", "--ctty", *shell, *ARMTREE, *arguments],  # so Ctrl-C and a hang-up arrive
