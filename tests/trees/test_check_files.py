@@ -108,6 +108,7 @@ OWN_FILES = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "text", "words"), OWN_FILES)
 def test_wrong_files_of_other_kinds(
     robot: Robot, tmp_path: Path, name: str, text: str, words: str

@@ -338,6 +338,7 @@ def test_what_is_said_of_a_wrong_file(of_cases: Found, name: str) -> None:
     assert wrong_tasks.said(of_cases[name]) == CASES[name].said
 
 
+@pytest.mark.slow
 def test_what_is_to_be_written_instead_removes_the_mistake(
     robot: Robot, tmp_path: Path, found: Found, of_cases: Found
 ) -> None:

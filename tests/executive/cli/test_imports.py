@@ -62,6 +62,7 @@ except SystemExit:
     pass"""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("row", ROWS)
 def test_a_command_imports_no_more_than_it_needs(row: str) -> None:
     how, words = ROWS[row]

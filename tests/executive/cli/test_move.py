@@ -52,6 +52,7 @@ def test_without_a_server_or_a_recording_no_pose_is_known(folder: Path) -> None:
         assert "server.unreachable" in error
 
 
+@pytest.mark.slow
 def test_where_after_a_move_is_its_target(folder: Path) -> None:
     """The last frame leaves before the motion ends; both are 70 servo degrees."""
     assert type_command(folder, "move", "joint_1=70.9deg", "--port", "virtual")[0] == 0
@@ -59,6 +60,7 @@ def test_where_after_a_move_is_its_target(folder: Path) -> None:
     assert (status, out.splitlines()[1]) == (0, "joint_1         70.9 deg commanded")
 
 
+@pytest.mark.slow
 def test_where_shows_the_width_that_a_move_takes(folder: Path) -> None:
     assert type_command(folder, "move", "width=20mm", "--port", "virtual")[0] == 0
     assert type_command(folder, "where")[1].splitlines()[-1] == "width            20.0 mm"
@@ -66,6 +68,7 @@ def test_where_shows_the_width_that_a_move_takes(folder: Path) -> None:
     assert where["width"] == pytest.approx(0.02)
 
 
+@pytest.mark.slow
 def test_moves_on_the_server_of_this_machine(serve: Serve, folder: Path) -> None:
     served = serve()
     status, out, _ = type_command(folder, "move", "--by", "joint_1=-5deg")

@@ -91,6 +91,7 @@ def test_what_was_guessed_is_said_and_can_be_given(folder: Path) -> None:
     assert robot.tool == dataclasses.replace(robot.tool, link="a")  # type: ignore[type-var]
 
 
+@pytest.mark.slow
 def test_the_gripper_opens_and_closes(folder: Path) -> None:
     said = armtree("new-arm", "arm.urdf").output
     assert "open gripper 1000.0 mm, closed gripper -1000.0 mm, in trees/arm/poses.yaml" in said

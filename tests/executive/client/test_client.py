@@ -122,6 +122,7 @@ def test_the_synchronous_client_is_made_from_the_other() -> None:
     assert synchronous() == TARGET.read_text()
 
 
+@pytest.mark.slow
 def test_moves_of_both_clients(serve: Serve) -> None:
     served = serve()
 

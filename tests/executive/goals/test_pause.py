@@ -90,6 +90,7 @@ def unpaused(rig: Rig) -> list[str]:
     return [frame for frame in rig.frames if not frame.startswith("(")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [1, 2, 9, 17, 30, 31])
 def test_a_pause_at_a_frame(rig: RigMaker, number: int) -> None:
     straight, arm = rig(), rig()
@@ -124,6 +125,7 @@ def test_a_pause_is_recorded_and_drawn(rig: RigMaker) -> None:
     assert [time for time, _ in marks] == pytest.approx([time for time, _ in reported])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("together", ["true", "false"])
 @pytest.mark.parametrize("number", [3, 11, 19, 28, 40])
 def test_a_pause_round_a_corner(rig: RigMaker, tasks: Path, together: str, number: int) -> None:

@@ -55,6 +55,7 @@ def recorded(site: Path, task: int = 7) -> Path:
     return kept
 
 
+@pytest.mark.slow
 def test_it_is_verified_where_the_meshes_are_gone(site: Path) -> None:
     recording = recorded(site)
     verified = verify(recording)
@@ -63,6 +64,7 @@ def test_it_is_verified_where_the_meshes_are_gone(site: Path) -> None:
     assert (names["beam.stl"], names["shell.stl"]) == (1, 1)
 
 
+@pytest.mark.slow
 def test_meshes_are_compressed(site: Path) -> None:
     with open(recorded(site), "rb") as stream:
         files = {each.name: each for each in make_reader(stream).iter_attachments()}

@@ -3,6 +3,8 @@
 import json
 from typing import Any
 
+import pytest
+
 from tests.support.servers.serving import Serve, Served
 
 pytest_plugins = ["tests.support.servers.server_fixtures"]
@@ -15,6 +17,7 @@ def events(served: Served, goal: str, query: str = "") -> list[dict[str, Any]]:
     return [json.loads(part.partition("\ndata: ")[2]) for part in parts]
 
 
+@pytest.mark.slow
 def test_a_recording_is_sent_as_the_events_of_its_run(serve: Serve) -> None:
     served = serve()
     with served.client() as client:

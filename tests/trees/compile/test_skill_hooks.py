@@ -97,6 +97,7 @@ def answer(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, Callable[[], Any]]
     return say
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("what", "how", "words"), BREAKS)
 def test_check_names_it_at_its_node_and_tells_all_else(
     robot: Robot, tmp_path: Path, answer: Any, what: str, how: Callable[[], Any], words: str

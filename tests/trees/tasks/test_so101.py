@@ -19,6 +19,7 @@ def arm() -> Iterator[SimulatedArm]:
         yield arm
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("task", TASKS)
 def test_a_task_succeeds(arm: SimulatedArm, task: str) -> None:
     outcome = arm.run(task)

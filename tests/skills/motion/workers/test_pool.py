@@ -236,6 +236,7 @@ def test_a_worker_that_dies_while_idle_is_replaced(robot: Robot) -> None:
     pool.close()
 
 
+@pytest.mark.slow
 def test_a_worker_that_hangs_is_killed(pool: Pool) -> None:
     assert isinstance(ask(pool, BENT), Plan)
     worker, answer = pid(pool), Answer()
