@@ -309,9 +309,11 @@ class BadArguments(FileError):
 
 
 def _without_line(mistake: Mistake) -> Mistake:
-    """Return a mistake whose place has no line and column if its text has only one line."""
+    """Return a mistake without line, column and correction if its text has only one line."""
     place = mistake.place
-    return mistake if len(place.lines) > 1 else replace(mistake, place=Place(place.path, 0, 0))
+    if len(place.lines) > 1:
+        return mistake
+    return replace(mistake, place=Place(place.path, 0, 0), instead=None)
 
 
 class UnknownTask(TreeError):

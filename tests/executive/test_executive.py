@@ -262,6 +262,7 @@ def test_a_wrong_file(rig: RigMaker, tasks: Path) -> None:
         ("", ["far=1"], "ok", ""),
         ("", [], "goal.bad_arguments", "arguments: the parameter far must be given"),
         ("", ["far=yes"], "goal.bad_arguments", "--set far=yes: far: 'yes' is not a number"),
+        ("", ["far=1,5"], "goal.bad_arguments", "--set far=1,5: far: '1,5' is not a number"),
         (
             "",
             ["far=1", "near=2"],
