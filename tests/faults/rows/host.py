@@ -62,7 +62,7 @@ def clock(scene: Scene) -> None:
 
 @row(
     "starved",
-    "2 to 6 busy loops on all cores, while three tasks run with `nice -n 1`",
+    "24 to 32 busy loops on all cores, while three tasks run with `nice -n 19`",
     "the tasks are done; late frames move the rest, and none are sent in a burst",
     times=3,
     alone=True,
@@ -72,10 +72,10 @@ def starved(scene: Scene) -> None:
     loops = [
         # Linux schedules sessions, so each loop gets as much as the command.
         subprocess.Popen([sys.executable, "-c", "while True: pass"], start_new_session=True)
-        for _ in range(scene.random.randint(2, 6))
+        for _ in range(scene.random.randint(24, 32))
     ]
     try:
-        polite = "nice", "-n1", ARMTREE  # it asks for no higher priority then
+        polite = "nice", "-n19", ARMTREE  # it asks for no higher priority then
         run = scene.run("21", "21", "21", board=board, argv=polite)
         scene.check(run.wait() == 0, f"exit status {run.wait()}: {last_line(run)}")
     finally:
