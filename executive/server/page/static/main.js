@@ -3,6 +3,7 @@
 import { get, session, signIn } from "./api.js";
 import { Connection } from "./connection.js";
 import { byId, oncePerFrame, setText } from "./dom.js";
+import { Cursor } from "./model/cursor.js";
 import { ShownRun } from "./model/shown_run.js";
 import { ArmView } from "./views/arm.js";
 import { Controls } from "./views/controls.js";
@@ -17,6 +18,7 @@ import { TreeView } from "./views/tree.js";
 
 const connection = new Connection();
 const shown = new ShownRun();
+const cursor = new Cursor();
 /** @type {import("./connection.js").Status | null} */
 let status = null;
 
@@ -69,7 +71,10 @@ connection.addEventListener("status", (event) => {
   draw();
 });
 connection.addEventListener("change", draw);
+shown.addEventListener("change", () => cursor.extend(shown.run.length));
+shown.addEventListener("open", () => cursor.follow());
 shown.addEventListener("change", draw);
+cursor.addEventListener("change", draw);
 session.addEventListener("change", () => connection.refresh().then(draw));
 tree.addEventListener("select", draw);
 tree.addEventListener("break", (event) => {

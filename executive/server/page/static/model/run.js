@@ -78,6 +78,8 @@ export class Run {
   refused = null;
   /** When the goal began [s]. */
   began = 0;
+  /** Time from then to the newest event [s]. */
+  length = 0;
   /** @type {Outcome | null} */
   outcome = null;
   /** @type {Map<string, TreeNode>} by path, parents first */
@@ -118,6 +120,7 @@ export class Run {
         this.updateGoal(event);
         break;
     }
+    if (this.goalId && "time_s" in event) this.length = Math.max(this.length, event.time_s - this.began);
     return false;
   }
 

@@ -14,7 +14,7 @@ import { Run } from "./run.js";
  * @property {Record<string, string>} ports
  */
 
-/** Events: `change` when another run is shown, or more is known of it. */
+/** Events: `open` when another run is shown, `change` then and when more is known of it. */
 export class ShownRun extends EventTarget {
   /** The run of the newest live events. */
   live = new Run();
@@ -33,7 +33,7 @@ export class ShownRun extends EventTarget {
    * @param {any} event
    */
   update(event) {
-    if (this.live.update(event) && !this.isLive) this.#show(this.live);
+    if (this.live.update(event)) return this.#show(this.live);
     this.#findFacts();
     this.dispatchEvent(new Event("change"));
   }
@@ -54,6 +54,7 @@ export class ShownRun extends EventTarget {
   /** @param {Run} run */
   #show(run) {
     this.run = run;
+    this.dispatchEvent(new Event("open"));
     this.#findFacts();
     this.dispatchEvent(new Event("change"));
   }
