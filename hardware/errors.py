@@ -3,6 +3,7 @@
     HardwareError
     ├── DescriptionError          the robot file or its URDF is wrong
     ├── NoDriver                  the robot file names no driver, so no real arm can move
+    ├── NotAble                   the board cannot do what a command needs
     ├── LinkError                 the serial port
     │   ├── PortNotGiven          no port is configured
     │   ├── PortMissing           the port does not exist
@@ -18,6 +19,7 @@
     │   ├── FrameLost             it received other frames than were sent
     │   ├── ServoSilent           a servo on a bus does not answer
     │   ├── ServoFault            a servo on a bus reports an error
+    │   ├── TorqueLost            a servo on a bus no longer holds
     │   └── MeasuredFault         a measured value is beyond its limit
     │       ├── JointNotFollowing a joint is too far from its commanded position
     │       ├── JointStalled      a joint pushes and does not move
@@ -32,6 +34,7 @@
         ├── InterfaceUnknown      the arm has no such command interface
         ├── InterfaceClaimed      another owner has claimed the joint
         ├── StaleGeneration       the motion was stopped
+        ├── TorqueOff             the servos have no torque
         ├── BadPosition           a position is missing, not finite or outside the limits
         ├── TooFast               the board cannot process the frame now
         ├── TooLong               a motion would take longer than any may
@@ -88,6 +91,20 @@ class NoDriver(HardwareError):
             f"{path} names no driver, so nothing can be sent to the port {port}. Add driver, "
             "[serial], and a wire for each joint; hardware/README.md explains them. Without a "
             "driver the arm moves on the port virtual only, and nothing real moves"
+        )
+
+
+class NotAble(HardwareError):
+    """The board of the arm cannot do what a command needs."""
+
+    code = "hw.not_able"
+    exit_status = 3
+    hint = "use an arm whose board can do it"
+
+    def __init__(self, robot: str, firmware: str, ability: str) -> None:
+        super().__init__(
+            f"The board of {robot}, with the firmware {firmware}, cannot {ability}. Use an arm "
+            "whose board can; hardware/README.md says which ones"
         )
 
 
@@ -295,6 +312,20 @@ class ServoFault(BoardError):
         )
 
 
+class TorqueLost(BoardError):
+    """A servo on a bus lost its torque while the arm was active."""
+
+    code = "hw.torque_lost"
+    hint = "support the arm and check the supply, then configure and activate"
+
+    def __init__(self, servo: int, joint: str) -> None:
+        super().__init__(
+            f"Servo {servo} of {joint} no longer holds, although its torque was switched on: "
+            "gravity moves the joint. A dip of its supply restarts a servo, and another program "
+            "may switch it off. Support the arm, check the supply and its cables, then run again"
+        )
+
+
 class MeasuredFault(BoardError):
     """A measured value is beyond its limit.
 
@@ -457,6 +488,19 @@ class StaleGeneration(WriteRefused):
 
     code = "hw.stale"
     hint = "run again"
+
+
+class TorqueOff(WriteRefused):
+    """The servos have no torque, so the arm cannot move."""
+
+    code = "hw.torque_off"
+    hint = "switch the torque on, or deactivate and activate the arm"
+
+    def __init__(self) -> None:
+        super().__init__(
+            "the torque of the servos is off, so the arm cannot move; switch it on, or deactivate "
+            "and activate the arm"
+        )
 
 
 class BadPosition(WriteRefused, ValueError):

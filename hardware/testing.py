@@ -21,6 +21,7 @@ from .arm.streamer import Playback, PlaybackState
 from .clock import RealClock, SimulatedClock
 from .description.robot import Robot
 from .description.robot_file import load_robot
+from .drivers.firmware_profile import Ability
 from .drivers.virtual.link import BoardLink
 from .drivers.virtual.model import BoardModel
 from .errors import BadPosition, BoardError, HardwareError, PortLost
@@ -98,7 +99,8 @@ class DriverContract:
             for _ in range(2):
                 rig.activate()
                 start = rig.arm.commanded
-                measures, measured = self.robot.firmware.measures, rig.arm.measured
+                measured = rig.arm.measured
+                measures = self.robot.can(Ability.MEASURE)
                 assert measures == (measured is not None), f"measures is {measures}: {measured}"
                 for goal in (rig.goal(start), start):
                     playback = rig.play(goal)

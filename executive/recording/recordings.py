@@ -11,7 +11,7 @@ from pathlib import Path
 
 import logs
 from executive.api.outcome import GoalState, GoalStatus, Outcome
-from hardware import ArmEvent, Clock, Robot, State
+from hardware import Ability, ArmEvent, Clock, Robot, State
 from logs.writing.compaction_process import CompactionProcess, shared_process
 from skills import Planned, SkillEvent
 from trees.build import Tree
@@ -224,7 +224,7 @@ class Recordings:
 
     def on_arm_event(self, event: ArmEvent) -> None:
         """Record an event of the arm. Exchanges with a board that measures may come later."""
-        if self._robot.firmware.measures:
+        if self._robot.can(Ability.MEASURE):
             self._exchanges.take(event)
         else:
             self._record_arm_event(event)

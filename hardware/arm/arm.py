@@ -11,6 +11,7 @@ from typing import ParamSpec, Self, TypeVar
 
 from hardware.clock import Clock, RealClock
 from hardware.description.robot import Robot
+from hardware.drivers.firmware_profile import Ability
 from hardware.drivers.measurement import Measurement
 from hardware.errors import (
     ActivationStopped,
@@ -246,10 +247,38 @@ class Arm:
             InterfaceClaimed: Another motion is being played. Stop it first.
             StaleGeneration: Since then there was a stop, or another motion ended.
         """
+        if connection := self._connection:
+            connection.wait_for_torque()
         streamer = self._streamer
         if self.state is not State.ACTIVE or streamer is None:
             raise self._not_active()
         return streamer.play(schedule, on_change, owner, generation)
+
+    @property
+    def torque(self) -> bool:
+        """Whether the servos hold. A board that cannot switch that always holds.
+
+        Raises:
+            NotActive: The arm is not active.
+        """
+        return self._guard().torque
+
+    def switch_torque(self, on: bool) -> None:
+        """Switch the torque of all servos, and wait until that is done. It ends any motion.
+
+        Without torque a person moves the arm by hand, or gravity does: someone must hold it. No
+        frame is sent until it is on again. The arm then holds where it is measured.
+
+        Raises:
+            NotAble: The board of the robot cannot do this.
+            NotActive: The arm is not active.
+            PoseOutsideLimits: The arm is outside its limits. The torque is still off.
+        """
+        self.robot.require(Ability.TORQUE)
+        connection = self._connection
+        if self.state is not State.ACTIVE or connection is None:
+            raise self._not_active()
+        connection.switch_torque(on)
 
     def stop(self) -> None:
         """Drop the rest of the motion and hold. Allowed in any state, any number of times.

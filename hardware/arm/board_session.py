@@ -1,6 +1,7 @@
 """The protocol of a board during one connection, shared by the threads of the arm."""
 
 import threading
+from collections.abc import Sequence
 
 from hardware.drivers.board_protocol import BoardProtocol
 from hardware.drivers.measurement import Measurement
@@ -63,10 +64,15 @@ class BoardSession:
         with self._lock:
             return self._protocol.start_commands()
 
-    def fault_commands(self, torque_off: bool) -> bytes:
-        """Return bytes that are sent once after a fault. See `BoardProtocol`."""
+    def hold_commands(self) -> bytes:
+        """Return bytes that hold the joints after a fault. See `BoardProtocol`."""
         with self._lock:
-            return self._protocol.fault_commands(torque_off)
+            return self._protocol.hold_commands()
+
+    def torque_commands(self, on: bool) -> Sequence[bytes]:
+        """Return the commands that switch the torque of all servos. See `BoardProtocol`."""
+        with self._lock:
+            return self._protocol.torque_commands(on)
 
     def note_sent(self, frame: Frame, now: float) -> None:
         """Count a frame that is about to be sent."""

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from hardware.clock import Clock
 from hardware.description.guards import TORQUE_OFF
 from hardware.description.robot import Robot
+from hardware.drivers.firmware_profile import Ability
 from hardware.errors import HardwareError, LinkError, NotActive, PoseOutsideLimits
 from hardware.link.link import Link
 from hardware.link.timed_link import TimedLink
@@ -57,6 +58,7 @@ class Connection:
         self._observe, self._start_pose = observe, start_pose
         self._on_fault, self._on_receive, self._ready = on_fault, on_receive, ready
         self._closed = self._last_words = False
+        self._switching, self._waiting = robot.can(Ability.TORQUE), clock.signal()
         self._measured_guard = MeasuredGuard(robot.actuated, robot.guards)
         self._reader: threading.Thread | None = None
         self.session = BoardSession(robot.protocol())
@@ -92,13 +94,52 @@ class Connection:
         )
 
     def send_start_commands(self) -> None:
-        """Send what the board must receive when the arm becomes active."""
+        """Send what the board must receive when the arm becomes active, and switch torque on."""
         try:
             self.guard.send_start_commands()
+            if self._robot.can(Ability.TORQUE):
+                self._switch_torque(True)
         except NotActive:
             return  # a fault came first
         except Exception as error:  # a driver may raise any exception
             self._fault(error)
+
+    def switch_torque(self, on: bool) -> None:
+        """Switch the torque of all servos. It ends any motion.
+
+        Raises:
+            NotActive: The arm is not active.
+            PoseOutsideLimits: The arm is outside its limits. The torque is still off.
+        """
+        self.guard.release_torque()
+        self._switch_torque(on)
+
+    def wait_for_torque(self) -> None:
+        """Wait while the torque of the servos is being switched."""
+        with self._waiting:
+            while self._switching and not self._closed:
+                self._waiting.wait(None)
+
+    def _switch_torque(self, on: bool) -> None:
+        self._switching = True
+        try:
+            commands = self.session.torque_commands(on)
+            if on:
+                self.guard.start_from(self._held_pose())
+            for command in commands:
+                while not self.guard.send_torque_command(command):
+                    self._pause(self.session.free_at)
+                self._pause(self._clock.now() + 1 / self._robot.firmware.rate)
+            self.guard.torque = on
+        finally:
+            with self._waiting:
+                self._switching = False
+                self._waiting.notify()
+
+    def _pause(self, until: float) -> None:
+        with self._waiting:
+            while self._clock.now() < until and not self._closed:
+                self._waiting.wait(until)
 
     def send_fault_commands(self, error: HardwareError) -> None:
         """Hold the joints where they are measured, or let them go, as the robot file says.
@@ -106,7 +147,7 @@ class Connection:
         Args:
             error: The fault. After one of the link, nothing can be sent.
         """
-        if not self._robot.firmware.measures or isinstance(error, LinkError):
+        if not self._robot.can(Ability.MEASURE) or isinstance(error, LinkError):
             return
         self._last_words = True
         try:
@@ -184,7 +225,9 @@ class Connection:
                     now = self._clock.now()
                     self._observe(Measured(now, measured))
                     if self.streamer:  # not before the arm is active
-                        self._measured_guard.check(self.guard.commanded, measured, now)
+                        holds = self.guard.torque  # else a person moves it, and it commands nothing
+                        commanded = self.guard.commanded if holds else measured.position
+                        self._measured_guard.check(commanded, measured, now)
                 if self.streamer:
                     self.streamer.on_received()
                 self._on_receive()

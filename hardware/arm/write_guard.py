@@ -11,9 +11,18 @@ from collections.abc import Callable, Iterable, Sequence
 
 from hardware.clock import Clock
 from hardware.description.robot import Robot
+from hardware.drivers.firmware_profile import Ability
 from hardware.drivers.pacing import PacingModel
 from hardware.drivers.wire_format import Frame
-from hardware.errors import BadPosition, DriverFailed, JointTooFast, LinkError, NotActive, TooFast
+from hardware.errors import (
+    BadPosition,
+    DriverFailed,
+    JointTooFast,
+    LinkError,
+    NotActive,
+    TooFast,
+    TorqueOff,
+)
 from hardware.joints import DISPLAY_UNITS, check_positions
 from hardware.link.link import Link
 
@@ -42,6 +51,7 @@ class WriteGuard:
 
     Attributes:
         interfaces: The command interfaces, in the order of the fields in a frame.
+        torque: Whether the servos hold. If not, no frame may be sent.
     """
 
     def __init__(
@@ -63,6 +73,7 @@ class WriteGuard:
         self._claims = Claims(self.interfaces)
         self._arrivals = [-math.inf] * len(positions)
         self._closed = self._hold_due = False
+        self.torque = not robot.can(Ability.TORQUE)
         self.start_from(positions)
 
     def start_from(self, positions: tuple[float, ...]) -> None:
@@ -123,6 +134,35 @@ class WriteGuard:
             self._send_command(self._session.start_commands())
         self._outbox.deliver()
 
+    def release_torque(self) -> None:
+        """End all claims and allow no frames, before the torque of the servos is switched.
+
+        Raises:
+            NotActive: The arm is not active.
+        """
+        with self._lock:
+            self._check_active()
+            self._claims.release_all()
+            self.torque = self._hold_due = False
+
+    def send_torque_command(self, data: bytes) -> bool:
+        """Send a part of the commands that switch the torque of the servos.
+
+        Returns:
+            Whether it was sent. If not, the line must stay free for an answer now.
+
+        Raises:
+            NotActive: The arm is not active.
+            LinkError: The port failed.
+        """
+        with self._lock:
+            self._check_active()
+            if self._clock.now() < self._session.free_at:
+                return False
+            self._send_command(data)
+        self._outbox.deliver()
+        return True
+
     def poll(self) -> None:
         """Send the request that is due, if any. It commands no joint, so any state allows it.
 
@@ -147,7 +187,8 @@ class WriteGuard:
             LinkError: The port failed.
         """
         with self._lock:
-            self._send_command(self._session.fault_commands(torque_off))
+            commands = self._session.torque_commands(False) if torque_off else []
+            self._send_command(b"".join(commands) or self._session.hold_commands())
         self._outbox.deliver()
 
     def close(self) -> None:
@@ -173,14 +214,16 @@ class WriteGuard:
             Whether a frame was sent.
 
         Raises:
-            WriteRefused: The arm is not active, the claim has ended, a position is invalid, a joint
-                would be too fast, or the board cannot process the frame now.
+            WriteRefused: The arm is not active or has no torque, the claim has ended, a position is
+                invalid, a joint would be too fast, or the board cannot process the frame now.
             PortLost: The port disappeared. It is unknown what the board received.
             PortStalled: The board accepts no more bytes. It is unknown what the board received.
         """
         with self._lock:
             self._check_active()
             self._claims.check(claim)
+            if not self.torque:
+                raise TorqueOff
             target = self._target(positions, claim)
             frame = self._codec.encode(target)
             changed = frame != self._last_frame

@@ -8,11 +8,12 @@ from pathlib import Path
 from hardware.clock import Clock, RealClock
 from hardware.drivers.board_protocol import BoardProtocol
 from hardware.drivers.driver import Driver
-from hardware.drivers.firmware_profile import Firmware
+from hardware.drivers.firmware_profile import Ability, Firmware
 from hardware.drivers.null_driver import NullDriver
 from hardware.drivers.virtual.link import BoardLink, NullLink
 from hardware.drivers.virtual.model import BoardModel
 from hardware.drivers.wire_format import WireFormat
+from hardware.errors import NotAble
 from hardware.joints import Joint, rounded
 from hardware.link.link import VIRTUAL, Link
 
@@ -136,6 +137,19 @@ class Robot:
     def open_effect(self) -> str:
         """What the arm does when its port is opened, for messages."""
         return self.firmware.words.reset_effect if self.serial.resets else "stays where it is"
+
+    def can(self, ability: Ability) -> bool:
+        """Return whether its board has an ability."""
+        return ability in self.firmware.abilities
+
+    def require(self, ability: Ability) -> None:
+        """Check that its board has an ability.
+
+        Raises:
+            NotAble: It has not.
+        """
+        if not self.can(ability):
+            raise NotAble(self.name, self.firmware.name, ability.value)
 
     def protocol(self) -> BoardProtocol:
         """Return the protocol of a connection to the board that is about to be opened."""

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from hardware.drivers.driver import Driver, load_driver
-from hardware.drivers.firmware_profile import Firmware
+from hardware.drivers.firmware_profile import Ability, Firmware
 from hardware.drivers.null_driver import NO_BAUD, NO_FIRMWARE, NullDriver
 from hardware.errors import DescriptionError
 from hardware.joints import Joint
@@ -117,7 +117,7 @@ def _board(root: TomlTable, driver: Driver | NullDriver) -> tuple[Serial, Firmwa
 
 
 def _guards(root: TomlTable, firmware: Firmware) -> Guards:
-    if not firmware.measures:
+    if Ability.MEASURE not in firmware.abilities:
         why = f"{firmware.name} measures nothing that they could check"
         root.fail("guards", f"the table is not allowed: {why}; remove it")
     return Guards.read(root.table("guards"))

@@ -1,6 +1,7 @@
 """The protocol of a board: what it and armtree tell each other beside frames."""
 
 import math
+from collections.abc import Sequence
 
 from .measurement import Measurement
 from .wire_format import Frame
@@ -15,11 +16,11 @@ class BoardProtocol:
 
     Attributes:
         boot_frame: Frame of the pose that the board reported when it was ready, or None. The first
-            motion starts there.
+            motion starts there. `torque_commands` sets it anew when it switches the torque on.
         acknowledged: Number of frames that the board has received, or None if it does not report
             that.
-        measured: Last measurement; None before the first one. Each one is another object. Only the
-            protocol of a firmware with `measures` sets it.
+        measured: Last measurement; None before the first one. Each one is another object. Only a
+            board with `Ability.MEASURE` has any.
         free_at: Earliest time of the next frame [s]. Later than now if the line must stay free for
             an answer; the answer itself may make it free sooner.
         next_poll: Time of the next `poll` [s]; inf if only a frame or received bytes change it.
@@ -46,13 +47,21 @@ class BoardProtocol:
         """Return bytes that are sent once, when the arm becomes active; empty for none."""
         return b""
 
-    def fault_commands(self, torque_off: bool) -> bytes:
-        """Return bytes that are sent once after a fault, if the port still works; empty for none.
+    def hold_commands(self) -> bytes:
+        """Return bytes that hold the joints where they are measured, after a fault."""
+        return b""
+
+    def torque_commands(self, on: bool) -> Sequence[bytes]:
+        """Return the commands that switch the torque of all servos, for `Ability.TORQUE`.
+
+        They are sent one after another, one in each period of frames, so that torque may rise
+        slowly. The servos then hold where they are measured. The arm does this when it becomes
+        active; a deactivation does not switch the torque off.
 
         Args:
-            torque_off: True to let the joints go; False to hold them where they are measured.
+            on: False to let the joints go.
         """
-        return b""
+        return ()
 
     def note_sent(self, frame: Frame, now: float) -> None:
         """Account for a frame that is about to be sent."""

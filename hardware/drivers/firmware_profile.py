@@ -3,6 +3,17 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import Enum
+
+
+class Ability(Enum):
+    """What a board can do beside following frames. The value completes "it can ...".
+
+    Who needs an ability asks for it, never for the name of a driver: `Robot.require`.
+    """
+
+    MEASURE = "measure where its joints are"
+    TORQUE = "switch the torque of its servos off and on"
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +51,7 @@ class Firmware:
         turn_time: Time for which a servo blocks the board in addition to its units [s].
         resets: Whether opening the port resets the board, unless the robot file denies it.
         reports_pose: Whether the board reports the pose of the arm after the port opens.
-        measures: Whether the board measures where the joints are.
+        abilities: What the board can do beside following frames.
         words: How messages name what the driver drives.
     """
 
@@ -54,7 +65,7 @@ class Firmware:
     turn_time: float = 0.0
     resets: bool = True
     reports_pose: bool = False
-    measures: bool = False
+    abilities: frozenset[Ability] = frozenset()
     words: Words = Words()
 
     def service_time(self, before: Sequence[int], after: Sequence[int]) -> float:

@@ -20,7 +20,7 @@ from executive.executive import Executive
 from executive.server.event_hub import EventHub
 from executive.server.limits.cancel_thread import CancelThread
 from executive.server.limits.token_bucket import TokenBucket
-from hardware import joint_positions
+from hardware import Ability, joint_positions
 
 from . import protocol as ros
 
@@ -47,7 +47,7 @@ class Bridge:
         self.executive, self.canceler = executive, canceler
         self._clients: set[_Client] = set()
         self._joints: tuple[float, Mapping[str, float]] | None = None
-        self._measures = executive.robot.firmware.measures
+        self._measures = executive.robot.can(Ability.MEASURE)
         self._statuses = _GoalStatuses(executive)
         self.goal_bucket = TokenBucket(*GOAL_RATE, executive.clock.now)
         hub.listeners.append(self._handle)

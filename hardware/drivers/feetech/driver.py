@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from hardware.drivers.firmware_profile import Firmware, Words
+from hardware.drivers.firmware_profile import Ability, Firmware, Words
 from hardware.joints import Joint
 from hardware.link.link import Link
 from hardware.link.serial_link import SerialLink
@@ -38,7 +38,7 @@ FIRMWARES = {
         max_step=_MAX_STEP,
         resets=False,
         reports_pose=True,
-        measures=True,
+        abilities=frozenset({Ability.MEASURE, Ability.TORQUE}),
         words=_WORDS,
     )
     for name in _SERIES

@@ -5,19 +5,22 @@ next frame waits for the answers or their timeout.
 """
 
 import math
+from collections.abc import Sequence
 
 from hardware.drivers.board_protocol import BoardProtocol
 from hardware.drivers.wire_format import Frame
-from hardware.errors import BoardSilent, ServoFault, ServoSilent
+from hardware.errors import BoardSilent, ServoFault, ServoSilent, TorqueLost
 
 from .packets import Packet, sync_read, take_packets
-from .registers import ERRORS, Series
+from .registers import ERRORS, MEMORY, Series
 from .wire_format import ServoFormat
 
 # Six answers take 1.3 ms on the line, and a USB adapter may keep them for another 16 ms.
 ANSWER_TIMEOUT = 0.02  # [s]
 _IDLE_PERIOD = 0.2  # between requests while nothing moves [s]
 LOST_CYCLES = 5  # cycles in a row without the answer of a servo that are a fault
+_STATE_PERIOD = 0.2  # between requests that include the torque [s]
+_RAMP = 15  # parts in which torque rises, one in each period of frames
 
 
 class BusProtocol(BoardProtocol):
@@ -34,20 +37,25 @@ class BusProtocol(BoardProtocol):
     def __init__(self, series: Series, wires: ServoFormat) -> None:
         self._series, self._wires = series, wires
         self._joints = {servo: joint for joint, servo in wires.servos.items()}
-        self._first = series.registers["position"].address
-        last = max(self._first, *(r.address + r.size for r in series.registers.values()))
-        self._count = last - self._first
-        self._request = sync_read(list(self._joints), self._first, self._count)
+        kept, self._state, self._cycle = series.blocks
+        self._asked = [self._state, kept]  # what is asked next; then the cycle, again and again
         self._received = bytearray()
         self._waiting = set[int]()  # servos that have not answered the last request
+        self._answers = dict[int, bytes]()  # of those that have
+        self._heard = set[int]()  # servos that have ever answered
         self._silent = dict.fromkeys(self._joints, 0)  # cycles in a row without an answer
-        self._answers = dict[int, bytes]()  # last values of each servo, from the position on
+        self._state_time = -math.inf  # of the last answers with the torque [s]
+        self._holds = False  # whether torque was switched on
+        self._limp = dict.fromkeys(self._joints, 0)  # such answers in a row without torque
+        self._memories = {servo: bytearray(MEMORY) for servo in self._joints}
         self.lost = dict.fromkeys(self._joints, 0)
         self.next_poll = -math.inf  # ask at once where the servos are
 
     def check_booted(self, port: str, waited: float) -> None:
         """Check that all servos answered."""
-        if missing := [servo for servo in self._joints if servo not in self._answers]:
+        if self.boot_frame:
+            return
+        if missing := [s for s in self._joints if s not in self._heard or s in self._waiting]:
             named = ", ".join(f"{servo} ({self._joints[servo]})" for servo in missing)
             one = len(missing) == 1
             what = f"the position of {'servo' if one else 'servos'} {named}"
@@ -56,18 +64,42 @@ class BusProtocol(BoardProtocol):
                 advice = "Check its power, id and baud rate, and the cable to it"
             raise BoardSilent(port, waited, what, advice)
 
-    def start_commands(self) -> bytes:
-        """Return the commands that hold the servos where they are: goal first, then torque."""
-        return self._hold() + self._wires.command("torque_enable", [1] * len(self._joints))
+    def hold_commands(self) -> bytes:
+        """Return the command that holds the servos where they are."""
+        return (
+            self._wires.command("goal_position", self._values("position")) if self.measured else b""
+        )
 
-    def fault_commands(self, torque_off: bool) -> bytes:
-        """Return the command that lets the servos go, or holds them where they are."""
-        if torque_off:
-            return self._wires.command("torque_enable", [0] * len(self._joints))
-        return self._hold() if len(self._answers) == len(self._joints) else b""
+    def torque_commands(self, on: bool) -> Sequence[bytes]:
+        """Return the commands that let the servos go, or hold them where they are.
 
-    def _hold(self) -> bytes:
-        return self._wires.command("goal_position", self._values("position"))
+        The goal comes before the torque, and the torque of a servo that holds nothing rises slowly,
+        if its series can limit it.
+        """
+        self._holds = on
+        if not on:
+            return [self._enable(0)]
+        self.boot_frame = self._wires.frame(self._values("position"))
+        most, holding = self._values("max_torque"), self._values("torque_enable")
+        enable = self._enable(1)
+        if "torque_limit" not in self._series.registers or all(holding):
+            return [self.boot_frame.data, enable]
+        limits = [
+            [
+                top if holds else top * part // _RAMP
+                for top, holds in zip(most, holding, strict=True)
+            ]
+            for part in range(1, _RAMP + 1)
+        ]
+        ramp = [self._wires.command("torque_limit", each) for each in limits]
+        return [ramp[0], self.boot_frame.data, enable, *ramp[1:]]
+
+    def _enable(self, on: int) -> bytes:
+        """Return the command that switches the torque of all servos."""
+        for servo, memory in self._memories.items():
+            self._limp[servo] = 0
+            memory[self._state[0]] = on
+        return self._wires.command("torque_enable", [on] * len(self._joints))
 
     def note_sent(self, frame: Frame, now: float) -> None:
         """Ask for the state of the servos right after a frame."""
@@ -85,13 +117,21 @@ class BusProtocol(BoardProtocol):
             self._silent[servo] += 1
             if self.boot_frame and self._silent[servo] >= LOST_CYCLES:
                 raise ServoSilent(servo, self._joints[servo], self._silent[servo])
-        self._waiting = set(self._joints)
+        self._waiting, self._answers = set(self._joints), {}
         self._received.clear()
         self.free_at = self.next_poll = now + ANSWER_TIMEOUT
-        return self._request
+        return sync_read(list(self._joints), *self._block)
+
+    @property
+    def _block(self) -> tuple[int, int]:
+        """Address and number of the bytes that are asked for."""
+        return self._asked[0] if self._asked else self._cycle
 
     def receive(self, data: bytes, now: float) -> None:
         """Process answers. Answers of unknown servos and damaged ones are ignored.
+
+        Only the answers of all servos to one request count: a servo that answers with the id of
+        another leaves its own answer out.
 
         Raises:
             ServoFault: A servo reports an error.
@@ -102,29 +142,51 @@ class BusProtocol(BoardProtocol):
                 self._process(packet)
                 if not self._waiting:
                     self.free_at, self.next_poll = -math.inf, now + _IDLE_PERIOD
-                    self._measure()
+                    self._take_answers(now)
 
     def _process(self, packet: Packet) -> None:
-        servo, first = packet.servo, self._first
+        servo, (first, count) = packet.servo, self._block
+        whole = len(packet.parameters) == count
         if packet.code:
             names = [name for bit, name in ERRORS.items() if packet.code & bit]
-            temperature = self._series.unpack("temperature", packet.parameters, first)
-            volts = self._series.unpack("voltage", packet.parameters, first) / 10
+            memory = bytearray(self._memories[servo])
+            if whole:
+                memory[first : first + count] = packet.parameters
+            temperature = self._series.unpack("temperature", memory)
+            volts = self._series.unpack("voltage", memory) / 10
             raise ServoFault(servo, self._joints[servo], names, temperature, volts)
-        if len(packet.parameters) != self._count:
-            return  # the answer to another request
-        self._waiting.discard(servo)
-        self._silent[servo] = 0
-        self._answers[servo] = packet.parameters
-        if self.boot_frame is None and len(self._answers) == len(self._joints):
-            self.boot_frame = self._wires.frame(self._values("position"))
+        if whole:  # else it is the answer to another request
+            self._waiting.discard(servo)
+            self._heard.add(servo)
+            self._silent[servo] = 0
+            self._answers[servo] = packet.parameters
+
+    def _take_answers(self, now: float) -> None:
+        """Take the answers of all servos to one request."""
+        first, count = self._block
+        for servo, answer in self._answers.items():
+            self._memories[servo][first : first + count] = answer
+        if first <= self._state[0] < first + count:
+            self._state_time = now
+            self._check_torque()
+        if self._asked:
+            self._asked.pop(0)
+        if self._asked:
+            self.next_poll = now
+            return
+        names = ("position", "speed", "load", "temperature", "voltage")
+        self.measured = self._wires.measurement(*map(self._values, names))
+        self.boot_frame = self.boot_frame or self._wires.frame(self._values("position"))
+        if now - self._state_time >= _STATE_PERIOD:
+            self._asked.append(self._state)
+
+    def _check_torque(self) -> None:
+        """Check that the servos hold. One answer may be older than the command."""
+        for servo, holds in zip(self._joints, self._values("torque_enable"), strict=True):
+            self._limp[servo] = 0 if holds or not self._holds else self._limp[servo] + 1
+            if self._limp[servo] > 1:
+                raise TorqueLost(servo, self._joints[servo])
 
     def _values(self, register: str) -> list[int]:
         """Return the last value of a register of every servo, by joint."""
-        answers = (self._answers[servo] for servo in self._joints)
-        return [self._series.unpack(register, answer, self._first) for answer in answers]
-
-    def _measure(self) -> None:
-        """Take the answers of one whole cycle as a measurement."""
-        names = ("position", "speed", "load", "temperature", "voltage")
-        self.measured = self._wires.measurement(*map(self._values, names))
+        return [self._series.unpack(register, memory) for memory in self._memories.values()]

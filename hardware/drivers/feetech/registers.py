@@ -50,6 +50,17 @@ class Series:
     turn: float
     registers: dict[str, Register]
 
+    @property
+    def blocks(self) -> tuple[tuple[int, int], ...]:
+        """First address and length of three parts of the memory.
+
+        The first part is kept without power. The second begins with the torque, and the third, for
+        which each cycle asks, with the position.
+        """
+        first = [self.registers[name].address for name in ("torque_enable", "position")]
+        end = max(register.address + register.size for register in self.registers.values())
+        return (0, first[0]), (first[0], end - first[0]), (first[1], end - first[1])
+
     def pack(self, name: str, value: int) -> bytes:
         """Return the bytes of a value of a register.
 
