@@ -17,12 +17,10 @@
     │   ├── PoseOutsideLimits     it holds a servo outside the limits of its joint
     │   ├── BoardReset            it restarted while the arm was active
     │   ├── FrameLost             it received other frames than were sent
-    │   ├── ServoSilent           a servo on a bus does not answer
-    │   ├── ServoFault            a servo on a bus reports an error
-    │   ├── TorqueLost            a servo on a bus no longer holds
     │   └── MeasuredFault         a measured value is beyond its limit
     │       ├── JointNotFollowing a joint is too far from its commanded position
     │       ├── JointStalled      a joint pushes and does not move
+    │       ├── NotArrived        a joint did not reach the end of a motion
     │       ├── ServoTooHot       a servo is too hot
     │       └── SupplyTooLow      a servo has too low a voltage
     ├── DriverFailed              the driver raised another exception, or armtree has a bug
@@ -40,7 +38,8 @@
         ├── TooLong               a motion would take longer than any may
         └── JointTooFast          a joint would exceed its velocity limit
 
-Every error has a stable `code`, and its message says what to do.
+`drivers/servo_errors.py` has the errors of servos on a bus. Every error has a stable `code`, and
+its message says what to do.
 """
 
 import math
@@ -282,50 +281,6 @@ class FrameLost(BoardError):
         super().__init__(f"{what}. Check the cable and the wires beside it, then run again")
 
 
-class ServoSilent(BoardError):
-    """A servo on a bus stopped to answer."""
-
-    code = "hw.servo_silent"
-    hint = "check its cable and its power, then configure and activate"
-
-    def __init__(self, servo: int, joint: str, cycles: int) -> None:
-        super().__init__(
-            f"Servo {servo} of {joint} did not answer {cycles} requests in a row. Check the cable "
-            "to it and its power, then run again"
-        )
-
-
-class ServoFault(BoardError):
-    """A servo on a bus reports an error, such as an overload."""
-
-    code = "hw.servo_fault"
-    hint = "free the joint and let it cool down, then configure and activate"
-
-    def __init__(
-        self, servo: int, joint: str, errors: Sequence[str], temperature: float, volts: float
-    ) -> None:
-        super().__init__(
-            f"Servo {servo} of {joint} reports the error {' and '.join(errors) or 'unknown'}, at "
-            f"{temperature:g} degrees Celsius and {volts:g} V. Free the joint, let the servo cool "
-            "down, and check its supply, then run again. The servo may have let the joint go: "
-            "gravity moves it"
-        )
-
-
-class TorqueLost(BoardError):
-    """A servo on a bus lost its torque while the arm was active."""
-
-    code = "hw.torque_lost"
-    hint = "support the arm and check the supply, then configure and activate"
-
-    def __init__(self, servo: int, joint: str) -> None:
-        super().__init__(
-            f"Servo {servo} of {joint} no longer holds, although its torque was switched on: "
-            "gravity moves the joint. A dip of its supply restarts a servo, and another program "
-            "may switch it off. Support the arm, check the supply and its cables, then run again"
-        )
-
-
 class MeasuredFault(BoardError):
     """A measured value is beyond its limit.
 
@@ -371,6 +326,26 @@ class JointStalled(MeasuredFault):
             limit,
             f"{joint} pushes with {effort:.0%} of its torque, {error:.1f} deg from its commanded "
             f"position; the limit is {limit:.0%} (stall_effort). Free the joint, or lift less",
+        )
+
+
+class NotArrived(MeasuredFault):
+    """A joint did not reach the end of a motion. The arm stays active."""
+
+    code = "hw.not_arrived"
+    hint = "free the joint, or raise settle_deg in the robot file"
+
+    def __init__(
+        self, joint: str, goal: float, measured: float, limit: float, seconds: float
+    ) -> None:
+        error = abs(goal - measured)
+        super().__init__(
+            joint,
+            math.radians(error),
+            math.radians(limit),
+            f"{joint} moved towards {goal:.1f} deg and is measured at {measured:.1f} deg, "
+            f"{seconds:g} s after the last frame: {error:.1f} deg apart; the limit is {limit:g} "
+            "deg (settle_deg). Free the joint, lift less, or raise the limit",
         )
 
 

@@ -27,6 +27,7 @@ READER_ENDED_EXIT = 141  # the shell's status of a program that SIGPIPE ends
 _MODULES = (
     "executive.errors",
     "hardware.errors",
+    "hardware.drivers.servo_errors",
     "logs.errors",
     "trees.errors",
     "skills.errors",

@@ -70,11 +70,12 @@ def _mesh_name(path: Path, data: bytes) -> str:
 
 def robot_note(robot: Robot, meshes: RobotMeshes) -> dict[str, str]:
     """Return which attachments describe the robot, and the firmware's values."""
-    figures = {name: _plain(value) for name, value in asdict(robot.firmware).items()}
-    return {
+    figures = {name: _plain(value) for name, value in _figures(robot).items()}
+    files = {"calibration": robot.calibration.name} if robot.calibration else {}
+    return files | {
         "file": robot.path.name,
         "urdf": robot.urdf.name,
-        "sha256": _digest(robot.path.read_bytes(), robot.urdf.read_bytes()),
+        "sha256": _digest(*(path.read_bytes() for path in robot.files)),
         "firmware": json.dumps(figures),
         "meshes": json.dumps(dict(meshes.names)),
         "meshes_left_out": meshes.left_out,
@@ -92,7 +93,7 @@ def restore_robot(recording: Recording) -> Robot:
         note = recording.notes[_NOTE]
         if left_out := note.get("meshes_left_out"):
             raise RecordingError(recording.path, f"cannot be verified: {left_out}")
-        files = tuple((note[key], recording.files[note[key]]) for key in ("file", "urdf"))
+        files = tuple((name, recording.files[name]) for name in _robot_files(note))
         paths = {
             name: _restored_mesh(file, recording.files)
             for name, file in _attached_meshes(recording).items()
@@ -125,6 +126,10 @@ def extract_robot(recording: Recording, folder: Path) -> list[Path]:
     written = {name: folder / name for name in set(meshes.values()) & recording.files.keys()}
     for name, path in written.items():
         path.write_bytes(recording.files[name])
+    if robot.calibration:
+        calibration = folder / robot.calibration.name
+        calibration.write_bytes(robot.calibration.read_bytes())
+        return [file, urdf, calibration, *sorted(written.values())]
     return [file, urdf, *sorted(written.values())]
 
 
@@ -143,7 +148,19 @@ def _attached_meshes(recording: Recording) -> dict[str, str]:
 def robot_files_changed(recording: Recording) -> bool:
     """Return whether the attached robot files differ from those the run used."""
     note = recording.notes[_NOTE]
-    return note.get("sha256") != _digest(*(recording.files[note[key]] for key in ("file", "urdf")))
+    return note.get("sha256") != _digest(*(recording.files[name] for name in _robot_files(note)))
+
+
+def _robot_files(note: Mapping[str, str]) -> list[str]:
+    """Return the names of the robot file, the URDF and, if there is one, the calibration."""
+    return [note["file"], note["urdf"], *filter(None, [note.get("calibration")])]
+
+
+def _figures(robot: Robot) -> dict[str, Any]:
+    """Return the values of the firmware that may differ from those of the present armtree."""
+    figures = asdict(robot.firmware)
+    del figures["abilities"], figures["bauds"]
+    return figures
 
 
 @lru_cache(maxsize=8)
@@ -200,7 +217,7 @@ def _load(
     folder.mkdir(exist_ok=True)
     for name, data in files:
         (folder / Path(name).name).write_bytes(data)
-    file, urdf = (folder / Path(name).name for name, _ in files)
+    file, urdf = (folder / Path(name).name for name, _ in files[:2])
     robot = load_robot(file, urdf)
     robot = replace(robot, meshes=dict(meshes))
     return replace(robot, firmware=replace(robot.firmware, **_firmware_values(robot, firmware)))
@@ -212,7 +229,7 @@ def _firmware_values(robot: Robot, recorded: str) -> dict[str, Any]:
     Raises:
         ValueError: A value has the wrong type.
     """
-    figures: dict[str, Any] = asdict(robot.firmware)
+    figures = _figures(robot)
     values = json.loads(recorded)
     if not isinstance(values, dict):
         raise ValueError("it is not a JSON object")

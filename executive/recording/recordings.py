@@ -276,8 +276,7 @@ class Recordings:
         """Return the URDF, the robot's files and the notes, which are read once."""
         robot = self._robot
         files = [
-            logs.Attachment(path.name, "text/plain", path.read_bytes())
-            for path in (robot.path, robot.urdf)
+            logs.Attachment(path.name, "text/plain", path.read_bytes()) for path in robot.files
         ]
         notes = [
             logs.Note("robot", robot_note(robot, self._robot_meshes)),

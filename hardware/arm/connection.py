@@ -2,7 +2,7 @@
 
 import logging
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from hardware.clock import Clock
 from hardware.description.guards import TORQUE_OFF
@@ -59,7 +59,7 @@ class Connection:
         self._on_fault, self._on_receive, self._ready = on_fault, on_receive, ready
         self._closed = self._last_words = False
         self._switching, self._waiting = robot.can(Ability.TORQUE), clock.signal()
-        self._measured_guard = MeasuredGuard(robot.actuated, robot.guards)
+        self._measured_guard = MeasuredGuard(robot.actuated, robot.guards, robot.groups["gripper"])
         self._reader: threading.Thread | None = None
         self.session = BoardSession(robot.protocol())
         self.guard = WriteGuard(
@@ -90,8 +90,19 @@ class Connection:
         self.guard.start_from(self._held_pose())
         period = 1 / self._robot.firmware.rate
         self.streamer = Streamer(
-            self.guard, self.session, self._clock, period, self._fault, self._ready
+            self.guard,
+            self.session,
+            self._clock,
+            period,
+            self._fault,
+            self._ready,
+            self._check_arrived,
+            self._robot.guards.settle_s if self._robot.can(Ability.MEASURE) else 0.0,
         )
+
+    def _check_arrived(self, goal: Sequence[float]) -> None:
+        if measured := self.session.measured:
+            self._measured_guard.check_arrived(goal, measured)
 
     def send_start_commands(self) -> None:
         """Send what the board must receive when the arm becomes active, and switch torque on."""

@@ -2,11 +2,17 @@
 
 import logging
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from hardware.description.guards import Guards
 from hardware.drivers.measurement import Measurement
-from hardware.errors import JointNotFollowing, JointStalled, ServoTooHot, SupplyTooLow
+from hardware.errors import (
+    JointNotFollowing,
+    JointStalled,
+    NotArrived,
+    ServoTooHot,
+    SupplyTooLow,
+)
 from hardware.joints import Joint
 
 logger = logging.getLogger(__name__)
@@ -18,10 +24,11 @@ class MeasuredGuard:
     Args:
         joints: The actuated joints. Those that slide are not checked for their position.
         guards: The limits.
+        free: Names of joints that need not arrive at the end of a motion, such as a gripper.
     """
 
-    def __init__(self, joints: Sequence[Joint], guards: Guards) -> None:
-        self._joints, self._guards = joints, guards
+    def __init__(self, joints: Sequence[Joint], guards: Guards, free: Collection[str]) -> None:
+        self._joints, self._guards, self._free = joints, guards, free
         self._since = dict[tuple[str, str], float]()  # when a joint exceeded a limit [s]
         self._warned = set[tuple[str, str]]()
 
@@ -54,6 +61,23 @@ class MeasuredGuard:
                 self._check_temperature(joint, measured.temperature[k])
             if measured.voltage:
                 self._check_voltage(joint, measured.voltage[k])
+
+    def check_arrived(self, goal: Sequence[float], measured: Measurement) -> None:
+        """Check that the joints are at the end of a motion.
+
+        Args:
+            goal: Commanded positions at the end, one per joint [rad].
+            measured: The last measurement.
+
+        Raises:
+            NotArrived: A joint is not there.
+        """
+        for joint, *positions in zip(self._joints, goal, measured.position, strict=True):
+            end, there = map(math.degrees, positions)
+            limit = self._guards.settle_deg
+            bound = joint.unit == "rad" and joint.name not in self._free
+            if bound and abs(end - there) > limit:
+                raise NotArrived(joint.name, end, there, limit, self._guards.settle_s)
 
     def _lasts(self, kind: str, joint: Joint, wrong: bool, now: float, allowed: float) -> bool:
         """Return whether something is wrong for longer than allowed [s]."""

@@ -2,11 +2,12 @@
 
 import logging
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from enum import Enum
 
 from hardware.clock import Clock
-from hardware.errors import HardwareError, NotActive, StaleGeneration, WriteRefused
+from hardware.errors import HardwareError, NotActive, NotArrived, StaleGeneration, WriteRefused
 
 from .board_session import BoardSession
 from .events import OBSERVER_TIMEOUT
@@ -103,6 +104,8 @@ class Streamer:
         on_fault: Callback for errors. It must close this streamer.
         ready: Returns whether the next frame may be sent, and waits for that for a time [s]. It may
             raise a `WriteRefused`, which ends the motion.
+        check_arrived: Raises `NotArrived` if joints are not measured at positions [rad].
+        settle: Longest time to arrive, after the last frame [s].
 
     Attributes:
         thread: The thread. It ends soon after this streamer is closed.
@@ -116,9 +119,12 @@ class Streamer:
         period: float,
         on_fault: Callable[[BaseException], None],
         ready: Callable[[float], bool],
+        check_arrived: Callable[[Sequence[float]], None],
+        settle: float,
     ) -> None:
         self._guard, self._session, self._clock = guard, session, clock
         self._period, self._on_fault, self._ready = period, on_fault, ready
+        self._check_arrived, self._settle = check_arrived, settle
         self._signal = clock.signal()
         self._playback: Playback | None = None
         self._braking: tuple[float, float] | None = None  # start and duration [s]
@@ -244,7 +250,7 @@ class Streamer:
             self._end(playback, PlaybackState.STOPPED)
         except NotActive:
             raise
-        except WriteRefused as error:
+        except (WriteRefused, NotArrived) as error:
             logger.error("%s", error)
             self._end(playback, PlaybackState.FAILED, error)
 
@@ -286,6 +292,23 @@ class Streamer:
         if playback.schedule.setpoints:
             self._sleep(playback, max(origin + playback.schedule.duration, self._guard.done))
             self._sleep(playback, math.inf, self._session.all_acknowledged)
+            self._wait_until_settled(playback)
+
+    def _wait_until_settled(self, playback: Playback) -> None:
+        """Wait until the joints are measured at the end of the motion.
+
+        Raises:
+            NotArrived: That takes too long.
+        """
+
+        def settled() -> bool:
+            with suppress(NotArrived):
+                self._check_arrived(playback.schedule.end)
+                return True
+            return False
+
+        self._sleep(playback, self._clock.now() + self._settle, settled)
+        self._check_arrived(playback.schedule.end)
 
     def _wait_for_frame(self, playback: Playback, planned: float) -> None:
         """Wait until a frame with this planned time [s] is due. Braking may shift it meanwhile."""

@@ -17,6 +17,8 @@ class Guards:
         stall_effort: Effort from which a joint may be stalled, part of the largest torque.
         stall_deg: Difference from the commanded position from which it is, with that effort [deg].
         stall_s: How long that is allowed [s].
+        settle_deg: Largest difference of a joint of the arm from the end of a motion [deg].
+        settle_s: Longest time that it may take to get there, after the last frame [s].
         warn_c: Temperature of a servo from which armtree warns [C].
         most_c: Highest temperature of a servo [C].
         warn_v: Voltage below which armtree warns [V].
@@ -29,6 +31,8 @@ class Guards:
     stall_effort: float = 0.9
     stall_deg: float = 2.0
     stall_s: float = 0.08
+    settle_deg: float = 3.0
+    settle_s: float = 1.0
     warn_c: float = 55.0
     most_c: float = 65.0
     warn_v: float = 4.8

@@ -1,15 +1,19 @@
 """The robot as data: joints, groups, limits, and its board."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from typing import cast
 
 from hardware.clock import Clock, RealClock
 from hardware.drivers.board_protocol import BoardProtocol
 from hardware.drivers.driver import Driver
 from hardware.drivers.firmware_profile import Ability, Firmware
 from hardware.drivers.null_driver import NullDriver
+from hardware.drivers.servo_bus import ServoBus, ServoDriver
+from hardware.drivers.servo_errors import CalibrationMissing
 from hardware.drivers.virtual.link import BoardLink, NullLink
 from hardware.drivers.virtual.model import BoardModel
 from hardware.drivers.wire_format import WireFormat
@@ -17,10 +21,13 @@ from hardware.errors import NotAble
 from hardware.joints import Joint, rounded
 from hardware.link.link import VIRTUAL, Link
 
+from .calibration import CalibratedJoint, calibration_file
 from .gripper import Gripper
 from .guards import Guards
 from .kinematics import ForwardKinematics, reach
 from .meshes import find_mesh
+
+RANGE_MARGIN = 1.0  # from the end of a calibrated range, where the joint pushes [deg]
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +96,9 @@ class Robot:
         tool: The tool, or None if the robot file has none.
         gripper: The gripper, or None if the robot file does not say how its width is measured.
         brake: How long a stop slows the motion down before it holds [s]; 0 to hold at once.
+        acceleration_sum: Largest sum of the absolute accelerations of all joints [rad/s2].
+        needs_calibration: Whether it may move on a real port only if it is calibrated.
+        calibration: Its calibration file, or None if there is none.
         guards: Limits of what the board measures; unused if it measures nothing.
         links: Names of all links.
         home: Target of `armtree home`: poses and JOINT=VALUE; empty for the boot pose.
@@ -108,6 +118,9 @@ class Robot:
     tool: Tool | None = None
     gripper: Gripper | None = None
     brake: float = 0.0
+    acceleration_sum: float = math.inf
+    needs_calibration: bool = False
+    calibration: Path | None = None
     guards: Guards = field(default_factory=Guards)
     links: tuple[str, ...] = ()
     home: tuple[str, ...] = ()
@@ -117,6 +130,11 @@ class Robot:
     def actuated(self) -> tuple[Joint, ...]:
         """The joints that move independently, in the order of their fields in a frame."""
         return tuple(joint for joint in self.joints if joint.mimic is None)
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The robot file, the URDF and, if there is one, the calibration."""
+        return (self.path, self.urdf, *filter(None, [self.calibration]))
 
     @property
     def has_driver(self) -> bool:
@@ -164,14 +182,65 @@ class Robot:
 
         Raises:
             NoDriver: The robot file names no driver, and the port is not `virtual`.
+            CalibrationMissing: It must be calibrated before it moves on that port.
         """
         baud = self.serial.baud
         if port != VIRTUAL:
+            if self.needs_calibration and not self.calibration:
+                raise CalibrationMissing(self.path, calibration_file(self.path))
             return self.driver.link(self.actuated, self.firmware, baud, port)
         from hardware.drivers.virtual.board_process import VirtualLink  # slow to import
 
         model = self.model()
         return VirtualLink(model, baud) if model else NullLink(RealClock())
+
+    @property
+    def servos(self) -> dict[str, int]:
+        """Id of the servo of each joint, by its name.
+
+        Raises:
+            NotAble: Its board cannot identify servos.
+        """
+        return self._servo_driver.servos(self.actuated)
+
+    def servo_bus(self, port: str, baud: int, clock: Clock) -> ServoBus:
+        """Return the servos on a port, to be asked one by one.
+
+        Args:
+            port: Name of the port, or `virtual`.
+            baud: Speed of the line [bit/s].
+            clock: Time source.
+
+        Raises:
+            NotAble: Its board cannot identify servos.
+        """
+        driver = self._servo_driver
+        if port == VIRTUAL:
+            return driver.servo_bus(self.firmware, self.link(port), clock)
+        link = self.driver.link(self.actuated, self.firmware, baud, port)
+        return driver.servo_bus(self.firmware, link, clock)
+
+    def calibrated(self, joint: Joint, kept: Mapping[str, int], turn: float) -> CalibratedJoint:
+        """Return the calibration of a joint with this range.
+
+        The middle of the range is the middle of the joint's limits in the URDF.
+
+        Args:
+            joint: The joint, with its limits in the URDF.
+            kept: What its servo keeps, by the names in `ServoReport`: `least` and `most` are the
+                range [ticks].
+            turn: Angle of a tick [deg].
+        """
+        middle = (joint.lower + joint.upper) / 2
+        wire = self._servo_driver.calibrated_wire(joint, self.firmware, kept, middle)
+        half = max((kept["most"] - kept["least"]) * turn / 2 - RANGE_MARGIN, 0.0)
+        centre = math.degrees(middle)
+        return CalibratedJoint(centre - half, centre + half, wire, {})
+
+    @property
+    def _servo_driver(self) -> ServoDriver:
+        self.require(Ability.IDENTIFY)
+        return cast("ServoDriver", self.driver)
 
     def simulated_link(self, clock: Clock) -> Link:
         """Return a link to a virtual board in this process, on a clock that may be simulated."""

@@ -1,5 +1,6 @@
 """The reader of robot files: one TOML file and the URDF that it names."""
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from hardware.link.link import VIRTUAL
 from hardware.suggestions import choices, there_are
 from hardware.toml_table import TomlTable
 
+from .calibration import calibration_file, is_robot_file, read_calibration
 from .gripper import Gripper
 from .guards import Guards
 from .kinematics import ForwardKinematics
@@ -41,11 +43,13 @@ def load_robot(path: Path | None = None, urdf: Path | None = None) -> Robot:
     urdf_path = urdf or named
     described = _urdf(root, urdf_path)
     driver = load_driver(root) if "driver" in root or "serial" in root else NullDriver(path)
-    joints = _joints(root, described, driver)
+    name, file = root.text("name"), calibration_file(path)
+    calibration = read_calibration(file, name)
+    joints = _joints(root, described, driver, calibration)
     groups = _groups(root, joints)
     serial, firmware = _board(root, driver)
     robot = Robot(
-        name=root.text("name"),
+        name=name,
         path=path,
         urdf=urdf_path,
         joints=joints,
@@ -59,6 +63,13 @@ def load_robot(path: Path | None = None, urdf: Path | None = None) -> Robot:
         guards=_guards(root, firmware) if "guards" in root else Guards(),
         links=described.links,
         home=tuple(root.text("home", default="").split()),
+        acceleration_sum=(
+            root.number("acceleration_sum", above=0) if "acceleration_sum" in root else math.inf
+        ),
+        needs_calibration=(
+            root.boolean("needs_calibration") if "needs_calibration" in root else False
+        ),
+        calibration=file if calibration else None,
         brake=root.number("brake_s", least=0, most=MAX_BRAKE) if "brake_s" in root else 0.0,
     )
     root.done()
@@ -71,7 +82,7 @@ def load_robot(path: Path | None = None, urdf: Path | None = None) -> Robot:
 def shipped_robots() -> dict[str, Path]:
     """Return the robot files that ship, by the name of the robot."""
     files = (Path(__file__).parents[1] / "robots").glob("*/*.toml")
-    return {file.stem: file for file in sorted(files)}
+    return {file.stem: file for file in sorted(filter(is_robot_file, files))}
 
 
 def _robot_file(path: Path) -> Path:
@@ -138,7 +149,9 @@ def _check_serial(table: TomlTable, robot: Robot) -> None:
         table.fail("boot_wait_s", f"{wait:g} s is too short: {needs}")
 
 
-def _joints(root: TomlTable, urdf: Urdf, driver: Driver) -> tuple[Joint, ...]:
+def _joints(
+    root: TomlTable, urdf: Urdf, driver: Driver, calibration: TomlTable | None
+) -> tuple[Joint, ...]:
     """Return the joints of the robot file in its order, then the mimic joints of the URDF."""
     table, moving = root.table("joints"), urdf.moving
     for name in table:
@@ -146,7 +159,9 @@ def _joints(root: TomlTable, urdf: Urdf, driver: Driver) -> tuple[Joint, ...]:
             table.fail(name, f"the URDF has no such joint; it has {', '.join(moving)}")
         if moving[name].mimic:
             table.fail(name, "follows another joint in the URDF and has no servo of its own")
-    own = {name: _joint(name, table.table(name), moving[name], driver) for name in table}
+    own = {
+        name: _joint(name, table.table(name), moving[name], driver, calibration) for name in table
+    }
     mimics = []
     for name, described in moving.items():
         if described.mimic and described.mimic.leader in own:
@@ -160,16 +175,29 @@ def _joints(root: TomlTable, urdf: Urdf, driver: Driver) -> tuple[Joint, ...]:
     return (*own.values(), *mimics)
 
 
-def _joint(name: str, table: TomlTable, urdf: UrdfJoint, driver: Driver) -> Joint:
+def _joint(
+    name: str,
+    table: TomlTable,
+    urdf: UrdfJoint,
+    driver: Driver,
+    calibration: TomlTable | None,
+) -> Joint:
+    lower, upper, wired = urdf.lower, urdf.upper, table
+    if calibration and "wire" in table:
+        wired = calibration.table(name)
+        lower = max(lower, math.radians(wired.number("lower_deg")))
+        upper = min(upper, math.radians(wired.number("upper_deg")))
+        if lower >= upper:
+            wired.fail("lower_deg", "no position is within this range and the limits of the URDF")
     joint = Joint(
         name=name,
-        lower=urdf.lower,
-        upper=urdf.upper,
+        lower=lower,
+        upper=upper,
         velocity=table.number("velocity", above=0),
         acceleration=table.number("acceleration", above=0),
         boot=table.number("boot"),
         mimic=None,
-        wire=driver.wire(table, urdf.lower, urdf.upper),
+        wire=driver.wire(wired, lower, upper),
         unit=urdf.unit,
     )
     if not joint.lower <= joint.boot <= joint.upper:

@@ -14,6 +14,8 @@ class Ability(Enum):
 
     MEASURE = "measure where its joints are"
     TORQUE = "switch the torque of its servos off and on"
+    LIMITS = "keep limits and offsets in its servos"
+    IDENTIFY = "find its servos and name them"
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +54,7 @@ class Firmware:
         resets: Whether opening the port resets the board, unless the robot file denies it.
         reports_pose: Whether the board reports the pose of the arm after the port opens.
         abilities: What the board can do beside following frames.
+        bauds: Speeds that its servos may have [bit/s], for a search; empty if it has none.
         words: How messages name what the driver drives.
     """
 
@@ -66,6 +69,7 @@ class Firmware:
     resets: bool = True
     reports_pose: bool = False
     abilities: frozenset[Ability] = frozenset()
+    bauds: tuple[int, ...] = ()
     words: Words = Words()
 
     def service_time(self, before: Sequence[int], after: Sequence[int]) -> float:

@@ -142,7 +142,7 @@ class Planner:
                 acceleration=limits[1],
                 waypoints=waypoints,
                 curve=curve,
-                profile=profile,
+                profile=profile.within_sum(curve, group.most_acceleration),
                 milliseconds=watch.milliseconds,  # the same dictionary: later stages are added
             )
         _check_duration(plan, group)
@@ -197,6 +197,8 @@ class Planner:
             )
         with watch.stage("time"):
             plan = remaining_plan(request.plan, request.time, start, group.columns)
+            profile = plan.profile.within_sum(plan.curve, group.most_acceleration)
+        plan = dataclasses.replace(plan, profile=profile)
         _check_duration(plan, group)
         return dataclasses.replace(plan, milliseconds=watch.milliseconds)
 

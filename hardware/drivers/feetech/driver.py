@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from hardware.clock import Clock
 from hardware.drivers.firmware_profile import Ability, Firmware, Words
 from hardware.joints import Joint
 from hardware.link.link import Link
@@ -13,7 +14,8 @@ from hardware.toml_table import TomlTable
 
 from .packets import LAST_ID
 from .protocol import BusProtocol
-from .registers import SCS, STS
+from .registers import BAUDS, SCS, STS
+from .servo_bus import FeetechBus
 from .virtual.bus import Bus
 from .virtual.servo import Servo
 from .wire_format import ServoFormat, ServoWire
@@ -30,6 +32,7 @@ _WORDS = Words(
 )
 
 
+_KEPT = {"homing": "offset", "least": "min_angle", "most": "max_angle"}  # registers, by key
 _SERIES = {series.name: series for series in (STS, SCS)}
 FIRMWARES = {
     name: Firmware(
@@ -38,7 +41,8 @@ FIRMWARES = {
         max_step=_MAX_STEP,
         resets=False,
         reports_pose=True,
-        abilities=frozenset({Ability.MEASURE, Ability.TORQUE}),
+        abilities=frozenset(Ability),
+        bauds=BAUDS,
         words=_WORDS,
     )
     for name in _SERIES
@@ -64,6 +68,11 @@ class Feetech:
             servo=table.integer("id", choices=range(LAST_ID + 1)),
             sign=table.integer("sign", choices=(-1, 1)),
             offset=math.radians(table.number("offset_deg")),
+            kept=tuple(
+                (register, table.integer(key, choices=range(-4095, 4096)))
+                for key, register in _KEPT.items()
+                if key in table
+            ),
         )
         table.done()
         return wire
@@ -73,8 +82,7 @@ class Feetech:
         series, taken = _SERIES[firmware.name], dict[int, str]()
         wires, table = ServoFormat(series, joints), root.table("joints")
         for joint in joints:
-            wire = joint.wire
-            assert isinstance(wire, ServoWire)
+            wire = _wire(joint)
             if wire.servo in taken:
                 what = f"its servo {wire.servo} is the servo of {taken[wire.servo]} already"
                 table.fail(joint.name, what)
@@ -109,4 +117,32 @@ class Feetech:
         wires = ServoFormat(series, joints)
         start = wires.encode([joint.boot for joint in joints]).servos
         pairs = zip(wires.servos.values(), start, strict=True)
-        return Bus([Servo(series, servo, ticks, _GRAVITY) for servo, ticks in pairs], baud)
+        servos = [Servo(series, servo, ticks, _GRAVITY) for servo, ticks in pairs]
+        by_joint = dict(zip(wires.servos, servos, strict=True))
+        for joint, register, value in wires.kept:
+            by_joint[joint].put(register, value)
+        return Bus(servos, baud)
+
+    def servo_bus(self, firmware: Firmware, link: Link, clock: Clock) -> FeetechBus:
+        """Return the servos on a link that is not open."""
+        return FeetechBus(_SERIES[firmware.name], link, clock)
+
+    def servos(self, joints: Sequence[Joint]) -> dict[str, int]:
+        """Return the id of the servo of each joint, by its name."""
+        return {joint.name: _wire(joint).servo for joint in joints}
+
+    def calibrated_wire(
+        self, joint: Joint, firmware: Firmware, kept: Mapping[str, int], middle: float
+    ) -> str:
+        """Return the key `wire` of a calibrated joint, as a table of TOML in one line."""
+        wire, series = _wire(joint), _SERIES[firmware.name]
+        ticks = (kept["least"] + kept["most"]) / 2 - series.ticks // 2
+        offset = wire.sign * ticks * series.turn / series.ticks - math.degrees(middle)
+        values = {"id": kept["id"], "sign": wire.sign, "offset_deg": f"{offset:.3f}"}
+        values |= {key: kept[key] for key in _KEPT if key in kept}
+        return f"{{ {', '.join(f'{key} = {value}' for key, value in values.items())} }}"
+
+
+def _wire(joint: Joint) -> ServoWire:
+    assert isinstance(joint.wire, ServoWire)
+    return joint.wire

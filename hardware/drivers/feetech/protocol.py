@@ -5,11 +5,19 @@ next frame waits for the answers or their timeout.
 """
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 
 from hardware.drivers.board_protocol import BoardProtocol
+from hardware.drivers.servo_errors import (
+    CalibrationDiffers,
+    NoServos,
+    ServoFault,
+    ServoMissing,
+    ServoSilent,
+    TorqueLost,
+)
 from hardware.drivers.wire_format import Frame
-from hardware.errors import BoardSilent, ServoFault, ServoSilent, TorqueLost
 
 from .packets import Packet, sync_read, take_packets
 from .registers import ERRORS, MEMORY, Series
@@ -17,7 +25,9 @@ from .wire_format import ServoFormat
 
 # Six answers take 1.3 ms on the line, and a USB adapter may keep them for another 16 ms.
 ANSWER_TIMEOUT = 0.02  # [s]
+_PERIOD = 0.02  # between requests without a frame, while the arm may move [s]
 _IDLE_PERIOD = 0.2  # between requests while nothing moves [s]
+_SETTLING = 1.0  # time after a frame while the arm may move [s]
 LOST_CYCLES = 5  # cycles in a row without the answer of a servo that are a fault
 _STATE_PERIOD = 0.2  # between requests that include the torque [s]
 _RAMP = 15  # parts in which torque rises, one in each period of frames
@@ -43,7 +53,10 @@ class BusProtocol(BoardProtocol):
         self._waiting = set[int]()  # servos that have not answered the last request
         self._answers = dict[int, bytes]()  # of those that have
         self._heard = set[int]()  # servos that have ever answered
+        self._twice = Counter[int]()  # how often an id answered one request twice
+        self._noise = 0  # received bytes that belong to no packet
         self._silent = dict.fromkeys(self._joints, 0)  # cycles in a row without an answer
+        self._settles = -math.inf  # until then the arm may move [s]
         self._state_time = -math.inf  # of the last answers with the torque [s]
         self._holds = False  # whether torque was switched on
         self._limp = dict.fromkeys(self._joints, 0)  # such answers in a row without torque
@@ -52,17 +65,18 @@ class BusProtocol(BoardProtocol):
         self.next_poll = -math.inf  # ask at once where the servos are
 
     def check_booted(self, port: str, waited: float) -> None:
-        """Check that all servos answered."""
-        if self.boot_frame:
-            return
-        if missing := [s for s in self._joints if s not in self._heard or s in self._waiting]:
-            named = ", ".join(f"{servo} ({self._joints[servo]})" for servo in missing)
-            one = len(missing) == 1
-            what = f"the position of {'servo' if one else 'servos'} {named}"
-            advice = "Check their power, ids and baud rate, and the cable to the first of them"
-            if one:
-                advice = "Check its power, id and baud rate, and the cable to it"
-            raise BoardSilent(port, waited, what, advice)
+        """Check that all servos answered, and that they keep what the calibration says."""
+        if not self._heard and self._noise:
+            raise NoServos(port, waited, self._noise)
+        if not self.boot_frame:
+            waiting = self._joints.keys() - self._heard or self._waiting or self._joints
+            missing = [f"{servo} ({self._joints[servo]})" for servo in sorted(waiting)]
+            twice = [servo for servo, times in self._twice.items() if times >= LOST_CYCLES]
+            raise ServoMissing(port, waited, missing, len(self._heard), twice)
+        for joint, register, expected in self._wires.kept:
+            servo = self._wires.servos[joint]
+            if (kept := self._series.unpack(register, self._memories[servo])) != expected:
+                raise CalibrationDiffers(servo, joint, register, kept, expected)
 
     def hold_commands(self) -> bytes:
         """Return the command that holds the servos where they are."""
@@ -103,6 +117,7 @@ class BusProtocol(BoardProtocol):
 
     def note_sent(self, frame: Frame, now: float) -> None:
         """Ask for the state of the servos right after a frame."""
+        self._settles = now + _SETTLING
         if not self._waiting:
             self.next_poll = now
 
@@ -137,11 +152,18 @@ class BusProtocol(BoardProtocol):
             ServoFault: A servo reports an error.
         """
         self._received += data
-        for packet in take_packets(self._received):
-            if packet.servo in self._waiting:
+        before = len(self._received)
+        packets = take_packets(self._received)
+        self._noise += before - len(self._received) - sum(len(each.data) for each in packets)
+        for packet in packets:
+            if packet.servo in self._answers:
+                self._twice[packet.servo] += 1
+            elif packet.servo in self._waiting:
                 self._process(packet)
                 if not self._waiting:
-                    self.free_at, self.next_poll = -math.inf, now + _IDLE_PERIOD
+                    rests = self._holds and now > self._settles
+                    self.free_at = -math.inf
+                    self.next_poll = now + (_IDLE_PERIOD if rests else _PERIOD)
                     self._take_answers(now)
 
     def _process(self, packet: Packet) -> None:

@@ -144,6 +144,9 @@ SCS = Series(
     },
 )
 
+# Speeds of the line by the value of the register `baud_rate` [bit/s].
+BAUDS = (1_000_000, 500_000, 250_000, 128_000, 115_200, 76_800, 57_600, 38_400)
+
 # Error bits of a status packet, which the register `status` repeats.
 ERRORS = {
     0x01: "voltage",

@@ -20,11 +20,14 @@ class ServoWire:
         servo: Id of its servo.
         sign: +1 or -1.
         offset: Added to the joint position [rad]. At 0 the servo is in the middle of its turn.
+        kept: What the servo must keep, if it was calibrated: its offset and limits [ticks], by
+            register.
     """
 
     servo: int
     sign: int
     offset: float
+    kept: tuple[tuple[str, int], ...] = ()
 
 
 class ServoFormat:
@@ -45,6 +48,12 @@ class ServoFormat:
         self.servos = {
             joint.name: wire.servo for joint, wire in zip(joints, self._wires, strict=True)
         }
+
+    @property
+    def kept(self) -> list[tuple[str, str, int]]:
+        """Joint, register and value of all that calibrated servos must keep."""
+        pairs = zip(self._joints, self._wires, strict=True)
+        return [(joint.name, *each) for joint, wire in pairs for each in wire.kept]
 
     def ticks(self, wire: ServoWire, q: float) -> int:
         """Return the position of a servo for a position of its joint [rad]."""

@@ -30,6 +30,8 @@ class JointGroup:
             for a continuous joint that other joints mimic.
         velocity: Velocity limits (J,) [rad/s].
         acceleration: Acceleration limits (J,) [rad/s2].
+        most_acceleration: Largest sum of the absolute accelerations of the joints [rad/s2]: the
+            part of the robot's limit that is theirs, since groups may move at the same time.
 
     Raises:
         BadQuery: The robot has no such group.
@@ -48,6 +50,8 @@ class JointGroup:
         self.continuous = np.array(free, dtype=bool)
         self.velocity = readonly([joint.velocity for joint in self.joints])
         self.acceleration = readonly([joint.acceleration for joint in self.joints])
+        whole = sum(joint.acceleration for joint in robot.actuated)
+        self.most_acceleration = robot.acceleration_sum * float(self.acceleration.sum()) / whole
 
     def limits_at(self, speed: float) -> tuple[Array, Array]:
         """Return the velocity and acceleration limits at a share of the robot's speed.

@@ -86,11 +86,30 @@ class TimeLaw:
         Returns:
             Ratios (K - 1, J).
         """
+        ratios: Array = np.maximum(*self._accelerations_at_knots(curve)) / acceleration
+        return ratios
+
+    def within_sum(self, curve: Curve, most: float) -> "TimeLaw":
+        """Return a time law as slow as needed to keep a limit of the sum of all accelerations.
+
+        Args:
+            curve: The path.
+            most: Largest sum of the absolute accelerations of all joints [rad/s2].
+        """
+        if most == math.inf:
+            return self
+        sums = [
+            np.max(each.sum(axis=1), initial=0.0) for each in self._accelerations_at_knots(curve)
+        ]
+        factor = math.sqrt(float(max(sums)) / most)
+        return self.slowed(factor) if factor > 1.0 else self
+
+    def _accelerations_at_knots(self, curve: Curve) -> tuple[Array, Array]:
+        """Return the absolute accelerations at both ends of each interval, (K - 1, J) each."""
         lower, upper, second = curve.intervals(self.positions)
         push, squares = self.accelerations[:-1, None], np.square(self.speeds)[:, None]
-        ends = lower * push + second * squares[:-1], upper * push + second * squares[1:]
-        ratios: Array = np.maximum(*map(abs, ends)) / acceleration
-        return ratios
+        first, last = lower * push + second * squares[:-1], upper * push + second * squares[1:]
+        return abs(first), abs(last)
 
     def slowed(self, factor: float) -> "TimeLaw":
         """Return the same time law, slower by a factor."""

@@ -1,9 +1,23 @@
 """The Arduinobot with bus servos in place of its own."""
 
+import contextlib
 import re
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from hardware import load_robot
+from hardware import (
+    Arm,
+    ArmEvent,
+    BoardLink,
+    Faulted,
+    HardwareError,
+    PlaybackState,
+    Schedule,
+    SimulatedClock,
+    load_robot,
+)
+from hardware.drivers.feetech.virtual.bus import Bus, Fault
+from tests.support.arms.hardware_rigs import motion
 
 _SERIAL = """[serial]
 port = "virtual"
@@ -26,3 +40,70 @@ def bus_arm(folder: Path, series: str = "sts") -> Path:
     (folder / "arm.toml").write_text(text)
     (folder / shipped.urdf.name).write_bytes(shipped.urdf.read_bytes())
     return folder / "arm.toml"
+
+
+class BusRig:
+    """An arm on a virtual bus with faults."""
+
+    def __init__(self, robot_file: Path, faults: list[Fault]) -> None:
+        self.robot = load_robot(robot_file)
+        model = self.robot.model()
+        assert isinstance(model, Bus)
+        self.bus = Bus(model.servos, self.robot.serial.baud, faults)
+        self.clock = SimulatedClock()
+        self.events: list[ArmEvent] = []
+        self.arm = Arm(self.robot, BoardLink(self.bus, self.clock), self.clock, self.events.append)
+        self.woken = self.clock.signal()
+
+    def wake(self) -> None:
+        with self.woken:
+            self.woken.notify()
+
+    def play(self, goal: tuple[float, ...], seconds: float) -> HardwareError | None:
+        """Plays a motion to its end, and returns its error."""
+        playback = self.arm.play(
+            self.schedule(goal, seconds), self.wake, "test", self.arm.generation
+        )
+        with self.woken:
+            while playback.state is PlaybackState.PLAYING:
+                self.woken.wait(None)
+        return playback.error
+
+    def schedule(self, goal: tuple[float, ...], seconds: float) -> Schedule:
+        return motion(self.arm.commanded, goal, seconds, self.robot)
+
+    def after(self, seconds: float, act: Callable[[], None]) -> None:
+        """Calls a function later, on another thread."""
+        signal, until = self.clock.signal(), self.clock.now() + seconds
+
+        def run() -> None:
+            with signal:
+                signal.wait(until)
+            act()
+
+        self.clock.spawn(run, "later")
+
+    def faulted(self, seconds: float = 5.0) -> HardwareError:
+        """Waits, and returns the fault that came."""
+        self.wait(seconds)
+        return self.faults[0]
+
+    def wait(self, seconds: float) -> None:
+        until = self.clock.now() + seconds
+        with self.woken:
+            while self.clock.now() < until:
+                self.woken.wait(until)
+
+    @property
+    def faults(self) -> list[HardwareError]:
+        return [event.error for event in self.events if isinstance(event, Faulted)]
+
+
+@contextlib.contextmanager
+def rig(folder: Path, *faults: Fault, guards: str = "") -> Iterator[BusRig]:
+    robot_file = bus_arm(folder)
+    robot_file.write_text(f"{robot_file.read_text()}\n[guards]\n{guards}\n")
+    made = BusRig(robot_file, list(faults))
+    with made.clock.working(), made.arm:
+        made.arm.configure()
+        yield made

@@ -57,8 +57,9 @@ class Served:
         self.tasks.mkdir(exist_ok=True)
         for name, text in TASKS.items():
             (self.tasks / name).write_text(text)
+        wait = 1.0 if robot.firmware.reports_pose else 0.01  # the former ends with the report
         self.robot = dataclasses.replace(
-            robot, serial=dataclasses.replace(robot.serial, boot_wait=0.01)
+            robot, serial=dataclasses.replace(robot.serial, boot_wait=wait)
         )
         self.link: BoardLink[Any] = link or BoardLink(virtual_board(self.robot), clock)
         self.library = LiveLibrary(self.tasks, self.robot)

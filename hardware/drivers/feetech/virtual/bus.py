@@ -21,8 +21,9 @@ class Fault:
 
     Attributes:
         kind: `vanish` (the servo is off the bus), `block` (it cannot move), `overheat`, `brown_out`
-            (its voltage drops), `renumber` (it gets the id `value`), `lose` (its next `value`
-            answers are lost) or `damage` (one bit of them changes).
+            (its voltage drops), `restart` (it loses its power for a moment), `renumber` (it gets
+            the id `value`), `impersonate` (it answers with the id `value`), `lose` (its next
+            `value` answers are lost) or `damage` (one bit of them changes).
         servo: Id of the servo.
         time: When it begins [s].
         value: See `kind`.
@@ -68,6 +69,7 @@ class Bus:
         self._leaving = deque[tuple[float, bytes]]()  # answers, and the times of their last bytes
         self._received = bytearray()
         self._losing, self._damaging = dict[int, int](), dict[int, int]()
+        self._names = dict[int, int]()  # ids in the answers, where they are wrong
         self._packets = self._collisions = 0
         self._now = 0.0
 
@@ -88,6 +90,13 @@ class Bus:
         for byte in data:
             end += self._byte
             self._arriving.append((end, byte))
+
+    def push(self, now: float, servo: int, position: float) -> None:
+        """Move a servo by hand [ticks]. It gives way only without torque."""
+        self._advance(now)
+        for each in self.servos:
+            if each.servo == servo:
+                each.push(position)
 
     def cut_off(self, now: float) -> None:
         """Drop the bytes that have not arrived."""
@@ -137,22 +146,22 @@ class Bus:
         self._now = max(now, self._now)
 
     def _begin(self, fault: Fault) -> None:
-        meant = [servo for servo in self.servos if servo.servo == fault.servo]
-        match fault.kind:
-            case "vanish":
-                self.servos = [servo for servo in self.servos if servo not in meant]
-            case "lose":
-                self._losing[fault.servo] = fault.value
-            case "damage":
-                self._damaging[fault.servo] = fault.value
-        for servo in meant:
+        answering = {"impersonate": self._names, "lose": self._losing, "damage": self._damaging}
+        if fault.kind in answering:
+            answering[fault.kind][fault.servo] = fault.value
+            return
+        for servo in [each for each in self.servos if each.servo == fault.servo]:
             match fault.kind:
+                case "vanish":
+                    self.servos.remove(servo)
                 case "block":
                     servo.blocked = True
                 case "overheat":
                     servo.ambient = 500.0
                 case "brown_out":
                     servo.supply = 3.5
+                case "restart":
+                    servo.restart()
                 case "renumber":
                     servo.put("id", fault.value)
 
@@ -186,7 +195,7 @@ class Bus:
         end = time + DELAY
         for servo, value in zip(servos, values, strict=True):
             number = servo.servo
-            data = Packet(number, servo.get("status"), value).data
+            data = Packet(self._names.get(number, number), servo.get("status"), value).data
             end += len(data) * self._byte
             if self._losing.get(number, 0):
                 self._losing[number] -= 1

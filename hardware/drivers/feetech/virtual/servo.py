@@ -73,6 +73,15 @@ class Servo:
         values = values[: max(0, reports - address)]
         self.memory[address : address + len(values)] = values
 
+    def restart(self) -> None:
+        """Lose the power for a moment: what it keeps remains, and the torque is off."""
+        for name, register in self.series.registers.items():
+            if not register.kept and register.address < self.series.blocks[2][0]:
+                self.put(name, register.initial)
+        self.put("goal_position", round(self._position))
+        self._speed = 0.0
+        self._report()
+
     def push(self, position: float) -> None:
         """Move it by hand [ticks]. It gives way only without torque."""
         if not self.get("torque_enable"):
@@ -120,8 +129,13 @@ class Servo:
         accelerating = 0.3 * change / (most * _STEP)
         self._load = self._held() + accelerating
         if self.blocked and ahead:
-            self._load = math.copysign(self.get("max_torque") / 1000, ahead)
+            self._load = math.copysign(self._most_torque(), ahead)
             self._stalled += _STEP
+
+    def _most_torque(self) -> float:
+        """Return its largest torque, as a part of what the series has."""
+        registers = {"max_torque", "torque_limit"} & self.series.registers.keys()
+        return min(map(self.get, registers)) / 1000
 
     def _held(self) -> float:
         """Return the load that gravity makes, as a part of the largest torque."""

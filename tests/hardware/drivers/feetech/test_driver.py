@@ -1,42 +1,27 @@
 """The driver of bus servos, on a virtual bus in simulated time."""
 
-import contextlib
 import logging
 import math
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from hardware import (
-    Arm,
-    ArmEvent,
-    BoardLink,
     CommandSent,
     DescriptionError,
-    Faulted,
     FrameSent,
     HardwareError,
     Measured,
-    PlaybackState,
-    SimulatedClock,
     State,
     load_robot,
 )
 from hardware.drivers.feetech.packets import Instruction, Packet, take_packets
-from hardware.drivers.feetech.virtual.bus import Bus, Fault
-from hardware.errors import (
-    BoardSilent,
-    JointNotFollowing,
-    JointStalled,
-    PoseOutsideLimits,
-    ServoFault,
-    ServoSilent,
-    ServoTooHot,
-)
+from hardware.drivers.feetech.virtual.bus import Fault
+from hardware.drivers.servo_errors import ServoFault, ServoMissing, ServoSilent
+from hardware.errors import JointNotFollowing, JointStalled, PoseOutsideLimits, ServoTooHot
 from hardware.testing import DriverContract
-from tests.support.arms.bus_arms import bus_arm
-from tests.support.arms.hardware_rigs import HOME, PICK, motion
+from tests.support.arms.bus_arms import bus_arm, rig
+from tests.support.arms.hardware_rigs import HOME, PICK
 
 
 class TestSts(DriverContract):
@@ -49,53 +34,6 @@ class TestScs(DriverContract):
     @pytest.fixture(autouse=True)
     def write(self, tmp_path: Path) -> None:
         self.robot_file = bus_arm(tmp_path, "scs")
-
-
-class Rig:
-    """An arm on a virtual bus with faults."""
-
-    def __init__(self, robot_file: Path, faults: list[Fault]) -> None:
-        self.robot = load_robot(robot_file)
-        model = self.robot.model()
-        assert isinstance(model, Bus)
-        self.bus = Bus(model.servos, self.robot.serial.baud, faults)
-        self.clock = SimulatedClock()
-        self.events: list[ArmEvent] = []
-        self.arm = Arm(self.robot, BoardLink(self.bus, self.clock), self.clock, self.events.append)
-        self.woken = self.clock.signal()
-
-    def wake(self) -> None:
-        with self.woken:
-            self.woken.notify()
-
-    def play(self, goal: tuple[float, ...], seconds: float) -> HardwareError | None:
-        """Plays a motion to its end, and returns its error."""
-        schedule = motion(self.arm.commanded, goal, seconds, self.robot)
-        playback = self.arm.play(schedule, self.wake, "test", self.arm.generation)
-        with self.woken:
-            while playback.state is PlaybackState.PLAYING:
-                self.woken.wait(None)
-        return playback.error
-
-    def wait(self, seconds: float) -> None:
-        until = self.clock.now() + seconds
-        with self.woken:
-            while self.clock.now() < until:
-                self.woken.wait(until)
-
-    @property
-    def faults(self) -> list[HardwareError]:
-        return [event.error for event in self.events if isinstance(event, Faulted)]
-
-
-@contextlib.contextmanager
-def rig(folder: Path, *faults: Fault, guards: str = "") -> Iterator[Rig]:
-    robot_file = bus_arm(folder)
-    robot_file.write_text(f"{robot_file.read_text()}\n[guards]\n{guards}\n")
-    made = Rig(robot_file, list(faults))
-    with made.clock.working(), made.arm:
-        made.arm.configure()
-        yield made
 
 
 def test_the_servos_follow_a_motion(tmp_path: Path) -> None:
@@ -170,7 +108,7 @@ def test_the_answer_to_another_request_is_not_a_position() -> None:
 def test_nothing_is_written_before_the_arm_is_active_but_requests(tmp_path: Path) -> None:
     with rig(tmp_path, Fault("vanish", 3, 0.0)) as made:
         why = r"within 1 s the position of servo 3 \(joint_3\). Check its power, id and baud rate"
-        with pytest.raises(BoardSilent, match=why):
+        with pytest.raises(ServoMissing, match=why):
             made.arm.activate()
         assert made.arm.state is State.INACTIVE
         sent = [event.data for event in made.events if isinstance(event, CommandSent)]

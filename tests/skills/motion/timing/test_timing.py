@@ -141,3 +141,25 @@ def test_a_curve_is_smooth_and_stays_near_its_corners(
             abs(np.diff(curve.first_derivatives(s), axis=0)).max()
             <= bends * s[1] * (1.0 + 1e-6) + 1e-9
         )
+
+
+def sums(curve: Curve, profile: TimeLaw) -> Array:
+    """The sum of all absolute accelerations, every 1 ms."""
+    s, speed, push = profile.at(np.arange(0.0, profile.duration, 0.001))
+    accelerations = (
+        curve.first_derivatives(s) * push[:, None]
+        + curve.second_derivatives(s) * (speed * speed)[:, None]
+    )
+    return np.asarray(abs(accelerations).sum(axis=1))
+
+
+@pytest.mark.parametrize("corners", [[], [[0.5, -1.0, 0.2]]])
+def test_a_limit_of_the_sum_of_accelerations_is_kept(corners: list[list[float]]) -> None:
+    points = np.array([[0.0, 0.0, 0.0], *corners, [1.0, -0.6, 0.9]])
+    curve = Curve.through(points, np.full(len(corners), 0.2))
+    profile = time_curve(curve, ONES, 2 * ONES)
+    assert profile
+    assert sums(curve, profile).max() > 3.0
+    slowed = profile.within_sum(curve, 3.0)
+    assert 0.99 * 3.0 < sums(curve, slowed).max() <= 3.0 * (1 + 1e-9)
+    assert profile.within_sum(curve, 100.0) is profile

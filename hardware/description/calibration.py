@@ -1,0 +1,109 @@
+"""The calibration of an arm: a file beside its robot file, which takes precedence over it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from hardware.toml_table import TomlTable
+
+VERSION = 1
+_SUFFIX = ".calibration.toml"
+
+
+@dataclass(frozen=True, slots=True)
+class CalibratedJoint:
+    """The calibration of a joint.
+
+    Attributes:
+        lower: Smallest position of its calibrated range [deg].
+        upper: Largest position [deg].
+        wire: Key `wire`, as a table of TOML in one line. The driver reads it.
+        before: What its servo kept before the first calibration, by the names in `ServoReport`.
+    """
+
+    lower: float
+    upper: float
+    wire: str
+    before: Mapping[str, int]
+
+
+def calibration_file(robot_file: Path) -> Path:
+    """Return where the calibration of a robot file is, if there is one."""
+    return robot_file.with_name(robot_file.stem + _SUFFIX)
+
+
+def is_robot_file(path: Path) -> bool:
+    """Return whether a TOML file in a folder of robots is not a calibration."""
+    return not path.name.endswith(_SUFFIX)
+
+
+def read_calibration(path: Path, robot: str) -> TomlTable | None:
+    """Return the table of the joints in a calibration file; None if there is no such file.
+
+    Args:
+        path: The calibration file.
+        robot: Name of the robot.
+
+    Raises:
+        DescriptionError: The file is wrong, or of another robot.
+    """
+    if not path.is_file():
+        return None
+    root = TomlTable.read(path)
+    root.integer("version", choices=(VERSION,))
+    if (other := root.text("robot")) != robot:
+        root.fail("robot", f"it calibrates {other}, not {robot}; delete it, or calibrate again")
+    root.text("made")
+    joints = root.table("joints")
+    root.done()
+    return joints
+
+
+def values_before(path: Path, robot: str) -> dict[str, dict[str, int]]:
+    """Return what the servos kept before the first calibration, by joint; empty without a file.
+
+    Raises:
+        DescriptionError: The file is wrong, or of another robot.
+    """
+    joints = read_calibration(path, robot)
+    found = dict[str, dict[str, int]]()
+    for name in joints or ():
+        assert joints
+        before = joints.table(name).table("before")
+        found[name] = {key: before.integer(key, choices=range(-4095, 4096)) for key in before}
+    return found
+
+
+def write_calibration(
+    path: Path, robot: str, made: str, joints: Mapping[str, CalibratedJoint]
+) -> None:
+    """Write a calibration file.
+
+    Args:
+        path: The file.
+        robot: Name of the robot.
+        made: When and how it was made, for people.
+        joints: The calibration of every actuated joint.
+
+    Raises:
+        OSError: It cannot be written.
+    """
+    lines = [
+        f"# Calibration of {robot}, by `armtree calibrate`. It takes precedence over the robot",
+        "# file. `armtree calibrate --restore` writes `before` back and deletes this file.",
+        "",
+        f"version = {VERSION}",
+        f'robot = "{robot}"',
+        f'made = "{made}"',
+    ]
+    for name, joint in joints.items():
+        before = ", ".join(f"{key} = {value}" for key, value in joint.before.items())
+        lines += [
+            "",
+            f"[joints.{name}]",
+            f"lower_deg = {joint.lower:.3f}",
+            f"upper_deg = {joint.upper:.3f}",
+            f"wire = {joint.wire}",
+            f"before = {{ {before} }}",
+        ]
+    path.write_text("\n".join(lines) + "\n")

@@ -1,0 +1,172 @@
+"""Servos that are asked one by one, over an open port: pings, reports and values that they keep."""
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from hardware.clock import Clock
+from hardware.drivers.servo_bus import Found, ServoReport
+from hardware.drivers.servo_errors import NotKept
+from hardware.errors import HardwareError, PortLost
+from hardware.link.link import Link
+
+from .packets import Instruction, Packet, read, sync_read, take_packets, write
+from .registers import ERRORS, Series
+
+_TIMEOUT = 0.012  # longest time for one answer; a USB adapter may keep it for 8 ms [s]
+_TRIES = 3
+# Values that a calibration may change, by their names in `ServoReport.kept`.
+_KEPT = {
+    "id": "id",
+    "baud_rate": "baud_rate",
+    "homing": "offset",
+    "least": "min_angle",
+    "most": "max_angle",
+}
+
+
+class FeetechBus:
+    """The servos on a link.
+
+    Args:
+        series: Series of the servos.
+        link: The link, which is not open.
+        clock: Time source.
+    """
+
+    def __init__(self, series: Series, link: Link, clock: Clock) -> None:
+        self._series, self._link, self._clock = series, link, clock
+        self._changed = clock.signal()
+        self._received = bytearray()
+        self._error: HardwareError | None = None
+        self.ticks, self.turn = series.ticks, series.turn
+
+    def __enter__(self) -> "FeetechBus":
+        self._error = None
+        self._link.open()
+        self._reader = self._clock.spawn(self._read, "bus reader")
+        return self
+
+    def __exit__(self, *raised: object) -> None:
+        self._link.close()
+        self._reader.join()
+
+    def find(self, ids: Iterable[int]) -> Found:
+        """Ask ids for a report."""
+        servos, damaged, noise = dict[int, ServoReport](), set[int](), 0
+        for servo in ids:
+            packets, rest = self._ask(Packet(servo, Instruction.PING).data, 1)
+            if any(packet.servo == servo for packet in packets):
+                if report := self._report(servo):
+                    servos[servo] = report
+                    continue
+            elif not rest:
+                continue
+            damaged |= {servo} if rest else set()
+            noise += rest
+        return Found(servos, frozenset(damaged - servos.keys()), noise)
+
+    def positions(self, ids: Sequence[int]) -> dict[int, int]:
+        """Return the positions of servos by id [ticks], of those that answer."""
+        register = self._series.registers["position"]
+        packets, _ = self._ask(sync_read(ids, register.address, register.size), len(ids))
+        return {
+            packet.servo: self._series.unpack("position", packet.parameters, register.address)
+            for packet in packets
+            if len(packet.parameters) == register.size and packet.servo in ids
+        }
+
+    def release(self, ids: Sequence[int]) -> None:
+        """Switch the torque of servos off."""
+        for servo in ids:
+            self._put(servo, "torque_enable", 0)
+
+    def keep(self, servo: int, values: Mapping[str, int]) -> None:
+        """Write values that a servo keeps, and read them back.
+
+        A new id counts from its write on, so it must be the last of the values.
+
+        Raises:
+            NotKept: It reads back another value, or does not answer.
+        """
+        self._put(servo, "lock", 0)
+        for name, value in values.items():
+            register = _KEPT[name]
+            self._put(servo, register, value)
+            servo = value if name == "id" else servo
+            if (kept := self._get(servo, register)) != value:
+                raise NotKept(servo, name, value, kept)
+        self._put(servo, "lock", 1)
+
+    def _report(self, servo: int) -> ServoReport | None:
+        """Return what a servo says of itself; None if it does not answer whole."""
+        memory, errors = bytearray(), 0
+        for first, count in self._series.blocks[:2]:
+            packet = self._answer(servo, read(servo, first, count), count)
+            if packet is None:
+                return None
+            memory += packet.parameters
+            errors |= packet.code
+        values = {name: self._series.unpack(name, memory) for name in self._series.registers}
+        return ServoReport(
+            servo=servo,
+            model=values["model"],
+            firmware=f"{memory[0]}.{memory[1]}",
+            voltage=values["voltage"] / 10,
+            temperature=values["temperature"],
+            position=values["position"],
+            torque=bool(values["torque_enable"]),
+            errors=tuple(name for bit, name in ERRORS.items() if errors & bit),
+            kept={name: values[register] for name, register in _KEPT.items() if register in values},
+        )
+
+    def _get(self, servo: int, register: str) -> int | None:
+        """Return the value of a register, or None if the servo does not answer."""
+        place = self._series.registers[register]
+        packet = self._answer(servo, read(servo, place.address, place.size), place.size)
+        return self._series.unpack(register, packet.parameters, place.address) if packet else None
+
+    def _put(self, servo: int, register: str, value: int) -> None:
+        data = self._series.pack(register, value)
+        self._answer(servo, write(servo, self._series.registers[register].address, data), 0)
+
+    def _answer(self, servo: int, request: bytes, count: int) -> Packet | None:
+        """Return the answer of a servo with so many parameters; None after some tries."""
+        for _ in range(_TRIES):
+            for packet in self._ask(request, 1)[0]:
+                if packet.servo == servo and len(packet.parameters) == count:
+                    return packet
+        return None
+
+    def _ask(self, request: bytes, wanted: int) -> tuple[list[Packet], int]:
+        """Send a request, and wait for so many answers or their timeout.
+
+        Returns:
+            The answers, and the number of received bytes that belong to none.
+        """
+        with self._changed:
+            self._received.clear()
+        self._link.write(request)
+        until = self._clock.now() + _TIMEOUT * wanted
+        answers, rest = list[Packet](), 0
+        with self._changed:
+            while len(answers) < wanted and self._clock.now() < until:
+                self._changed.wait(until)
+                if self._error:
+                    raise self._error
+                before = len(self._received)
+                found = take_packets(self._received)
+                whole = sum(len(packet.data) for packet in found)
+                rest += before - whole - len(self._received)
+                answers += found
+            return answers, rest + len(self._received)
+
+    def _read(self) -> None:
+        """Read until the link is closed or lost."""
+        try:
+            while data := self._link.read():
+                with self._changed:
+                    self._received += data
+                    self._changed.notify()
+        except PortLost as error:
+            with self._changed:
+                self._error = error
+                self._changed.notify()

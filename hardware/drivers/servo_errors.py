@@ -1,0 +1,179 @@
+"""Errors of servos on a bus.
+
+BoardError
+├── BoardSilent
+│   ├── NoServos              what answers on the port is no servo
+│   └── ServoMissing          servos do not answer before the arm may move
+├── ServoTwice                two servos have one id
+├── ServoSilent               a servo stopped to answer
+├── ServoFault                a servo reports an error
+├── TorqueLost                a servo no longer holds
+├── CalibrationMissing        the arm must be calibrated before it moves
+├── CalibrationDiffers        a servo keeps other values than the calibration file
+├── SeamInside                a joint passes the seam of its servo's turn
+└── NotKept                   a servo does not keep a value that was written
+"""
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from hardware.errors import BoardError, BoardSilent, HardwareError
+
+_DOCTOR = "`armtree doctor --open` shows what is on the bus"
+
+
+class NoServos(BoardSilent):
+    """What answers on the port is not a servo, or the baud rate is wrong."""
+
+    code = "hw.no_servos"
+    hint = "`armtree doctor --open` finds the baud rate"
+
+    def __init__(self, port: str, seconds: float, noise: int) -> None:
+        advice = (
+            f"It received {noise} bytes that are no packets: the baud rate is wrong, another "
+            f"device is on this port, or two servos have one id. {_DOCTOR}"
+        )
+        super().__init__(port, seconds, "the position of any servo", advice)
+
+
+class ServoMissing(BoardSilent):
+    """Servos on the bus do not answer before the arm may move."""
+
+    code = "hw.servo_missing"
+    hint = "`armtree doctor --open` finds ids, baud rates and the likely cable"
+
+    def __init__(
+        self, port: str, seconds: float, missing: Sequence[str], answered: int, twice: Iterable[int]
+    ) -> None:
+        one = len(missing) == 1
+        what = f"the position of {'servo' if one else 'servos'} {', '.join(missing)}"
+        advice = "Check their power, ids and baud rate, and the cable to the first of them"
+        if one:
+            advice = "Check its power, id and baud rate, and the cable to it"
+        if answered:
+            advice += f". {answered} {'servo' if answered == 1 else 'servos'} answered"
+        for servo in sorted(twice):
+            advice += f". Servo {servo} answered twice: another servo answers with its id"
+        super().__init__(port, seconds, what, f"{advice}. {_DOCTOR}")
+
+
+class ServoTwice(BoardError):
+    """Two servos on a bus have one id."""
+
+    code = "hw.servo_twice"
+    hint = "`armtree calibrate --ids` gives every servo an id of its own"
+
+    def __init__(self, servos: Iterable[int]) -> None:
+        named = ", ".join(map(str, sorted(servos)))
+        super().__init__(
+            f"The answers with the id {named} are damaged, as if two servos had that id. Connect "
+            "the servos one by one with `armtree calibrate --ids`"
+        )
+
+
+class ServoSilent(BoardError):
+    """A servo on a bus stopped to answer."""
+
+    code = "hw.servo_silent"
+    hint = "check its cable and its power, then configure and activate"
+
+    def __init__(self, servo: int, joint: str, cycles: int) -> None:
+        super().__init__(
+            f"Servo {servo} of {joint} did not answer {cycles} requests in a row. Check the cable "
+            "to it and its power, then run again"
+        )
+
+
+class ServoFault(BoardError):
+    """A servo on a bus reports an error, such as an overload."""
+
+    code = "hw.servo_fault"
+    hint = "free the joint and let it cool down, then configure and activate"
+
+    def __init__(
+        self, servo: int, joint: str, errors: Sequence[str], temperature: float, volts: float
+    ) -> None:
+        super().__init__(
+            f"Servo {servo} of {joint} reports the error {' and '.join(errors) or 'unknown'}, at "
+            f"{temperature:g} degrees Celsius and {volts:g} V. Free the joint, let the servo cool "
+            "down, and check its supply, then run again. The servo may have let the joint go: "
+            "gravity moves it"
+        )
+
+
+class TorqueLost(BoardError):
+    """A servo on a bus lost its torque while the arm was active."""
+
+    code = "hw.torque_lost"
+    hint = "support the arm and check the supply, then configure and activate"
+
+    def __init__(self, servo: int, joint: str) -> None:
+        super().__init__(
+            f"Servo {servo} of {joint} no longer holds, although its torque was switched on: "
+            "gravity moves the joint. A dip of its supply restarts a servo, and another program "
+            "may switch it off. Support the arm, check the supply and its cables, then run again"
+        )
+
+
+class CalibrationMissing(HardwareError):
+    """The arm must be calibrated before it moves."""
+
+    code = "hw.not_calibrated"
+    exit_status = 3
+    hint = "`armtree calibrate`"
+
+    def __init__(self, path: Path, expected: Path) -> None:
+        super().__init__(
+            f"{path} needs a calibration, and {expected} does not exist. Write it with `armtree "
+            "calibrate --port PORT`; `--import FILE` takes the one of LeRobot. The port virtual "
+            "needs none"
+        )
+
+
+class CalibrationDiffers(BoardError):
+    """A servo keeps other values than the calibration file, which may be of another arm."""
+
+    code = "hw.calibration_differs"
+    hint = "`armtree calibrate`"
+
+    def __init__(self, servo: int, joint: str, name: str, kept: int, expected: int) -> None:
+        super().__init__(
+            f"Servo {servo} of {joint} keeps {name} = {kept}; the calibration file has {expected}. "
+            "It is of another arm, or another program calibrated this one. Connect the right arm, "
+            "or run `armtree calibrate`"
+        )
+
+
+class SeamInside(BoardError):
+    """A joint passes the seam of its servo's turn, where positions jump."""
+
+    code = "hw.seam_inside"
+    hint = "`armtree calibrate --centre`"
+
+    def __init__(self, joints: Sequence[str], last: int, can_centre: bool) -> None:
+        way = (
+            "Run `armtree calibrate --centre`: it writes an offset to the servo, so that the seam "
+            "is opposite to the middle of the range"
+            if can_centre
+            else "Take the horn off the servo, turn the servo by half a turn, and mount it again"
+        )
+        super().__init__(
+            f"The range of {', '.join(joints)} contains the seam of its servo, where the position "
+            f"jumps from {last} to 0, or it is a whole turn. Nothing was written. {way}; do not "
+            "turn a joint by more than a turn"
+        )
+
+
+class NotKept(BoardError):
+    """A servo does not keep a value that was written to it."""
+
+    code = "hw.not_kept"
+    hint = "check the cable, then `armtree calibrate --restore`"
+
+    def __init__(self, servo: int, name: str, value: int, kept: int | None) -> None:
+        reads = "does not answer" if kept is None else f"reads back {kept}"
+        super().__init__(
+            f"{name} = {value} was written to servo {servo}, which {reads}. Check the cable and "
+            "the power, then run `armtree calibrate --restore`, which writes the values that were "
+            "there before"
+        )

@@ -1,0 +1,183 @@
+"""Activation, torque that is switched, and arrival, on a virtual bus in simulated time."""
+
+import random
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from hardware import CommandSent, FrameSent, State, load_robot
+from hardware.drivers.feetech.packets import Instruction, take_packets
+from hardware.drivers.feetech.registers import STS
+from hardware.drivers.feetech.virtual.bus import Fault
+from hardware.drivers.servo_errors import ServoMissing, ServoSilent, TorqueLost
+from hardware.errors import NotAble, NotArrived, PoseOutsideLimits, StaleGeneration, TorqueOff
+from tests.support.arms.bus_arms import BusRig, rig
+from tests.support.arms.hardware_rigs import HOME, PICK, Rig
+
+
+def written(made: BusRig, register: str) -> list[list[int]]:
+    """The values of a register that were written to all servos, in order."""
+    place = STS.registers[register]
+    sent = [e.data for e in made.events if isinstance(e, CommandSent | FrameSent)]
+    packets = [p for data in sent for p in take_packets(bytearray(data))]
+    head = bytes([place.address, place.size])
+    rows = []
+    for packet in packets:
+        if packet.code == Instruction.SYNC_WRITE and packet.parameters[:2] == head:
+            body, step = packet.parameters[2:], place.size + 1
+            parts = [body[i + 1 : i + step] for i in range(0, len(body), step)]
+            rows.append([STS.unpack(register, part, place.address) for part in parts])
+    return rows
+
+
+@pytest.mark.slow
+def test_no_activation_jumps(tmp_path: Path) -> None:
+    """1,000 activations from random poses, with any goal left by an earlier program."""
+    dice = random.Random(1)
+    with rig(tmp_path) as made:
+        robot, servos = made.robot, made.bus.servos
+        most = robot.firmware.max_step
+        for _ in range(1000):
+            pose = [dice.uniform(joint.lower, joint.upper) for joint in robot.actuated]
+            there = robot.wire_format.encode(pose).servos
+            for servo, ticks in zip(servos, there, strict=True):
+                servo.put("torque_enable", 0)
+                servo.put("goal_position", dice.randrange(4096))
+                servo.push(ticks)
+            made.events.clear()
+            made.arm.activate()
+            goals = written(made, "goal_position")
+            assert goals == [list(there)]
+            made.wait(0.05)
+            moved = [abs(s.position - t) for s, t in zip(servos, there, strict=True)]
+            assert sum(moved) < most / 10
+            made.arm.deactivate()
+        assert not made.faults
+
+
+def test_torque_rises_in_small_steps(tmp_path: Path) -> None:
+    with rig(tmp_path) as made:
+        for servo in made.bus.servos:
+            servo.put("max_torque", 600)
+        made.arm.activate()
+        limits = [row[0] for row in written(made, "torque_limit")]
+        assert max(after - before for before, after in pairwise([0, *limits])) <= 60
+        assert limits[-1] == 600
+        order = [written(made, name)[0] for name in ("goal_position", "torque_enable")]
+        assert order == [[2048] * 4, [1] * 4]
+        assert made.bus.state(made.clock.now()).collisions == 0
+
+
+def test_an_arm_that_holds_keeps_its_torque(tmp_path: Path) -> None:
+    with rig(tmp_path) as made:
+        made.arm.activate()
+        made.arm.deactivate()
+        made.events.clear()
+        made.arm.activate()
+        assert written(made, "torque_limit") == []
+
+
+def test_a_person_moves_an_arm_without_torque(tmp_path: Path) -> None:
+    with rig(tmp_path) as made:
+        made.arm.activate()
+        planned = made.arm.generation
+        made.arm.switch_torque(False)
+        assert not made.arm.torque
+        there = made.robot.wire_format.encode(PICK).servos
+        for servo, ticks in zip(made.bus.servos, there, strict=True):
+            servo.push(ticks)
+        made.wait(0.1)
+        assert made.arm.measured
+        assert made.arm.measured.position == pytest.approx(PICK, abs=2e-3)
+        assert isinstance(made.play(PICK, 1.0), TorqueOff)
+        made.arm.switch_torque(True)
+        assert made.arm.commanded == pytest.approx(PICK, abs=2e-3)
+        assert made.arm.generation > planned
+        assert made.play(HOME, 4.0) is None
+        assert not made.faults
+
+
+def test_torque_off_ends_a_motion(tmp_path: Path) -> None:
+    with rig(tmp_path) as made:
+        made.arm.activate()
+        made.after(1.0, lambda: made.arm.switch_torque(False))
+        assert made.play(PICK, 4.0) is None
+        assert made.arm.state is State.ACTIVE
+        with pytest.raises(StaleGeneration):
+            made.arm.play(made.schedule(PICK, 1.0), made.wake, "test", 0)
+
+
+def test_torque_stays_off_outside_the_limits(tmp_path: Path) -> None:
+    with rig(tmp_path) as made:
+        made.arm.activate()
+        made.arm.switch_torque(False)
+        made.bus.servos[0].push(4000)
+        made.wait(0.1)
+        with pytest.raises(PoseOutsideLimits):
+            made.arm.switch_torque(True)
+        assert not made.bus.servos[0].get("torque_enable")
+        assert made.arm.state is State.ACTIVE
+
+
+def test_a_board_without_the_ability_refuses_it() -> None:
+    made = Rig()
+    with made.clock.working(), made.arm:
+        made.arm.configure()
+        made.arm.activate()
+        with pytest.raises(NotAble, match="cannot switch the torque of its servos off and on"):
+            made.arm.switch_torque(False)
+
+
+def test_torque_that_is_lost_is_a_fault(tmp_path: Path) -> None:
+    with rig(tmp_path, Fault("restart", 2, 2.0)) as made:
+        made.arm.activate()
+        with pytest.raises(TorqueLost, match="Servo 2 of joint_2 no longer holds"):
+            raise made.play(HOME, 1.0) or made.faulted()
+
+
+def test_a_motion_ends_when_it_is_measured_at_its_end(tmp_path: Path) -> None:
+    with rig(tmp_path) as made:
+        made.arm.activate()
+        assert made.play(PICK, 2.0) is None
+        measured = made.arm.measured
+        assert measured
+        assert measured.position == pytest.approx(PICK, abs=0.053)
+
+
+def test_an_arm_that_does_not_arrive_fails_the_motion_and_stays_active(tmp_path: Path) -> None:
+    with rig(tmp_path, guards="following_deg = 90\nsettle_s = 0.3\nsettle_deg = 0.05") as made:
+        made.bus.servos[1].put("dead_zone_ccw", 200)
+        made.arm.activate()
+        why = r"joint_2 moved towards -34\.4 deg and is measured at .* 0\.3 s after the last frame"
+        with pytest.raises(NotArrived, match=why):
+            raise made.play(PICK, 2.0) or AssertionError("it arrived")
+        assert made.arm.state is State.ACTIVE
+
+
+def test_a_gripper_need_not_arrive(tmp_path: Path) -> None:
+    with rig(tmp_path, guards="following_deg = 90\nsettle_s = 0.3\nsettle_deg = 1") as made:
+        made.bus.servos[3].put("dead_zone_ccw", 200)
+        made.arm.activate()
+        goal = (*HOME[:3], load_robot().actuated[3].lower)
+        assert made.play(goal, 2.0) is None
+
+
+def test_a_servo_with_the_id_of_another_never_gives_a_start_pose(tmp_path: Path) -> None:
+    with rig(tmp_path, Fault("impersonate", 1, 0.0, 2)) as made:
+        made.bus.servos[0].push(2500)
+        why = r"servo 1 \(joint_1\).*3 servos answered.*Servo 2 answered twice"
+        with pytest.raises(ServoMissing, match=why):
+            made.arm.activate()
+        assert written(made, "goal_position") == []
+
+
+def test_a_servo_that_takes_the_id_of_another_moves_nothing_wrong(tmp_path: Path) -> None:
+    with rig(tmp_path, Fault("impersonate", 1, 2.0, 2)) as made:
+        made.arm.activate()
+        with pytest.raises(ServoSilent):
+            raise made.play(PICK, 4.0) or AssertionError("it ended well")
+        made.wait(1.0)
+        positions = made.bus.state(made.clock.now()).positions
+        for servo in made.bus.servos:
+            assert servo.get("goal_position") == pytest.approx(positions[servo.servo], abs=20)
