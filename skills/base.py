@@ -58,6 +58,7 @@ class Skill(BehaviourWithPorts):
         pose_output: Output port for the configuration that `poses` returns.
         tool_output: Output port for the joint positions that answer `tool_query`; empty for none.
         plans_goal: True if it plans a motion to the configuration at its input port `goal`.
+        group: Group of joints that it plans for; empty if it does not plan a motion.
         copies_targets: True if the configuration that it writes consists of its inputs.
         failure: Error of the last failure, or None.
         broken: Last exception of its code that is not one of armtree's errors, or None.
@@ -76,6 +77,7 @@ class Skill(BehaviourWithPorts):
     pose_output = "goal"
     tool_output = ""
     plans_goal = False
+    group = ""
     copies_targets = False
     synonyms: ClassVar[tuple[str, ...]] = ()
 

@@ -7,8 +7,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from hardware import Arm, RealClock, Robot
-from hardware.suggestions import did_you_mean
-from skills import Context, Positions, SkillError, WorldChange, check_joints, known_errors
+from hardware.suggestions import closest, did_you_mean
+from skills import (
+    BadTarget,
+    Context,
+    Positions,
+    SkillError,
+    WorldChange,
+    check_joints,
+    known_errors,
+)
 from skills.motion import Body, Carry, Pool, Reached, ToolQuery, World
 
 from .analysis.collisions import CollisionChecks
@@ -38,9 +46,10 @@ class Findings:
     Attributes:
         files: Files that were checked.
         mistakes: Mistakes, ordered by file and line.
-        notes: Files that were ignored, keys that nothing reads, long times without a unit, and
-            tasks whose first motion starts in collision if the arm is in its start pose; ordered
-            like the mistakes.
+        notes: Files that were ignored or may be for another robot, keys that nothing reads, long
+            times without a unit, and tasks whose first motion starts in collision, or whose
+            motions take longer than their timeout, if the arm is in its start pose; ordered like
+            the mistakes.
     """
 
     files: list[Path] = field(default_factory=list)
@@ -93,9 +102,27 @@ def check(robot: Robot, folder: Path | None, files: Sequence[Path] = ()) -> Find
         for key in (() if tree.mistakes.found else tree.unread)
     ]
     findings.notes += [note for tree in collisions.trees for note in tree.mistakes.notes]
+    for library in libraries:
+        findings.notes += _for_other_robots(robot, library, collisions.trees)
     findings.notes = list(FileError(findings.notes).mistakes)
     findings.mistakes = list(FileError(findings.mistakes).mistakes)
     return findings
+
+
+def _for_other_robots(
+    robot: Robot, library: Library, trees: Sequence[CompiledTree]
+) -> Iterator[Mistake]:
+    """Yield a note for each file for every robot that names joints of another one."""
+    known, strange = {*robot.groups, *(j.name for j in robot.joints)}, dict[Path, set[str]]()
+    for refusal in (refusal for tree in trees for refusal in tree.hooks.refused):
+        within = refusal.error.location[1:] if isinstance(refusal.error, BadTarget) else ()
+        if within and not any(closest(str(within[-1]), [each]) for each in known):
+            strange.setdefault(refusal.place.path, set()).add(str(within[-1]))
+    for path, names in strange.items():
+        if library.folder and path.parent == library.folder:
+            why = f"names joints that the {robot.name} lacks: {', '.join(sorted(names))}. If it is "
+            why += f"for another robot, move it to the subfolder of {path.parent} with the name "
+            yield Mistake(Place(path, 0, 0), why + "of that robot")
 
 
 def _how_to_add(name: str) -> str:

@@ -160,9 +160,9 @@ class Mistakes:
         if _where(place) not in self._reported:
             self.found.append(Mistake(place, message, instead))
 
-    def add_also(self, place: Place, message: str) -> None:
+    def add_also(self, place: Place, message: str, instead: Correction | None = None) -> None:
         """Add a mistake of a node, although its place may have others."""
-        self.found.append(Mistake(place, message))
+        self.found.append(Mistake(place, message, instead))
 
     def add_last(self, place: Place, message: str, instead: Correction | None = None) -> None:
         """Add a mistake; later ones at the same place are dropped."""

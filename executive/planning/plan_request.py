@@ -123,18 +123,14 @@ class PlanRequest:
             raise BadTarget(why + "Give joints, a pose or a point instead")
         moving, still = list[Motion](), list[Motion]()
         for motion in predicted:
-            for group in self.robot.groups:
-                own = [joint in self.robot.actuated_in(group) for joint in self.robot.actuated]
-                goal = tuple(q for q, mine in zip(motion.pose, own, strict=True) if mine)
-                pairs = zip(motion.pose, position, own, strict=True)
-                arrived = tuple(there if mine else here for there, here, mine in pairs)
-                via = motion.via if group == "arm" else ()
-                query = Query(group, position, goal, self.seed, via=via, world=motion.world)
-                if group == (self.group or group):
-                    moves = self.group or via or arrived != position
+            for query in motion.queries(self.robot, position, self.seed):
+                if query.group == (self.group or query.group):
+                    own = self.robot.actuated_in(query.group)
+                    here = zip(self.robot.actuated, query.start, strict=True)
+                    moves = query.goal != tuple(q for joint, q in here if joint in own)
                     found = Motion(query, motion.left_out, assumed_start=motion.start is None)
-                    (moving if moves else still).append(found)
-                position = arrived
+                    (moving if self.group or query.via or moves else still).append(found)
+            position = motion.pose
         return moving or still[:1], unknown
 
     def _target(

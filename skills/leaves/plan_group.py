@@ -34,7 +34,6 @@ class _PlanGroup(PlanningSkill, register=False):
 
     validates_partial = True
     plans_goal = True
-    group: str
     # Groups that have reached their goal before this one starts to move.
     moved_before: tuple[str, ...] = ()
 

@@ -358,3 +358,24 @@ def test_a_body_that_another_task_adds_may_be_used(robot: Robot, tmp_path: Path,
         f"task: 40\nname: other\ndescription: z\ntree: {added}\n"
     )
     assert not check(robot, tmp_path).mistakes
+
+
+def test_a_task_for_another_robot_is_noted_and_leaves_the_others_alone(
+    robot: Robot, tmp_path: Path
+) -> None:
+    """A joint that is only misspelt is no sign of another robot."""
+    for number, joint in ((7, "shoulder_pan"), (8, "joint_7"), (9, "joint_1")):
+        move = f"{{subtree: move_joints, with: {{joints: {{{joint}: 20 deg}}}}}}"
+        text = f"task: {number}\nname: x\ndescription: y\ntree: {move}\n"
+        (tmp_path / f"{number}_x.yaml").write_text(text)
+    (tmp_path / "so101").mkdir()
+    (tmp_path / "7_x.yaml").replace(tmp_path / "so101" / "7_x.yaml")
+    assert check(robot, tmp_path).notes == []
+    (tmp_path / "so101" / "7_x.yaml").replace(tmp_path / "7_x.yaml")
+    found = check(robot, tmp_path)
+    assert [each.place.path.name for each in found.mistakes] == ["7_x.yaml", "8_x.yaml"]
+    (note,) = found.notes
+    assert note.message == (
+        "names joints that the arduinobot lacks: shoulder_pan. If it is for another robot, move it "
+        f"to the subfolder of {tmp_path} with the name of that robot"
+    )

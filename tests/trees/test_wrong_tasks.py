@@ -82,7 +82,7 @@ NODES = [
     ("timeout:\n        subtree: move_joints\n        with: {joints: {joint_1: 40 deg}}\n"
      "      after: 1 s",
      "13:7 timeout always fails after 1 s; its child takes at least 1.67 s; write a "
-     "time above 1.68 s", ""),
+     "time above 1.68 s", "      after: 3 s"),
     ("Attach: {body: cube, link: claw_support}", "10:22 no node before this adds a body cube: "
      "add it above, such as with AddBox: {body: cube, "
      "position: …, size: …}; or with AddSphere, AddCylinder", ""),

@@ -16,6 +16,7 @@ from skills.motion import (
     MotionError,
     Pool,
     Reached,
+    Request,
     Result,
     ToolQuery,
     Verify,
@@ -26,8 +27,9 @@ from trees.compile.compiler import CompiledTree
 from trees.compile.skill_hooks import Pose, SkillHooks
 from trees.errors import Mistake, Place
 
+from .planned_times import PlannedTimes
 from .predicted_motion import predict_motions
-from .reachability import check_outcomes
+from .reachability import check_outcomes, slow_children
 
 _Use = tuple[Place, str]  # a place that uses a configuration, and the message if it collides
 
@@ -44,7 +46,8 @@ class CollisionChecks:
         poses: Configurations to check in an empty world [rad], and their places.
         trees: Compiled tasks and subtrees.
         tasks: The tasks among them.
-        notes: Tasks whose first motion starts in collision if the arm is in its start pose.
+        notes: Tasks whose first motion starts in collision if the arm is in its start pose, and
+            timeouts that end before the motions in them, as planned from there.
         absent: Places of bodies that a task uses and does not add; their names, and a similar one.
     """
 
@@ -119,7 +122,7 @@ class CollisionChecks:
             if task:
                 self.absent |= predicted.absent
                 self._found += dict.fromkeys(predicted.unreachable)
-                check_outcomes(tree, predicted.least)
+                check_outcomes(tree, predicted.times)
                 self._found += tree.mistakes.found
             for motion in predicted.motions:
                 if motion.start and (motion.start, motion.world) not in found:
@@ -128,12 +131,28 @@ class CollisionChecks:
         return found
 
     def _first_worlds(self) -> dict[World, Place]:
-        """Return the worlds in which tasks first move the arm, and the places of these motions."""
+        """Return the worlds in which tasks first move the arm, and the places of these motions.
+
+        Also add a note for each timeout that ends before its motions.
+        """
         worlds, boot = dict[World, Place](), self.robot.boot_pose
         for tree in self.tasks:
             # Refusals that concern only this start are not mistakes.
             hooks = SkillHooks(tree.hooks.doubtful)
-            found = predict_motions(tree, self.robot, self._carry, boot, hooks=hooks)
+            times = PlannedTimes(tree, self.robot, self._ask)
+            # To time each motion, points for the tool are needed too.
+            found = predict_motions(
+                tree,
+                self.robot,
+                self._carry,
+                boot,
+                hooks=hooks,
+                reach=self._reach if times else None,
+                duration=times.duration,
+            )
+            if times and not tree.mistakes.found:
+                start = self.robot.firmware.words.start_pose
+                self.notes += slow_children(tree, found.times, start)
             for motion in found.motions:
                 if motion.start == boot:
                     worlds.setdefault(motion.world, motion.place)
@@ -141,8 +160,15 @@ class CollisionChecks:
 
     def _unreachable(self, query: ToolQuery) -> Reached:
         """Raise an Unreachable, or another error: what is reached is known only during a run."""
+        self._reach(query)
+        raise MotionError("known during a run")
+
+    def _reach(self, query: ToolQuery) -> Reached:
         answer = self._ask(query)
-        raise answer if isinstance(answer, MotionError) else MotionError("known during a run")
+        if isinstance(answer, MotionError):
+            raise answer
+        assert isinstance(answer, Reached)
+        return answer
 
     def _carry(self, request: Carry) -> Body:
         answer = self._ask(request)
@@ -151,7 +177,7 @@ class CollisionChecks:
         assert isinstance(answer, Body)
         return answer
 
-    def _ask(self, request: Verify | Carry | ToolQuery) -> Result:
+    def _ask(self, request: Request) -> Result:
         answers: SimpleQueue[Result] = SimpleQueue()
         self.pool.submit(request, answers.put)
         return answers.get()

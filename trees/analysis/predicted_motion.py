@@ -1,16 +1,26 @@
 """Predicted motion: the motions of a task, and the world during each, as far as its text says."""
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 from py_trees.behaviour import Behaviour
 
-from hardware import Robot
+from hardware import Joint, Robot
 from hardware.suggestions import closest
 from skills import Positions, Skill, WorldChange
-from skills.motion import EMPTY, Body, Carry, MotionError, Reached, ToolQuery, Unreachable, World
+from skills.motion import (
+    EMPTY,
+    Body,
+    Carry,
+    MotionError,
+    Query,
+    Reached,
+    ToolQuery,
+    Unreachable,
+    World,
+)
 from trees.compile.compiler import CompiledTree
 from trees.compile.leaf import Leaf
 from trees.compile.skill_hooks import Pose, SkillHooks
@@ -35,6 +45,7 @@ class Motion:
         left_out: Names of bodies that are not in that world, because it is not known before the run
             whether they are there, and where.
         via: Points on the way: values of the arm's own joints [rad].
+        speeds: Share of the robot's speed, by group; 1 for groups that are not listed.
     """
 
     place: Place
@@ -42,7 +53,41 @@ class Motion:
     start: Pose | None
     world: World
     left_out: tuple[str, ...]
-    via: tuple[Pose, ...] = ()
+    # Skills that plan the same motion add these one after the other.
+    via: tuple[Pose, ...] = field(default=(), compare=False)
+    speeds: Mapping[str, float] = field(default_factory=dict, compare=False)
+
+    def queries(self, robot: Robot, start: Pose, seed: int = 1) -> Iterator[Query]:
+        """Yield the query for each group. As in a run, the gripper moves after the arm.
+
+        Args:
+            robot: The robot.
+            start: Configuration before the motion [rad].
+            seed: Seed of the planner.
+        """
+        for group in robot.groups:
+            own = [joint in robot.actuated_in(group) for joint in robot.actuated]
+            yield Query(
+                group,
+                start,
+                tuple(q for q, mine in zip(self.pose, own, strict=True) if mine),
+                seed,
+                via=self.via if group == "arm" else (),
+                world=self.world,
+                speed=self.speeds.get(group, 1.0),
+            )
+            pairs = zip(self.pose, start, own, strict=True)
+            start = tuple(there if mine else here for there, here, mine in pairs)
+
+    def least_time(self, robot: Robot) -> float:
+        """Return the least duration [s], joint by joint; 0 if the start is not known."""
+        least = 0.0
+        for group in robot.groups if self.start else ():
+            for joint, begin, end in zip(robot.actuated, self.start or (), self.pose, strict=True):
+                if joint in robot.actuated_in(group):
+                    share = self.speeds.get(group, 1.0)
+                    least = max(least, _least_time(joint, abs(end - begin)) / share)
+        return least
 
 
 @dataclass(frozen=True)
@@ -55,14 +100,14 @@ class PredictedMotions:
         absent: Places of bodies that are used, but certainly not there; their names, and a similar
             name that is there, or "".
         unreachable: Points that the tool cannot reach.
-        least: Least time that a node needs to move the arm [s].
+        times: Least time that a node needs to move the arm [s].
     """
 
     motions: list[Motion] = field(default_factory=list)
     unknown: dict[Behaviour, str] = field(default_factory=dict)
     absent: dict[Place, tuple[str, str]] = field(default_factory=dict)
     unreachable: list[Mistake] = field(default_factory=list)
-    least: dict[Behaviour, float] = field(default_factory=dict)
+    times: dict[Behaviour, float] = field(default_factory=dict)
 
 
 def predict_motions(
@@ -74,6 +119,7 @@ def predict_motions(
     *,
     hooks: SkillHooks | None = None,
     reach: Callable[[ToolQuery], Reached] | None = None,
+    duration: Callable[[Leaf, Motion], float] | None = None,
 ) -> PredictedMotions:
     """Predict the motions of a task, each in the world as the task has changed it by then.
 
@@ -86,8 +132,10 @@ def predict_motions(
         hooks: Calls the skills' code; the hooks of the tree by default.
         reach: Finds joint positions that bring the tool to a point; may raise a MotionError. If
             None, targets that are points are not known.
+        duration: Returns the time that a skill needs for a motion [s]; by default the least time.
     """
-    walk = _Walk(tree, robot, carry, hooks or tree.hooks, reach)
+    duration = duration or (lambda _, motion: motion.least_time(robot))
+    walk = _Walk(tree, robot, carry, hooks or tree.hooks, reach, duration)
     walk.through(tree.root, _State(world, start))
     return walk.found
 
@@ -139,11 +187,12 @@ class _Walk:
     _carry: Callable[[Carry], Body]
     _hooks: SkillHooks
     _reach: Callable[[ToolQuery], Reached] | None
+    _duration: Callable[[Leaf, Motion], float]
     found: PredictedMotions = field(default_factory=PredictedMotions)
     _why: str = _UNKNOWN  # why the next target is not known
     _again: bool = False  # in the second round of a loop
-    # Least time to the last target [s]: None if the arm is there, 0 if it is not known.
-    _time: float | None = None
+    # The motion to the last target: None if the arm is there, empty if the motion is not known.
+    _ahead: tuple[Motion, ...] | None = None
 
     def through(self, node: Behaviour, now: _State) -> _State:
         """Return the state after a node."""
@@ -156,13 +205,13 @@ class _Walk:
         if flow is Flow.SEQUENCE:
             return self._rounds(node, control.kind.rounds(control.options), now)
         states = [now]  # any number of its children may have run
-        before, after = self._time, set[float | None]()
+        before, after = self._ahead, list[tuple[Motion, ...] | None]()
         for child in node.children:
             # A later child may start where an earlier one has stopped.
-            self._time = before if flow is Flow.PARALLEL or not after else 0.0
+            self._ahead = before if flow is Flow.PARALLEL or not after else ()
             states.append(self.through(child, _common(states)))
-            after.add(self._time)
-        self._time = after.pop() if len(after) == 1 else 0.0
+            after.append(self._ahead)
+        self._ahead = after[-1] if all(each == after[-1] for each in after) else ()
         return _common(states)
 
     def _rounds(self, node: Behaviour, rounds: int | None, now: _State) -> _State:
@@ -195,18 +244,18 @@ class _Walk:
             left_out = tuple(sorted(now.unsure))
             motion = Motion(leaf.target_place, pose, now.pose, now.world, left_out)
             self.found.motions.append(motion)
-            known = now.pose is not None and self._time is None
-            self._time = _least_time(self._robot, now.pose or pose, pose) if known else 0.0
+            self._ahead = (motion,) if now.pose and self._ahead is None else ()
             now = replace(now, pose=pose)
         # Without poses, the target is found during the run.
         if not poses and "goal" in {*kind.output_ports(), *leaf.inputs}:
-            now, self._time = replace(now, pose=None), 0.0
+            now, self._ahead = replace(now, pose=None), ()
             self.found.unknown.setdefault(leaf.skill, self._why)
             self._why = _UNKNOWN
         if leaf.skill.moves:
-            least = self.found.least
-            least[leaf.skill] = min(least.get(leaf.skill, math.inf), self._time or 0.0)
-            self._time = None
+            times = self.found.times
+            time = sum(self._duration(leaf, motion) for motion in self._ahead or ())
+            times[leaf.skill] = min(times.get(leaf.skill, math.inf), time)
+            self._ahead = None
         now = self._written(leaf, now)
         if kind.tool_output in leaf.keys:
             now = self._reached(leaf, inputs, now)
@@ -259,11 +308,14 @@ class _Walk:
         return Mistake(point.place, str(error), instead)
 
     def _pass(self, leaf: Leaf, inputs: Mapping[str, Any]) -> None:
-        """Add the points on the way to the last motion, if this skill plans it."""
+        """Add points on the way and the speed to the last motion, if this skill plans it."""
         goal, motions = tuple(inputs.get("goal", {}).values()), self.found.motions
         if goal and motions and motions[-1].pose == goal:
-            via = self._hooks.waypoints(leaf, self._robot, inputs)
-            motions[-1] = replace(motions[-1], via=tuple(via) or motions[-1].via)
+            last, speed = motions[-1], inputs.get("speed")
+            via = tuple(self._hooks.waypoints(leaf, self._robot, inputs)) or last.via
+            own = {leaf.skill.group: speed} if speed else {}
+            motions[-1] = replace(last, via=via, speeds={**last.speeds, **own})
+            self._ahead = (motions[-1],) if self._ahead == (last,) else self._ahead
 
     def _changed(self, leaf: Leaf, change: WorldChange, now: _State) -> _State:
         """Return the state after a skill has added, moved or removed a body."""
@@ -295,17 +347,12 @@ class _Walk:
             return None
 
 
-def _least_time(robot: Robot, start: Pose, goal: Pose) -> float:
-    """Return the least time of a motion from standstill to standstill [s], joint by joint."""
-    least = 0.0
-    for joint, begin, end in zip(robot.actuated, start, goal, strict=True):
-        distance = abs(end - begin)
-        if joint.continuous:
-            distance = min(distance % math.tau, -distance % math.tau)
-        speed = min(joint.velocity, math.sqrt(distance * joint.acceleration))
-        if speed:
-            least = max(least, distance / speed + speed / joint.acceleration)
-    return least
+def _least_time(joint: Joint, distance: float) -> float:
+    """Return the least time of a motion of a joint from standstill to standstill [s]."""
+    if joint.continuous:
+        distance = min(distance % math.tau, -distance % math.tau)
+    speed = min(joint.velocity, math.sqrt(distance * joint.acceleration))
+    return distance / speed + speed / joint.acceleration if speed else 0.0
 
 
 def _common(states: Sequence[_State]) -> _State:

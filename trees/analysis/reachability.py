@@ -4,7 +4,10 @@ How a node can end follows from how its children can end; each kind of node says
 reports children that do not fit together.
 """
 
+import math
+import re
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 
 from py_trees.behaviour import Behaviour
 
@@ -12,17 +15,50 @@ from hardware.suggestions import there_are
 from trees.compile.compiler import CompiledTree
 from trees.compile.leaf import Leaf
 from trees.compile.port_types import known_skills
+from trees.errors import Correction, Mistake, Place
 from trees.nodes.kind import Node, PossibleOutcomes
 
+_ROOM = 1.5  # a suggested time, as a share of the least one
 
-def check_outcomes(tree: CompiledTree, least: Mapping[Behaviour, float] | None = None) -> None:
+
+@dataclass
+class _Times:
+    """Times of skills.
+
+    Attributes:
+        of: Times, in addition to what skills say themselves [s].
+        start: Name of the pose from which the motions are planned; empty for least times.
+        notes: Receives a note for each child that is too slow as planned.
+    """
+
+    of: Mapping[Behaviour, float] = field(default_factory=dict)
+    start: str = ""
+    notes: list[Mistake] = field(default_factory=list)
+
+
+def check_outcomes(tree: CompiledTree, times: Mapping[Behaviour, float] | None = None) -> None:
     """Report control nodes whose children do not fit, or that are never reached or never end.
 
     Args:
         tree: The tree.
-        least: Least times of skills [s], in addition to what they say themselves.
+        times: Least times of skills [s], in addition to what they say themselves.
     """
-    _outcomes(_Node(tree, tree.root, least or {}, False))
+    _outcomes(_Node(tree, tree.root, _Times(times or {}), False))
+
+
+def slow_children(
+    tree: CompiledTree, times: Mapping[Behaviour, float], start: str
+) -> Sequence[Mistake]:
+    """Return a note for each node whose child takes longer than its timeout, as planned.
+
+    Args:
+        tree: The tree.
+        times: Planned times of skills [s], in addition to what they say themselves.
+        start: Name of the pose from which the motions are planned.
+    """
+    planned = _Times(times, start)
+    _outcomes(_Node(tree, tree.root, planned, False))
+    return planned.notes
 
 
 def _outcomes(node: "_Node") -> PossibleOutcomes:
@@ -38,7 +74,7 @@ def _outcomes(node: "_Node") -> PossibleOutcomes:
     if behaviour in tree.hooks.doubtful:
         return PossibleOutcomes()
     leaf = tree.leaves[behaviour]
-    shortest = max(tree.hooks.min_duration(leaf), node.least.get(behaviour, 0.0))
+    shortest = max(tree.hooks.min_duration(leaf), node.times.of.get(behaviour, 0.0))
     if behaviour in tree.hooks.doubtful:
         return PossibleOutcomes()
     return PossibleOutcomes(leaf.skill.may_succeed, leaf.skill.may_fail, shortest)
@@ -51,13 +87,22 @@ def _check_condition(node: "_Node") -> None:
         node.wrong(f"{what} acts, and cannot be a condition; {there_are(name, there)}")
 
 
+def _longer(place: Place, option: str, shortest: float) -> Correction | None:
+    """Return the line with a time that leaves room; None if the time is not a number there."""
+    line = place.lines[place.line - 1] if 0 < place.line <= len(place.lines) else ""
+    written = re.compile(rf"({option}: *)[0-9.]+( *[a-z]+)?").match(line, place.column - 1)
+    if not written or not math.isfinite(shortest):
+        return None
+    return place.replaced(written[0], f"{written[1]}{math.ceil(_ROOM * shortest)} s")
+
+
 class _Node:
     """A node, with the interface `trees.nodes.kind.Node` that its kind uses.
 
     Args:
         tree: The tree.
         behaviour: The node.
-        least: Least times of skills [s].
+        times: Times of skills.
         halted: Whether a node above may halt it before it ends.
         used: Whether its place is that of its use, if it is the root of a subtree.
     """
@@ -66,11 +111,11 @@ class _Node:
         self,
         tree: CompiledTree,
         behaviour: Behaviour,
-        least: Mapping[Behaviour, float],
+        times: _Times,
         halted: bool,
         used: bool = False,
     ) -> None:
-        self.tree, self.behaviour, self.least, self.halted = tree, behaviour, least, halted
+        self.tree, self.behaviour, self.times, self.halted = tree, behaviour, times, halted
         self.name, self.control = behaviour.name, tree.controls.get(behaviour)
         self.options = self.control.options if self.control else {}
         place = tree.calls.get(behaviour) if used else None
@@ -79,7 +124,7 @@ class _Node:
     def below(self) -> Sequence["_Node"]:
         """Return its children."""
         children = self.behaviour.children
-        return [_Node(self.tree, child, self.least, self.halted, True) for child in children]
+        return [_Node(self.tree, child, self.times, self.halted, True) for child in children]
 
     def moves(self) -> bool:
         """Return whether a skill in it moves the arm."""
@@ -95,7 +140,7 @@ class _Node:
         for below in self.behaviour.iterate():
             control = self.tree.controls.get(below)
             if control and control.kind.lasts(control.options):
-                yield _Node(self.tree, below, self.least, self.halted)
+                yield _Node(self.tree, below, self.times, self.halted)
 
     def is_constant(self) -> bool:
         """Return whether its result depends only on values that are known before the run."""
@@ -106,7 +151,7 @@ class _Node:
 
     def child(self, number: int, halted: bool) -> PossibleOutcomes:
         """Return the possible outcomes of a child."""
-        return _outcomes(_Node(self.tree, self.behaviour.children[number], self.least, halted))
+        return _outcomes(_Node(self.tree, self.behaviour.children[number], self.times, halted))
 
     def children(self, halted: bool) -> list[PossibleOutcomes]:
         """Return the possible outcomes of all children."""
@@ -122,8 +167,27 @@ class _Node:
 
     def wrong(self, message: str, option: str = "") -> None:
         """Report a mistake of the node, or of one of its options."""
+        if not self.times.start:  # otherwise it was reported with the least times
+            self.tree.mistakes.add_also(self._place_of(option), message)
+
+    def too_slow(self, option: str, shortest: float) -> None:
+        """Report that its child takes longer [s] than the time of an option."""
+        place, start = self._place_of(option), self.times.start
+        fails = f"{self.name} {'' if start else 'always '}fails after {self.options[option]:g} s"
+        takes = (
+            f"as planned from the {start}, its child takes" if start else "its child takes at least"
+        )
+        advice = f"; write a time above {math.ceil(100 * shortest) / 100:g} s"
+        message = f"{fails}; {takes} {shortest:.3g} s{advice if math.isfinite(shortest) else ''}"
+        instead = _longer(place, option, shortest)
+        if start:
+            self.times.notes.append(Mistake(place, message, instead))
+        else:
+            self.tree.mistakes.add_also(place, message, instead)
+
+    def _place_of(self, option: str) -> Place:
         places = self.control.places if self.control else {}
-        self.tree.mistakes.add_also(places.get(option, self._place), message)
+        return places.get(option, self._place)
 
     def _leaves(self) -> Iterator[Leaf]:
         below = self.behaviour.iterate()

@@ -57,12 +57,9 @@ class TimeoutKind(ControlNodeKind):
 
     def possible_outcomes(self, node: Node) -> PossibleOutcomes:
         """Return the possible outcomes, and report a child that always takes longer."""
-        child, after = node.child(0, halted=True), node.options["after"]
-        if child.shortest >= after:
-            least = f"its child takes at least {child.shortest:.3g} s"
-            advice = f"; write a time above {math.ceil(100 * child.shortest) / 100:g} s"
-            advice = advice if math.isfinite(child.shortest) else ""
-            node.wrong(f"{node.name} always fails after {after:g} s; {least}{advice}", "after")
+        child = node.child(0, halted=True)
+        if child.shortest >= node.options["after"]:
+            node.too_slow("after", child.shortest)
         return PossibleOutcomes(child.succeeds, True, child.shortest)
 
     def groot(self, options: Options) -> list[Element]:

@@ -92,6 +92,14 @@ class Node(Protocol):
     def wrong(self, message: str, option: str = "") -> None:
         """Report a mistake of the node, or of one of its options."""
 
+    def too_slow(self, option: str, shortest: float) -> None:
+        """Report that its child takes longer than the time of an option.
+
+        Args:
+            option: The option.
+            shortest: Least time that the child takes [s].
+        """
+
 
 class ControlNodeKind(ABC):
     """A kind of node that has children. Subclasses are registered in `KINDS` by their name.
