@@ -29,6 +29,7 @@ RequestError            a request that the server refuses before it reads the go
     └── TooSlow         408: the body arrives too slowly
 ClientError             a client of a server
 ├── ServerUnreachable   ConnectionError: no server answers
+│   └── ServerLost      it answered until the arm moved
 ├── WrongAnswer         another program answers
 ├── Refused             the server rejected a request
 └── GoalFailed          a goal ended, but did not succeed; also raised without a server
@@ -394,6 +395,15 @@ class ServerUnreachable(ClientError, ConnectionError):
             f"no server answers at {url}: {why.rstrip('.')}. Start one with armtree serve, or "
             "set its URL with --server URL or ARMTREE_SERVER"
         )
+
+
+class ServerLost(ServerUnreachable):
+    """The server that moved the arm does not answer any more."""
+
+    def __init__(self) -> None:
+        self.hint = "look at the arm, start the server again, then type: armtree where"
+        why = "the server does not answer any more, so the pose of the arm is not known now"
+        Exception.__init__(self, why)
 
 
 class WrongAnswer(ClientError):

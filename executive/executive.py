@@ -5,6 +5,8 @@ The command line, the server and the Python interface all use this class.
 
 import logging
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from queue import SimpleQueue
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -24,8 +26,9 @@ from hardware import (
     TransitionRefused,
 )
 from logs import MOVE, goal_title
-from skills import Context, NoOperator, Operator, SkillError
-from skills.motion import Pool
+from skills import Context, NoOperator, Operator, Positions, SkillError, tool_query
+from skills.motion import Pool, Result, Unreachable
+from skills.motion.world import Vector
 from trees import Library, Located, TreeError
 
 from .api.events import Event, Policy, Status, Where
@@ -39,7 +42,7 @@ from .goals.mailbox import Mailbox
 from .goals.queue import GoalQueue
 from .goals.start_pose import StartPose
 from .goals.stop import GoalStopper
-from .planning.move_task import move_text
+from .planning.move_task import move_text, read_move
 from .recording.recorded_link import RecordedLink
 from .recording.recordings import Recordings
 from .setup import Setup
@@ -84,7 +87,7 @@ class Executive:
     ) -> None:
         self.setup, self.robot, self.library, self.clock = setup, robot, library, clock
         self.port, self._started = link.port if link else "", clock.now()
-        self._subscribers = EventSubscribers()
+        self._pool, self._subscribers = pool, EventSubscribers()
         self._progress: logs.Feedback | None = None
         self._breakpoints = set[str]()
         self._recordings = Recordings(
@@ -371,10 +374,28 @@ class Executive:
     def _read_move(self, move: Move) -> tuple[Exception | None, str]:
         """Return why a move is invalid, or None; and its text."""
         try:
-            return None, move_text(move, self.robot, self.library.latest.poses()[0])
-        except (SkillError, TreeError) as error:
+            read = read_move(move, self.robot, self.library.latest.poses()[0])
+            if read.point and not move.relative:
+                self._check_reach(read.point)
+            return None, move_text(move, read)
+        except (SkillError, TreeError, Unreachable) as error:
             vars(error).update(heading="", hint="")  # the message says all that there is to say
             return error, ""
+
+    def _check_reach(self, point: Vector) -> None:
+        """Check that the tool can reach a point, whatever is around the arm.
+
+        Raises:
+            Unreachable: It cannot.
+        """
+        boot = {joint.name: joint.boot for joint in self.robot.actuated}
+        start = Positions(self._commanded() or boot)
+        query = tool_query(self.robot, {"point": point, "start": start})
+        answers: SimpleQueue[Result] = SimpleQueue()
+        self._pool.start()  # a single user's planners start with the first motion
+        self._pool.submit(replace(query, timeout=self.setup.planning_timeout), answers.put)
+        if isinstance(answer := answers.get(), Unreachable):
+            raise answer
 
     def _accept(
         self,

@@ -82,7 +82,7 @@ class BadTarget(SkillError):
 
     code = "goal.bad_target"
     exit_status = 4
-    hint = "correct the target"
+    hint = "give joints within their limits, a saved pose, or a point within reach"
     heading = "The target is invalid"
 
 

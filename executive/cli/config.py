@@ -44,9 +44,12 @@ def config(context: click.Context, as_json: bool) -> None:
         shown = value if value is None or isinstance(value, int | float) else str(value)
         if as_json:
             row = {"setting": name, "value": shown, "source": source or "default"}
-            echo(json.dumps({**row, "environment": environment_name(name)}))
+            row |= {"environment": environment_name(name), "about": SETTINGS[name].help}
+            echo(json.dumps(row))
         else:
+            about = SETTINGS[name].help.partition(". ")[0].rstrip(".")
             echo(f"{name:<18} {'-' if value is None else shown!s:<30} {source or 'default'}")
+            echo(f"{'':<18} {about}")
     if not as_json and not files():
         echo(f"\nThere is no {FILE} here, above, or at {user_file()}.")
     if wrong:

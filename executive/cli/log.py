@@ -63,7 +63,8 @@ def ls(folder: Path, as_json: bool) -> None:
     """List the recordings of FOLDER, with task, outcome, duration and size.
 
     The default of FOLDER is the setting `recordings`, which is ./recordings by default, or the
-    working directory if only it has recordings.
+    working directory if only it has recordings. With `serve --policy queue`, a goal waits in the
+    queue until the one before it has ended; the duration includes this time.
     """
     from logs import LogError, goal_title
     from logs.views.narrative import overview
@@ -79,7 +80,7 @@ def ls(folder: Path, as_json: bool) -> None:
             _print(as_json, row, f"{path.name}  unreadable: {error}")
             continue
         end = "" if found.complete else "being written" if found.written else "UNFINISHED"
-        queued = f"{found.waited:.2f} s in the queue" if found.waited else ""
+        queued = f"waited {found.waited:.2f} s in the queue" if found.waited else ""
         marks = ("pinned" if pinned(path) else "", end, queued)
         task = goal_title(found.goal.task, found.goal.name) if found.goal else "-"
         task = task.removeprefix("task ")

@@ -1,5 +1,6 @@
 """`armtree robots` and `armtree new-arm`."""
 
+import json
 import shlex
 import sys
 from collections import Counter
@@ -25,18 +26,21 @@ gripper, swap the two names."""
 
 
 @command()
-def robots() -> None:
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object per robot.")
+def robots(as_json: bool) -> None:
     """List the robots that ship, for --robot."""
     from hardware import load_robot, shipped_robots
     from trees import Library
 
     for name, path in shipped_robots().items():
         robot = load_robot(path)
-        tasks = ", ".join(Library(robot=robot.name).names())
-        echo(f"{name:<12} arm: {', '.join(robot.groups['arm'])}")
-        echo(f"{'':<12} gripper: {', '.join(robot.groups['gripper'])}")
-        echo(f"{'':<12} tasks: {tasks}")
-        echo(f"{'':<12} {path}")
+        lists = {**robot.groups, "tasks": tuple(Library(robot=robot.name).names())}
+        if as_json:
+            echo(json.dumps({"robot": name, **lists, "file": str(path)}))
+            continue
+        lines = [*(f"{what}: {', '.join(names)}" for what, names in lists.items()), str(path)]
+        for line in lines:
+            echo(f"{name if line is lines[0] else '':<12} {line}")
 
 
 @command("new-arm")

@@ -9,7 +9,7 @@ import click
 
 from .move import find_arm, pose_of
 from .support.command_group import CommandGroup
-from .support.names import complete_pose, load_library
+from .support.names import complete_own_pose, complete_pose, load_library
 from .support.options import own_trees_option, recordings_option, robot_option, trees_option
 from .support.settings import option
 from .terminal.streams import echo
@@ -125,7 +125,7 @@ def show(name: str, robot: Path | None, trees: Path | None, as_json: bool) -> No
 
 
 @pose.command()
-@_name
+@click.argument("name", shell_complete=complete_own_pose)
 @robot_option
 @own_trees_option
 def rm(name: str, robot: Path | None, trees: Path) -> None:

@@ -5,6 +5,7 @@ import json
 import re
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -13,8 +14,8 @@ from executive.api.codes import look_up
 
 from .support.command_group import command, diagnostics
 from .support.names import TASK, complete_node
-from .support.options import pose_option, set_option
-from .support.settings import find_setting, option
+from .support.options import pose_option, robot_option, set_option
+from .support.settings import local_server, option
 from .terminal.streams import echo
 
 if TYPE_CHECKING:
@@ -32,16 +33,11 @@ def _goal_id(context: click.Context, parameter: click.Parameter, value: str) -> 
 _goal_argument = click.argument("goal_id", metavar="[GOAL]", default="", callback=_goal_id)
 
 
-def _local_server() -> str:
-    port, _ = find_setting(click.get_current_context(), "tcp_port")
-    return f"http://localhost:{port}"
-
-
 def _with_client(function: Callable[..., None]) -> Callable[..., None]:
     """Add --json and --server to a command; call it with the client and `as_json`."""
 
     @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-    @option("server", default=_local_server)
+    @option("server", default=local_server)
     @functools.wraps(function)
     def command(server: str, as_json: bool, **options: Any) -> None:
         from executive.client.synchronous import Client
@@ -61,6 +57,7 @@ def _with_client(function: Callable[..., None]) -> Callable[..., None]:
     help="Like --wait. The server cancels the goal if this command dies or stops responding.",
 )
 @set_option
+@robot_option
 @_with_client
 def send(
     client: "Client",
@@ -69,13 +66,16 @@ def send(
     wait: bool,
     deadman: bool,
     settings: tuple[str, ...],
+    robot: Path | None,
 ) -> None:
     """Run TASK on a server. TASK is the number or the name of a task.
 
     Prints the id of the goal at once. With --wait, shows the run as `armtree run` does.
     """
     from .support.server_goals import parameters, send_and_wait
+    from .support.server_requests import check_robot
 
+    check_robot(client, robot)
     if wait or deadman:
         outcome = send_and_wait(client, task, settings, deadman, as_json, diagnostics().verbose)
         sys.exit(look_up(outcome.code).exit_status)
@@ -113,11 +113,13 @@ def cancel(client: "Client", as_json: bool, goal_id: str, stamp_ns: int | None) 
 
 
 @command()
+@robot_option
 @_with_client
-def status(client: "Client", as_json: bool) -> None:
+def status(client: "Client", as_json: bool, robot: Path | None) -> None:
     """Print the state of a server: its arm, goals and breakpoints."""
-    from .support.server_requests import status_lines
+    from .support.server_requests import check_robot, status_lines
 
+    check_robot(client, robot)
     found = client.status()
     lines = [] if as_json else status_lines(found, client.where())
     echo(json.dumps(found.to_json()) if as_json else "\n".join(lines))

@@ -75,7 +75,7 @@ def teach(number: int, name: str, server: str | None, speed: float, **options: A
         )
     finally:
         terminal = LastingStream(sys.stdout)
-        given = {"--robot": options["robot"], "--trees": options["trees"]}
+        given = {f"--{name}": options[name] for name in ("robot", "trees", "port")}
         terminal.write(f"{summary(task, server, url, given)}\n")
         terminal.flush()
     sys.exit(status)

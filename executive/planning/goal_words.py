@@ -1,5 +1,6 @@
 """The words of a goal, as `armtree move` and `armtree plan` take them: joints, poses, a point."""
 
+import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -7,7 +8,7 @@ from typing import Any
 
 from hardware import BadPosition, Robot
 from hardware.description.gripper import WIDTH
-from hardware.suggestions import choices, did_you_mean
+from hardware.suggestions import choices, did_you_mean, plural
 from skills import (
     TOOL_PORTS,
     BadTarget,
@@ -23,6 +24,8 @@ from trees.compile.port_types import declaration
 _ANGLE, _LENGTH = Declaration("angle"), Declaration("length")
 
 Poses = Mapping[str, Mapping[str, float]]
+
+_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?[a-z]*", re.IGNORECASE)
 
 TASK = "the number or name of a task"  # what the words of a goal may be, too
 
@@ -77,7 +80,7 @@ def read_words(
         joint = name.removesuffix("+")
         if not equals:
             if word not in poses:
-                raise BadTarget(_no_pose(word, poses, also, quoted))
+                raise BadTarget(_no_pose(word, words, poses, also, quoted))
             joints |= poses[word]
             _check_names(poses[word], units)
             continue
@@ -117,7 +120,7 @@ def _at_width(robot: Robot, text: str) -> Mapping[str, float]:
     """Return the position of the gripper's joint from its width."""
     if robot.gripper is None:
         why = f"{robot.path} names no pads of its gripper, so its width is not known"
-        raise BadTarget(f"{why}; give a pose or JOINT=VALUE")
+        raise BadTarget(f"{why}; write pads below [gripper] there, or give a pose or JOINT=VALUE")
     width = read_value(WIDTH, text, _LENGTH)
     try:
         _ask_unit(robot.at_width, WIDTH, "m", text, width)
@@ -192,11 +195,21 @@ def _check_spelling(words: Sequence[str], joint: str, quoted: bool) -> None:
             raise BadTarget(why if quoted else f"{why}, or both in quotes")
 
 
-def _no_pose(word: str, poses: Poses, also: Sequence[str], quoted: bool) -> str:
-    """Return the message for a word that is not a pose."""
+def _no_pose(
+    word: str, words: Sequence[str], poses: Poses, also: Sequence[str], quoted: bool
+) -> str:
+    """Return the message for a word, one of several, that is not a pose."""
     if TASK in also and word.isdecimal():
         why = f"{word!r} is the number of a task, which must be the only word"
         return f"{why}; plan one task at a time, or give x y z of the tool"
+    if _NUMBER.fullmatch(word):
+        numbers = [each for each in words if _NUMBER.fullmatch(each)]
+        given = " ".join(numbers)
+        if len(numbers) == 3:
+            return f"{given} is a point for the tool; leave out the other words"
+        point = f"x y z, such as 0.1 0.1 8cm{' in quotes' * quoted}"
+        why = f"{given} has {plural(len(numbers), 'number')}; the point for the tool has three"
+        return f"{why}, {point}. Or say what moves: JOINT=VALUE or width=20mm"
     others = ["JOINT=VALUE", "JOINT+=CHANGE", "width=20mm", "x y z of the tool", *also]
     instead = f"{', '.join(others[:-1])} or {others[-1]}"
     instead += ", all of it in one pair of quotes" if quoted else ""

@@ -8,7 +8,7 @@ from pathlib import Path
 from executive.api.move import HOME, Move
 from hardware import Robot
 from logs import MOVE
-from skills import BadTarget, Positions, check_joints, combine_errors, known_errors
+from skills import BadTarget, Positions, check_joints, check_tool, combine_errors, known_errors
 from skills.motion.query import MIN_SPEED
 from trees.reading.grammar import Draft, draft_subtree
 
@@ -19,8 +19,8 @@ FILE = Path("move.yaml")  # in the recording of a move
 _EXAMPLE = "`armtree move joint_1=70deg`"
 
 
-def move_text(move: Move, robot: Robot, poses: Poses) -> str:
-    """Return the move as the text of a subtree file.
+def read_move(move: Move, robot: Robot, poses: Poses) -> Words:
+    """Return what the words of a move mean.
 
     Args:
         move: The move.
@@ -28,7 +28,7 @@ def move_text(move: Move, robot: Robot, poses: Poses) -> str:
         poses: Poses of the library.
 
     Raises:
-        BadTarget: The words cannot be read, or name no target.
+        BadTarget: The words cannot be read, or name no target; or a point is much too far.
         OutOfBounds: A target is outside the limits.
     """
     if not MIN_SPEED <= move.speed <= 1.0:  # False for NaN
@@ -41,8 +41,19 @@ def move_text(move: Move, robot: Robot, poses: Poses) -> str:
     read = read_words(words, robot, known)
     try:
         check_joints(robot, Positions(read.joints))
+        check_tool(robot, {"point": read.point} if read.point else {})
     except ExceptionGroup as group:
         raise combine_errors(known_errors(group)) from group
+    return read
+
+
+def move_text(move: Move, read: Words) -> str:
+    """Return a move as the text of a subtree file.
+
+    Args:
+        move: The move.
+        read: What its words mean.
+    """
     tree = _tree(read, move.relative, move.speed)
     description = f"{'by ' * move.relative}{' '.join(move.words)}"
     head = {"subtree": FILE.stem, "description": f"move {description}", "ports": {}}

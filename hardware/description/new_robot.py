@@ -55,6 +55,11 @@ acceleration = {acceleration:<15g}# [{unit}/s2]; a URDF has none
 boot = {boot:<23}# position when the board has booted [{unit}]
 # wire = {{}}
 """
+_GRIPPER = """
+# [gripper]                   # the width of `armtree move width=20mm` is the distance of its pads:
+# pads = {{ {pads} }}
+# Fill in the middle of the face of each finger, in the frame of that link [m].
+"""
 _TAIL = """
 [tool]                        # tool center point: what `armtree move X Y Z` moves
 link = {link}
@@ -159,7 +164,7 @@ def robot_text(robot: Robot, folder: Path, allowed: Mapping[tuple[str, str], str
         pairs="".join(f"    {json.dumps(pair)},  # {why}\n" for pair, why in allowed.items()),
     )
     joints = "".join(_joint_text(joint, urdf.moving[joint.name]) for joint in robot.actuated)
-    return head + joints + tail
+    return head + joints + _gripper_text(robot, urdf) + tail
 
 
 def _relative(urdf: Path, folder: Path) -> str:
@@ -170,7 +175,7 @@ def _relative(urdf: Path, folder: Path) -> str:
 def _joint_text(joint: Joint, described: UrdfJoint) -> str:
     limits = f"{joint.words(joint.lower)} to {joint.words(joint.upper)}"
     said = "has none" if math.isinf(described.velocity) else f"says {described.velocity:g}"
-    key = joint.name if _BARE_KEY.fullmatch(joint.name) else json.dumps(joint.name)
+    key = _key(joint.name)
     return _JOINT.format(
         key=key,
         pad=" " * max(1, 21 - len(key)),
@@ -181,6 +186,21 @@ def _joint_text(joint: Joint, described: UrdfJoint) -> str:
         boot=_rounded(joint.boot, joint.lower, joint.upper),
         unit=joint.unit,
     )
+
+
+def _gripper_text(robot: Robot, urdf: Urdf) -> str:
+    """Return the fields for the width of a gripper with one joint of its own, commented out."""
+    if len(robot.actuated_in("gripper")) != 1:
+        return ""
+    moving = [urdf.moving[name] for name in robot.groups["gripper"]]
+    fingers = [*(joint.child for joint in moving), moving[0].parent][:2]
+    pads = ", ".join(f"{_key(link)} = [0.0, 0.0, 0.0]" for link in fingers)
+    return _GRIPPER.format(pads=pads)
+
+
+def _key(name: str) -> str:
+    """Return a name as a key of TOML."""
+    return name if _BARE_KEY.fullmatch(name) else json.dumps(name)
 
 
 def _rounded(value: float, lower: float, upper: float) -> float:

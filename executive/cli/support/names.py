@@ -93,6 +93,15 @@ def complete_pose(context: click.Context, _word: str) -> Iterable[tuple[str, str
 
 
 @completing
+def complete_own_pose(context: click.Context, _word: str) -> Iterator[tuple[str, str]]:
+    """Complete the name of a pose in a file of the user."""
+    _, library = _chosen(context)
+    for file in library.draft_poses()[0]:
+        if file.path.parent not in library.shipped:
+            yield from ((name, "pose") for name in file.poses)
+
+
+@completing
 def complete_goal(context: click.Context, _word: str) -> Iterator[tuple[str, str]]:
     """Complete the name of a pose or of a task."""
     _, library = _chosen(context)
@@ -144,6 +153,20 @@ def complete_port(_context: click.Context, _word: str) -> Iterator[tuple[str, st
     for port in serial_ports():
         yield port.device, port.name
         yield port.by_id, port.name
+
+
+def complete_robot(
+    context: click.Context, parameter: click.Parameter, word: str
+) -> list[CompletionItem]:
+    """Complete the name of a robot that ships, or a path."""
+    return [CompletionItem(word, type="file"), *_shipped_robots(context, parameter, word)]
+
+
+@completing
+def _shipped_robots(_context: click.Context, _word: str) -> Iterator[tuple[str, str]]:
+    from hardware import shipped_robots
+
+    yield from ((name, "ships with armtree") for name in shipped_robots())
 
 
 class TaskName(click.ParamType):  # type: ignore[type-arg]  # generic since click 8.4

@@ -12,7 +12,7 @@ from click.core import ParameterSource
 from executive.cli.terminal.streams import echo
 from hardware.suggestions import closest
 
-from .names import Complete, complete_port
+from .names import Complete, complete_port, complete_robot
 from .settings import F, Finite, configured, option
 
 _NUMBER = re.compile(r"-\.?[0-9]")
@@ -45,7 +45,8 @@ class Drawing(click.Path):
 DRAWING = Drawing()
 
 
-robot_option, port_option = option("robot"), option("port", shell_complete=complete_port)
+robot_option = option("robot", shell_complete=complete_robot)
+port_option = option("port", shell_complete=complete_port)
 pose_option = click.option(
     "--pose",
     type=click.Choice(["boot", "last"]),

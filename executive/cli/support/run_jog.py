@@ -13,11 +13,11 @@ from executive.api.events import EVENTS, Event, Where
 from executive.api.move import Move
 from executive.api.outcome import GoalState, Outcome
 from executive.cli.terminal.jog_model import Command
-from executive.cli.terminal.jog_screen import Act, JogArm, JogScreen, unknown
+from executive.cli.terminal.jog_screen import Act, JogArm, JogScreen
 from executive.cli.terminal.keyboard import key_by_key
 from executive.cli.terminal.streams import echo
 from executive.client.synchronous import Client
-from executive.errors import ClientError, Refused, ServerUnreachable
+from executive.errors import Refused, ServerUnreachable
 from executive.executive import Executive
 from executive.session import finish_recording, open_executive, port_line
 from executive.setup import Setup
@@ -120,6 +120,7 @@ def run_jog(
 
     Raises:
         UsageError: There is no terminal.
+        ClientError: The server is gone.
     """
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
         raise click.UsageError(
@@ -145,9 +146,6 @@ def run_jog(
         before = signal.signal(signal.SIGWINCH, lambda *_: screen.wake())
         try:
             where = interrupts.run(lambda: screen.run(keys))
-        except ClientError as error:
-            echo(f"Error: {unknown(error)}", err=True)
-            return error.exit_status
         finally:
             signal.signal(signal.SIGWINCH, before)
         echo(f"{port}\nThe arm holds at {_positions(where)}")

@@ -14,18 +14,13 @@ from executive.api.outcome import GoalState, GoalStatus, Outcome
 from executive.cli.terminal.view import View
 from executive.cli.terminal.views import view_for
 from executive.client.synchronous import Client
-from executive.errors import ClientError, Refused, ServerUnreachable
+from executive.errors import ClientError, Refused, ServerLost, ServerUnreachable
 from hardware import RealClock, State
 from trees.compile.arguments import read_arguments
 
 from .interrupts import CANCELING, Interrupts
 
 _LAST_WORDS = "Ended at once. The goal may still run on the server: `armtree cancel` cancels it."
-
-_LOST = {
-    "message": "the server does not answer any more, so the pose of the arm is not known now",
-    "hint": "look at the arm, start the server again, then type: armtree where",
-}
 
 logger = logging.getLogger(__name__)
 
@@ -79,7 +74,7 @@ def send_and_wait(
                 try:
                     return _show_goal(events, goal_id, view)
                 except ServerUnreachable as error:
-                    raise Refused({"code": error.code, **_LOST}) from error
+                    raise ServerLost from error
 
         return interrupts.run(work)
 

@@ -6,6 +6,7 @@ import re
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -20,7 +21,7 @@ from executive.errors import ClientError
 from logs import goal_title
 
 from .failures import print_error
-from .settings import configured, environment_name
+from .settings import configured, environment_name, local_server
 
 if TYPE_CHECKING:
     from hardware import Robot
@@ -48,19 +49,29 @@ def find_server(server: str | None) -> str | None:
         if len(found) > 1:
             raise click.UsageError(f"several servers run; give --server URL: {', '.join(found)}")
         server = found[0] if found else None
-    if server and context.params.get("robot"):
-        _check_robot(context, server)
+    if server and (given := context.params.get("robot")):
+        with Client(server) as client:
+            check_robot(client, given)
     return server
 
 
-def _check_robot(context: click.Context, server: str) -> None:
-    """Reject a server that holds another robot than the one that the user names."""
+def check_robot(client: Client, given: Path | None) -> None:
+    """Reject a server that holds another robot than the one that the user names.
+
+    Args:
+        client: Client of the server.
+        given: Robot file of an option or setting; None if the user names none.
+
+    Raises:
+        UsageError: It holds another robot.
+        ClientError: The server does not answer.
+    """
+    if given is None:
+        return
     from hardware import load_robot  # a stop does not need it
 
-    given = context.params["robot"]
-    robot = load_robot(given)
-    with Client(server) as client:
-        held = client.robot()
+    context = click.get_current_context()
+    held, robot = client.robot(), load_robot(given)
     if holds(held, robot):
         return
     source, by = context.get_parameter_source("robot"), "--robot"
@@ -72,7 +83,7 @@ def _check_robot(context: click.Context, server: str) -> None:
     ways = f"Start a server for it with `armtree serve --robot {shlex.quote(str(given))}`"
     if "port" in context.params:
         ways += ", or use an arm of this command: --port PORT, or --port virtual"
-    why = f"the server {server} holds {held['name']}{other}, but {by} names {robot.name}"
+    why = f"the server {client.url} holds {held['name']}{other}, but {by} names {robot.name}"
     raise click.UsageError(f"{why}. {ways}")
 
 
@@ -86,14 +97,14 @@ def stop_all(urls: Sequence[str], as_json: bool) -> int:
     """Stop the arms of servers, all at the same time, and print what became of each.
 
     Args:
-        urls: URLs of the servers; empty for the one that clients use by default.
+        urls: URLs of the servers; empty for the one at the port of the settings.
         as_json: True to print JSON.
 
     Returns:
         The exit status: 0 if all have stopped.
     """
 
-    def stop(url: str | None) -> tuple[str, CancelResult | ClientError]:
+    def stop(url: str) -> tuple[str, CancelResult | ClientError]:
         with Client(url) as client:
             try:
                 return client.url, client.stop()
@@ -102,7 +113,7 @@ def stop_all(urls: Sequence[str], as_json: bool) -> int:
 
     status = 0
     with ThreadPoolExecutor(len(urls) or 1, "stop") as threads:
-        for url, answer in threads.map(stop, urls or [None]):
+        for url, answer in threads.map(stop, urls or [local_server()]):
             if isinstance(answer, ClientError):
                 status = print_error(answer)
             elif as_json:

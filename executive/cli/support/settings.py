@@ -255,6 +255,12 @@ def find_setting(ctx: click.Context, name: str) -> tuple[Any, str]:
     return found, configured(ctx)[name].place if source is ParameterSource.DEFAULT_MAP else ""
 
 
+def local_server() -> str:
+    """Return the URL of a server on this machine at the port of the settings."""
+    port, _ = find_setting(click.get_current_context(), "tcp_port")
+    return f"http://localhost:{port}"
+
+
 def configured(ctx: click.Context) -> Mapping[str, Configured]:
     """Return the values of the files, by name of the setting. The files are read once.
 

@@ -14,8 +14,8 @@ from typing import Protocol
 from executive.api.codes import CANCELED, OK
 from executive.api.events import Where
 from executive.api.move import Move
-from executive.api.outcome import Outcome
-from executive.errors import ClientError, Refused
+from executive.api.outcome import Cause, Outcome, cause_of
+from executive.errors import ClientError, Refused, ServerLost, ServerUnreachable
 from hardware.printable import printable
 
 from .full_screen import FullScreen
@@ -201,8 +201,9 @@ class JogScreen:
             case Refused():  # a look or a stop; the answer to a move is its outcome
                 self._jog = self._jog.said(str(event), failed=True)
             case ClientError():
-                self._lost = self._lost or event
-                self._jog = self._jog.lose(unknown(self._lost))
+                gone = isinstance(event, ServerUnreachable)
+                self._lost = self._lost or (ServerLost() if gone else event)
+                self._jog = self._jog.lose(_with_hint(cause_of(self._lost)))
                 self._where = replace(self._where, commanded=None, measured=None, tool=None)
             case Exception():
                 raise event
@@ -269,19 +270,16 @@ class JogScreen:
         self._screen.draw(shown)
 
 
-def unknown(error: ClientError) -> str:
-    """Return what to know, and to do, when the server does not answer any more."""
-    return (
-        f"The server does not answer [{error.code}], so the pose of the arm is not known now. Look "
-        "at the arm, start the server again, then type: armtree where"
-    )
-
-
 def _words(outcome: Outcome) -> tuple[str, bool]:
     """Return the message for the end of a move, and whether it is an error."""
     if outcome.code == OK:
         return "", False
     if outcome.code == CANCELED or outcome.cause is None:
         return "Stopped", False
-    hint = f" -> {outcome.hint}" if outcome.hint else ""
-    return f"{outcome.code}: {outcome.cause.message}{hint}", True  # what is cut is at the end
+    return _with_hint(outcome.cause), True
+
+
+def _with_hint(cause: Cause) -> str:
+    """Return a cause in words; what is cut is at the end."""
+    hint = f" -> {cause.hint}" if cause.hint and cause.hint not in cause.message else ""
+    return f"{cause.code}: {cause.message}{hint}"

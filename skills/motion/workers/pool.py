@@ -58,9 +58,11 @@ class Pool:
         self._closed = False
 
     def start(self) -> None:
-        """Start the processes in the background and return at once."""
+        """Start the processes in the background and return at once. May be called again."""
         for number, slot in enumerate(self._slots):
-            slot.thread = self._clock.spawn(partial(self._serve, slot), f"plan-{number}")
+            slot.thread = slot.thread or self._clock.spawn(
+                partial(self._serve, slot), f"plan-{number}"
+            )
 
     def submit(self, request: Request, done: Callable[[Result], None]) -> Job:
         """Let the next free worker answer a request.

@@ -146,10 +146,9 @@ def test_a_jog_on_a_server(serve: Serve, tmp_path: Path) -> None:
         terminal.type(RIGHT)
         terminal.until("hw.not_active")
         served.stop()
-        gone = (
-            "The server does not answer [server.unreachable], so the pose of the arm is not known"
-        )
-        assert gone in " ".join(terminal.until("arm unknown", "q leave").split())
+        gone = "the server does not answer any more, so the pose of the arm is not known now"
+        shown = " ".join(terminal.until("arm unknown", "q leave").split())
+        assert f"server.unreachable: {gone} -> look at the arm" in shown
         terminal.type("rm x\r" + RIGHT + "q")
         status, printed = terminal.end()
     assert status == 13

@@ -27,6 +27,9 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (("joint_1=100deg",), 4, "is outside its limits, -90 deg to 90 deg [goal.out_of_bounds]"),
         (("foldd",), 4, "did you mean folded? Or give JOINT=VALUE"),
         (("--by", "folded"), 4, "folded is a pose, not a change"),
+        (("0.1", "0.1"), 4, "such as 0.1 0.1 8cm. Or say what moves: JOINT=VALUE or width=20mm"),
+        (("9", "9", "9"), 4, "point 9 m is much farther than this arm reaches, 0.26 m"),
+        pytest.param(("0.5", "0", "0.1"), 5, "The tool cannot reach", marks=pytest.mark.slow),
     ],
 )
 def test_a_wrong_move_opens_no_port(
@@ -140,13 +143,15 @@ def test_a_server_with_another_robot_than_the_named_one_is_refused(
     served = serve()
     url, frames = served.server.url, served.executive.where()
     named = ("--robot", "so101")
-    for words in (("move", "joint_1=5deg"), ("home",), ("jog",), ("teach", "5", "a"), ("where",)):
+    moves = (("move", "joint_1=5deg"), ("home",), ("jog",), ("teach", "5", "a"))
+    others = (("where",), ("status", "--server", url), ("send", "10", "--server", url))
+    for words in (*moves, *others):
         status, out, error = type_command(folder, *words, *named)
         assert (status, out) == (2, "")
         said = " ".join(error.split())
         assert f"the server {url} holds arduinobot, but --robot names so101" in said
         assert "armtree serve --robot so101" in said
-        assert ("--port virtual" in said) == (words != ("where",))
+        assert ("--port virtual" in said) == (words in moves)
     assert type_command(folder, "where", "--server", url, *named)[0] == 2
     monkeypatch.setenv("ARMTREE_ROBOT", "so101")
     assert "but ARMTREE_ROBOT names so101" in " ".join(type_command(folder, "home")[2].split())
@@ -170,5 +175,8 @@ def test_a_stop_says_that_it_stopped_the_server_of_somebody_else(
         f"Stopped the arm of http://localhost:{port}, which another user or session started; no"
     )
     assert out.startswith(stopped)
+    monkeypatch.delenv("ARMTREE_TCP_PORT")
+    (folder / "armtree.toml").write_text(f"tcp_port = {port}\n")
+    assert type_command(folder, "stop")[1].startswith(stopped)
     url = f"http://localhost:{port}"
     assert "another user" not in type_command(folder, "stop", "--server", url)[1]

@@ -96,6 +96,9 @@ def test_the_gripper_opens_and_closes(folder: Path) -> None:
     said = armtree("new-arm", "arm.urdf").output
     assert "open gripper 1000.0 mm, closed gripper -1000.0 mm, in trees/arm/poses.yaml" in said
     poses = folder / "trees/arm/poses.yaml"
+    assert (
+        "# pads = { c = [0.0, 0.0, 0.0], b = [0.0, 0.0, 0.0] }" in (folder / "arm.toml").read_text()
+    )
     assert "If `armtree move open` closes the\n# gripper, swap the two names." in poses.read_text()
     for name, position in (("open", 1.0), ("closed", -1.0)):
         assert armtree("move", name, "--robot", "arm.toml").exit_code == 0

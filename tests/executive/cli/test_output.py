@@ -77,6 +77,13 @@ def test_log_plot(recording: Path) -> None:
     assert Path(row["file"]).is_file()
 
 
+def test_robots() -> None:
+    rows = {row["robot"]: row for row in printed("robots", "robots")}
+    assert rows["so101"]["gripper"] == ["gripper"]
+    assert rows["arduinobot"]["tasks"] == ["home", "pick", "rest"]
+    assert Path(rows["arduinobot"]["file"]).is_file()
+
+
 def test_check(tmp_path: Path) -> None:
     head = "task: 20\nname: m\ndescription: x\ntree:\n  sequence:\n"
     task = tmp_path / "20_m.yaml"

@@ -91,11 +91,11 @@ def test_a_move_is_canceled_like_any_goal(rig: RigMaker, shared_clock: Simulated
         (("width=200mm",), False, 1.0, "goal.out_of_bounds", "0.8 mm to 105.8 mm"),
         (("width=20",), False, 1.0, "goal.out_of_bounds", "did you mean 20 mm?"),
         (("width=5mm",), True, 1.0, "goal.bad_target", "such as width=20mm"),
-        (("20mm",), False, 1.0, "goal.bad_target", "width=20mm or x y z"),
+        (("20mm",), False, 1.0, "goal.bad_target", "JOINT=VALUE or width=20mm"),
         (("joint_1=200deg",), True, 1.0, "goal.out_of_bounds", "more than its range, 180 deg"),
         (("foldd",), False, 1.0, "goal.bad_target", "did you mean folded?"),
         (("folded",), True, 1.0, "goal.bad_target", "folded is a pose, not a change"),
-        (("0.1", "0.1"), False, 1.0, "goal.bad_target", "'0.1' is not a pose"),
+        (("0.1", "0.1"), False, 1.0, "goal.bad_target", "has three, x y z, such as"),
         (("0.1", "0.1", "x"), False, 1.0, "goal.bad_target", "point"),
         ((), False, 1.0, "goal.bad_target", "needs a target"),
         (("folded",), False, 1.01, "goal.bad_target", "not between 0.01 and 1"),
@@ -124,17 +124,16 @@ def test_a_change_out_of_bounds_is_known_from_the_start(server: RigMaker) -> Non
     assert "joint_1 = 100 deg is outside its limits, -90 deg to 90 deg" in outcome.message
 
 
-@pytest.mark.parametrize("words", [("9", "9", "9"), ("joint_1=170deg",)])
 def test_a_move_that_its_tree_refuses_has_no_place(
-    rig: RigMaker, shared_clock: SimulatedClock, words: tuple[str, ...]
+    rig: RigMaker, shared_clock: SimulatedClock
 ) -> None:
     """The words of a move are in no file of the user."""
     arm = rig()
     with shared_clock.working():
         arm.executive.start()
-        outcome = run_task(arm.executive, Move(words, relative=True), {})
+        outcome = run_task(arm.executive, Move(("joint_1=170deg",), relative=True), {})
         arm.executive.close()
-    assert outcome.code in ("goal.bad_target", "goal.out_of_bounds")
+    assert outcome.code == "goal.out_of_bounds"
     assert "move.yaml" not in outcome.text()
     assert verify(Path(outcome.recording)).holds
 

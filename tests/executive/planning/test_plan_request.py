@@ -50,6 +50,16 @@ def test_a_urdf_that_cannot_be_planned_with_is_a_wrong_file(tmp_path: Path) -> N
             ("1", "2"),
             "'1' is the number of a task, which must be the only word; plan one",
         ),
+        (("0.1", "0.1"), "0.1 0.1 has 2 numbers; the point for the tool has three, x y z, such as"),
+        (("right", "5cm"), "5cm has 1 number; the point for the tool has three"),
+        (
+            ("right", "1cm", "2cm", "-.3"),
+            "1cm 2cm -.3 is a point for the tool; leave out the other",
+        ),
+        (
+            ("right", "--start", "0.1"),
+            "--start: 0.1 has 1 number; the point for the tool has three",
+        ),
         (
             ("right", "--via", "joint_1=9"),
             "--via: joint_1 = 515.66 deg is outside its limits",
