@@ -126,12 +126,33 @@ _NEW_GOAL = {
 
 _change_goal = partial(_change, answer=s.GOAL, parameters=_GOAL, body=s.EMPTY)
 
+_RECORDING = {"name": s.RECORDING_NAME}
+_TASK = {"type": "integer", "minimum": -1, "maximum": 2**31 - 1, "description": "Task; -1: moves."}
+
+
+def _read_recording(
+    path: str, name: str, summary: str, answer: Component, **parameters: Schema
+) -> Operation:
+    """Return an operation that reads one recording."""
+    path = f"/api/recordings/{{name}}{path}"
+    known = {**_RECORDING, **parameters}
+    return _read(path, name, summary, answer, known, errors=("log", "hw"))
+
+
+def _change_recording(
+    path: str, name: str, summary: str, answer: Component, **body: Schema
+) -> Operation:
+    """Return an operation that changes one recording, or takes long."""
+    path = f"/api/recordings/{{name}}{path}"
+    return _change(path, name, summary, answer, _RECORDING, s.body(**body), errors=("log",))
+
+
 _ROWS = (
     _read(
         "/api/health",
         "health",
         "Report that the server answers.",
-        s.answer("Health", ok=s.BOOLEAN, version=s.TEXT),
+        s.answer("Health", ok=s.BOOLEAN, version=s.TEXT, arm=s.BOOLEAN),
     ),
     Operation(
         "GET",
@@ -230,15 +251,6 @@ _ROWS = (
         errors=("goal.unknown", "goal.result_timeout"),
         streams=True,
     ),
-    _read(
-        "/api/goals/{goal_id}/events",
-        "recorded_events",
-        "Return the recorded events of a goal that has ended, as `/api/events` sends them.",
-        parameters={**_GOAL, "events": _KINDS},
-        media="text/event-stream",
-        errors=("goal.unknown", "log"),
-        streams=True,
-    ),
     _change(
         "/api/goals/{goal_id}/hold",
         "hold",
@@ -313,6 +325,70 @@ _ROWS = (
         s.body("answer", answer=s.words("One of the choices, or an unambiguous abbreviation.")),
         errors=("goal.unknown_question", "goal.bad_answer"),
     ),
+    _read(
+        "/api/recordings",
+        "recordings",
+        "List recordings, the newest first.",
+        s.answer("Recordings", recordings=s.array(s.RECORDING)),
+        {
+            "search": {"type": "string", "maxLength": 200, "description": "Words to find."},
+            "task": _TASK,
+            "state": {"type": "string", "enum": ["SUCCEEDED", "CANCELED", "ABORTED", "UNFINISHED"]},
+            "since": {**s.STAMP, "description": "Earliest beginning [ns since 1970]."},
+            "until": {**s.STAMP, "description": "Latest beginning [ns since 1970]."},
+            "before": {**s.RECORDING_NAME, "description": "List only those with smaller names."},
+            "limit": _LIMIT,
+        },
+    ),
+    _read_recording("", "recording", "Return when the run of a recording began.", s.TIMELINE),
+    _read_recording(
+        "/events",
+        "recorded_events",
+        "Return the recorded events around a moment, with the state before them.",
+        s.WINDOW,
+        at={**s.MOMENT, "description": "The moment, from the beginning of the goal [s]."},
+    ),
+    _read_recording(
+        "/series",
+        "recorded_series",
+        "Return samples of the positions of a whole recording.",
+        s.SERIES,
+        points={
+            "type": "integer",
+            "minimum": 1,
+            "maximum": 2000,
+            "description": "Most samples; default 2000.",
+        },
+    ),
+    _read_recording("/robot", "recorded_robot", "Describe the robot of a recording.", s.ROBOT),
+    _read(
+        "/api/recordings/{name}/file",
+        "recording_file",
+        "Return the file of a recording.",
+        parameters=_RECORDING,
+        media="application/octet-stream",
+        streams=True,
+    ),
+    _change_recording(
+        "/verify",
+        "verify_recording",
+        "Plan and compile the run again, and compare it with the recording.",
+        s.VERIFICATION,
+    ),
+    _change_recording(
+        "/pin",
+        "pin_recording",
+        "Protect a recording from deletion, or no longer.",
+        s.RECORDING,
+        on={**s.BOOLEAN, "description": "False to allow deletion; default true."},
+    ),
+    _change_recording(
+        "/delete",
+        "delete_recording",
+        "Delete a recording; for 15 minutes it can be restored.",
+        s.answer("Deleted", name=s.RECORDING_NAME),
+    ),
+    _change_recording("/restore", "restore_recording", "Restore a deleted recording.", s.RECORDING),
     _change(
         "/api/arm/{transition}",
         "arm",

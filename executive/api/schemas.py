@@ -138,6 +138,7 @@ SPEED = {
     "maximum": 1,
     "description": "Share of the robot's speed; default 1.",
 }
+MOMENT = {"type": "number", "minimum": 0, "maximum": 1e9}
 START_POSE = {
     "type": "string",
     "enum": ["boot", "last"],
@@ -339,3 +340,59 @@ NODE = _object(
     }
 )
 QUESTION = _object({"question_id": QUESTION_ID, "text": TEXT, "choices": array(TEXT)})
+RECORDING_NAME = {
+    "title": "the name of a recording",
+    "type": "string",
+    "pattern": r"^[^/\\\x00-\x1f.][^/\\\x00-\x1f]*\.mcap$",
+    "maxLength": 255,
+}
+_CLOCK = {**NUMBER, "description": "From the beginning of the goal [s]."}
+RECORDING = answer(
+    "Recording",
+    name=RECORDING_NAME,
+    bytes=COUNT,
+    stamp_ns={**COUNT, "description": "When it began, UTC [ns since 1970]."},
+    task=_or_null(_ANY_TASK),
+    title=TEXT,
+    state={
+        "type": "string",
+        "enum": ["SUCCEEDED", "CANCELED", "ABORTED", "UNFINISHED", ""],
+        "description": "`UNFINISHED` if it is being written or was cut off; empty if unknown.",
+    },
+    code=TEXT,
+    message=TEXT,
+    duration_s=_or_null(NUMBER),
+    pinned=BOOLEAN,
+)
+TIMELINE = answer(
+    "Timeline",
+    name=RECORDING_NAME,
+    began_s={**NUMBER, "description": "When the goal began, as in `time_s` of events."},
+    duration_s=NUMBER,
+)
+_EVENT = {"type": "object", "required": ["event", "time_s"]}
+WINDOW = answer(
+    "Window",
+    from_s=_CLOCK,
+    to_s=_CLOCK,
+    state={**array(_EVENT), "description": "Events that give the state before the window."},
+    events=array(_EVENT),
+    previous_s=_or_null({**_CLOCK, "description": "Last step of the run before the window."}),
+    next_s=_or_null({**_CLOCK, "description": "First step of the run after the window."}),
+)
+_SAMPLES = _object(
+    {
+        "times_s": array(_CLOCK),
+        "positions": {"type": "object", "additionalProperties": array(_or_null(NUMBER))},
+    }
+)
+SERIES = answer("Series", commanded=_SAMPLES, measured=_SAMPLES)
+VERIFICATION = answer(
+    "Verification",
+    holds=BOOLEAN,
+    error=TEXT,
+    code=TEXT,
+    verdicts=array(
+        _object({"question": TEXT, "holds": BOOLEAN, "words": TEXT, "source": TEXT}),
+    ),
+)

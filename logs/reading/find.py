@@ -1,6 +1,7 @@
 """Recordings by name: `latest`, `latest:TASK`, or the beginning of a file's name."""
 
 import re
+from datetime import UTC, datetime
 from pathlib import Path
 
 from hardware.suggestions import choices
@@ -26,6 +27,16 @@ def runs(folder: Path) -> list[tuple[str, int, Path]]:
     found = ((_RUN.fullmatch(path.name), path) for path in paths)
     tasks = ((m[1], MOVE if m[2] == "move" else int(m[2]), path) for m, path in found if m)
     return sorted(tasks, reverse=True)
+
+
+def begun_ns(name: str) -> int | None:
+    """Return when a recording began, by its name, UTC [ns since 1970]; None if it is renamed."""
+    found = _RUN.fullmatch(name)
+    if not found:
+        return None
+    day, _, rest = found[1].partition(".")
+    began = datetime.strptime(day, "%Y%m%dT%H%M%S").replace(tzinfo=UTC)
+    return (int(began.timestamp()) * 1000 + int(rest[:3])) * 10**6
 
 
 def is_recording_name(text: str) -> bool:

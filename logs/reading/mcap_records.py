@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from zlib import crc32
 
 if TYPE_CHECKING:
-    from mcap.records import Attachment, Chunk
+    from mcap.records import Attachment, Chunk, Message
 
 HEAD = Struct("<BQ")  # opcode, and the number of bytes after it
 _MESSAGE_HEAD = Struct("<HIQQ")  # channel, sequence, two times
@@ -68,13 +68,33 @@ class Decoder:
             Exception: Any other, from the decoders of text and of compressed data.
         """
         if opcode == _CHUNK:
-            yield from self._in_chunk(self._decoded(opcode, body), place)
+            yield from self._in_chunk(self.unpacked_chunk(body, place), place)
         elif opcode == _ATTACHMENT:
             yield _checked(self._decoded(opcode, body), body)
         elif opcode == _MESSAGE or opcode in self._kinds:
             yield self._decoded(opcode, body)
         elif opcode == _INVALID:
             raise BadRecord("opcode 0")
+
+    def unpacked_chunk(self, body: bytes, place: int) -> bytes:
+        """Return the records of a chunk, unpacked; arguments and errors are those of `records`."""
+        chunk: Chunk = self._decoded(_CHUNK, body)
+        self._unpacked += chunk.uncompressed_size
+        if self._unpacked > _UNPACKED_LIMIT + _UNPACKED_PER_BYTE * place:
+            raise BadRecord(f"{self._unpacked} bytes are packed into {place}")
+        return _unpacked(chunk)
+
+    def message_at(self, data: bytes, at: int, place: int) -> "Message":
+        """Return the message at an offset in the data of a chunk that ends at `place` in the file.
+
+        Raises:
+            BadRecord: There is none, or the chunks hold too many.
+        """
+        opcode, body = self._record_in(data, at, place)
+        if opcode != _MESSAGE:
+            raise BadRecord(f"opcode {opcode} where the index has a message")
+        message: Message = self._decoded(opcode, body)
+        return message
 
     def _decoded(self, opcode: int, body: bytes) -> Any:
         from mcap.data_stream import ReadDataStream
@@ -85,22 +105,26 @@ class Decoder:
             return self._message(channel, time, data, published, sequence)
         return self._kinds[opcode](ReadDataStream(_Body(body)))
 
-    def _in_chunk(self, chunk: "Chunk", place: int) -> Iterator[Any]:
-        self._unpacked += chunk.uncompressed_size
-        if self._unpacked > _UNPACKED_LIMIT + _UNPACKED_PER_BYTE * place:
-            raise BadRecord(f"{self._unpacked} bytes are packed into {place}")
-        data, at = _unpacked(chunk), 0
+    def _in_chunk(self, data: bytes, place: int) -> Iterator[Any]:
+        at = 0
         while at < len(data):
-            self._records += 1
-            if self._records > _RECORDS_LIMIT + place:
-                raise BadRecord(f"{self._records} records are packed into {place} bytes")
-            opcode, length = HEAD.unpack_from(data, at)
-            at += HEAD.size
-            body = data[at : at + length]
-            if opcode not in (_MESSAGE, _CHANNEL, _SCHEMA) or len(body) < length:
-                raise BadRecord(f"opcode {opcode} of {length} bytes in a chunk")
+            opcode, body = self._record_in(data, at, place)
+            if opcode not in (_MESSAGE, _CHANNEL, _SCHEMA):
+                raise BadRecord(f"opcode {opcode} in a chunk")
             yield self._decoded(opcode, body)
-            at += length
+            at += HEAD.size + len(body)
+
+    def _record_in(self, data: bytes, at: int, place: int) -> tuple[int, bytes]:
+        """Return the opcode and the body of a record in the data of a chunk."""
+        self._records += 1
+        if self._records > _RECORDS_LIMIT + place:
+            raise BadRecord(f"{self._records} records are packed into {place} bytes")
+        opcode, length = HEAD.unpack_from(data, at)
+        at += HEAD.size
+        body = data[at : at + length]
+        if len(body) < length:
+            raise BadRecord(f"a record of {length} bytes at the end of a chunk")
+        return opcode, body
 
 
 class _Body(BytesIO):

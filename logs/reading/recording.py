@@ -1,7 +1,7 @@
 """A recording as the records it was made from."""
 
 import re
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields
 from functools import cache, cached_property
 from pathlib import Path
@@ -146,9 +146,17 @@ class Recording:
         Raises:
             RecordingError: A record cannot be decoded.
         """
-        wanted = _filter(kinds)
+        wanted = topic_filter(kinds)
+        yield from self.grouped(each for each in self._messages() if wanted(each.topic))
+
+    def grouped(self, messages: Iterable[Message]) -> Iterator[RunRecord]:
+        """Yield the records that messages in file order were made from.
+
+        Raises:
+            RecordingError: A record cannot be decoded.
+        """
         sent: list[Message] = []
-        for message in filter(wanted, self._messages()):
+        for message in messages:
             if message.topic not in _SENT:
                 yield self.record([message])
                 continue
@@ -257,12 +265,12 @@ def _json_topics() -> dict[str, type[Any]]:
     return {topic.name: topic.record for topic in TOPICS if topic.every_field}
 
 
-def _filter(kinds: tuple[type, ...]) -> Callable[[Message], bool]:
-    """Accept the messages that records of these types are made from."""
+def topic_filter(kinds: tuple[type, ...]) -> Callable[[str], bool]:
+    """Accept the topics that records of these types are read from; of all if none is given."""
     topics = _TOPICS | {kind: (topic,) for topic, kind in _json_topics().items()}
     names = {topic for kind in kinds or topics for topic in topics[kind]}
     plans = not kinds or Plan in kinds
-    return lambda message: message.topic in names or (plans and _is_plan(message.topic))
+    return lambda topic: topic in names or (plans and _is_plan(topic))
 
 
 def _is_plan(topic: str) -> bool:
@@ -291,18 +299,16 @@ def _sent(messages: Sequence[Message]) -> Sent:
     return sent
 
 
-def _from_json(kind: type[Any], message: Message) -> RunRecord:
-    names = {field.name for field in fields(kind)}
+def _from_json(kind: type, message: Message) -> RunRecord:
     given = message.fields()
-    known = {name: frozen(given[name]) for name in names & given.keys()}
+    known = {name: frozen(given[name]) for name in _field_types(kind).keys() & given.keys()}
     record: RunRecord = _checked(kind, known, message)
     return record
 
 
-def _checked(kind: type[Any], known: dict[str, Any], message: Message) -> Any:
+def _checked(kind: type, known: dict[str, Any], message: Message) -> Any:
     """Make a record after checking its fields, because any program may have written the file."""
-    needed = {field.name for field in fields(kind) if field.default is MISSING}
-    if missing := sorted(needed - known.keys()):
+    if missing := sorted(_needed(kind) - known.keys()):
         why = "another version of armtree recorded it"
         what = f"a message on {message.topic} lacks {', '.join(missing)}; {why}"
         raise RecordingError(message.path, what)
@@ -312,6 +318,12 @@ def _checked(kind: type[Any], known: dict[str, Any], message: Message) -> Any:
         )
         raise RecordingError(message.path, what)
     return kind(**known)
+
+
+@cache
+def _needed(kind: type) -> frozenset[str]:
+    """Return the fields without a default."""
+    return frozenset(field.name for field in fields(kind) if field.default is MISSING)
 
 
 def _invalid_field(kind: type, values: Mapping[str, Any]) -> str:

@@ -14,6 +14,9 @@ def frozen(value: Any) -> Any:
 
 def has_type(value: Any, type_: Any) -> bool:
     """Return whether a value has the type of a field; so must the fields of a dataclass."""
+    if type(value) is type_:
+        kinds = get_type_hints(type_).items() if is_dataclass(type_) else ()
+        return all(has_type(getattr(value, name), kind) for name, kind in kinds)
     origin, inner = get_origin(type_), get_args(type_)
     if origin is tuple:
         return isinstance(value, tuple) and all(has_type(each, inner[0]) for each in value)
@@ -24,7 +27,4 @@ def has_type(value: Any, type_: Any) -> bool:
         return any(has_type(value, each) for each in inner)
     if type_ is float and type(value) is int:
         return abs(value) < LARGEST
-    if is_dataclass(type_) and type(value) is type_:
-        kinds = get_type_hints(type_).items()
-        return all(has_type(getattr(value, name), kind) for name, kind in kinds)
-    return type_ is Any or type(value) is type_
+    return type_ is Any

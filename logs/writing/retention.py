@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from logs.errors import LogError
+from logs.errors import LogError, RecordingError
 from logs.reading.file_state import is_complete, is_ours, locked
 from logs.reading.tolerant_reader import TolerantReader
 
@@ -16,6 +16,7 @@ _DAY = 86400.0  # [s]
 _WRITE = 0o222  # write permission in a file's mode, for any user
 _PICTURES = (".png", ".svg", ".pdf")  # beside a recording, with its name
 _DAMAGED = "*.mcap.damaged*"  # copies of damaged recordings
+_DELETED = ".deleted"  # ends the name of a recording that can be restored
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +57,62 @@ def prune(folder: Path, rule: Rule, utc: float, dry_run: bool = False) -> Iterat
             yield from gone
 
 
+def delete(recording: Path) -> None:
+    """Take a finished recording out of its folder's list, until `purge` deletes it.
+
+    Raises:
+        RecordingInUse: It is being written.
+        RecordingError: It does not exist, is pinned, unfinished, or of another program.
+        OSError: The folder cannot be changed.
+    """
+    with locked(recording):
+        if pinned(recording):
+            raise RecordingError(recording, "is pinned; unpin it first")
+        if not (is_ours(recording) and is_complete(recording, every_byte=False)):
+            why = "is unfinished or of another program; delete the file yourself"
+            raise RecordingError(recording, why)
+        os.rename(recording, _deleted(recording))
+
+
+def restore(recording: Path) -> None:
+    """Undo `delete`.
+
+    Raises:
+        RecordingError: The recording was not deleted, or was deleted for good.
+        OSError: The folder cannot be changed.
+    """
+    try:
+        os.link(_deleted(recording), recording)  # unlike a rename, it replaces nothing
+    except OSError as cause:
+        why = f"cannot be restored ({cause.strerror})"
+        raise RecordingError(recording, why) from cause
+    _deleted(recording).unlink()
+
+
+def purge(folder: Path, before: float) -> None:
+    """Delete what `delete` took out of a folder, for good, with its pictures.
+
+    Args:
+        folder: Folder with recordings.
+        before: Keep what was deleted at or after this time [s since 1970].
+    """
+    for path in folder.glob(f"*.mcap{_DELETED}"):
+        with suppress(OSError):
+            if path.stat().st_ctime < before and is_ours(path):
+                path.unlink()
+                for picture in _pictures(path.with_suffix("")):
+                    picture.unlink()
+
+
+def _deleted(recording: Path) -> Path:
+    return recording.with_name(recording.name + _DELETED)
+
+
+def _pictures(recording: Path) -> list[Path]:
+    beside = (recording.with_suffix(suffix) for suffix in _PICTURES)
+    return [picture for picture in beside if picture.is_file()]
+
+
 def pin(recording: Path, on: bool) -> None:
     """Protect a recording from deletion by removing its write permission (`chmod -w`).
 
@@ -92,8 +149,7 @@ def _delete(path: Path, dry_run: bool) -> list[Path]:
     Returns:
         The deleted files, or those that would be deleted.
     """
-    pictures = (path.with_suffix(suffix) for suffix in _PICTURES)
-    files = [path, *(picture for picture in pictures if picture.is_file())]
+    files = [path, *_pictures(path)]
     try:
         with locked(path):
             finished = path.match(_DAMAGED) or is_complete(path, every_byte=False)

@@ -3,7 +3,7 @@
 import asyncio
 import logging
 import re
-from collections.abc import Awaitable, Callable, Iterator
+from collections.abc import Awaitable, Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -43,7 +43,7 @@ from executive.server.security import (
 )
 from hardware import Clock
 
-from .endpoints import Endpoints
+from .recording_endpoints import RecordingEndpoints
 
 logger = logging.getLogger(__name__)
 
@@ -65,7 +65,7 @@ class App:
     up what the others need.
 
     Args:
-        endpoints: Answer the requests.
+        endpoints: Answer the requests; operations without a method are not served.
         rules: Who may call.
         clock: Time source.
         rosbridge: Serves a WebSocket at `/`; None to serve none.
@@ -73,7 +73,7 @@ class App:
 
     def __init__(
         self,
-        endpoints: Endpoints,
+        endpoints: RecordingEndpoints,
         rules: AccessRules,
         clock: Clock,
         rosbridge: Callable[[WebSocket], Awaitable[None]] | None,
@@ -85,9 +85,10 @@ class App:
         # Clients without the token must not fill the log.
         self._log_bucket = TokenBucket(0.1, 3.0, clock.now)
         self._streams = {True: 0, False: 0}
-        operations = OPERATIONS.values()
+        operations = [o for o in OPERATIONS.values() if hasattr(endpoints, o.name)]
         routes: list[Any] = [
-            self._route(path) for path in dict.fromkeys(o.path for o in operations)
+            self._route([o for o in operations if o.path == path])
+            for path in dict.fromkeys(o.path for o in operations)
         ]
         routes += [
             Route(f"{o.path}/", self._endpoint(o), methods=[o.method])
@@ -125,15 +126,15 @@ class App:
             return
         await self._with_cors(scope, receive, with_security_headers(send))
 
-    def _route(self, path: str) -> Route:
+    def _route(self, operations: Sequence[Operation]) -> Route:
         """Return one route for all methods of a path, so that Starlette knows all of them."""
-        endpoints = {o.method: self._endpoint(o) for o in OPERATIONS.values() if o.path == path}
+        endpoints = {o.method: self._endpoint(o) for o in operations}
 
         async def answer(request: Request) -> Response:
             method = "GET" if request.method == "HEAD" else request.method
             return await endpoints[method](request)
 
-        return Route(path, answer, methods=list(endpoints))
+        return Route(operations[0].path, answer, methods=list(endpoints))
 
     def _endpoint(self, operation: Operation) -> Callable[[Request], Awaitable[Response]]:
         arguments = _Arguments(operation)

@@ -1,8 +1,7 @@
 """The endpoints of the HTTP interface: one method per row of `operations`, with the row's name."""
 
 import asyncio
-from collections.abc import AsyncIterator, Callable, Iterator, Mapping, Sequence
-from importlib.metadata import version
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from json import dumps
 from types import MappingProxyType
 from typing import Any
@@ -12,7 +11,6 @@ from starlette.responses import JSONResponse, Response, StreamingResponse
 
 from executive.api.events import Event
 from executive.api.move import Move
-from executive.api.operations import OPERATIONS
 from executive.api.outcome import GoalStatus, Outcome
 from executive.api.schemas import MAX_LISTED
 from executive.errors import BadRequest, NotFound, NotHeld, ResultTimeout, TooMuch
@@ -24,12 +22,11 @@ from executive.server.event_hub import EventHub
 from executive.server.limits.cancel_thread import CancelThread
 from executive.server.metrics import Metrics
 from executive.server.page.robot import RobotScene
-from executive.server.recorded_events import recorded_events
 from executive.server.security import is_authenticated
 from executive.server.sign_in import SignIn
 from trees.live_library import LiveLibrary
 
-from .openapi import document
+from .recording_endpoints import RecordingEndpoints
 
 MAX_SUBSCRIBERS = 16  # limit for clients with the token, and again for those without
 HOLD_SECONDS = 1.0  # a hold ends after this time without data [s]
@@ -38,7 +35,7 @@ Json = Mapping[str, Any]
 _NO_ARGUMENTS: Json = MappingProxyType({})
 
 
-class Endpoints:
+class Endpoints(RecordingEndpoints):
     """Answers requests by calling the executive.
 
     A method receives the checked parameters and body of its row as arguments. A row that streams
@@ -54,6 +51,8 @@ class Endpoints:
         sign_in: Signs browsers in.
     """
 
+    has_arm = True
+
     def __init__(
         self,
         executive: Executive,
@@ -63,31 +62,16 @@ class Endpoints:
         questions: Questions,
         sign_in: SignIn,
     ) -> None:
+        clock, folder = executive.clock, executive.setup.recordings
+        super().__init__(folder, sign_in, lambda: clock.epoch_ns() / 1e9 + clock.now())
         self._executive, self._canceler = executive, canceler
         self._library, self._hub, self._questions = library, hub, questions
-        self._sign_in, self._scene = sign_in, RobotScene(executive.robot)
+        self._scene = RobotScene(executive.robot)
         self._metrics = Metrics(executive.status, lambda: len(hub.subscribers))
-        self._document = document(OPERATIONS.values())
         self._listing = asyncio.Lock()
         self._ended: dict[str, asyncio.Future[Outcome]] = {}
         self._held: dict[str, asyncio.Event] = {}
         hub.listeners += [self._metrics.count, self._wake]
-
-    async def health(self) -> Json:
-        """Report that the server answers."""
-        return {"ok": True, "version": version("armtree")}
-
-    async def session(self) -> Json:
-        """Report that the token is right."""
-        return {"ok": True}
-
-    async def sign_in(self, code: str) -> Json:
-        """Exchange the code of a link for the token."""
-        return {"token": self._sign_in.redeem(code)}
-
-    async def link(self) -> Json:
-        """Return a link that signs one browser in."""
-        return {"url": self._sign_in.link()}
 
     async def robot(self) -> Json:
         """Describe the robot."""
@@ -95,7 +79,10 @@ class Endpoints:
 
     async def mesh(self, digest: str) -> bytes:
         """Return a mesh of the robot."""
-        return await asyncio.to_thread(self._scene.mesh, digest)
+        try:
+            return await asyncio.to_thread(self._scene.mesh, digest)
+        except NotFound:
+            return await super().mesh(digest)
 
     async def status(self) -> Json:
         """Return the state of the arm and of the goals."""
@@ -241,22 +228,12 @@ class Endpoints:
         known = is_authenticated(request.scope)
         if sum(each.authenticated is known for each in self._hub.subscribers) >= MAX_SUBSCRIBERS:
             raise TooMuch(f"{MAX_SUBSCRIBERS} clients watch already", "close one of them")
-        return _stream_of(self._stream(_kinds(events), known))
-
-    async def recorded_events(self, request: Request, goal_id: str, events: str = "") -> Response:
-        """Return the recorded events of a goal that has ended."""
-        goal, kinds = self._executive.goal(goal_id), _kinds(events)
-        if not (goal.outcome and goal.outcome.recording):
-            raise NotFound(f"goal {goal_id} has no finished recording", "wait for its end")
-        return _stream_of(recorded_events(goal, kinds))
+        stream = self._stream(_kinds(events), known)
+        return StreamingResponse(stream, media_type="text/event-stream")
 
     async def metrics(self) -> bytes:
         """Return metrics for Prometheus."""
         return self._metrics.text()
-
-    async def openapi(self) -> Json:
-        """Return the OpenAPI document."""
-        return self._document
 
     async def _stream(self, kinds: frozenset[str], known: bool) -> AsyncIterator[bytes]:
         subscriber = self._hub.subscribe(kinds, known)
@@ -291,10 +268,6 @@ class Endpoints:
 def _kinds(events: str) -> frozenset[str]:
     """Return the kinds of events in a list; empty for all."""
     return frozenset(filter(None, events.split(",")))
-
-
-def _stream_of(texts: AsyncIterator[bytes] | Iterator[bytes]) -> Response:
-    return StreamingResponse(texts, media_type="text/event-stream")
 
 
 def _as_text(value: Any) -> str:

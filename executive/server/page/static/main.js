@@ -71,9 +71,10 @@ connection.addEventListener("status", (event) => {
   draw();
 });
 connection.addEventListener("change", draw);
-shown.addEventListener("change", () => cursor.extend(shown.run.length));
+shown.addEventListener("change", () => cursor.extend(shown.length));
 shown.addEventListener("open", () => cursor.follow());
 shown.addEventListener("change", draw);
+cursor.addEventListener("change", () => shown.recorded?.seek(cursor.time));
 cursor.addEventListener("change", draw);
 session.addEventListener("change", () => connection.refresh().then(draw));
 tree.addEventListener("select", draw);
@@ -91,7 +92,9 @@ setInterval(draw, 1000); // the age of what is shown
 
 /** @param {import("./model/run.js").Goal} goal */
 async function open(goal) {
-  await shown.open(goal).catch((error) => setText(byId("control-error", HTMLElement), error.message));
+  if (goal.goal_id === shown.live.goalId) return shown.follow();
+  const name = goal.result?.recording.split("/").at(-1) ?? "";
+  await shown.open(name).catch((error) => setText(byId("control-error", HTMLElement), error.message));
 }
 
 connection.start();

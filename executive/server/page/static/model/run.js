@@ -57,6 +57,14 @@
 const MOVE = -1; // task number of a move
 const LONGEST = 4000; // characters of a message that are kept
 
+const UNKNOWN = {
+  status: "INVALID",
+  message: "",
+  began: /** @type {number | null} */ (null),
+  ended: /** @type {number | null} */ (null),
+  starts: 0,
+};
+
 /** One run, or none yet. */
 export class Run {
   goalId = "";
@@ -74,8 +82,8 @@ export class Run {
   schedule = null;
   /** @type {Body[]} of the newest plan */
   world = [];
-  /** @type {Record<string, number> | null} goal of the newest plan, if it was refused */
-  refused = null;
+  /** @type {Map<string, any>} newest plan by group, in the order of time */
+  plans = new Map();
   /** When the goal began [s]. */
   began = 0;
   /** Time from then to the newest event [s]. */
@@ -111,7 +119,8 @@ export class Run {
         break;
       case "plan":
         this.world = event.world;
-        if (event.code) this.refused = { ...event.start, ...this.refused, ...zip(event.joints, event.goal) };
+        this.plans.delete(event.group);
+        this.plans.set(event.group, event);
         break;
       case "schedule":
         this.schedule = event;
@@ -142,9 +151,39 @@ export class Run {
     );
   }
 
+  /** @returns {Record<string, number> | null} goal of the newest plans that were refused; null for none */
+  get refused() {
+    const plans = [...this.plans.values()].filter((plan) => plan.code);
+    const starts = plans.map((plan) => plan.start);
+    return plans.length ? Object.assign({}, ...starts, ...plans.map((plan) => zip(plan.joints, plan.goal))) : null;
+  }
+
   /** @returns {boolean} True while the goal is under way */
   get active() {
     return this.goalId !== "" && this.outcome === null;
+  }
+
+  /**
+   * Take the state of another run of the same goal. Nodes stay the same objects.
+   * @param {Run} other
+   */
+  become(other) {
+    const { nodes, changed } = this;
+    Object.assign(this, other, { nodes, changed });
+    for (const node of nodes.values())
+      if (!other.nodes.has(node.path)) this.#change(node, { ...UNKNOWN });
+    for (const { path, name, status, message, began, ended, starts } of other.nodes.values())
+      this.#change(nodes.get(path) ?? this.#newNode({ path, name }), { status, message, began, ended, starts });
+  }
+
+  /**
+   * @param {TreeNode} node
+   * @param {typeof UNKNOWN} state
+   */
+  #change(node, state) {
+    if (Object.entries(state).every(([key, value]) => node[/** @type {"status"} */ (key)] === value)) return;
+    Object.assign(node, state);
+    this.changed.add(node);
   }
 
   /** @param {any} event */
@@ -160,6 +199,7 @@ export class Run {
   /** @param {any} event */
   #updateNode(event) {
     const node = this.nodes.get(event.path) ?? this.#newNode(event);
+    if ("starts" in event) return this.#change(node, stateOf(event));
     const before = node.status;
     // A new stream repeats the current state.
     const known = event.time_s === (event.status === "RUNNING" ? node.began : node.ended);
@@ -194,11 +234,7 @@ export class Run {
       level: (parent?.level ?? 0) + 1,
       parent,
       children: [],
-      status: "INVALID",
-      message: "",
-      began: null,
-      ended: null,
-      starts: 0,
+      ...UNKNOWN,
     };
     parent?.children.push(node);
     this.nodes.set(node.path, node);
@@ -213,6 +249,14 @@ export class Run {
  */
 export function goalTitle(task, name = "") {
   return task === MOVE ? name || "move" : `task ${task} ${name}`.trimEnd();
+}
+
+/**
+ * Return the state in an event that has the whole state of a node.
+ * @param {any} event
+ */
+function stateOf({ status, message, began_s, ended_s, starts }) {
+  return { status, message: cut(message), began: began_s, ended: ended_s, starts };
 }
 
 /** @param {string} message */

@@ -1,7 +1,7 @@
 /** The run that is shown: the live one, or one that has ended, read from its recording. */
 
-import { get, request } from "../api.js";
-import { readEvents } from "../event_stream.js";
+import { get } from "../api.js";
+import { RecordedRun } from "./recorded_run.js";
 import { Run } from "./run.js";
 
 /**
@@ -21,6 +21,8 @@ export class ShownRun extends EventTarget {
   run = this.live;
   /** @type {Map<string, NodeFacts>} by path */
   facts = new Map();
+  /** @type {RecordedRun | null} the recorded run, if one is shown */
+  recorded = null;
   #asked = "";
 
   /** @returns {boolean} True if the run that is shown is the live one */
@@ -33,22 +35,33 @@ export class ShownRun extends EventTarget {
    * @param {any} event
    */
   update(event) {
-    if (this.live.update(event)) return this.#show(this.live);
+    if (this.live.update(event)) return this.follow();
     this.#findFacts();
     this.dispatchEvent(new Event("change"));
   }
 
+  /** Show the live run. */
+  follow() {
+    this.recorded = null;
+    this.#show(this.live);
+  }
+
   /**
-   * Show a goal. One that has ended is read from its recording.
-   * @param {import("./run.js").Goal} goal
+   * Show a recorded run.
+   * @param {string} name of the recording
+   * @param {number} [time] the moment to show; default: the end [s]
    */
-  async open(goal) {
-    if (goal.goal_id === this.live.goalId) return this.#show(this.live);
-    const run = new Run();
-    const kinds = "goal,node,feedback,sent,plan,schedule,status";
-    const response = await request(`api/goals/${goal.goal_id}/events?events=${kinds}`, {});
-    for await (const event of readEvents(response)) run.update(event);
-    this.#show(run);
+  async open(name, time) {
+    const recorded = new RecordedRun(name);
+    await recorded.open(time);
+    recorded.addEventListener("change", () => this.dispatchEvent(new Event("change")));
+    this.recorded = recorded;
+    this.#show(recorded.run);
+  }
+
+  /** @returns {number} the length of what is known of the run [s] */
+  get length() {
+    return this.recorded ? this.recorded.duration : this.live.length;
   }
 
   /** @param {Run} run */

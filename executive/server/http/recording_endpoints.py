@@ -1,0 +1,130 @@
+"""The endpoints that need no arm: sign-in and recordings."""
+
+import asyncio
+from collections.abc import Callable, Mapping
+from importlib.metadata import version
+from json import dumps
+from pathlib import Path
+from typing import Any
+
+from starlette.responses import FileResponse, Response
+
+from executive.api.operations import OPERATIONS
+from executive.api.schemas import MAX_LISTED
+from executive.errors import NotFound
+from executive.server.recordings.folder import Query, RecordingFolder
+from executive.server.recordings.timeline import POINTS
+from executive.server.sign_in import SignIn
+from logs import RecordingError
+
+from .openapi import document
+
+Json = Mapping[str, Any]
+
+
+class RecordingEndpoints:
+    """Answers requests for recordings. `Endpoints` describes its methods.
+
+    Args:
+        recordings: The folder of recordings.
+        sign_in: Signs browsers in.
+        utc: Returns the current time [s since 1970].
+    """
+
+    has_arm = False
+
+    def __init__(self, recordings: Path, sign_in: SignIn, utc: Callable[[], float]) -> None:
+        self._sign_in = sign_in
+        self._recordings = RecordingFolder(recordings, utc)
+        self._document = document(o for o in OPERATIONS.values() if hasattr(self, o.name))
+
+    async def health(self) -> Json:
+        """Report that the server answers."""
+        return {"ok": True, "version": version("armtree"), "arm": self.has_arm}
+
+    async def session(self) -> Json:
+        """Report that the token is right."""
+        return {"ok": True}
+
+    async def sign_in(self, code: str) -> Json:
+        """Exchange the code of a link for the token."""
+        return {"token": self._sign_in.redeem(code)}
+
+    async def link(self) -> Json:
+        """Return a link that signs one browser in."""
+        return {"url": self._sign_in.link()}
+
+    async def mesh(self, digest: str) -> bytes:
+        """Return a mesh of a robot that was described."""
+        for scene in self._recordings.scenes:
+            try:
+                return await asyncio.to_thread(scene.mesh, digest)
+            except NotFound:
+                continue
+        raise NotFound(f"no robot has the mesh {digest}")
+
+    async def recordings(
+        self,
+        search: str = "",
+        task: int | None = None,
+        state: str = "",
+        since: int = 0,
+        until: int = 2**63 - 1,
+        before: str = "",
+        limit: int = MAX_LISTED,
+    ) -> Json:
+        """List recordings."""
+        query = Query(search, task, state, since, until, before, limit)
+        return {"recordings": await asyncio.to_thread(self._recordings.rows, query)}
+
+    async def recording(self, name: str) -> Json:
+        """Return when the run of a recording began."""
+        return (await asyncio.to_thread(self._recordings.timeline, name)).to_json()
+
+    async def recorded_events(self, name: str, at: float = 0.0) -> Response:
+        """Return the recorded events around a moment."""
+        return await asyncio.to_thread(self._window, name, at)
+
+    def _window(self, name: str, at: float) -> Response:
+        window = self._recordings.timeline(name).events(at)
+        try:
+            text = dumps(window, allow_nan=False, separators=(",", ":"))
+        except ValueError as cause:
+            what = "has a number that is not finite; another program recorded it"
+            raise RecordingError(self._recordings.path(name), what) from cause
+        return Response(text, media_type="application/json")
+
+    async def recorded_series(self, name: str, points: int = POINTS) -> Json:
+        """Return samples of the positions of a whole recording."""
+        return (await asyncio.to_thread(self._recordings.timeline, name)).series(points)
+
+    async def recorded_robot(self, name: str) -> Json:
+        """Describe the robot of a recording."""
+        scene = await asyncio.to_thread(self._recordings.scene, name)
+        return await asyncio.to_thread(scene.description)
+
+    async def recording_file(self, _request: object, name: str) -> Response:
+        """Return the file of a recording."""
+        path = self._recordings.path(name)
+        return FileResponse(path, media_type="application/octet-stream", filename=name)
+
+    async def verify_recording(self, name: str) -> Json:
+        """Plan and compile a run again, and compare it with the recording."""
+        return await asyncio.to_thread(self._recordings.verify, name)
+
+    async def pin_recording(self, name: str, on: bool = True) -> Json:
+        """Protect a recording from deletion, or no longer."""
+        return await asyncio.to_thread(self._recordings.pin, name, on)
+
+    async def delete_recording(self, name: str) -> Json:
+        """Delete a recording."""
+        await asyncio.to_thread(self._recordings.delete, name)
+        return {"name": name}
+
+    async def restore_recording(self, name: str) -> Json:
+        """Restore a deleted recording."""
+        return await asyncio.to_thread(self._recordings.restore, name)
+
+    async def openapi(self) -> Json:
+        """Return the OpenAPI document."""
+        return self._document

@@ -1,0 +1,166 @@
+/**
+ * A run that is read from its recording: the state at any moment.
+ *
+ * The server sends windows: the events around a moment, and the state before them. A window that is
+ * not here yet is asked for; until it comes, the arm is where samples of the whole run show it.
+ */
+
+import { get } from "../api.js";
+import { Run } from "./run.js";
+
+/**
+ * @typedef {object} Window Times are from the beginning of the goal [s].
+ * @property {number} from_s
+ * @property {number} to_s
+ * @property {any[]} state events that give the state before the window
+ * @property {any[]} events
+ * @property {number | null} previous_s last step before the window
+ * @property {number | null} next_s first step after it
+ */
+
+/**
+ * @typedef {object} Samples
+ * @property {number[]} times_s
+ * @property {Record<string, (number | null)[]>} positions by joint [rad or m]
+ */
+
+const MOST_WINDOWS = 16; // kept; the oldest are dropped
+const ROUNDING = 1e-6; // [s]
+const STEPS = new Set(["goal", "node", "plan", "schedule", "status"]);
+
+/** Events: `change` when the state has changed. */
+export class RecordedRun extends EventTarget {
+  /** The state at the moment that is shown. */
+  run = new Run();
+  /** From the beginning of the goal to the end of the recording [s]. */
+  duration = 0;
+  #began = 0;
+  #path;
+  /** @type {Samples} */
+  #samples = { times_s: [], positions: {} };
+  /** @type {Window[]} the oldest first */
+  #windows = [];
+  /** @type {Window | null} that `run` is in */
+  #window = null;
+  /** Number of events of that window that `run` has taken. */
+  #taken = 0;
+  #time = 0;
+  #loading = false;
+
+  /** @param {string} name of the recording */
+  constructor(name) {
+    super();
+    this.name = name;
+    this.#path = `api/recordings/${encodeURIComponent(name)}`;
+  }
+
+  /**
+   * Load what shows a moment.
+   * @param {number} [time] default: the end [s]
+   */
+  async open(time) {
+    const about = await get(this.#path);
+    this.duration = about.duration_s;
+    this.#began = about.began_s;
+    const at = Math.min(time ?? this.duration, this.duration);
+    [{ commanded: this.#samples }] = await Promise.all([get(`${this.#path}/series`), this.#load(at)]);
+    this.seek(at);
+  }
+
+  /**
+   * Show a moment: at once if its window is here, else when it has come.
+   * @param {number} time from the beginning of the goal [s]
+   */
+  seek(time) {
+    this.#time = time;
+    const window = this.#find(time);
+    if (window) this.#show(window);
+    else {
+      this.#showSample();
+      if (!this.#loading) this.#loadAll();
+    }
+    this.dispatchEvent(new Event("change"));
+  }
+
+  /**
+   * Return the moment of the next step of the run, or of the previous one; undefined if there is none.
+   * @param {1 | -1} direction
+   * @returns {number | undefined}
+   */
+  step(direction) {
+    const window = this.#find(this.#time);
+    if (!window) return undefined;
+    const times = window.events
+      .filter((event) => STEPS.has(event.event))
+      .map((event) => Math.max(0, event.time_s - this.#began));
+    if (direction > 0)
+      return times.find((time) => time > this.#time + ROUNDING) ?? window.next_s ?? undefined;
+    return times.reverse().find((time) => time < this.#time - ROUNDING) ?? window.previous_s ?? undefined;
+  }
+
+  /**
+   * @param {number} time
+   * @returns {Window | undefined}
+   */
+  #find(time) {
+    return this.#windows.find(
+      ({ from_s, to_s }) => from_s <= time && (time < to_s || to_s >= this.duration),
+    );
+  }
+
+  /** Load windows until the moment that is shown is in one. */
+  async #loadAll() {
+    this.#loading = true;
+    try {
+      for (let time = this.#time; !this.#find(time); time = this.#time) await this.#load(time);
+      this.seek(this.#time);
+    } catch {
+      // The connection is lost, or the recording is gone. The page says so elsewhere.
+    } finally {
+      this.#loading = false;
+    }
+  }
+
+  /** @param {number} time */
+  async #load(time) {
+    const window = await get(`${this.#path}/events?at=${time}`);
+    this.#windows = [...this.#windows.slice(1 - MOST_WINDOWS), window];
+  }
+
+  /** @param {Window} window */
+  #show(window) {
+    const forward = window === this.#window && this.#takes(this.#taken - 1);
+    const run = forward ? this.run : new Run();
+    if (!forward) {
+      run.began = this.#began;
+      for (const event of window.state) run.update(event);
+      this.#taken = 0;
+    }
+    this.#window = window;
+    for (; this.#taken < window.events.length && this.#takes(this.#taken); this.#taken += 1)
+      run.update(window.events[this.#taken]);
+    if (!forward) this.run.become(run);
+  }
+
+  /**
+   * Return whether an event of the window has happened at the moment that is shown.
+   * @param {number} index
+   */
+  #takes(index) {
+    const event = this.#window?.events[index];
+    return !event || event.time_s - this.#began <= this.#time + ROUNDING;
+  }
+
+  #showSample() {
+    const { times_s: times, positions } = this.#samples;
+    const after = times.findIndex((time) => time > this.#time);
+    const row = (after < 0 ? times.length : after) - 1;
+    if (row < 0) return;
+    const known = Object.entries(positions).flatMap(([joint, values]) => {
+      const value = values[row];
+      return value === null ? [] : [[joint, value]];
+    });
+    this.run.positions = Object.fromEntries(known);
+    this.#window = null; // the rest of the state is of another moment
+  }
+}

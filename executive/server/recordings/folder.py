@@ -1,0 +1,300 @@
+"""The folder of recordings: their list, and what clients do with one of them."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+from collections import OrderedDict
+from collections.abc import Callable, Hashable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Generic, TypeVar
+
+import logs
+from executive.errors import NotFound, TooMuch
+from executive.recording.archive import restore_robot
+from executive.recording.recordings import is_server_recording
+from executive.server.page.robot import RobotScene
+from logs.reading.find import begun_ns
+from logs.reading.indexed import IndexedRecording
+from logs.writing.retention import delete, pin, pinned, purge, restore
+
+from .timeline import Timeline
+
+UNDO = 900.0  # a deleted recording can be restored for this time [s]
+VERIFY_TIMEOUT = 120.0  # longest time that a verification may take [s]
+MAX_FILES = 100_000  # of a folder that are listed
+_OPEN = 4  # timelines and robots in memory
+_NICE = 10  # a verification must not delay the arm
+
+Json = dict[str, Any]
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class Query:
+    """Which recordings to list. All conditions must hold.
+
+    Attributes:
+        search: Words that name, title, outcome and message of a recording must contain.
+        task: Number of the task; None for any.
+        state: State in which the goal ended; empty for any.
+        since, until: First and last time of a beginning [ns since 1970].
+        before: List only recordings with smaller names; empty for all.
+        limit: Most recordings to list.
+    """
+
+    search: str = ""
+    task: int | None = None
+    state: str = ""
+    since: int = 0
+    until: int = 2**63 - 1
+    before: str = ""
+    limit: int = 50
+
+    def accepts(self, row: Json) -> bool:
+        """Return whether the conditions hold for a row of the list."""
+        text = " ".join(str(row[key]) for key in ("name", "title", "state", "message")).lower()
+        return (
+            self.since <= row["stamp_ns"] <= self.until
+            and self.task in (None, row["task"])
+            and self.state in ("", row["state"])
+            and all(word in text for word in self.search.lower().split())
+        )
+
+
+class RecordingFolder:
+    """Recordings of one folder, without those of servers. Any thread may call.
+
+    Args:
+        folder: The folder; it need not exist.
+        utc: Returns the current time [s since 1970].
+    """
+
+    def __init__(self, folder: Path, utc: Callable[[], float]) -> None:
+        self._folder, self._utc = folder, utc
+        self._verifying = threading.Lock()
+        self._rows = _Cache[Json](MAX_FILES)
+        self._timelines = _Cache[Timeline](_OPEN)
+        self._scenes = _Cache[RobotScene](_OPEN)
+
+    def rows(self, query: Query) -> list[Json]:
+        """Return the recordings of a query, the newest name first."""
+        purge(self._folder, self._utc() - UNDO)
+        found: list[Json] = []
+        for name in sorted(self._names(), reverse=True):
+            if query.before and name >= query.before:
+                continue
+            with suppress(FileNotFoundError):  # it was just deleted
+                row = self._row(self._folder / name)
+                found += [row] if query.accepts(row) else []
+            if len(found) == query.limit:
+                break
+        return found
+
+    def path(self, name: str) -> Path:
+        """Return the path of a recording.
+
+        Raises:
+            NotFound: The folder has no such file.
+        """
+        path = self._folder / name
+        if Path(name).name != name or path.suffix != ".mcap" or path.is_symlink():
+            raise NotFound(f"{name} is not the name of a recording")
+        if not path.is_file():
+            raise NotFound(f"no recording {name}", "list the recordings")
+        return path
+
+    def timeline(self, name: str) -> Timeline:
+        """Return the events of a recording.
+
+        Raises:
+            NotFound: There is no such recording.
+            LogError: It cannot be read.
+        """
+        path = self.path(name)
+        return self._timelines.get(_version(path), lambda: Timeline(path))
+
+    def scene(self, name: str) -> RobotScene:
+        """Return the robot of a recording.
+
+        Raises:
+            NotFound: There is no such recording.
+            LogError: It does not hold its robot.
+            DescriptionError: The robot is invalid.
+        """
+        path = self.path(name)
+        make = lambda: RobotScene(restore_robot(IndexedRecording(path)))  # noqa: E731
+        return self._scenes.get(_version(path), make)
+
+    @property
+    def scenes(self) -> list[RobotScene]:
+        """The robots that were asked for last."""
+        return self._scenes.values()
+
+    def verify(self, name: str) -> Json:
+        """Verify a recording in a process of low priority, as `armtree replay --verify` does.
+
+        Raises:
+            NotFound: There is no such recording.
+            TooMuch: Another one is being verified, or it takes more than `VERIFY_TIMEOUT`.
+        """
+        words = ("replay", str(self.path(name).absolute()), "--verify", "--jobs", "1", "--json")
+        if not self._verifying.acquire(blocking=False):
+            raise TooMuch("a recording is being verified", "wait until it is done")
+        try:
+            answer: Json = json.loads(_printed(words).splitlines()[0])
+        except subprocess.TimeoutExpired as cause:
+            what = f"{name}: the verification takes more than {VERIFY_TIMEOUT:g} s"
+            raise TooMuch(what, f"type: armtree replay {name} --verify") from cause
+        finally:
+            self._verifying.release()
+        return {key: answer[key] for key in ("holds", "error", "code", "verdicts")}
+
+    def pin(self, name: str, on: bool) -> Json:
+        """Protect a recording from deletion, or no longer; return its row.
+
+        Raises:
+            NotFound: There is no such recording.
+            LogError: It is not a recording, or is another user's.
+        """
+        path = self.path(name)
+        with _changing(path):
+            pin(path, on)
+        return self._row(path)
+
+    def delete(self, name: str) -> None:
+        """Delete a recording; for `UNDO` it can be restored.
+
+        Raises:
+            NotFound: There is no such recording.
+            LogError: It is pinned, unfinished, of another program, or another user's.
+        """
+        with _changing(path := self.path(name)):
+            delete(path)
+
+    def restore(self, name: str) -> Json:
+        """Undo `delete`; return the row.
+
+        Raises:
+            LogError: It cannot be restored.
+        """
+        if Path(name).name != name or not name.endswith(".mcap"):
+            raise NotFound(f"{name} is not the name of a recording")
+        restore(self._folder / name)
+        return self._row(self._folder / name)
+
+    def _names(self) -> list[str]:
+        if not self._folder.is_dir():
+            return []
+        with os.scandir(self._folder) as entries:
+            found = (each.name for each in entries if each.is_file(follow_symlinks=False))
+            names = [name for name in found if name.endswith(".mcap")]
+        return [name for name in names if not is_server_recording(Path(name))][:MAX_FILES]
+
+    def _row(self, path: Path) -> Json:
+        return self._rows.get(_version(path), lambda: _summary(path))
+
+
+class _Cache(Generic[T]):
+    """The newest values by key.
+
+    Args:
+        size: Most values.
+    """
+
+    def __init__(self, size: int) -> None:
+        self._size, self._lock = size, threading.RLock()
+        self._values: OrderedDict[Hashable, T] = OrderedDict()
+
+    def get(self, key: Hashable, make: Callable[[], T]) -> T:
+        """Return a value; make it if it is missing, one at a time."""
+        with self._lock:
+            if key not in self._values:
+                self._values[key] = make()
+            self._values.move_to_end(key)
+            while len(self._values) > self._size:
+                self._values.popitem(last=False)
+            return self._values[key]
+
+    def values(self) -> "list[T]":
+        """Return all values."""
+        with self._lock:
+            return [*self._values.values()]
+
+
+@contextmanager
+def _changing(path: Path) -> Iterator[None]:
+    """Name the file of an error of the operating system.
+
+    Raises:
+        RecordingError: There was one.
+    """
+    try:
+        yield
+    except OSError as cause:
+        raise logs.RecordingError(path, f"cannot be changed ({cause.strerror})") from cause
+
+
+def _version(path: Path) -> Hashable:
+    facts = path.stat()
+    return path, facts.st_mtime_ns, facts.st_size, facts.st_mode
+
+
+def _summary(path: Path) -> Json:
+    """Return the row of a recording, from its first and last messages."""
+    facts = path.stat()
+    row = {
+        "name": path.name,
+        "bytes": facts.st_size,
+        "stamp_ns": begun_ns(path.name) or facts.st_mtime_ns,
+        "task": None,
+        "title": "",
+        "state": "",
+        "code": "",
+        "message": "",
+        "duration_s": None,
+        "pinned": pinned(path),
+    }
+    try:
+        recording = IndexedRecording(path)
+        goal = _first(recording, "/goal", 1)
+        result = _first(recording, "/result", -1)
+    except logs.LogError as error:
+        return row | {"state": "UNFINISHED", "code": error.code, "message": str(error)}
+    if isinstance(goal, logs.Goal):
+        row |= {"task": goal.task, "title": logs.goal_title(goal.task, goal.name)}
+    if isinstance(result, logs.Result):
+        row |= {"state": result.state, "code": result.code, "message": result.message}
+        row["duration_s"] = result.duration
+    return row
+
+
+def _first(recording: IndexedRecording, topic: str, step: int) -> logs.Record | None:
+    """Return the first record on a topic, or the last with a step of -1; None for none."""
+    for chunk in recording.with_topic((topic,))[::step]:
+        messages = recording.open(chunk).messages((topic,))
+        return next(recording.grouped(messages[::step]), None)
+    return None
+
+
+def _printed(words: Sequence[str]) -> str:
+    """Return what an armtree command prints.
+
+    Raises:
+        TimeoutExpired: It takes more than `VERIFY_TIMEOUT`; it was ended.
+    """
+    command = [sys.executable, "-P", "-m", "executive", *words]
+    silent = subprocess.DEVNULL
+    with subprocess.Popen(
+        command, stdin=silent, stdout=subprocess.PIPE, stderr=silent, start_new_session=True
+    ) as process:
+        os.setpriority(os.PRIO_PROCESS, process.pid, _NICE)
+        try:
+            return process.communicate(timeout=VERIFY_TIMEOUT)[0].decode()
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)  # with the processes that it has started
+            raise

@@ -1,0 +1,234 @@
+"""Random access to a finished recording by its index, so that a long one opens quickly."""
+
+import os
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from struct import Struct
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+from logs.errors import RecordingError, RecordingInUse
+
+from .file_state import being_written
+from .mcap_records import HEAD, BadRecord, Decoder
+from .reader import Message
+from .recording import Recording
+
+if TYPE_CHECKING:
+    from mcap.summary import Summary
+
+_CHUNK, _MESSAGE_INDEX, _ATTACHMENT, _METADATA = 0x06, 0x07, 0x09, 0x0C
+_INDEX_HEAD = Struct("<HI")  # channel, and the number of bytes after it
+_INDEX_ENTRY = Struct("<QQ")  # time, and the offset in the chunk
+
+
+Entry = tuple[int, int]  # time of a message [ns], and its offset in the data of its chunk
+
+
+@dataclass(frozen=True, slots=True)
+class Chunk:
+    """A chunk of a recording.
+
+    Attributes:
+        number: Its place among the chunks of the file, from 0.
+        begin_ns: Time of its first message, UTC since 1970 [ns].
+        offset: Where it begins in the file [bytes].
+        indexes: Where the index of each topic is in the file [bytes], by topic.
+    """
+
+    number: int
+    begin_ns: int
+    offset: int
+    indexes: Mapping[str, int]
+
+
+class IndexedRecording(Recording):
+    """A finished recording whose messages are read chunk by chunk, in any order.
+
+    `files` and `notes` are found by the index; only what is read is checked for damage.
+
+    Args:
+        path: The file.
+
+    Attributes:
+        chunks: Its chunks in file order, which is the order of time.
+        begin_ns, end_ns: Times of the first and of the last message, UTC since 1970 [ns].
+        types: Type of each topic with messages.
+    """
+
+    def __init__(self, path: Path | str) -> None:
+        """Read the index.
+
+        Raises:
+            RecordingInUse: It is being written.
+            RecordingError: The file does not exist, is not a recording of armtree, or has no index.
+        """
+        super().__init__(path)
+        self._summary = summary = self._read_summary()
+        topics = {
+            number: (channel.topic, summary.schemas[channel.schema_id].name)
+            for number, channel in summary.channels.items()
+            if channel.schema_id in summary.schemas
+        }
+        self.types = dict(topics.values())
+        found = sorted(summary.chunk_indexes, key=lambda each: each.chunk_start_offset)
+        self.chunks = tuple(
+            Chunk(
+                number,
+                each.message_start_time,
+                each.chunk_start_offset,
+                {topics[c][0]: at for c, at in each.message_index_offsets.items() if c in topics},
+            )
+            for number, each in enumerate(found)
+        )
+        self.begin_ns = min((each.message_start_time for each in found), default=self.epoch_ns)
+        self.end_ns = max((each.message_end_time for each in found), default=self.epoch_ns)
+
+    @cached_property
+    def files(self) -> dict[str, bytes]:
+        """Attachments by name."""
+        wanted = [each.offset for each in self._summary.attachment_indexes]
+        return dict(self._unpacked(each) for each in self._decoded(wanted, _ATTACHMENT))
+
+    @cached_property
+    def notes(self) -> dict[str, dict[str, str]]:
+        """Notes by name; each holds values by key."""
+        wanted = [each.offset for each in self._summary.metadata_indexes]
+        return {each.name: dict(each.metadata) for each in self._decoded(wanted, _METADATA)}
+
+    def open(self, chunk: Chunk, decoder: Decoder | None = None) -> "OpenChunk":
+        """Unpack a chunk.
+
+        Args:
+            chunk: The chunk.
+            decoder: Limits what all chunks together may unpack to; default: of this one alone.
+
+        Raises:
+            RecordingError: The chunk is damaged.
+        """
+        try:
+            with self.path.open("rb") as stream:
+                body = _record(stream, chunk.offset, _CHUNK)
+                tables = {topic: _table(stream, at) for topic, at in chunk.indexes.items()}
+            place = chunk.offset + HEAD.size + len(body)
+            decoder = decoder or Decoder()
+            return OpenChunk(self, tables, decoder, decoder.unpacked_chunk(body, place), place)
+        except Exception as cause:
+            raise self.damaged(cause) from cause
+
+    def with_topic(self, topics: Collection[str]) -> tuple[Chunk, ...]:
+        """Return the chunks with a message on one of these topics."""
+        return tuple(each for each in self.chunks if not each.indexes.keys().isdisjoint(topics))
+
+    def damaged(self, cause: Exception) -> RecordingError:
+        """Return the error of a damaged chunk. Damaged bytes make the decoder raise anything."""
+        if isinstance(cause, RecordingError):
+            return cause
+        return RecordingError(self.path, f"is damaged ({cause}); type armtree log recover")
+
+    def _decoded(self, offsets: Collection[int], opcode: int) -> Iterator[Any]:
+        decoder = Decoder()
+        try:
+            with self.path.open("rb") as stream:
+                for at in offsets:
+                    body = _record(stream, at, opcode)
+                    yield from decoder.records(opcode, body, at)
+        except Exception as cause:
+            raise self.damaged(cause) from cause
+
+    def _read_summary(self) -> "Summary":
+        from mcap.reader import make_reader
+
+        if being_written(self.path):
+            raise RecordingInUse(self.path)
+        try:
+            with self.path.open("rb") as stream:
+                summary = make_reader(stream).get_summary()
+        except Exception:  # as for `damaged`
+            summary = None
+        if summary is None or not summary.chunk_indexes:
+            raise RecordingError(self.path, "has no index; type armtree log recover")
+        offsets = [each.chunk_start_offset for each in summary.chunk_indexes]
+        if len(set(offsets)) < len(offsets):
+            raise RecordingError(self.path, "has an invalid index; another program wrote the file")
+        return summary
+
+
+class OpenChunk:
+    """An unpacked chunk.
+
+    Args:
+        recording: Its recording.
+        tables: Index of each topic, as in the file.
+        decoder: Decodes its records.
+        data: Its records.
+        place: Where it ends in the file [bytes].
+    """
+
+    def __init__(
+        self,
+        recording: IndexedRecording,
+        tables: Mapping[str, bytes],
+        decoder: Decoder,
+        data: bytes,
+        place: int,
+    ) -> None:
+        self._recording, self._tables, self._decoder = recording, tables, decoder
+        self._data, self._place = data, place
+
+    def entries(self, topic: str) -> list[Entry]:
+        """Return the messages on a topic, in file order."""
+        table = self._tables.get(topic, b"")
+        return list(_INDEX_ENTRY.iter_unpack(table))
+
+    def count(self, topic: str) -> int:
+        """Return the number of messages on a topic."""
+        return len(self._tables.get(topic, b"")) // _INDEX_ENTRY.size
+
+    def newest(self, topic: str) -> Entry | None:
+        """Return the last message on a topic; None if there is none."""
+        table = self._tables.get(topic)
+        return _INDEX_ENTRY.unpack(table[-_INDEX_ENTRY.size :]) if table else None
+
+    def message(self, topic: str, entry: Entry) -> Message:
+        """Return a message.
+
+        Raises:
+            RecordingError: The chunk is damaged.
+        """
+        recording = self._recording
+        try:
+            found = self._decoder.message_at(self._data, entry[1], self._place)
+        except Exception as cause:
+            raise recording.damaged(cause) from cause
+        return Message(topic, found.log_time, recording.types[topic], found.data, recording.path)
+
+    def messages(self, topics: Collection[str]) -> list[Message]:
+        """Return the messages on some topics, in file order.
+
+        Raises:
+            RecordingError: The chunk is damaged.
+        """
+        found = ((entry, topic) for topic in topics for entry in self.entries(topic))
+        ordered = sorted(found, key=lambda each: each[0][1])
+        return [self.message(topic, entry) for entry, topic in ordered]
+
+
+def _table(stream: BinaryIO, at: int) -> bytes:
+    """Return the index of a topic of a chunk, at an offset in the file."""
+    body = _record(stream, at, _MESSAGE_INDEX)
+    _, size = _INDEX_HEAD.unpack_from(body)
+    table = body[_INDEX_HEAD.size :]
+    if len(table) != size or size % _INDEX_ENTRY.size:
+        raise BadRecord(f"an index of {size} bytes")
+    return table
+
+
+def _record(stream: BinaryIO, at: int, expected: int) -> bytes:
+    """Return the body of the record at an offset in a file."""
+    stream.seek(at)
+    opcode, length = HEAD.unpack(stream.read(HEAD.size))
+    if opcode != expected or length > os.fstat(stream.fileno()).st_size:
+        raise BadRecord(f"opcode {opcode} of {length} bytes at {at}")
+    return stream.read(length)

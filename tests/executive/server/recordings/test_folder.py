@@ -1,0 +1,113 @@
+"""What clients of a server do with recordings."""
+
+from typing import Any
+from urllib.parse import quote
+
+import pytest
+
+from executive.server.recordings import folder as folder_of_recordings
+from executive.server.recordings.folder import RecordingFolder
+from tests.support.recordings.finished import finished
+from tests.support.servers.serving import Serve, Served
+
+pytest_plugins = ["tests.support.servers.server_fixtures"]
+
+
+def ran(served: Served, *tasks: int) -> list[str]:
+    """Run tasks; return the names of their recordings."""
+    for task in tasks:
+        served.executive.result(served.executive.send(task).identity)
+    finished(served.folder / "recordings")
+    return [row["name"] for row in rows(served)]
+
+
+def rows(served: Served, query: str = "") -> list[dict[str, Any]]:
+    status, answer = served.ask("GET", f"/api/recordings{query}", token=False)
+    assert status == 200
+    found: list[dict[str, Any]] = answer["recordings"]
+    return found
+
+
+def test_recordings_are_listed_and_found(serve: Serve) -> None:
+    served = serve()
+    newest, *others = ran(served, 11, 13, 12)
+    (say, fail, nothing) = rows(served)
+    assert (say["name"], say["title"], say["state"]) == (newest, "task 12 say", "SUCCEEDED")
+    assert (fail["state"], fail["message"], fail["code"]) == (
+        "ABORTED",
+        "The task failed: so",
+        "task.failed",
+    )
+    assert nothing["bytes"] > 1000
+    assert nothing["stamp_ns"] < fail["stamp_ns"]
+    assert rows(served, "?search=TASK+13") == [fail] == rows(served, "?state=ABORTED")
+    assert rows(served, "?task=11") == [nothing]
+    assert rows(served, f"?since={fail['stamp_ns']}&limit=1") == [say]
+    assert rows(served, f"?until={fail['stamp_ns']}") == [fail, nothing]
+    assert rows(served, f"?before={newest}") == [fail, nothing]
+    assert [row["name"] for row in rows(served, f"?before={others[0]}")] == [others[1]]
+
+
+def test_a_recording_is_pinned_deleted_and_restored(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    served = serve()
+    (name,) = ran(served, 11)
+    path = f"/api/recordings/{name}"
+    file = served.folder / "recordings" / name
+    content = file.read_bytes()
+    assert served.ask("GET", f"{path}/file", token=False) == (200, content)
+    for act in ("pin", "delete", "restore", "verify"):
+        assert served.ask("POST", f"{path}/{act}", token=False)[0] == 401
+    status, row = served.ask("POST", f"{path}/pin")
+    assert (status, row["pinned"]) == (200, True)
+    status, error = served.ask("POST", f"{path}/delete")
+    assert (status, error["code"]) == (409, "log.unreadable")
+    assert "is pinned; unpin it first" in error["message"]
+    assert served.ask("POST", f"{path}/pin", {"on": False})[1]["pinned"] is False
+    assert served.ask("POST", f"{path}/delete") == (200, {"name": name})
+    assert rows(served) == []
+    assert served.ask("GET", path)[0] == 404
+    assert served.ask("POST", f"{path}/restore")[1]["name"] == name
+    assert file.read_bytes() == content
+    assert served.ask("POST", f"{path}/restore")[0] == 409
+    served.ask("POST", f"{path}/delete")
+    monkeypatch.setattr(folder_of_recordings, "UNDO", -1.0)
+    assert rows(served) == []  # what can no longer be restored is deleted
+    assert served.ask("POST", f"{path}/restore")[0] == 409
+
+
+def test_names_never_leave_the_folder(serve: Serve) -> None:
+    served = serve(active=False)
+    folder = served.folder / "recordings"
+    (served.folder / "secret.mcap").write_bytes(b"secret")
+    (folder / "link.mcap").symlink_to(served.folder / "secret.mcap")
+    names = ("../secret.mcap", "..%2fsecret.mcap", "/etc/passwd", ".mcap", "..", "link.mcap")
+    for name in (*names, "a\x00.mcap", "no.mcap", "no.mcap.deleted", f"{'a' * 300}.mcap"):
+        for act in ("", "/events", "/series", "/robot", "/file"):
+            assert served.ask("GET", f"/api/recordings/{quote(name)}{act}")[0] in (404, 422)
+        for act in ("pin", "delete", "restore", "verify"):
+            assert served.ask("POST", f"/api/recordings/{quote(name)}/{act}")[0] in (404, 409, 422)
+    assert (served.folder / "secret.mcap").read_bytes() == b"secret"
+    (folder / "foreign.mcap").write_bytes(b"\x89MCAP0\r\nnothing")
+    assert [row["state"] for row in rows(served)] == ["UNFINISHED"]
+    assert served.ask("GET", "/api/recordings/foreign.mcap")[0] == 409
+    assert served.ask("POST", "/api/recordings/foreign.mcap/delete")[0] == 409
+
+
+@pytest.mark.slow
+def test_a_recording_is_verified_and_its_robot_described(serve: Serve) -> None:
+    served = serve()
+    (name,) = ran(served, 2)
+    folder = RecordingFolder(served.folder / "recordings", served.clock.now)
+    answer = folder.verify(name)  # takes longer than a request of this test may
+    assert (answer["holds"], answer["error"]) == (True, "")
+    assert [each["question"] for each in answer["verdicts"]] == ["plan -> frames", "goal -> plan"]
+    robot = served.ask("GET", f"/api/recordings/{name}/robot")[1]
+    assert robot == served.ask("GET", "/api/robot")[1]
+    series = served.ask("GET", f"/api/recordings/{name}/series?points=10")[1]["commanded"]
+    assert len(series["times_s"]) <= 10
+    window = served.ask("GET", f"/api/recordings/{name}/events?at=1.5")[1]
+    assert window["from_s"] <= 1.5 <= window["to_s"]
+    about = served.ask("GET", f"/api/recordings/{name}")[1]
+    assert about["duration_s"] > 0
