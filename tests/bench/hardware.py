@@ -2,7 +2,8 @@
 
 Everything runs on real pseudo-terminals, paced by the virtual Arduino with our firmware;
 `frames_per_s` by its machine code on a simulated chip. `stock_bytes_lost` is simulated on the model
-of the published sketch, and the times until faults of servos are seen on that of the bus.
+of the published sketch, and the times until faults of servos are seen on that of the bus. A cycle
+of the bus is a frame and the answers of all servos; it is late if it does not end within a period.
 """
 
 import dataclasses
@@ -20,7 +21,11 @@ import time
 import tty
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
+from functools import partial
 from pathlib import Path
+
+import rustypot
+import scservo_sdk
 
 # This file is named like a room, and its folder comes first where it is run by itself.
 sys.path = [folder for folder in sys.path if Path(folder) != Path(__file__).parent]
@@ -46,7 +51,10 @@ from hardware import (
 from hardware.clock import Signal
 from hardware.description.guards import Guards
 from hardware.drivers.arduino.firmware_profile import ARMTREE, FIRMWARES
+from hardware.drivers.feetech import packets
+from hardware.drivers.feetech.registers import STS
 from hardware.drivers.feetech.virtual.bus import Bus, Fault
+from hardware.drivers.virtual.board_process import BoardProcess
 from logs import Recorder, Sent
 from skills.motion import Pool, Query
 from tests.avr import rig
@@ -92,9 +100,9 @@ class Watch:
         with self.changed:
             self.changed.notify_all()
 
-    def until(self, so: Callable[[], bool]) -> None:
+    def until(self, so: Callable[[], bool], seconds: float = 0.0) -> None:
         with self.changed:
-            assert self.changed.wait_for(so, timeout=PATIENCE)
+            assert self.changed.wait_for(so, timeout=seconds + PATIENCE)
 
 
 @contextmanager
@@ -189,9 +197,11 @@ def busy(robot: Robot) -> Iterator[None]:
 
         thread = threading.Thread(target=keep_on)
         thread.start()
-        yield
-        ended.set()
-        thread.join()
+        try:
+            yield
+        finally:
+            ended.set()
+            thread.join()
 
 
 def lateness_ratios(runs: int) -> list[float]:
@@ -324,6 +334,100 @@ def _beyond(events: Sequence[ArmEvent], guards: Guards) -> float:
     raise AssertionError("the limit was not exceeded")
 
 
+def bus_cycles(seconds: float, rate: float) -> tuple[list[float], list[float]]:
+    """Cycles of the SO-101 on the virtual bus while its first joint moves to and fro.
+
+    Returns:
+        Durations of the cycles [ms], and how long after it was due each ended [ms].
+    """
+    so101 = load_robot(Path("so101"))
+    robot = dataclasses.replace(so101, firmware=dataclasses.replace(so101.firmware, rate=rate))
+    with active(robot, VIRTUAL) as (arm, watch):
+        start = arm.commanded
+
+        def sample(times: Sequence[float]) -> list[list[float]]:
+            return [[math.asin(math.sin(0.8 * time)), *start[1:]] for time in times]
+
+        schedule = compile_schedule(robot, start, sample, seconds)
+        playback = arm.play(schedule, watch.wake, "bench", arm.generation)
+        watch.until(lambda: playback.state is not PlaybackState.PLAYING, seconds)
+        assert playback.state is PlaybackState.DONE, playback.error
+        events = list(watch.events)
+    lasted, ended, frame = list[float](), list[float](), None
+    for event in events:
+        match event:
+            case FrameSent(scheduled=float()):
+                frame = event
+            case Measured() if frame:
+                lasted.append((event.time - frame.time) * 1e3)
+                ended.append((event.time - (frame.scheduled or 0.0)) * 1e3)
+                frame = None
+    return lasted, ended
+
+
+def bus_speed(seconds: float, rate: float) -> list[Row]:
+    """How fast a cycle of the bus is, and whether its rate is held beside planner and recorder."""
+    lasted, _ = bus_cycles(10.0, rate)
+    with busy(robot_with()):
+        _, ended = bus_cycles(seconds, rate)
+    late = sum(each > 1e3 / rate for each in ended) / len(ended)
+    return [
+        Row("bus_cycle_ms_p50", "ms", [statistics.median(lasted)]),
+        Row("bus_cycle_ms_p99", "ms", [p99(lasted)]),
+        Row("bus_rate_hz", "1/s", [len(ended) / seconds]),
+        Row("bus_late_share", "1", [late]),
+    ]
+
+
+def sync_reads(count: int) -> Row:
+    """Time to read the positions of six servos over that of the fastest of the other libraries."""
+    ids, (first, size) = [1, 2, 3, 4, 5, 6], (STS.registers["position"].address, 2)
+    model = load_robot(Path("so101")).model()
+    assert model
+    with closing(BoardProcess(model)) as bus:
+        bus.state()  # it has started
+        link = SerialLink(bus.port, 1_000_000)
+
+        def ours() -> None:
+            received, found = bytearray(), 0
+            link.write(packets.sync_read(ids, first, size))
+            while found < len(ids):
+                received += link.read()
+                found += len(packets.take_packets(received))
+
+        times = dict[str, list[float]]()
+        for _ in range(5):
+            link.open()
+            times.setdefault("armtree", []).extend(_spent(ours, count))
+            link.close()
+            port, handler = scservo_sdk.PortHandler(bus.port), scservo_sdk.PacketHandler(0)
+            assert port.openPort()
+            reader = scservo_sdk.GroupSyncRead(port, handler, first, size)
+            for servo in ids:
+                assert reader.addParam(servo)
+            times.setdefault("feetech-servo-sdk", []).extend(_spent(reader.txRxPacket, count))
+            port.closePort()
+            read = rustypot.Sts3215PyController(
+                bus.port, 1_000_000, 0.5
+            ).sync_read_raw_present_position
+            times.setdefault("rustypot", []).extend(_spent(partial(read, ids), count))
+            del read  # it closes the port
+    medians = {name: statistics.median(each) for name, each in times.items()}
+    sys.stderr.write(f"sync read of six [ms]: {medians}\n")
+    mine = medians.pop("armtree")
+    return Row("sync_read_ratio", "1", [mine / min(medians.values())])
+
+
+def _spent(call: Callable[[], object], count: int) -> list[float]:
+    """Time of each call [ms]."""
+    times = []
+    for _ in range(count):
+        begun = time.perf_counter()
+        call()
+        times.append((time.perf_counter() - begun) * 1e3)
+    return times
+
+
 def bus_faults() -> list[Row]:
     """How soon faults of bus servos are seen."""
     no_stall = Guards(stall_effort=2.0)
@@ -351,6 +455,8 @@ def main(runs: int, file: Path | None) -> None:
         Row("lateness_ratio_p99", "1", lateness_ratios(runs)),
         *throughput(),
         *bus_faults(),
+        *bus_speed(60.0, 100.0),
+        sync_reads(200),
         Row("stop_ms_p99", "ms", [p99(stops)]),
         Row("unplug_seen_ms_p99", "ms", [p99(unplugs)]),
         Row("stock_bytes_lost", "bytes", [stock_bytes_lost(1000)]),

@@ -23,12 +23,17 @@ from .packets import Packet, sync_read, take_packets
 from .registers import ERRORS, MEMORY, Series
 from .wire_format import ServoFormat
 
-# Six answers take 1.3 ms on the line, and a USB adapter may keep them for another 16 ms.
-ANSWER_TIMEOUT = 0.02  # [s]
+# Six answers take 1 ms on the line, and a USB adapter may keep them for another 16 ms. They come
+# one after another, so when some came and then nothing, the rest is lost. How long this adapter and
+# host take is measured. Without any answer the host may be busy, or the adapter slow.
+ANSWER_TIMEOUT = 0.02  # of the first answer to a request, and the longest of the rest [s]
+_LEAST_TIMEOUT = 0.003  # of the rest [s]
+_TIMES_SLOWEST = 2.0  # timeout of the rest over the time of the slowest of the last cycles
+_REMEMBERED = 0.95  # share of the slowest cycle that is remembered in the next one
 _PERIOD = 0.02  # between requests without a frame, while the arm may move [s]
 _IDLE_PERIOD = 0.2  # between requests while nothing moves [s]
 _SETTLING = 1.0  # time after a frame while the arm may move [s]
-LOST_CYCLES = 5  # cycles in a row without the answer of a servo that are a fault
+LOST_REQUESTS = 5  # requests in a row without the answer of a servo that are a fault
 _STATE_PERIOD = 0.2  # between requests that include the torque [s]
 _RAMP = 15  # parts in which torque rises, one in each period of frames
 
@@ -55,7 +60,9 @@ class BusProtocol(BoardProtocol):
         self._heard = set[int]()  # servos that have ever answered
         self._twice = Counter[int]()  # how often an id answered one request twice
         self._noise = 0  # received bytes that belong to no packet
-        self._silent = dict.fromkeys(self._joints, 0)  # cycles in a row without an answer
+        self._silent = dict.fromkeys(self._joints, 0)  # requests in a row without an answer
+        self._begun = -math.inf  # when this cycle began: its first request [s]
+        self._slowest = 0.0  # of the last cycles [s]
         self._settles = -math.inf  # until then the arm may move [s]
         self._state_time = -math.inf  # of the last answers with the torque [s]
         self._holds = False  # whether torque was switched on
@@ -71,7 +78,7 @@ class BusProtocol(BoardProtocol):
         if not self.boot_frame:
             waiting = self._joints.keys() - self._heard or self._waiting or self._joints
             missing = [f"{servo} ({self._joints[servo]})" for servo in sorted(waiting)]
-            twice = [servo for servo, times in self._twice.items() if times >= LOST_CYCLES]
+            twice = [servo for servo, times in self._twice.items() if times >= LOST_REQUESTS]
             raise ServoMissing(port, waited, missing, len(self._heard), twice)
         for joint, register, expected in self._wires.kept:
             servo = self._wires.servos[joint]
@@ -127,10 +134,12 @@ class BusProtocol(BoardProtocol):
         Raises:
             ServoSilent: A servo did not answer several requests in a row.
         """
+        if not self._waiting:
+            self._begun = now
         for servo in self._waiting:
             self.lost[servo] += 1
             self._silent[servo] += 1
-            if self.boot_frame and self._silent[servo] >= LOST_CYCLES:
+            if self.boot_frame and self._silent[servo] >= LOST_REQUESTS:
                 raise ServoSilent(servo, self._joints[servo], self._silent[servo])
         self._waiting, self._answers = set(self._joints), {}
         self._received.clear()
@@ -160,7 +169,11 @@ class BusProtocol(BoardProtocol):
                 self._twice[packet.servo] += 1
             elif packet.servo in self._waiting:
                 self._process(packet)
-                if not self._waiting:
+                if self._waiting:
+                    rest = max(_TIMES_SLOWEST * self._slowest, _LEAST_TIMEOUT)
+                    self.free_at = self.next_poll = now + min(rest, ANSWER_TIMEOUT)
+                else:
+                    self._slowest = max(now - self._begun, _REMEMBERED * self._slowest)
                     rests = self._holds and now > self._settles
                     self.free_at = -math.inf
                     self.next_poll = now + (_IDLE_PERIOD if rests else _PERIOD)

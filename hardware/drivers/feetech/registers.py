@@ -55,10 +55,11 @@ class Series:
         """First address and length of three parts of the memory.
 
         The first part is kept without power. The second begins with the torque, and the third, for
-        which each cycle asks, with the position.
+        which each cycle asks, is what a servo measures.
         """
         first = [self.registers[name].address for name in ("torque_enable", "position")]
-        end = max(register.address + register.size for register in self.registers.values())
+        last = self.registers["temperature"]
+        end = last.address + last.size
         return (0, first[0]), (first[0], end - first[0]), (first[1], end - first[1])
 
     def pack(self, name: str, value: int) -> bytes:

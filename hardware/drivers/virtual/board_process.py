@@ -51,15 +51,20 @@ class BoardProcess:
         self._closing = threading.Lock()
 
     def state(self) -> Any:
-        """Return the state of the board, as its model does.
+        """Return the state of the board, as its model does. Raises what `call` raises."""
+        return self.call("state")
+
+    def call(self, method: str, *arguments: object) -> Any:
+        """Call a method of the board with the time and arguments, and return what it returns.
 
         Raises:
             LinkError: The process has ended.
         """
         assert self._process.stdin
         assert self._process.stdout
+        asked = base64.b64encode(pickle.dumps((method, arguments))).decode()
         try:
-            self._process.stdin.write("state\n")
+            self._process.stdin.write(f"{asked}\n")
             self._process.stdin.flush()
             return pickle.loads(base64.b64decode(self._process.stdout.readline()))
         except (OSError, ValueError, EOFError):  # a broken or closed pipe, or no answer

@@ -1,7 +1,8 @@
 """The process of a virtual board.
 
-It serves a pseudo-terminal that it inherits. It answers every line on its standard input with its
-state, pickled in one line of base64, and ends when its standard input ends.
+It serves a pseudo-terminal that it inherits. Every line on its standard input is the name of a
+method of the board with its arguments, pickled in base64; it answers with what that returns, in the
+same form. It ends when its standard input ends.
 """
 
 import base64
@@ -15,8 +16,8 @@ from hardware.clock import RealClock
 
 from .model import BoardModel
 
-# While the port is not open a poll on it returns at once, so the process sleeps between polls.
-_SLEEP_MS = 5
+# While the port is not open a wait for it returns at once, so the process sleeps between looks.
+_SLEEP = 0.005  # [s]
 
 
 class _Server:
@@ -29,17 +30,14 @@ class _Server:
 
     def run(self) -> None:
         """Serve until the standard input ends."""
-        watch = select.poll()
-        watch.register(sys.stdin, select.POLLIN)
+        stdin = sys.stdin.fileno()
         while True:
             self._check_port()
             self._write()
-            if self._opened:
-                watch.register(self._master, select.POLLIN)
-            events = dict(watch.poll(self._poll_timeout()))
-            if self._opened:
-                watch.unregister(self._master)
-            if sys.stdin.fileno() in events and not self._answer():
+            watched = [stdin, self._master] if self._opened else [stdin]
+            # `poll` waits for whole milliseconds, in which a bus answers several times.
+            readable, _, _ = select.select(watched, [], [], self._timeout())
+            if stdin in readable and not self._answer():
                 return
 
     def _check_port(self) -> None:
@@ -59,12 +57,12 @@ class _Server:
         probe.register(self._master, select.POLLIN)
         return dict(probe.poll(0)).get(self._master, 0)
 
-    def _poll_timeout(self) -> float | None:
-        """Return the longest time that a poll may wait [ms], or None for no limit."""
+    def _timeout(self) -> float | None:
+        """Return the longest time to wait for bytes [s], or None for no limit."""
         if not self._opened:
-            return _SLEEP_MS
+            return _SLEEP
         due = self._board.next_output()
-        return None if due is None else max(0.0, (due - self._clock.now()) * 1000)
+        return None if due is None else max(0.0, due - self._clock.now())
 
     def _read(self) -> bool:
         """Pass bytes to the board. Return False if there are none."""
@@ -82,10 +80,11 @@ class _Server:
                 os.write(self._master, data)
 
     def _answer(self) -> bool:
-        if not sys.stdin.readline():
+        if not (line := sys.stdin.readline()):
             return False
-        state = pickle.dumps(self._board.state(self._clock.now()))
-        sys.stdout.write(base64.b64encode(state).decode() + "\n")
+        method, arguments = pickle.loads(base64.b64decode(line))
+        returned = getattr(self._board, method)(self._clock.now(), *arguments)
+        sys.stdout.write(base64.b64encode(pickle.dumps(returned)).decode() + "\n")
         sys.stdout.flush()
         return True
 
