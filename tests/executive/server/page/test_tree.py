@@ -1,5 +1,7 @@
 """The tree of a run in a browser: live and recorded, with its failure, and how it is held."""
 
+from typing import Any
+
 import pytest
 
 from tests.support.servers.browsing import Open, Tab, forget, is_accessible, shows
@@ -99,6 +101,28 @@ def test_a_breakpoint_holds_the_goal_until_a_step(open_page: Open, page_server: 
     shows(tab, "#goal-state", "^failed$")
     assert page_server.executive.status().breakpoints == ()
     assert tab.is_disabled("#pause")
+
+
+def test_a_goal_that_begins_while_an_earlier_run_loads_is_shown(
+    open_page: Open, page_server: Served
+) -> None:
+    write_tasks(page_server)
+    ended(page_server, 20)
+    held: list[Any] = []
+
+    def hold(asked: Any) -> None:
+        held.append(asked)
+
+    tab = open_page(prepare=lambda empty: empty.route("**/api/recordings/*/series", hold))
+    shows(tab, "#runs .name", "deliver")
+    page_server.executive.send(WAIT)
+    shows(tab, "#running", "^wait$")
+    held[0].continue_()
+    for _ in range(2):  # the second period begins when the page has read the events
+        with tab.expect_response("**/api/status"):
+            pass
+    assert tab.inner_text("#running") == "wait"
+    assert tab.inner_text("#shown") == ""
 
 
 def test_a_tab_that_is_not_signed_in_changes_nothing(open_page: Open, page_server: Served) -> None:

@@ -24,6 +24,8 @@ export class ShownRun extends EventTarget {
   /** @type {RecordedRun | null} the recorded run, if one is shown */
   recorded = null;
   #asked = "";
+  /** @type {RecordedRun | null} what is being read; it is not shown if another run was asked for */
+  #opening = null;
 
   /** @returns {boolean} True if the run that is shown is the live one */
   get isLive() {
@@ -42,7 +44,7 @@ export class ShownRun extends EventTarget {
 
   /** Show the live run. */
   follow() {
-    this.recorded = null;
+    this.#opening = this.recorded = null;
     this.#show(this.live);
   }
 
@@ -52,8 +54,9 @@ export class ShownRun extends EventTarget {
    * @param {number} [time] the moment to show; default: the end [s]
    */
   async open(name, time) {
-    const recorded = new RecordedRun(name);
+    const recorded = (this.#opening = new RecordedRun(name));
     await recorded.open(time);
+    if (this.#opening !== recorded) return;
     recorded.addEventListener("change", () => this.dispatchEvent(new Event("change")));
     this.recorded = recorded;
     this.#show(recorded.run);
