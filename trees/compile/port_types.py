@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import cache
 from typing import Any, get_args, get_origin
 
 from py_trees.ports import PortInformation, get_ports_registry
@@ -57,7 +58,8 @@ def _type(kind: Any, unit: str) -> str:
     return _TYPES.get(kind) or str(getattr(kind, "__name__", "value"))
 
 
-def declarations(kind: type[Skill]) -> dict[str, Declaration]:
+@cache
+def declarations(kind: type[Skill]) -> Mapping[str, Declaration]:
     """Return the declarations of all ports of a skill, inputs first."""
     inputs = {name: declaration(port) for name, port in kind.input_ports().items()}
     outputs = {name: declaration(port, True) for name, port in kind.output_ports().items()}
@@ -72,8 +74,8 @@ def wanted_at(
     If two ports must have the same type, a number with a unit is a quantity, because texts would be
     compared by letter.
     """
-    info = kind.input_ports()[port]
-    wanted, ports = declaration(info), (kind.input_ports() | kind.output_ports()).values()
+    info, wanted = kind.input_ports()[port], declarations(kind)[port]
+    ports = (kind.input_ports() | kind.output_ports()).values()
     like = types.get(info.like) if isinstance(info, Port) else None
     typed = like or any(isinstance(each, Port) and each.like == port for each in ports)
     unit = measured(value) if typed and isinstance(value, Located) else ""
