@@ -295,7 +295,7 @@ def fault_times(kind: str, count: int, guards: Guards) -> list[float]:
     robot = dataclasses.replace(load_robot(Path("so101")), guards=guards)
     rng, times = random.Random(1), []
     for _ in range(count):
-        model, clock, begin = robot.model(), SimulatedClock(), rng.uniform(0.3, 0.8)
+        model, clock, begin = robot.model(), SimulatedClock(), rng.uniform(0.7, 1.2)
         assert isinstance(model, Bus)
         fault = Fault("vanish" if kind == "vanish" else "block", 1, begin)
         bus, events = Bus(model.servos, robot.serial.baud, [fault]), list[ArmEvent]()
