@@ -26,7 +26,16 @@ from hardware import (
     TransitionRefused,
 )
 from logs import MOVE, goal_title
-from skills import Context, NoOperator, Operator, Positions, SkillError, tool_query
+from skills import (
+    Context,
+    Leader,
+    NobodyLeads,
+    NoOperator,
+    Operator,
+    Positions,
+    SkillError,
+    tool_query,
+)
 from skills.motion import Pool, Result, Unreachable
 from skills.motion.world import Vector
 from trees import Library, Located, TreeError
@@ -68,6 +77,7 @@ class Executive:
         pool: The planners.
         clock: Time source.
         operator: Answers the questions of tasks; default: none does.
+        leader: Arm that is moved by hand, for `FollowLeader`; default: none.
 
     Attributes:
         setup, robot, library, clock: The same.
@@ -84,6 +94,7 @@ class Executive:
         pool: Pool,
         clock: Clock,
         operator: Operator | None = None,
+        leader: Leader | None = None,
     ) -> None:
         self.setup, self.robot, self.library, self.clock = setup, robot, library, clock
         self.port, self._started = link.port if link else "", clock.now()
@@ -123,6 +134,7 @@ class Executive:
             clock=clock,
             wake_at=_no_run,
             operator=operator or NoOperator(),
+            leader=leader or NobodyLeads(),
         )
         self._executor = GoalExecutor(
             self._queue,

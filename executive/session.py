@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import logs
 from hardware import VIRTUAL, Clock, Link, RealClock, Robot
 from logs.writing.retention import Rule, prune
-from skills import Operator
+from skills import Leader, Operator
 from skills.motion import Pool
 from trees import Library
 from trees.compile.plugins import load_skills
@@ -40,6 +40,7 @@ def open_executive(
     link: Link | None = None,
     pool: Pool | None = None,
     operator: Operator | None = None,
+    leader: Leader | None = None,
     subscriber: Callable[[Event], None] | None = None,
     report: Callable[[str], None] = logger.warning,
 ) -> Iterator[Executive]:
@@ -54,6 +55,7 @@ def open_executive(
         link: Link to the board; default: that of the set-up's port.
         pool: Planners; they stay open. Default: planners of its own.
         operator: Answers the questions of tasks; default: none does.
+        leader: Arm that is moved by hand, for `FollowLeader`; default: none.
         subscriber: Callback for every event, from any thread.
         report: Receives what was done to earlier recordings, one line each.
 
@@ -73,7 +75,7 @@ def open_executive(
     with ExitStack() as stack:
         if pool is None:
             pool = stack.enter_context(closing(Pool(robot, setup.workers, clock)))
-        executive = Executive(setup, robot, link, library, pool, clock, operator)
+        executive = Executive(setup, robot, link, library, pool, clock, operator, leader)
         if subscriber:
             executive.subscribe(subscriber)
         for line in early:

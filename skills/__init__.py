@@ -14,6 +14,7 @@ from .errors import (
     ConditionFails as ConditionFails,
     FunctionFailed as FunctionFailed,
     Interrupted as Interrupted,
+    NoLeader as NoLeader,
     OutOfBounds as OutOfBounds,
     SkillBroken as SkillBroken,
     SkillError as SkillError,
@@ -27,6 +28,7 @@ from .errors import (
 )
 from .function import Cancel as Cancel, condition as condition, skill as skill
 from .joint_targets import check_targets as check_targets
+from .leader import Blocked as Blocked, Leader as Leader, NobodyLeads as NobodyLeads
 from .leaves.reach_point import (
     TOOL_PORTS as TOOL_PORTS,
     check_tool as check_tool,

@@ -7,6 +7,7 @@ from py_trees.behaviour import Behaviour
 
 from hardware import Arm, Clock, Robot, Schedule
 
+from .leader import Leader, NobodyLeads
 from .merged_motion import MergedMotion
 from .motion.errors import MotionError
 from .motion.query import Query
@@ -79,6 +80,7 @@ class Context:
             at every tick.
         scene: World around the arm.
         operator: Answers questions.
+        leader: Arm that a person moves by hand.
         paused_time: Returns how long the run has been paused so far [s].
         at_breakpoint: Returns True if a skill must not start yet.
     """
@@ -94,6 +96,7 @@ class Context:
     wake_at: Callable[[float], None]
     scene: Scene = field(default_factory=Scene)
     operator: Operator = field(default_factory=NoOperator)
+    leader: Leader = field(default_factory=NobodyLeads)
     paused_time: Callable[[], float] = field(default=lambda: 0.0)
     at_breakpoint: Callable[[Behaviour], bool] = field(default=lambda _: False)
 

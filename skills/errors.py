@@ -13,7 +13,8 @@ SkillError
     ├── ConditionFails  a condition is false
     ├── FunctionFailed  a registered function raised an exception
     ├── TookTooLong     a timeout of the task expired
-    └── Unanswered      the operator did not answer
+    ├── Unanswered      the operator did not answer
+    └── NoLeader        there is no arm to follow
 """
 
 from collections.abc import Sequence
@@ -183,6 +184,13 @@ class Unanswered(TaskFailed):
 
     code = "task.unanswered"
     hint = "run again, and answer"
+
+
+class NoLeader(TaskFailed):
+    """There is no arm that is moved by hand, to follow."""
+
+    code = "task.no_leader"
+    hint = "armtree teleop --leader PORT"
 
 
 KnownError = SkillError | MotionError | HardwareError

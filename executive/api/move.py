@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from logs import MOVE
 
 HOME = "home"  # the word for the home of the robot
+LEADER = "leader"  # the word for the arm that is moved by hand: follow it until a person ends that
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,8 @@ from .support.process import forbid_exit
 from .terminal.streams import discard, open_closed_streams
 
 SECTIONS = {
-    "Run and move": "run.run move.move move.home move.where move.stop jog.jog pose.pose plan.plan",
+    "Run and move": "run.run move.move move.home move.where move.stop jog.jog "
+    "teleop.teleop pose.pose plan.plan",
     "Tasks": "tasks.tasks tasks.check tasks.schema tasks.skills tasks.show tasks.new teach.teach",
     "Server": "serve.serve server_commands.send server_commands.cancel server_commands.answer "
     "server_commands.pause server_commands.resume server_commands.step server_commands.break_ "

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from executive.api.move import HOME, Move
+from executive.api.move import HOME, LEADER, Move
 from hardware import Robot
 from logs import MOVE
 from skills import BadTarget, Positions, check_joints, check_tool, combine_errors, known_errors
@@ -36,6 +36,8 @@ def read_move(move: Move, robot: Robot, poses: Poses) -> Words:
         raise BadTarget(f"{why}; it is a share of the limits of the robot file")
     if not move.words:
         raise BadTarget(f"a move needs a target, such as {_EXAMPLE}, a pose, or x y z")
+    if move.words == (LEADER,) and LEADER not in poses:
+        return Words({}, {})
     known = poses_with_home(robot, poses)
     words = _changes(move.words, known) if move.relative else move.words
     read = read_words(words, robot, known)
@@ -103,8 +105,10 @@ def _changes(words: tuple[str, ...], poses: Poses) -> tuple[str, ...]:
 
 
 def _tree(read: Words, relative: bool, speed: float) -> dict[str, object]:
-    """Return the tree of a move."""
+    """Return the tree of a move. Without words to read, it follows the leader."""
     ports: dict[str, object] = {}
+    if read == Words({}, {}):
+        return {"FollowLeader": {"speed": speed}}
     if read.point is not None:
         subtree, ports = "move_tool", {"point": list(read.point), "relative": relative}
     elif not read.changes:

@@ -46,12 +46,14 @@ class Schedule:
             setpoint, but encode to the same frame.
         duration: Time until the board has executed the last frame [s].
         slowed: How much longer the motion takes than planned, because of the board [s].
+        continues: True if another schedule follows at once, so that the joints need not arrive.
     """
 
     setpoints: tuple[Setpoint, ...]
     end: tuple[float, ...]
     duration: float
     slowed: float
+    continues: bool = False
 
 
 def compile_schedule(

@@ -292,7 +292,8 @@ class Streamer:
         if playback.schedule.setpoints:
             self._sleep(playback, max(origin + playback.schedule.duration, self._guard.done))
             self._sleep(playback, math.inf, self._session.all_acknowledged)
-            self._wait_until_settled(playback)
+            if not playback.schedule.continues:
+                self._wait_until_settled(playback)
 
     def _wait_until_settled(self, playback: Playback) -> None:
         """Wait until the joints are measured at the end of the motion.

@@ -34,7 +34,7 @@ _SHOWN = (HardwareError, TreeError, click.ClickException)
 _CHANGES = (Sent, Transition)  # events after which the arm is elsewhere, or in another state
 
 
-class _OwnArm:
+class OwnArm:
     """An arm of this command."""
 
     def __init__(self, executive: Executive) -> None:
@@ -148,7 +148,7 @@ def run_jog(
             where = interrupts.run(lambda: screen.run(keys))
         finally:
             signal.signal(signal.SIGWINCH, before)
-        echo(f"{port}\nThe arm holds at {_positions(where)}")
+        echo(f"{port}\nThe arm holds at {pose_words(where)}")
     return INTERRUPTED_EXIT if left else 0
 
 
@@ -168,12 +168,13 @@ def _arm(server: str | None, options: Mapping[str, Any]) -> Iterator[tuple[str, 
         effect = executive.robot.open_effect
         yield (
             port_line(executive),
-            _OwnArm(executive),
+            OwnArm(executive),
             f"The first step opens the port; the arm {effect}",
         )
 
 
-def _positions(where: Where) -> str:
+def pose_words(where: Where) -> str:
+    """Return where an arm holds, for people."""
     if not where.commanded:
         return "the pose in which it was: it was never active"
     return where.words(where.commanded)

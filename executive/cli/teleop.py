@@ -1,0 +1,44 @@
+"""`armtree teleop`."""
+
+import sys
+from typing import Any
+
+import click
+
+from .support.command_group import command
+from .support.names import complete_port
+from .support.options import run_options, source_options, speed_option
+
+
+@command()
+@click.option(
+    "--leader",
+    metavar="PORT",
+    required=True,
+    shell_complete=complete_port,
+    help="Port of the arm that you move by hand. It is of the same kind as the arm that follows.",
+)
+@speed_option
+@source_options
+@run_options
+def teleop(leader: str, speed: float, **options: Any) -> None:
+    """Move an arm by moving another one by hand.
+
+    The leader loses its torque, so hold it. The arm at --port first moves to where the leader is,
+    on a planned path, and then follows it within the limits of the robot file. Every step is
+    checked for collision before it is sent, and recorded. Before a collision the arm stops, and
+    arrows show in which direction each joint is free; it follows again when the leader is back.
+
+    \b
+      space  hold, or follow again
+      q      leave
+
+    If the leader is unplugged, at Ctrl-C, or if the terminal is closed, the arm holds its pose.
+
+    \b
+    Example:
+      armtree teleop --robot so101 --leader /dev/ttyACM1
+    """  # noqa: D301
+    from .teleoperation.run import run_teleop
+
+    sys.exit(run_teleop(leader, speed, options))

@@ -1,0 +1,1 @@
+"""An arm that follows another one, which a person moves: leader, screen and run."""

@@ -1,0 +1,89 @@
+"""An arm whose servos have no torque, so that a person moves it."""
+
+from collections.abc import Callable
+from contextlib import suppress
+
+from hardware import Arm, ArmEvent, Faulted, HardwareError, Link, Measured, RealClock, Robot, State
+from hardware.drivers.firmware_profile import Ability
+from skills import Blocked
+
+
+class HandGuidedArm:
+    """The leader of another arm. Its positions are measured; it is never commanded to move.
+
+    Args:
+        robot: The robot. Its board must be able to measure, and to switch its torque.
+        link: Link to its board.
+
+    Attributes:
+        following: False to end the following.
+        blocked: Why the other arm does not follow; None if it does.
+
+    Raises:
+        NotAble: The board cannot do that.
+    """
+
+    def __init__(self, robot: Robot, link: Link) -> None:
+        robot.require(Ability.MEASURE)
+        robot.require(Ability.TORQUE)
+        self.robot, self.following = robot, False
+        self.blocked: Blocked | None = None
+        self._changed: Callable[[], None] = lambda: None
+        self._arm = Arm(robot, link, RealClock(), self._note)
+
+    def open(self) -> None:
+        """Open the port. The arm holds where it is.
+
+        Raises:
+            HardwareError: The port or the board failed, or the arm is outside its limits.
+        """
+        self._arm.configure()
+        self._arm.activate()
+
+    def release(self) -> None:
+        """Switch the torque off. The arm falls if nobody holds it.
+
+        Raises:
+            HardwareError: The board failed.
+        """
+        self._arm.switch_torque(on=False)
+
+    def close(self) -> bool:
+        """Hold where the arm is, and close the port. Return whether it holds."""
+        held = False
+        with suppress(HardwareError):
+            self._arm.switch_torque(on=True)
+            held = True
+        if self._arm.state is not State.UNCONFIGURED:
+            self._arm.shutdown()
+        return held
+
+    def on_change(self, changed: Callable[[], None]) -> None:
+        """Call a function, from any thread, when the arm was measured or has failed."""
+        self._changed = changed
+
+    def where(self) -> tuple[float, ...]:
+        """Return its measured positions, one per actuated joint [rad].
+
+        Raises:
+            HardwareError: It is lost.
+        """
+        if failure := self._arm.failure:
+            raise failure
+        self._arm.check_active()
+        measured = self._arm.measured
+        assert measured  # before it was active
+        return measured.position
+
+    def positions(self) -> tuple[float, ...] | None:
+        """Return its measured positions [rad]; None if the following ends. Raises as `where`."""
+        return self.where() if self.following else None
+
+    def show(self, blocked: Blocked | None) -> None:
+        """Keep why the other arm does not follow."""
+        self.blocked = blocked
+        self._changed()
+
+    def _note(self, event: ArmEvent) -> None:
+        if isinstance(event, Measured | Faulted):
+            self._changed()

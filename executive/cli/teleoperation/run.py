@@ -1,0 +1,68 @@
+"""Has an arm of this command follow another one, which a person moves."""
+
+import sys
+from collections.abc import Mapping
+from typing import Any
+
+import click
+
+from executive.api.codes import INTERRUPTED_EXIT
+from executive.cli.support.interrupts import Interrupts
+from executive.cli.support.log_handler import recorded_log
+from executive.cli.support.process import raise_priority
+from executive.cli.support.run_jog import OwnArm, pose_words
+from executive.cli.terminal.keyboard import key_by_key
+from executive.cli.terminal.streams import echo
+from executive.session import open_executive, port_line
+from executive.setup import Setup
+
+from .leader import HandGuidedArm
+from .screen import TeleopScreen
+
+
+def run_teleop(port: str, speed: float, options: Mapping[str, Any]) -> int:
+    """Follow the arm at a port until a key or a signal ends it; print where both arms are then.
+
+    Args:
+        port: Port of the leader.
+        speed: Share of the robot's speed.
+        options: Fields of a `Setup`.
+
+    Returns:
+        The exit status.
+
+    Raises:
+        UsageError: There is no terminal.
+        HardwareError: The leader cannot be opened, or the robot is of another kind.
+    """
+    if not (sys.stdin.isatty() and sys.stdout.isatty()):
+        raise click.UsageError("a leader needs a person at a terminal")
+    raise_priority()
+    setup = Setup(**options, single_user=True)
+    robot = setup.load_robot()
+    leader, left = HandGuidedArm(robot, robot.link(port)), False
+    with (
+        Interrupts() as interrupts,
+        key_by_key() as keys,
+        open_executive(setup, leader=leader, report=echo) as executive,
+        recorded_log(executive),
+    ):
+        assert keys is not None
+        executive.start()
+        try:
+            leader.open()
+            screen = TeleopScreen(OwnArm(executive), leader, speed)
+
+            def leave() -> None:
+                nonlocal left
+                left = True
+                screen.leave()
+
+            interrupts.on_cancel(leave)
+            where = interrupts.run(lambda: screen.run(keys))
+        finally:
+            held = leader.close()
+        echo(port_line(executive))
+        echo(f"The arm holds at {pose_words(where)}")
+        echo(f"The leader {'holds where it is' if held else 'has no torque: hold it'}")
+    return INTERRUPTED_EXIT if left else 0

@@ -1,0 +1,297 @@
+"""The full-screen view of an arm that follows another one, which a person moves by hand."""
+
+import math
+import os
+import select
+import shutil
+import sys
+import threading
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from enum import Enum
+from textwrap import wrap
+from typing import Protocol
+
+from executive.api.codes import CANCELED, OK
+from executive.api.events import Where
+from executive.api.move import LEADER, Move
+from executive.api.outcome import Outcome
+from executive.cli.terminal.full_screen import FullScreen
+from executive.cli.terminal.jog_screen import JogArm
+from executive.cli.terminal.keyboard import keys_in
+from executive.cli.terminal.streams import LastingStream
+from hardware import HardwareError
+from hardware.joints import DISPLAY_UNITS
+from hardware.printable import printable
+from skills import Blocked
+
+_REDRAW = 0.1  # [s]
+_NEAR = math.radians(2)  # so near, an arm follows without a planned move first [rad], [m]
+_NAMED = 16  # least columns of a name
+
+
+class Phase(Enum):
+    """What the arm does. The value is for people."""
+
+    ASKS = "waits for you"
+    HOLDS = "holds"
+    APPROACHES = "moves to the leader"
+    FOLLOWS = "follows"
+    LOST = "holds; the leader is lost"
+
+
+class HandGuided(Protocol):
+    """The leader; see `HandGuidedArm`."""
+
+    following: bool
+    blocked: Blocked | None
+
+    def release(self) -> None:
+        """Switch the torque off."""
+
+    def where(self) -> tuple[float, ...]:
+        """Return its measured positions [rad]. Raises a `HardwareError` if it is lost."""
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """What is shown.
+
+    Attributes:
+        phase: What the arm does.
+        leader: Measured position of the leader by joint [rad]; None if it is lost.
+        where: Where the arm is.
+        blocked: Why it does not follow; None if it does.
+        message: Last message, for people.
+        failed: True if the message is an error.
+    """
+
+    phase: Phase
+    leader: Mapping[str, float] | None
+    where: Where
+    blocked: Blocked | None = None
+    message: str = ""
+    failed: bool = False
+
+    def lines(self, width: int, rows: int) -> Iterator[tuple[str, bool]]:
+        """Return the lines of the screen, each with whether it belongs to an error.
+
+        Args:
+            width: Number of columns.
+            rows: Number of lines.
+        """
+        blocked = self.phase is Phase.FOLLOWS and self.blocked
+        said = wrap(f"Blocked: {blocked.contact}" if blocked else self.message, width)
+        wrong = bool(blocked) or self.failed
+        body = list(self._joints())
+        does = "waits at an obstacle" if blocked else self.phase.value
+        lines = [(f"armtree teleop   arm {self.where.arm.value}, {does}", False)]
+        lines += [(line, False) for line in body[: max(rows - len(said) - 2, 1)]]
+        lines += [(line, wrong) for line in said]
+        lines += [(self._help, False)]
+        for line, error in lines[:rows]:
+            yield line[:width].rstrip(), error
+
+    def _joints(self) -> Iterator[str]:
+        longest = max(_NAMED, *map(len, self.where.units))
+        free = self.blocked and self.phase is Phase.FOLLOWS
+        head = f"{'':<{longest}}{'leader':>10}{'commanded':>11}{'measured':>10}"
+        yield f"{head}{'':6}{'free' if free else ''}"
+        for name, unit in self.where.units.items():
+            shown = (
+                _shown(positions, name, unit)
+                for positions in (self.leader, self.where.commanded, self.where.measured)
+            )
+            leader, commanded, measured = shown
+            arrows = _arrows(*self.blocked.free[name]) if self.blocked and free else ""
+            row = f"{name:<{longest}}{leader:>10}{commanded:>11}{measured:>10}"
+            yield f"{row} {DISPLAY_UNITS[unit][1]:<5}{arrows}"
+
+    @property
+    def _help(self) -> str:
+        match self.phase:
+            case Phase.ASKS:
+                return "y release the leader   q leave"
+            case Phase.LOST:
+                return "q leave"
+            case Phase.HOLDS:
+                return "space follow   q leave"
+            case _:
+                return "space hold   q leave"
+
+
+class TeleopScreen:
+    """Has an arm follow a leader, until a key or a signal ends it.
+
+    Args:
+        arm: The arm that follows.
+        leader: The leader.
+        speed: Share of the robot's speed.
+    """
+
+    def __init__(self, arm: JogArm, leader: HandGuided, speed: float) -> None:
+        self._arm, self._leader, self._speed = arm, leader, speed
+        self._reader, self._writer = os.pipe()
+        os.set_blocking(self._writer, False)
+        self._left = threading.Event()
+        self._screen = FullScreen(LastingStream(sys.stdout))
+        self._lock = threading.Lock()  # held to change the view and the thread
+        question = "The leader loses its torque and falls if nobody holds it. Is it held? y/n"
+        self._view = View(Phase.ASKS, None, arm.where(), message=question)
+        self._thread: threading.Thread | None = None
+
+    def leave(self) -> None:
+        """Stop the arm, and end. Any thread may call."""
+        self._left.set()
+        self._wake()
+        self._hold()
+
+    def run(self, keys: int) -> Where:
+        """Follow until a key or `leave` ends it; return where the arm is then.
+
+        Args:
+            keys: File handle of the keyboard, which is read key by key.
+        """
+        try:
+            with self._screen:
+                while not self._left.is_set():
+                    self._look()
+                    self._draw()
+                    self._wait(keys)
+        finally:
+            self._left.set()
+            self._hold()
+            if self._thread:
+                self._thread.join()
+        return self._arm.where()
+
+    def _wait(self, keys: int) -> None:
+        ready, _, _ = select.select([keys, self._reader], [], [], _REDRAW)
+        if self._reader in ready:
+            os.read(self._reader, 4096)
+        if keys not in ready:
+            return
+        try:
+            data = os.read(keys, 4096)
+        except OSError:  # the terminal is closed
+            data = b""
+        if not data:
+            self._left.set()
+        for key in keys_in(data):
+            self._press(key)
+
+    def _press(self, key: str) -> None:
+        phase = self._view.phase
+        if key == "q" or (key == "n" and phase is Phase.ASKS):
+            self._left.set()
+        elif key == "y" and phase is Phase.ASKS:
+            self._release()
+        elif key == " " and phase in (Phase.APPROACHES, Phase.FOLLOWS):
+            self._hold()
+        elif key == " " and phase is Phase.HOLDS:
+            self._start()
+
+    def _release(self) -> None:
+        try:
+            self._leader.release()
+        except HardwareError as error:
+            self._show(Phase.LOST, str(error), failed=True)
+            return
+        self._start()
+
+    def _start(self) -> None:
+        if self._thread:
+            self._thread.join()
+        self._show(Phase.APPROACHES, "")
+        self._leader.following = True
+        self._thread = threading.Thread(target=self._follow, name="teleop", daemon=True)
+        self._thread.start()
+
+    def _hold(self) -> None:
+        """End the following, or stop the move to the leader."""
+        self._leader.following = False
+        if self._view.phase is Phase.APPROACHES:
+            self._arm.stop()
+
+    def _follow(self) -> None:
+        """Move to where the leader is, and follow it. Show how that ends."""
+        try:
+            outcome = self._approach()
+            if (outcome is None or outcome.code == OK) and self._leader.following:
+                self._show(Phase.FOLLOWS, "")
+                outcome = self._arm.move(Move((LEADER,), speed=self._speed), _nothing)
+            self._show(Phase.HOLDS, *_words(outcome))
+        except HardwareError as error:  # of the leader
+            self._show(Phase.LOST, str(error), failed=True)
+        except Exception as error:
+            self._show(Phase.HOLDS, str(error), failed=True)
+        self._leader.following = False
+        self._wake()
+
+    def _approach(self) -> Outcome | None:
+        """Move to where the leader is, if that is far. Return the outcome; None without a move."""
+        where = self._arm.where()
+        target = dict(zip(where.units, self._leader.where(), strict=True))
+        there = where.commanded
+        if there and all(abs(there[name] - q) < _NEAR for name, q in target.items()):
+            return None
+        words = tuple(f"{name}={q:.6f}" for name, q in target.items())
+        return self._arm.move(Move(words, speed=self._speed), self._accepted)
+
+    def _accepted(self) -> None:
+        if not self._leader.following:  # stopped before there was anything to stop
+            self._arm.stop()
+
+    def _look(self) -> None:
+        """Take where both arms are into the view."""
+        where, blocked = self._arm.where(), self._leader.blocked
+        try:
+            leader = dict(zip(where.units, self._leader.where(), strict=True))
+        except HardwareError as error:
+            with self._lock:
+                if self._view.phase is not Phase.LOST:
+                    self._view = replace(self._view, message=str(error), failed=True)
+                self._view = replace(self._view, phase=Phase.LOST, leader=None, where=where)
+            return
+        with self._lock:
+            self._view = replace(self._view, leader=leader, where=where, blocked=blocked)
+
+    def _show(self, phase: Phase, message: str, failed: bool = False) -> None:
+        with self._lock:
+            self._view = replace(self._view, phase=phase, message=message, failed=failed)
+
+    def _wake(self) -> None:
+        """Draw the screen again. Any thread may call."""
+        with suppress(BlockingIOError):  # it will be drawn anyway
+            os.write(self._writer, b"\0")
+
+    def _draw(self) -> None:
+        width, rows = shutil.get_terminal_size()
+        colored = "NO_COLOR" not in os.environ
+        self._screen.draw(
+            f"\x1b[31m{printable(line)}\x1b[m" if wrong and colored else printable(line)
+            for line, wrong in self._view.lines(width, rows)
+        )
+
+
+def _nothing() -> None:
+    """Do nothing."""
+
+
+def _words(outcome: Outcome | None) -> tuple[str, bool]:
+    """Return the message for the end of a goal, and whether it is an error."""
+    if outcome is None or outcome.code in (OK, CANCELED) or outcome.cause is None:
+        return "", False
+    hint = f" -> {outcome.hint}" if outcome.hint else ""
+    return f"{outcome.code}: {outcome.cause.message}{hint}", True
+
+
+def _shown(positions: Mapping[str, float] | None, name: str, unit: str) -> str:
+    if positions is None:
+        return "?"
+    return f"{round(DISPLAY_UNITS[unit][0] * positions[name], 1) + 0.0:.1f}"  # no -0
+
+
+def _arrows(down: bool, up: bool) -> str:
+    return f"{'<-' if down else '  '} {'->' if up else '  '}"

@@ -1,0 +1,208 @@
+"""A leaf that follows an arm that a person moves by hand."""
+
+import logging
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from py_trees.common import Status
+
+from hardware import Playback, PlaybackState, Schedule, Setpoint
+from skills.base import Skill
+from skills.context import Scheduled
+from skills.errors import Interrupted
+from skills.leader import Blocked
+from skills.motion.arrays import Array
+from skills.motion.errors import MotionCollides, MotionError
+from skills.motion.query import MIN_SPEED, Verify
+from skills.planning_skill import PlannerJob
+from skills.ports import Port
+
+logger = logging.getLogger(__name__)
+
+_PROBE = {"rad": math.radians(3), "m": 0.003}  # how far a joint must be free to be shown as free
+_QUIET = 1.0  # least time between two lines in the log [s]
+
+
+class FollowLeader(Skill):
+    """Follow the joints of a leader, until a person ends it. A collision stops the arm before it.
+
+    Every period of frames it moves towards the leader, within the limits of velocity and
+    acceleration. Each step is checked for collision before it is sent.
+    """
+
+    moves = True
+    phase = "following"
+
+    INPUT_PORTS = {
+        "speed": Port(
+            float,
+            default_value=1.0,
+            description="share of the robot's speed",
+            least=MIN_SPEED,
+            most=1.0,
+        ),
+    }
+
+    _playback: Playback | None = None
+    _checks: tuple[PlannerJob, ...] = ()  # of the next step, or of each joint alone
+    _contact = ""  # what blocks the arm, while `_checks` are of each joint alone
+    _blocked = False
+    _start: tuple[float, ...]
+    _schedule: Schedule
+    _generation: int
+    _period: float
+    _due: float
+    _velocity: Array
+
+    @property
+    def busy(self) -> bool:
+        """True while a planner works for it, or the arm moves."""
+        return self._playing or any(not check.done for check in self._checks)
+
+    def on_start(self) -> Status:
+        """Begin from standstill."""
+        robot = self.context.robot
+        self._period, self._due = 1 / robot.firmware.rate, self.context.now()
+        self._quiet_until = -math.inf  # for the log [s]
+        self._rest()
+        return self.on_running()
+
+    def on_running(self) -> Status:
+        """Take the next step when the one before it is done."""
+        if self.busy:
+            return Status.RUNNING
+        if self._playback:
+            self._finish(self._playback)
+        if self._checks:
+            self._process_checks()
+            return self.on_running()
+        now = self.context.now()
+        if now >= self._due:
+            self._due = max(self._due + self._period, now)
+            target = self.context.leader.positions()
+            if target is None:
+                self.context.leader.show(None)
+                return Status.SUCCESS
+            self._step(np.array(target))
+        self.context.wake_at(self._due)
+        return Status.RUNNING
+
+    def on_pause(self) -> None:
+        """Stop the arm."""
+        self.on_halt()
+        self._rest()
+
+    def on_halt(self) -> None:
+        """Stop the arm, and cancel planners that still work."""
+        for check in self._checks:
+            check.cancel()
+        if self._playing:
+            self.context.arm.stop()
+        self.context.leader.show(None)
+
+    def _rest(self) -> None:
+        """Forget the step under way: the arm is at rest."""
+        self._playback, self._checks, self._contact, self._blocked = None, (), "", False
+        self._velocity = np.zeros(len(self.context.robot.actuated))  # of the last step [rad/s]
+
+    def _step(self, target: Array) -> None:
+        """Have the next step towards the leader checked."""
+        arm, wire = self.context.arm, self.context.robot.wire_format
+        start, self._generation = arm.commanded, arm.generation
+        positions = self._ahead(np.array(start), target)
+        if positions == start:
+            return
+        frame = wire.encode(positions)
+        moved = frame != wire.encode(start)
+        setpoints = (Setpoint(0.0, 0.0, positions, frame),) if moved else ()
+        self._schedule = Schedule(setpoints, positions, 0.0, 0.0, continues=True)
+        self._start = start
+        self._checks = (self._check(start, positions),)
+
+    def _ahead(self, start: Array, target: Array) -> tuple[float, ...]:
+        """Return where the joints are after one period: towards the leader, within their limits.
+
+        No joint is faster than it can stop at the leader.
+        """
+        joints, speed = self.context.robot.actuated, self.get_input("speed")
+        fastest = speed * np.array([joint.velocity for joint in joints])
+        most = speed**2 * np.array([joint.acceleration for joint in joints])
+        low, high = np.array([(joint.lower, joint.upper) for joint in joints]).T
+        left = np.clip(target, low, high) - start
+        change = most * self._period
+        stoppable = np.sqrt(change**2 + 2 * most * abs(left)) - change
+        wanted = np.sign(left) * np.minimum(
+            np.minimum(stoppable, abs(left) / self._period), fastest
+        )
+        self._velocity = np.clip(wanted, self._velocity - change, self._velocity + change)
+        return tuple(np.clip(start + self._velocity * self._period, low, high).tolist())
+
+    def _check(self, start: tuple[float, ...], end: tuple[float, ...]) -> PlannerJob:
+        """Have a straight motion checked, with the distance that every plan keeps."""
+        context = self.context
+        margin = 0.5 * context.robot.collision.margin
+        world = context.scene.world
+        return PlannerJob(context, Verify((start, end), margin, None, context.timeout, world))
+
+    def _process_checks(self) -> None:
+        """Send a step that is free. If it is not, have each joint checked alone, to show that."""
+        answers, self._checks = [check.answer for check in self._checks], ()
+        collides = [isinstance(answer, MotionCollides) for answer in answers]
+        for answer, known in zip(answers, collides, strict=True):
+            if isinstance(answer, MotionError) and not known:
+                raise answer
+        if self._contact:
+            self._show(self._contact, [not each for each in collides])
+            self._contact = ""
+        elif isinstance(answer := answers[0], MotionCollides):
+            self._velocity[:] = 0.0
+            if not self._blocked:
+                self._blocked, self._contact = True, answer.contact
+                self._checks = tuple(self._check(self._start, end) for end in self._probes())
+        else:
+            self._play()
+
+    def _probes(self) -> Iterator[tuple[float, ...]]:
+        """Yield the position with each joint moved down a little, and up."""
+        for column, joint in enumerate(self.context.robot.actuated):
+            for way in (-1, 1):
+                end = list(self._start)
+                end[column] += way * _PROBE[joint.unit]
+                yield tuple(end)
+
+    def _show(self, contact: str, free: Sequence[bool]) -> None:
+        """Show why the arm is blocked, and where it is free."""
+        joints = self.context.robot.actuated
+        ways = {
+            joint.name: (
+                down and q - _PROBE[joint.unit] >= joint.lower,
+                up and q + _PROBE[joint.unit] <= joint.upper,
+            )
+            for joint, q, down, up in zip(joints, self._start, free[::2], free[1::2], strict=True)
+        }
+        self.context.leader.show(Blocked(contact, ways))
+        if self.context.now() >= self._quiet_until:
+            self._quiet_until = self.context.now() + _QUIET
+            logger.warning("The arm stopped following: %s", contact)
+
+    def _play(self) -> None:
+        """Send the step."""
+        if self._blocked:
+            self._blocked = False
+            self.context.leader.show(None)
+        context = self.context
+        context.publish(Scheduled(self._schedule, self._start, None))
+        self._playback = context.arm.play(self._schedule, context.wake, self.name, self._generation)
+
+    def _finish(self, playback: Playback) -> None:
+        """Raise why a step was not sent."""
+        self._playback = None
+        if playback.error:
+            raise playback.error
+        if playback.state is PlaybackState.STOPPED:
+            raise Interrupted("the motion was stopped while the arm followed its leader")
+
+    @property
+    def _playing(self) -> bool:
+        return self._playback is not None and self._playback.state is PlaybackState.PLAYING

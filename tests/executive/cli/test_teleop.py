@@ -1,0 +1,127 @@
+"""`armtree teleop` in a real pseudo-terminal: two virtual buses, and a hand moves the leader."""
+
+import re
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from executive.replay.verification import verify
+from hardware import load_robot
+from hardware.drivers.virtual.board_process import BoardProcess
+from logs import Recording, Sent
+from tests.support.command_line.pseudo_terminal import PseudoTerminal
+
+pytestmark = pytest.mark.slow
+
+SO101 = load_robot(Path("so101"))
+FOLLOWS, HOLDS = "arm active, follows", "arm active, holds"
+
+
+@pytest.fixture
+def buses() -> Iterator[tuple[BoardProcess, BoardProcess]]:
+    """The bus of the arm that follows, and that of the leader."""
+    model = SO101.model()
+    assert model
+    with closing(BoardProcess(model)) as arm, closing(BoardProcess(model)) as leader:
+        arm.state()
+        leader.state()
+        yield arm, leader
+
+
+@pytest.fixture
+def command(buses: tuple[BoardProcess, BoardProcess]) -> list[str]:
+    arm, leader = buses
+    return ["teleop", "--robot", "so101", "--port", arm.port, "--leader", leader.port]
+
+
+def push(bus: BoardProcess, **joints: float) -> None:
+    """Moves joints by hand [deg]."""
+    ids = {name: number for number, name in enumerate((j.name for j in SO101.actuated), 1)}
+    for name, degrees in joints.items():
+        bus.call("push", ids[name], 2048 + round(degrees * 4096 / 360))
+
+
+def row(joint: str, leader: str, commanded: str) -> str:
+    return f"{joint:<16}{leader:>10}{commanded:>11}"
+
+
+def follow(terminal: PseudoTerminal) -> None:
+    terminal.until("falls if nobody holds it. Is it held? y/n")
+    terminal.type("y")
+    terminal.until(FOLLOWS)
+
+
+def recordings(folder: Path) -> list[Path]:
+    return sorted((folder / "recordings").glob("*-move.mcap"))
+
+
+def test_an_arm_follows_holds_and_stops_before_a_collision(
+    command: list[str], buses: tuple[BoardProcess, BoardProcess], tmp_path: Path
+) -> None:
+    arm, leader = buses
+    push_before = leader.state().positions[1]
+    with PseudoTerminal(tmp_path, *command) as terminal:
+        follow(terminal)
+        assert not any(leader.state().torque.values())
+        push(leader, shoulder_pan=20, gripper=30)
+        terminal.until(row("shoulder_pan", "20.0", "20.0"), row("gripper", "30.0", "30.0"))
+        push(leader, shoulder_lift=90)
+        shown = terminal.until("Blocked: ", "free")
+        free = dict(re.findall(r"^(\w+) .* deg  (.*)$", shown, re.MULTILINE))
+        assert (free["shoulder_lift"], free["wrist_roll"]) == ("<-", "<- ->")
+        push(leader, shoulder_lift=0)
+        terminal.until(row("shoulder_lift", "0.0", "0.0"))
+        terminal.type(" ")
+        terminal.until(HOLDS, "space follow")
+        push(leader, shoulder_pan=-20)
+        terminal.until(row("shoulder_pan", "-20.0", "20.0"))
+        terminal.type(" ")  # on a planned path
+        terminal.until(FOLLOWS, row("shoulder_pan", "-20.0", "-20.0"))
+        terminal.type("q")
+        status, printed = terminal.end()
+    assert status == 0
+    assert "The arm holds at shoulder_pan -20.0 deg" in printed
+    assert "The leader holds where it is" in printed
+    assert all(arm.state().torque.values())
+    assert all(leader.state().torque.values())
+    assert leader.state().positions[1] != push_before
+    assert all(verify(path).holds for path in recordings(tmp_path))
+
+
+@pytest.mark.parametrize("way", ["Ctrl-C", "closed terminal", "leader unplugged"])
+def test_the_arm_holds_whatever_ends_it(
+    command: list[str], buses: tuple[BoardProcess, BoardProcess], tmp_path: Path, way: str
+) -> None:
+    arm, leader = buses
+    with PseudoTerminal(tmp_path, *command, "--speed", "0.05") as terminal:
+        follow(terminal)
+        push(leader, shoulder_pan=80)
+        terminal.until("shoulder_pan          80.0")
+        if way == "Ctrl-C":
+            terminal.type("\x03")
+            assert terminal.end()[0] == 130
+        elif way == "closed terminal":
+            terminal.close()
+            terminal.process.wait()
+        else:
+            leader.close()
+            shown = terminal.until("the leader is lost", "q leave")
+            assert re.search(r"shoulder_pan +\? ", shown)
+            terminal.type("q")
+            assert "The leader has no torque: hold it" in terminal.end()[1]
+    frames = [each for path in recordings(tmp_path) for each in Recording(path).records(Sent)]
+    assert all(each.positions[0] < 1.3 for each in frames if isinstance(each, Sent) if each.joints)
+    state = arm.state()
+    assert all(state.torque.values())
+    assert state.positions[1] < 2048 + 75 * 4096 / 360
+
+
+def test_what_is_wrong_is_refused(command: list[str], tmp_path: Path) -> None:
+    with PseudoTerminal(tmp_path, *command[:-1], "/dev/ttyNone") as terminal:
+        status, printed = terminal.end()
+        assert (status, "/dev/ttyNone" in printed) == (6, True)
+    with PseudoTerminal(tmp_path, "teleop", "--leader", "virtual") as terminal:
+        status, printed = terminal.end()
+        assert (status, "hw.not_able" in printed) == (3, True)

@@ -1,0 +1,136 @@
+"""An arm follows a leader, in simulated time on the model of the bus."""
+
+import math
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from executive.api.move import LEADER, Move
+from executive.api.outcome import Outcome
+from executive.executive import Executive
+from executive.replay.verification import verify
+from executive.session import open_executive, run_task
+from executive.setup import Setup
+from executive.testing import SharedPool
+from hardware import Robot, SimulatedClock, load_robot
+from hardware.errors import PortLost
+from logs import Recording, Sent
+from skills import Blocked, NobodyLeads
+from skills.motion.planner import Planner
+
+ZERO = (0.0,) * 6
+SECONDS = 4.0  # the leader ends then
+FLOOR = (0.0, 1.6, 0.0, 0.9, 0.0, 0.0)  # the gripper is below the table
+
+Path_ = Callable[[float], tuple[float, ...]]
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return load_robot(Path("so101"))
+
+
+class Hand:
+    """A leader that a hand moves."""
+
+    def __init__(self, clock: SimulatedClock, path: Path_) -> None:
+        self._clock, self._path, self._begun = clock, path, math.inf
+        self.shown: list[Blocked | None] = []
+
+    def positions(self) -> tuple[float, ...] | None:
+        self._begun = min(self._begun, self._clock.now())
+        passed = self._clock.now() - self._begun
+        return self._path(passed) if passed < SECONDS else None
+
+    def show(self, blocked: Blocked | None) -> None:
+        self.shown.append(blocked)
+
+
+@contextmanager
+def followed(
+    robot: Robot, folder: Path, path: Path_ | None
+) -> Iterator[tuple[Outcome, Any, Executive]]:
+    clock = SimulatedClock()
+    hand = Hand(clock, path) if path else NobodyLeads()
+    setup = Setup(robot=robot, recordings=folder, single_user=True)
+    link = robot.simulated_link(clock)
+    with (
+        closing(SharedPool(robot, 1, clock)) as pool,
+        clock.working(),
+        open_executive(setup, clock=clock, link=link, pool=pool, leader=hand) as executive,
+    ):
+        executive.start()
+        yield run_task(executive, Move((LEADER,)), {}), hand, executive
+
+
+def sent(outcome: Outcome) -> list[Sent]:
+    records = Recording(Path(outcome.recording)).records(Sent)
+    return [each for each in records if isinstance(each, Sent) and each.joints]
+
+
+def test_it_follows_within_the_limits_and_the_recording_proves_it(
+    robot: Robot, tmp_path: Path
+) -> None:
+    def path(time: float) -> tuple[float, ...]:
+        return (0.4 * math.sin(time), -0.4 if time > 1 else 0.0, 0, 0, 0, 0)
+
+    with followed(robot, tmp_path, path) as (outcome, hand, executive):
+        assert outcome.success, outcome.text()
+        commanded = executive.where().commanded
+        assert commanded
+        assert commanded["shoulder_pan"] == pytest.approx(path(SECONDS)[0], abs=0.05)
+        assert commanded["shoulder_lift"] == pytest.approx(-0.4, abs=1e-3)
+        assert hand.shown[-1:] == [None]
+    frames = sent(outcome)
+    assert len(frames) > 150
+    for before, after in pairwise(frames):
+        steps = zip(robot.actuated, before.positions, after.positions, strict=True)
+        for joint, a, b in steps:
+            assert abs(b - a) <= joint.velocity * 0.021
+    checked = verify(Path(outcome.recording))
+    assert checked.holds, checked.text()
+
+
+def test_a_collision_stops_it_and_shows_where_it_is_free(robot: Robot, tmp_path: Path) -> None:
+    def path(time: float) -> tuple[float, ...]:
+        return FLOOR if time < 3.0 else ZERO
+
+    with followed(robot, tmp_path, path) as (outcome, hand, executive):
+        assert outcome.success, outcome.text()
+        blocked = next(each for each in hand.shown if each)
+        assert "floor" in blocked.contact
+        assert blocked.free["shoulder_lift"] == (True, False)
+        assert blocked.free["shoulder_pan"] == (True, True)
+        commanded = executive.where().commanded
+        assert commanded
+        assert commanded["shoulder_lift"] < 1.0  # it follows again
+    planner = Planner(robot)
+    for frame in sent(outcome):
+        nearest = planner.checker.nearest(np.array(frame.positions))
+        assert nearest
+        assert nearest[2] > 0.0
+    assert verify(Path(outcome.recording)).holds
+
+
+def test_a_leader_that_is_lost_stops_it(robot: Robot, tmp_path: Path) -> None:
+    def path(time: float) -> tuple[float, ...]:
+        if time > 1.0:
+            raise PortLost("/dev/ttyACM1", "unplugged")
+        return (0.5, 0, 0, 0, 0, 0)
+
+    with followed(robot, tmp_path, path) as (outcome, _, executive):
+        assert outcome.code == "hw.port_lost"
+        assert executive.status().arm.value == "active"
+        commanded = executive.where().commanded
+        assert commanded
+        assert 0.3 < commanded["shoulder_pan"] <= 0.5
+
+
+def test_without_a_leader_there_is_nothing_to_follow(robot: Robot, tmp_path: Path) -> None:
+    with followed(robot, tmp_path, None) as (outcome, _, _):
+        assert outcome.code == "task.no_leader"
