@@ -20,7 +20,7 @@ SECTIONS = {
     "server_commands.pause server_commands.resume server_commands.step server_commands.break_ "
     "server_commands.status server_commands.view server_commands.watch server_commands.arm",
     "Recordings": "replay.replay log.log",
-    "Robot and board": "doctor.doctor new_arm.robots new_arm.new_arm",
+    "Robot and board": "doctor.doctor calibrate.calibrate new_arm.robots new_arm.new_arm",
     "Settings": "config.config completion.completion",
 }
 

@@ -26,12 +26,15 @@ MAX_BRAKE = 10.0  # [s]
 _ROUNDING = 1.0 + 1e-9  # factor of a velocity limit, for rounding errors of a multiplier
 
 
-def load_robot(path: Path | None = None, urdf: Path | None = None) -> Robot:
+def load_robot(
+    path: Path | None = None, urdf: Path | None = None, calibrated: bool = True
+) -> Robot:
     """Load a robot.
 
     Args:
         path: The robot file, or the name of a robot that ships. Default: the Arduinobot.
         urdf: The URDF file. Default: the one that the robot file names.
+        calibrated: False to ignore its calibration file.
 
     Raises:
         DescriptionError: The file or its URDF is wrong. The message names file, line, key and valid
@@ -44,7 +47,7 @@ def load_robot(path: Path | None = None, urdf: Path | None = None) -> Robot:
     described = _urdf(root, urdf_path)
     driver = load_driver(root) if "driver" in root or "serial" in root else NullDriver(path)
     name, file = root.text("name"), calibration_file(path)
-    calibration = read_calibration(file, name)
+    calibration = read_calibration(file, name) if calibrated else None
     joints = _joints(root, described, driver, calibration)
     groups = _groups(root, joints)
     serial, firmware = _board(root, driver)
@@ -189,19 +192,20 @@ def _joint(
         upper = min(upper, math.radians(wired.number("upper_deg")))
         if lower >= upper:
             wired.fail("lower_deg", "no position is within this range and the limits of the URDF")
+    boot = table.number("boot")
+    if not urdf.lower <= boot <= urdf.upper:
+        table.fail("boot", f"{boot:g} is outside [{urdf.lower:g}, {urdf.upper:g}]")
     joint = Joint(
         name=name,
         lower=lower,
         upper=upper,
         velocity=table.number("velocity", above=0),
         acceleration=table.number("acceleration", above=0),
-        boot=table.number("boot"),
+        boot=min(max(boot, lower), upper),  # a calibrated range may be narrower
         mimic=None,
         wire=driver.wire(wired, lower, upper),
         unit=urdf.unit,
     )
-    if not joint.lower <= joint.boot <= joint.upper:
-        table.fail("boot", f"{joint.boot:g} is outside [{joint.lower:g}, {joint.upper:g}]")
     if joint.velocity > urdf.velocity:
         most = f"the URDF's limit, {urdf.velocity:g} {urdf.unit}/s"
         table.fail("velocity", f"{joint.velocity:g} {urdf.unit}/s is more than {most}")

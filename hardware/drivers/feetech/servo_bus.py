@@ -11,7 +11,7 @@ from hardware.link.link import Link
 from .packets import Instruction, Packet, read, sync_read, take_packets, write
 from .registers import ERRORS, Series
 
-_TIMEOUT = 0.012  # longest time for one answer; a USB adapter may keep it for 8 ms [s]
+_TIMEOUT = 0.025  # longest time for one answer; a USB adapter may keep it for 16 ms [s]
 _TRIES = 3
 # Values that a calibration may change, by their names in `ServoReport.kept`.
 _KEPT = {
@@ -53,7 +53,7 @@ class FeetechBus:
         """Ask ids for a report."""
         servos, damaged, noise = dict[int, ServoReport](), set[int](), 0
         for servo in ids:
-            packets, rest = self._ask(Packet(servo, Instruction.PING).data, 1)
+            packets, rest = self._ping(servo)
             if any(packet.servo == servo for packet in packets):
                 if report := self._report(servo):
                     servos[servo] = report
@@ -63,6 +63,12 @@ class FeetechBus:
             damaged |= {servo} if rest else set()
             noise += rest
         return Found(servos, frozenset(damaged - servos.keys()), noise)
+
+    def _ping(self, servo: int) -> tuple[list[Packet], int]:
+        """Ask a servo for a sign of life; once more if nothing comes."""
+        request = Packet(servo, Instruction.PING).data
+        answers, rest = self._ask(request, 1)
+        return (answers, rest) if answers or rest else self._ask(request, 1)
 
     def positions(self, ids: Sequence[int]) -> dict[int, int]:
         """Return the positions of servos by id [ticks], of those that answer."""

@@ -24,13 +24,14 @@ class BoardProcess:
 
     Args:
         model: The board. The process has its own copy of it.
+        baud: Speed of its line [bit/s]: at another one it understands nothing. None for any.
 
     Attributes:
         port: Name of the pseudo-terminal.
         pid: Process id.
     """
 
-    def __init__(self, model: BoardModel) -> None:
+    def __init__(self, model: BoardModel, baud: int | None = None) -> None:
         master, slave = pty.openpty()
         tty.setraw(slave)
         self.port = os.ttyname(slave)
@@ -39,7 +40,7 @@ class BoardProcess:
         board = base64.b64encode(pickle.dumps(model)).decode()
         # In its own session, so that Ctrl-C at the terminal does not reach it.
         self._process = subprocess.Popen(
-            [sys.executable, "-P", "-m", _PROGRAM, str(master), board],
+            [sys.executable, "-P", "-m", _PROGRAM, str(master), board, str(baud or 0)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,

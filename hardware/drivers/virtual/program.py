@@ -11,6 +11,7 @@ import os
 import pickle
 import select
 import sys
+import termios
 
 from hardware.clock import RealClock
 
@@ -23,8 +24,9 @@ _SLEEP = 0.005  # [s]
 class _Server:
     """Runs a board in real time: transfers bytes between the pseudo-terminal and the board."""
 
-    def __init__(self, board: BoardModel, master: int) -> None:
+    def __init__(self, board: BoardModel, master: int, baud: int) -> None:
         self._board, self._clock = board, RealClock()
+        self._speed = getattr(termios, f"B{baud}", 0)  # as termios codes it; 0 for any
         self._master, self._opened = master, False
         os.set_blocking(master, False)
 
@@ -70,7 +72,9 @@ class _Server:
             data = os.read(self._master, 4096)
         except OSError:  # no bytes, or the client has gone
             return False
-        self._board.receive(data, self._clock.now())
+        speed = termios.tcgetattr(self._master)[5]
+        if self._speed in (0, speed):
+            self._board.receive(data, self._clock.now())
         return True
 
     def _write(self) -> None:
@@ -90,9 +94,9 @@ class _Server:
 
 
 def main() -> None:
-    """Run a board. The arguments are its pseudo-terminal, and its model in base64."""
-    master, model = sys.argv[1:]
-    _Server(pickle.loads(base64.b64decode(model)), int(master)).run()
+    """Run a board. The arguments are its pseudo-terminal, its model in base64, and its speed."""
+    master, model, baud = sys.argv[1:]
+    _Server(pickle.loads(base64.b64decode(model)), int(master), int(baud)).run()
 
 
 if __name__ == "__main__":

@@ -62,7 +62,7 @@ class Bus:
     """
 
     def __init__(self, servos: Sequence[Servo], baud: int, faults: Iterable[Fault] = ()) -> None:
-        self.servos = list(servos)
+        self.servos, self._chain = list(servos), list(servos)
         self._byte = BITS_PER_BYTE / baud
         self._faults = sorted(faults, key=lambda fault: fault.time)
         self._arriving = deque[tuple[float, int]]()  # bytes to the servos, and their times
@@ -97,6 +97,17 @@ class Bus:
         for each in self.servos:
             if each.servo == servo:
                 each.push(position)
+
+    def connect(self, now: float, places: Sequence[int] | None = None) -> None:
+        """Connect only the servos at these places of the chain, from 0; by default, all."""
+        self._advance(now)
+        everywhere = range(len(self._chain))
+        self.servos = [self._chain[k] for k in (everywhere if places is None else places)]
+
+    def kept(self, now: float) -> list[dict[str, int]]:
+        """Return the values that each connected servo keeps without power, by register."""
+        self._advance(now)
+        return [servo.kept for servo in self.servos]
 
     def cut_off(self, now: float) -> None:
         """Drop the bytes that have not arrived."""

@@ -45,7 +45,14 @@ class Servo:
             self.put(name, register.initial)
         self.put("id", servo)
         self.put("goal_position", position)
+        self._saved = bytes(self.memory[: series.blocks[1][0]])
         self._report()
+
+    @property
+    def kept(self) -> dict[str, int]:
+        """What it keeps without power, by register."""
+        registers = self.series.registers.items()
+        return {name: self.series.unpack(name, self._saved) for name, r in registers if r.kept}
 
     @property
     def servo(self) -> int:
@@ -56,6 +63,11 @@ class Servo:
     def position(self) -> float:
         """Where it stands [ticks]."""
         return self._position
+
+    @property
+    def _homing(self) -> int:
+        """Its offset [ticks], which it subtracts from what it measures."""
+        return self.get("offset") if "offset" in self.series.registers else 0
 
     def get(self, name: str) -> int:
         """Return the value of a register."""
@@ -70,13 +82,18 @@ class Servo:
     def write(self, address: int, values: bytes) -> None:
         """Write to the memory, as a packet does. What the servo reports cannot be written."""
         reports = self.series.registers["position"].address
-        values = values[: max(0, reports - address)]
+        values, before = values[: max(0, reports - address)], self._homing
+        locked = self.get("lock")
         self.memory[address : address + len(values)] = values
+        if not locked:  # what is written to a locked memory is lost with the power
+            self._saved = bytes(self.memory[: self.series.blocks[1][0]])
+        self._position = (self._position + before - self._homing) % self.series.ticks
 
     def restart(self) -> None:
         """Lose the power for a moment: what it keeps remains, and the torque is off."""
+        self.memory[: len(self._saved)] = self._saved
         for name, register in self.series.registers.items():
-            if not register.kept and register.address < self.series.blocks[2][0]:
+            if len(self._saved) <= register.address < self.series.blocks[2][0]:
                 self.put(name, register.initial)
         self.put("goal_position", round(self._position))
         self._speed = 0.0
@@ -85,7 +102,7 @@ class Servo:
     def push(self, position: float) -> None:
         """Move it by hand [ticks]. It gives way only without torque."""
         if not self.get("torque_enable"):
-            self._position = position
+            self._position = position % self.series.ticks
             self._report()
 
     def advance(self, now: float) -> None:

@@ -1,0 +1,211 @@
+"""`armtree calibrate`."""
+
+import os
+import select
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from hardware.suggestions import plural
+
+from .support.command_group import command
+from .support.options import port_option, robot_option
+from .support.settings import PATH
+from .terminal.full_screen import FullScreen
+from .terminal.keyboard import ENTER, key_by_key, keys_in
+from .terminal.streams import echo
+
+if TYPE_CHECKING:
+    from hardware import Robot
+    from hardware.bring_up.calibrating import Calibrator, Change, Row
+
+_PERIOD = 0.05  # between readings of the servos [s]
+_SEARCHED = range(30)  # ids of a servo that is alone on the bus
+
+
+@command()
+@port_option
+@robot_option
+@click.option("--ids", is_flag=True, help="Give the servos their ids, one after the other.")
+@click.option(
+    "--centre",
+    is_flag=True,
+    help="Write an offset to every servo, so that the middle of its range is the middle of its "
+    "turn. Needed if a range contains the seam of a turn.",
+)
+@click.option(
+    "--import", "imported", metavar="FILE", type=PATH, help="Take a calibration by LeRobot."
+)
+@click.option(
+    "--restore", is_flag=True, help="Write back what the servos kept before the calibration."
+)
+def calibrate(
+    port: str | None,
+    robot: Path | None,
+    ids: bool,
+    centre: bool,
+    imported: Path | None,
+    restore: bool,
+) -> None:
+    """Calibrate an arm with bus servos: turn every joint by hand from end to end.
+
+    The torque goes off first, so hold the arm. A table shows how far each joint was turned, beside
+    its range in the URDF. The result is a file beside the robot file. It holds the ranges, and the
+    position of the servo in the middle of each range, which is the middle of the joint's limits.
+
+    This is the only command that writes to the memory that servos keep without power. It shows
+    what it writes, asks, and reads it back.
+
+    \b
+    Example:
+      armtree calibrate --robot so101 --port /dev/ttyACM0
+    """  # noqa: D301
+    from hardware import Ability, PortNotGiven, RealClock, load_robot
+    from hardware.bring_up.calibrating import Calibrator, read_lerobot
+    from hardware.bring_up.search import answering
+
+    arm = load_robot(robot, calibrated=False)
+    arm.require(Ability.LIMITS)
+    line = arm.serial.port if port is None else port
+    if not line:
+        raise PortNotGiven
+    if ids:
+        _number(arm, line)
+        return
+    with arm.servo_bus(line, arm.serial.baud, RealClock()) as bus:
+        calibrator = Calibrator(arm, bus, answering(arm, bus, line))
+        if restore:
+            _restore(arm, calibrator)
+        elif imported:
+            echo(f"LeRobot has written the values of {imported} to the servos of its arm.")
+            kept = read_lerobot(imported, arm.actuated, arm.servos)
+            _finish(arm, calibrator, kept, f"from {imported.name} of LeRobot")
+        else:
+            _confirm("The torque goes off, and gravity moves the arm. Do you hold it?")
+            bus.release([*arm.servos.values()])
+            _sweep(calibrator)
+            for text in _table(calibrator.rows):
+                echo(text, whole=True)
+            _finish(arm, calibrator, calibrator.kept(centre), "swept by hand")
+    echo("The servos have no torque. Next, type: armtree doctor --open, with the same options")
+
+
+def _confirm(question: str) -> None:
+    """Ask a question; anything but yes ends the command."""
+    if not click.confirm(question):
+        raise click.Abort
+
+
+def _sweep(calibrator: "Calibrator") -> None:
+    """Show how far the joints are turned, until a person presses Enter."""
+    note = ""
+    with key_by_key() as keyboard, FullScreen(sys.stdout) as screen:
+        if keyboard is None:
+            raise click.UsageError("needs a terminal: it shows a table and reads keys")
+        while True:
+            calibrator.read()
+            rows = calibrator.rows
+            title = "Turn every joint by hand from end to end, then press Enter. q leaves."
+            screen.draw([title, "", *_table(rows), "", note])
+            ready, _, _ = select.select([keyboard], [], [], _PERIOD)
+            for key in keys_in(os.read(keyboard, 100)) if ready else []:
+                if key == "q":
+                    raise click.Abort
+                missing = [row.joint.name for row in rows if not row.swept]
+                if key == ENTER and not missing:
+                    return
+                note = f"Not turned yet: {', '.join(missing)}" if missing else "Enter ends"
+
+
+def _table(rows: "Sequence[Row]") -> Iterator[str]:
+    """Yield the lines of the table of ranges."""
+    from hardware.bring_up.calibrating import degrees
+
+    yield f"{'joint':<16}{'servo':>5}{'now':>7}{'least':>7}{'most':>7}{'range':>10}{'URDF':>10}"
+    for row in rows:
+        expected = degrees(row.joint)
+        note = "turn it" if not row.swept else f"{row.range / expected:.0%} of the URDF"
+        note = "the seam is inside" if row.seam else note
+        now = "-" if row.now is None else row.now
+        figures = f"{now:>7}{row.least:>7}{row.most:>7}{row.range:>6.0f} deg{expected:>6.0f} deg"
+        yield f"{row.joint.name:<16}{row.servo:>5}{figures}  {note}"
+
+
+def _finish(
+    arm: "Robot", calibrator: "Calibrator", kept: Mapping[str, Mapping[str, int]], how: str
+) -> None:
+    """Show what is to be written, ask, write the file and then the servos."""
+    from hardware.description.calibration import write_calibration
+
+    joints, changes = calibrator.joints(kept), calibrator.changes(kept)
+    _show(changes)
+    replaces = ", which is replaced" if calibrator.path.exists() else ""
+    _confirm(f"Write {_values(changes)} to the servos, and the file {calibrator.path}{replaces}?")
+    made = f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC, {how}"
+    # First the file: it has the values that were there, which --restore writes back.
+    write_calibration(calibrator.path, arm.name, made, joints)
+    calibrator.write(changes)
+    echo(f"{calibrator.path} is written, and the servos read back what it has")
+
+
+def _restore(arm: "Robot", calibrator: "Calibrator") -> None:
+    from hardware import DescriptionError
+    from hardware.description.calibration import values_before
+
+    before = values_before(calibrator.path, arm.name)
+    if not before:
+        raise DescriptionError(calibrator.path, 0, "is not there, so there is nothing to restore")
+    changes = calibrator.changes(before)
+    _show(changes)
+    _confirm(f"Write {_values(changes)} to the servos, and delete {calibrator.path}?")
+    calibrator.write(changes)
+    calibrator.path.unlink()
+    echo("The servos keep what they kept before the calibration")
+
+
+def _values(changes: "Sequence[Change]") -> str:
+    return plural(len(changes), "value") if changes else "nothing"
+
+
+def _show(changes: "Sequence[Change]") -> None:
+    """Print what is to be written to the servos."""
+    echo("\nMemory of the servos:" + ("" if changes else " all is as it should be"))
+    for each in changes:
+        place = f"  servo {each.servo:<3} {each.joint:<16}"
+        echo(f"{place} {each.name:<7} {each.old:>6} -> {each.new}", whole=True)
+
+
+def _number(arm: "Robot", port: str) -> None:
+    """Give every servo its id, while it is alone on the bus."""
+    from hardware.bring_up.search import search_speeds
+
+    for joint, wanted in arm.servos.items():
+        while True:
+            question = f"Connect only the servo of {joint} (id {wanted}), then press Enter"
+            click.prompt(question, default="", show_default=False, prompt_suffix=" ")
+            baud, found = search_speeds(arm, port, _SEARCHED)
+            if len(found.servos) == 1 and not found.damaged:
+                break
+            there = ", ".join(map(str, found.servos)) or "none"
+            echo(f"Not one servo alone answers (ids: {there}). Check the cable and the power")
+        (now,) = found.servos
+        _give_id(arm, port, baud, now, wanted)
+
+
+def _give_id(arm: "Robot", port: str, baud: int, now: int, wanted: int) -> None:
+    from hardware import RealClock
+
+    if baud != arm.serial.baud:
+        there = f"The servo runs at {baud} bit/s; the robot file says {arm.serial.baud}"
+        echo(f"{there}. Set its speed with the tool of the maker, or correct the robot file")
+    if now == wanted:
+        echo(f"The servo has the id {wanted} already")
+        return
+    _confirm(f"Write the id {wanted} to the servo, which has {now}?")
+    with arm.servo_bus(port, baud, RealClock()) as bus:
+        bus.keep(now, {"id": wanted})
+    echo(f"The servo reads back the id {wanted}")

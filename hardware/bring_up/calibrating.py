@@ -1,0 +1,203 @@
+"""Calibration: from servos that were swept by hand to a calibration file and what servos keep."""
+
+import json
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from hardware.description.calibration import CalibratedJoint, calibration_file, values_before
+from hardware.description.robot import Robot
+from hardware.drivers.servo_bus import ServoBus, ServoReport
+from hardware.drivers.servo_errors import SeamInside
+from hardware.errors import DescriptionError
+from hardware.joints import Joint
+
+from .sweep import Sweep
+
+LEAST_RANGE = 10.0  # of a joint that was swept [deg]
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """A value that a servo keeps and that is to change.
+
+    Attributes:
+        joint: Name of the joint.
+        servo: Id of the servo.
+        name: Name of the value, as in `ServoReport.kept`.
+        old: The value now.
+        new: The new value.
+    """
+
+    joint: str
+    servo: int
+    name: str
+    old: int
+    new: int
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """How far a joint was swept.
+
+    Attributes:
+        joint: The joint.
+        servo: Id of its servo.
+        now: Where its servo is [ticks]; None if it did not answer yet.
+        least: Smallest position so far [ticks].
+        most: Largest position so far [ticks].
+        range: How far it was turned [deg].
+        seam: Whether it passed the seam, or a whole turn.
+    """
+
+    joint: Joint
+    servo: int
+    now: int | None = None
+    least: int = 0
+    most: int = 0
+    range: float = 0.0
+    seam: bool = False
+
+    @property
+    def swept(self) -> bool:
+        """Whether it was turned far enough to be calibrated."""
+        return self.range >= LEAST_RANGE
+
+
+class Calibrator:
+    """Calibrates an arm whose servos all answer and have no torque.
+
+    Args:
+        robot: The robot, without a calibration.
+        bus: The open bus.
+        reports: What each servo says of itself, by its id.
+    """
+
+    def __init__(self, robot: Robot, bus: ServoBus, reports: Mapping[int, ServoReport]) -> None:
+        self._robot, self._bus, self._servos = robot, bus, robot.servos
+        self._reports = {joint: reports[servo] for joint, servo in robot.servos.items()}
+        self._sweep, self._degrees = Sweep(bus.ticks), bus.turn / bus.ticks
+        self.path = calibration_file(robot.path)
+
+    def read(self) -> None:
+        """Read once where the servos are."""
+        self._sweep.move(self._bus.positions([*self._servos.values()]))
+
+    @property
+    def rows(self) -> list[Row]:
+        """How far each joint was swept."""
+        return [self._row(joint) for joint in self._robot.actuated]
+
+    def _row(self, joint: Joint) -> Row:
+        servo = self._servos[joint.name]
+        if (swept := self._sweep.servos.get(servo)) is None:
+            return Row(joint, servo)
+        now, turned = swept.now % self._bus.ticks, swept.range * self._degrees
+        seam = swept.seam_inside or swept.whole_turn
+        return Row(joint, servo, now, swept.least, swept.most, turned, seam)
+
+    def kept(self, centre: bool) -> dict[str, dict[str, int]]:
+        """Return what the servo of each joint must keep for the ranges that were swept.
+
+        Args:
+            centre: True to move the seam of every servo opposite to the middle of its range.
+
+        Raises:
+            SeamInside: A range contains the seam, or a whole turn.
+        """
+        can_centre = all("homing" in report.kept for report in self._reports.values())
+        whole = [s for s in self._sweep.servos.values() if s.whole_turn]
+        wrong = [row.joint.name for row in self.rows if row.seam]
+        if whole or (wrong and not (centre and can_centre)):
+            raise SeamInside(wrong, self._bus.ticks - 1, can_centre)
+        found = dict[str, dict[str, int]]()
+        for joint, report in self._reports.items():
+            swept = self._sweep.servos[self._servos[joint]]
+            found[joint] = swept.kept(report.kept.get("homing"), centre and can_centre)
+        return found
+
+    def changes(self, kept: Mapping[str, Mapping[str, int]]) -> list[Change]:
+        """Return which values of which servos differ from these."""
+        return [
+            Change(joint, self._servos[joint], name, self._reports[joint].kept[name], value)
+            for joint, values in kept.items()
+            for name, value in values.items()
+            if self._reports[joint].kept[name] != value
+        ]
+
+    def joints(self, kept: Mapping[str, Mapping[str, int]]) -> dict[str, CalibratedJoint]:
+        """Return the calibration of each joint, with what its servo kept before the first one.
+
+        Raises:
+            DescriptionError: The present calibration file is wrong.
+        """
+        before, found = values_before(self.path, self._robot.name), dict[str, CalibratedJoint]()
+        for joint in self._robot.actuated:
+            report, values = self._reports[joint.name], kept[joint.name]
+            there = {name: report.kept[name] for name in values}
+            calibrated = self._robot.calibrated(
+                joint, {"id": report.servo, **values}, self._degrees
+            )
+            found[joint.name] = replace(calibrated, before=before.get(joint.name, there))
+        return found
+
+    def write(self, changes: Iterable[Change]) -> None:
+        """Write values to the servos, and read them back.
+
+        Raises:
+            NotKept: A servo reads back another value, or does not answer.
+        """
+        by_servo = dict[int, dict[str, int]]()
+        for change in changes:
+            by_servo.setdefault(change.servo, {})[change.name] = change.new
+        for servo, values in by_servo.items():
+            self._bus.keep(servo, values)
+
+
+def read_lerobot(
+    path: Path, joints: Sequence[Joint], servos: Mapping[str, int]
+) -> dict[str, dict[str, int]]:
+    """Return what the servo of each joint keeps, from a calibration file of LeRobot.
+
+    LeRobot has written these values to the servos; `drive_mode` must be 0, as for every SO-101.
+
+    Args:
+        path: The file.
+        joints: The joints of the arm.
+        servos: Id of the servo of each joint, by its name.
+
+    Raises:
+        DescriptionError: The file is wrong, or has other joints.
+    """
+    try:
+        values: Any = json.loads(path.read_text())
+        return {
+            joint.name: _lerobot_joint(values[joint.name], servos[joint.name]) for joint in joints
+        }
+    except OSError as error:
+        raise DescriptionError(path, 0, f"cannot be read: {error.strerror}") from error
+    except KeyError as error:
+        raise DescriptionError(path, 0, f"has no {error}; LeRobot names joints alike") from error
+    except (ValueError, TypeError, RecursionError) as error:
+        raise DescriptionError(path, 0, f"is not a calibration by LeRobot: {error}") from error
+
+
+def _lerobot_joint(values: Mapping[str, int], servo: int) -> dict[str, int]:
+    names = {"homing": "homing_offset", "least": "range_min", "most": "range_max"}
+    if values["drive_mode"] != 0:
+        raise ValueError(f"drive_mode {values['drive_mode']!r} is not 0")
+    if values["id"] != servo:
+        raise ValueError(f"the id {values['id']!r} is not {servo}, as in the robot file")
+    found = {name: values[key] for name, key in names.items()}
+    if not all(type(value) is int for value in found.values()):
+        raise ValueError(f"{values!r} has values that are not whole numbers")
+    if not (0 <= found["least"] < found["most"] <= 4095 and abs(found["homing"]) < 2048):
+        raise ValueError(f"{values!r} is not a range within a turn")
+    return found
+
+
+def degrees(joint: Joint) -> float:
+    """Return the range of a joint in the URDF [deg]."""
+    return math.degrees(joint.upper - joint.lower)

@@ -1,0 +1,80 @@
+"""The search for servos on a port: which ids answer, at which speed, and what is wrong."""
+
+from collections.abc import Iterable
+
+from hardware.clock import Clock, RealClock
+from hardware.description.robot import Robot
+from hardware.drivers.servo_bus import Found, ServoBus, ServoReport
+from hardware.drivers.servo_errors import NoServos, ServoMissing, ServoTwice
+
+_PATIENCE = 0.04  # for the answer of a servo, with tries [s]
+
+
+def answering(robot: Robot, bus: ServoBus, port: str) -> dict[int, ServoReport]:
+    """Return what each servo of an arm says of itself, by its id.
+
+    Args:
+        robot: The robot.
+        bus: The open bus.
+        port: Name of the port, for messages.
+
+    Raises:
+        ServoTwice: Two servos have one id.
+        NoServos: Bytes come, but no packets.
+        ServoMissing: A servo does not answer.
+    """
+    found = bus.find(robot.servos.values())
+    if found.damaged and found.servos:
+        raise ServoTwice(found.damaged)
+    if found.noise and not found.servos:
+        raise NoServos(port, _PATIENCE, found.noise)
+    if missing := [f"{s} ({j})" for j, s in robot.servos.items() if s not in found.servos]:
+        raise ServoMissing(port, _PATIENCE, missing, len(found.servos), ())
+    return dict(found.servos)
+
+
+def search_speeds(
+    robot: Robot, port: str, ids: Iterable[int], clock: Clock | None = None
+) -> tuple[int, Found]:
+    """Return the first speed of the line at which servos answer [bit/s], and what answers there.
+
+    The speed of the robot file comes first. It is returned if nothing answers at any.
+
+    Args:
+        robot: The robot.
+        port: Name of the port.
+        ids: The ids that are asked.
+        clock: Time source. Default: the system's.
+
+    Raises:
+        LinkError: The port cannot be opened.
+    """
+    speeds = dict.fromkeys((robot.serial.baud, *robot.firmware.bauds))
+    wanted, heard = list(ids), Found()
+    for baud in speeds:
+        with robot.servo_bus(port, baud, clock or RealClock()) as bus:
+            found = bus.find(wanted)
+        if found.servos:
+            return baud, found
+        heard = heard if heard.noise else found
+    return robot.serial.baud, heard
+
+
+def likely_cable(robot: Robot, present: Iterable[int]) -> str:
+    """Return the cable or servo that explains which servos do not answer, for people.
+
+    Servos are a chain in the order of their joints: behind a broken cable none answers.
+    """
+    servos, there = list(robot.servos.items()), set(present)
+    missing = [place for place, (_, servo) in enumerate(servos) if servo not in there]
+    if not missing:
+        return ""
+    first = missing[0]
+    joint, servo = servos[first]
+    if missing != list(range(first, len(servos))):
+        others = "others behind it answer, so its id or the servo itself is wrong, not a cable"
+        return f"servo {servo} of {joint}: {others}"
+    if first == 0:
+        return "none answers: the power supply, the adapter, or the cable to the first servo"
+    before, number = servos[first - 1]
+    return f"the cable between servo {number} ({before}) and servo {servo} ({joint}), or its power"

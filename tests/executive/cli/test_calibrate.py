@@ -1,0 +1,207 @@
+"""`armtree calibrate` in a real pseudo-terminal, on a virtual bus whose joints a hand moves."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from hardware import load_robot
+from hardware.description.calibration import calibration_file
+from hardware.drivers.feetech.virtual.bus import Bus
+from hardware.drivers.virtual.board_process import BoardProcess
+from tests.support.arms.bus_arms import bus_arm
+from tests.support.command_line.pseudo_terminal import PseudoTerminal
+
+pytestmark = pytest.mark.slow
+
+# Ends of each joint [ticks], as a hand turns it; a servo starts at 2048.
+ENDS = {1: (1000, 3100), 2: (1100, 2900), 3: (1010, 3000), 4: (1200, 2100)}
+
+
+class Arm:
+    """A robot file and a bus behind a port."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.file = folder, bus_arm(folder)
+        robot = load_robot(self.file)
+        model = robot.model()
+        assert isinstance(model, Bus)
+        for servo in model.servos:
+            servo.put("torque_enable", 1)  # from an earlier run
+        self.board = BoardProcess(model, robot.serial.baud)
+
+    def calibrate(self, *options: str) -> PseudoTerminal:
+        given = "--robot", str(self.file), "--port", self.board.port
+        return PseudoTerminal(self.folder, "calibrate", *given, *options)
+
+    def kept(self) -> list[tuple[int, int, int]]:
+        """Offset and limits that each servo keeps without power."""
+        names = "offset", "min_angle", "max_angle"
+        return [tuple(each[name] for name in names) for each in self.board.call("kept")]
+
+    def turn(self, terminal: PseudoTerminal, servo: int, *places: int) -> None:
+        """Turns a servo by hand to places, one after the other, in steps that the table sees."""
+        now = round(self.board.state().positions[servo])
+        for place in places:
+            while now != place:
+                now += max(min(place - now, 1500), -1500)
+                self.board.call("push", servo, now)
+                terminal.until(f"{now % 4096}")
+
+    def sweep(self, terminal: PseudoTerminal) -> None:
+        terminal.until("Do you hold it?")
+        terminal.type("y\r")
+        terminal.until("Turn every joint by hand")
+        for servo, ends in ENDS.items():
+            self.turn(terminal, servo, *ends)
+
+
+@pytest.fixture
+def arm(tmp_path: Path) -> Iterator[Arm]:
+    made = Arm(tmp_path)
+    yield made
+    made.board.close()
+
+
+def test_an_arm_is_calibrated_and_restored(arm: Arm) -> None:
+    with arm.calibrate() as terminal:
+        terminal.until("Do you hold it?")
+        assert all(arm.board.state().torque.values())
+        terminal.type("y\r")
+        shown = terminal.until("turn it", "2048")
+        assert not any(arm.board.state().torque.values())
+        terminal.type("\r")
+        shown = terminal.until("Not turned yet: joint_1, joint_2")
+        for servo, ends in ENDS.items():
+            arm.turn(terminal, servo, *ends)
+        shown = terminal.until("joint_4             4   2100   1200   2100")
+        assert "joint_1             1   3100   1000   3100   185 deg   180 deg  103% of" in shown
+        terminal.type("\r")
+        shown = terminal.until("Write 8 values to the servos, and the file")
+        assert "servo 1   joint_1          least        0 -> 1000" in shown
+        assert not calibration_file(arm.file).exists()
+        assert arm.kept() == [(0, 0, 4095)] * 4
+        terminal.type("y\r")
+        status, printed = terminal.end()
+        assert (status, "the servos read back what it has" in printed) == (0, True)
+    assert arm.kept() == [(0, *ends) for ends in ENDS.values()]
+    robot = load_robot(arm.file)
+    assert robot.calibration == calibration_file(arm.file)
+    # The middle of each range is the middle of the URDF's, and no limit is at a stop.
+    middle = [(low + high) // 2 for low, high in ENDS.values()]
+    urdf = [(j.lower + j.upper) / 2 for j in load_robot(arm.file, calibrated=False).actuated]
+    assert robot.wire_format.encode(urdf).servos == pytest.approx(middle, abs=1)
+    for joint, (low, high) in zip(robot.actuated, ENDS.values(), strict=True):
+        assert joint.upper - joint.lower < (high - low - 20) * 2 * 3.1416 / 4096
+
+    with arm.calibrate("--restore") as terminal:
+        terminal.until("Write 8 values to the servos, and delete")
+        terminal.type("y\r")
+        assert terminal.end()[0] == 0
+    assert arm.kept() == [(0, 0, 4095)] * 4
+    assert not calibration_file(arm.file).exists()
+
+
+def test_a_seam_inside_a_range_is_refused_and_centring_is_the_way_out(arm: Arm) -> None:
+    over = 2900, 4700
+    for options in ([], ["--centre"]):
+        with arm.calibrate(*options) as terminal:
+            arm.sweep(terminal)
+            arm.turn(terminal, 2, *over, 2900)
+            arm.turn(terminal, 2, 2900)
+            terminal.until("the seam is inside")
+            terminal.type("\r")
+            if not options:
+                status, printed = terminal.end()
+                assert status == 6
+                assert "The range of joint_2 contains the seam" in printed
+                assert "Nothing was written. Run `armtree calibrate --centre`" in " ".join(
+                    printed.split()
+                )
+                assert arm.kept() == [(0, 0, 4095)] * 4
+            else:
+                terminal.until("to the servos, and the file")
+                terminal.type("y\r")
+                assert terminal.end()[0] == 0
+    homing, least, most = arm.kept()[1]
+    assert (least + most) // 2 == pytest.approx(2048, abs=1)
+    assert homing
+    assert load_robot(arm.file).calibration
+
+
+def test_servos_get_their_ids_one_by_one(arm: Arm) -> None:
+    arm.board.call("connect", [2])
+    with arm.calibrate("--ids") as terminal:
+        terminal.until("Connect only the servo of joint_1 (id 1)")
+        terminal.type("\r")
+        terminal.until("Write the id 1 to the servo, which has 3?")
+        terminal.type("y\r")
+        terminal.until("The servo reads back the id 1")
+        terminal.type("\x03")
+        assert terminal.end()[0] == 130
+    arm.board.call("connect")
+    with arm.calibrate() as terminal:
+        status, printed = terminal.end()
+        assert (status, "hw.servo_twice" in printed) == (6, True)
+    with arm.calibrate("--ids") as terminal:
+        for joint, place in enumerate((0, 1, 2, 3), start=1):
+            terminal.until(f"Connect only the servo of joint_{joint} (id {joint})")
+            if joint == 2:
+                arm.board.call("connect", [0, 1])
+                terminal.type("\r")
+                terminal.until("Not one servo alone answers (ids: 1, 2)")
+            arm.board.call("connect", [place])
+            terminal.type("\r")
+            if joint == 3:
+                terminal.until("Write the id 3 to the servo, which has 1?")
+                terminal.type("y\r")
+        assert terminal.end()[0] == 0
+    arm.board.call("connect")
+    assert [each["id"] for each in arm.board.call("kept")] == [1, 2, 3, 4]
+
+
+def lerobot(path: Path, **changes: object) -> Path:
+    values = {
+        f"joint_{k}": {
+            "id": k, "drive_mode": 0, "homing_offset": 10 * k, "range_min": low, "range_max": high
+        }
+        for k, (low, high) in ENDS.items()
+    }  # fmt: skip
+    values["joint_1"].update(changes)  # type: ignore[arg-type]
+    path.write_text(json.dumps(values))
+    return path
+
+
+def test_a_calibration_by_lerobot_is_taken(arm: Arm, tmp_path: Path) -> None:
+    with arm.calibrate("--import", str(lerobot(tmp_path / "arm.json"))) as terminal:
+        terminal.until("Write 12 values to the servos")
+        terminal.type("y\r")
+        assert terminal.end()[0] == 0
+    assert arm.kept() == [(10 * k, *ends) for k, ends in ENDS.items()]
+    assert load_robot(arm.file).calibration
+
+
+@pytest.mark.parametrize(
+    ("changes", "why"),
+    [
+        ({"id": 9}, "the id 9 is not 1"),
+        ({"drive_mode": 1}, "drive_mode 1 is not 0"),
+        ({"range_max": 5000}, "is not a range within a turn"),
+    ],
+)
+def test_a_wrong_calibration_by_lerobot_is_refused(
+    arm: Arm, tmp_path: Path, changes: dict[str, object], why: str
+) -> None:
+    with arm.calibrate("--import", str(lerobot(tmp_path / "arm.json", **changes))) as terminal:
+        status, printed = terminal.end()
+        assert (status, why in " ".join(printed.split())) == (3, True)
+    assert arm.kept() == [(0, 0, 4095)] * 4
+
+
+def test_whoever_does_not_hold_the_arm_calibrates_nothing(arm: Arm) -> None:
+    with arm.calibrate() as terminal:
+        terminal.until("Do you hold it?")
+        terminal.type("n\r")
+        assert terminal.end()[0] == 130
+    assert all(arm.board.state().torque.values())
