@@ -92,6 +92,16 @@ class NotExecuting(GoalError):
         super().__init__(f"goal {identity} is {state}; only one that is EXECUTING can be paused")
 
 
+class GoalUnderWay(GoalError):
+    """A dry run needs an arm that does not move."""
+
+    code = "goal.under_way"
+    hint = "wait for the end of the goal"
+
+    def __init__(self, identity: str) -> None:
+        super().__init__(f"goal {identity} is under way, so the start of a dry run is not known")
+
+
 class NotPaused(GoalError):
     """Only a paused goal can be resumed."""
 

@@ -6,7 +6,6 @@ The command line, the server and the Python interface all use this class.
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from queue import SimpleQueue
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -25,7 +24,7 @@ from hardware import (
     StateChanged,
     TransitionRefused,
 )
-from logs import MOVE, goal_title
+from logs import MOVE, goal_title, unpack
 from skills import (
     Context,
     Leader,
@@ -36,14 +35,15 @@ from skills import (
     SkillError,
     tool_query,
 )
-from skills.motion import Pool, Result, Unreachable
+from skills.motion import Pool, Unreachable, World
 from skills.motion.world import Vector
 from trees import Library, Located, TreeError
+from trees.compile.arguments import located
 
 from .api.events import Event, Policy, Status, Where
 from .api.move import Move
 from .api.outcome import Acceptance, CancelResult, GoalState, GoalStatus, Outcome, cause_of
-from .errors import NotExecuting, NotPaused, TooManyBreakpoints
+from .errors import GoalUnderWay, NotExecuting, NotPaused, TooManyBreakpoints
 from .goals.event_subscribers import EventSubscribers
 from .goals.executor import GoalExecutor
 from .goals.history import load_goal_history
@@ -51,7 +51,9 @@ from .goals.mailbox import Mailbox
 from .goals.queue import GoalQueue
 from .goals.start_pose import StartPose
 from .goals.stop import GoalStopper
+from .planning.dry_run import DryRun, dry_run
 from .planning.move_task import move_text, read_move
+from .recording.archive import archive_world
 from .recording.recorded_link import RecordedLink
 from .recording.recordings import Recordings
 from .setup import Setup
@@ -101,6 +103,7 @@ class Executive:
         self._pool, self._subscribers = pool, EventSubscribers()
         self._progress: logs.Feedback | None = None
         self._breakpoints = set[str]()
+        self._planned_worlds: tuple[World, ...] = ()  # of the last dry run
         self._recordings = Recordings(
             setup.recordings,
             robot,
@@ -123,7 +126,7 @@ class Executive:
             self._arm = Arm(robot, None, clock, self._arm_changed)
         self._queue = GoalQueue(clock, setup.policy, setup.result_timeout, self._goal_changed)
         self._stopper = GoalStopper(self._queue, self._arm, self._recordings, clock)
-        context = Context(
+        self._context = context = Context(
             robot,
             self._arm,
             pool,
@@ -330,6 +333,37 @@ class Executive:
         getattr(self._arm, transition)()
         return self._arm.state
 
+    def dry_run(self, task: int, arguments: Mapping[str, str | Located]) -> DryRun:
+        """Check a task and plan its motions from where the arm is. Nothing moves.
+
+        Args:
+            task: Task number.
+            arguments: Values of the task's parameters, by name. Text is read as in a task file.
+
+        Raises:
+            GoalUnderWay: Where the arm will be is not known.
+            TreeError: There is no such task, or it is wrong.
+        """
+        if running := self._queue.running:
+            raise GoalUnderWay(running.identity)
+        library, _ = self.library.for_task(task)
+        commanded = self._commanded()
+        start = tuple(commanded.values()) if commanded else self.robot.boot_pose
+        found = dry_run(self._context, library, task, located(arguments), start)
+        self._planned_worlds = found.worlds
+        return found
+
+    def world_mesh(self, name: str) -> bytes | None:
+        """Return a mesh of a body around the arm, or in the last dry run; None if there is none.
+
+        Args:
+            name: Its name in the record of a plan.
+        """
+        for world in (self._context.scene.world, *self._planned_worlds):
+            if attached := archive_world(world)[1].get(name):
+                return unpack(attached)[1]
+        return None
+
     def subscribe(self, callback: Callable[[Event], None]) -> Callable[[], None]:
         """Subscribe to all events: what is recorded, and every change of a goal.
 
@@ -403,10 +437,9 @@ class Executive:
         boot = {joint.name: joint.boot for joint in self.robot.actuated}
         start = Positions(self._commanded() or boot)
         query = tool_query(self.robot, {"point": point, "start": start})
-        answers: SimpleQueue[Result] = SimpleQueue()
         self._pool.start()  # a single user's planners start with the first motion
-        self._pool.submit(replace(query, timeout=self.setup.planning_timeout), answers.put)
-        if isinstance(answer := answers.get(), Unreachable):
+        answer = self._pool.ask(replace(query, timeout=self.setup.planning_timeout))
+        if isinstance(answer, Unreachable):
             raise answer
 
     def _accept(

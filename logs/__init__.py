@@ -26,7 +26,7 @@ if typing.TYPE_CHECKING:
     from .reading.find import find_recording as find_recording
     from .reading.reader import Message as Message, read as read
     from .reading.recording import Recording as Recording
-    from .records.packing import pack as pack
+    from .records.packing import pack as pack, unpack as unpack
     from .records.records import (
         MOVE as MOVE,
         Attachment as Attachment,

@@ -1,7 +1,7 @@
 """`armtree check`: finds the mistakes in task files without moving anything."""
 
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -23,6 +23,7 @@ from .analysis.collisions import CollisionChecks
 from .analysis.predicted_motion import Motion, predict_motions
 from .analysis.reachability import check_outcomes
 from .build import refusals
+from .compile.arguments import wrong
 from .compile.compiler import CompiledTree, TreeCompiler
 from .compile.data_flow import short_name
 from .compile.node_paths import paths
@@ -145,41 +146,48 @@ def _names_body(library: Library, name: str, but: Path) -> bool:
     return False
 
 
-def compile_task(robot: Robot, library: Library, number: int) -> CompiledTree:
+def compile_task(
+    robot: Robot, library: Library, number: int, arguments: Mapping[str, Located] | None = None
+) -> CompiledTree:
     """Compile a task, to show it.
 
     Args:
         robot: The robot.
         library: Files of the task.
         number: Number of the task.
+        arguments: Values of its parameters; None if they are not known.
 
     Raises:
         UnknownTask: No task has that number.
+        BadArguments: Only the arguments are wrong.
         FileError: The files have mistakes.
     """
     context = _context(robot)
-    tree = TreeCompiler(library.draft(number), library, context, "/show").compile()
+    tree = TreeCompiler(library.draft(number), library, context, "/show").compile(arguments)
     check_outcomes(tree)
     if tree.mistakes.found or tree.hooks.refused:
-        raise FileError(
-            [*tree.mistakes.found, *(refusal.mistake for refusal in refusals(tree, robot))]
-        )
+        mistakes = [refusal.mistake for refusal in refusals(tree, robot)]
+        raise wrong([*tree.mistakes.found, *mistakes], arguments or {})
     return tree
 
 
-def check_task(robot: Robot, library: Library, number: int) -> CompiledTree:
+def check_task(
+    robot: Robot, library: Library, number: int, arguments: Mapping[str, Located] | None = None
+) -> CompiledTree:
     """Check a task, as far as possible without a planner.
 
     Args:
         robot: The robot.
         library: Files of the task.
         number: Number of the task.
+        arguments: Values of its parameters; None if they are not known.
 
     Raises:
         UnknownTask: No task has that number.
+        BadArguments: Only the arguments are wrong.
         FileError: The files have mistakes, or a skill refuses an input.
     """
-    tree = compile_task(robot, library, number)
+    tree = compile_task(robot, library, number, arguments)
     if refused := refusals(tree, robot):
         raise FileError(refusal.mistake for refusal in refused)
     return tree
@@ -193,7 +201,8 @@ def motions_of(
     reach: Callable[[ToolQuery], Reached],
     start: Pose,
     world: World,
-) -> tuple[list[Motion], list[str]]:
+    arguments: Mapping[str, Located] | None = None,
+) -> tuple[list[tuple[str, Motion]], list[str]]:
     """Predict the motions of a task.
 
     Args:
@@ -204,21 +213,24 @@ def motions_of(
         reach: Finds joint positions that bring the tool to a point; may raise a MotionError.
         start: Configuration before the task [rad].
         world: World before the task.
+        arguments: Values of its parameters; None if they are not known.
 
     Returns:
-        The motions in order, each in the world at that time; and a description of each motion that
-        is left out.
+        The motions in order, each in the world at that time, with the path of its node; and a
+        description of each motion that is left out.
 
     Raises:
         UnknownTask: No task has that number.
+        BadArguments: Only the arguments are wrong.
         FileError: The files have mistakes, or a skill refuses an input.
     """
-    tree = check_task(robot, library, number)
+    tree = check_task(robot, library, number, arguments)
     found = predict_motions(tree, robot, carry, start, world, reach=reach)
     if broken := tree.hooks.mistakes:
         raise FileError(broken)
     nodes = dict(paths(tree.root))
-    return found.motions, [f"{nodes[node]}: {why}" for node, why in found.unknown.items()]
+    motions = [(nodes[motion.node], motion) for motion in found.motions]
+    return motions, [f"{nodes[node]}: {why}" for node, why in found.unknown.items()]
 
 
 def _jobs(

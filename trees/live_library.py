@@ -110,6 +110,9 @@ class LiveLibrary:
         folder: The user's task files; None for only those that ship.
         robot: The robot, for which the tasks are checked.
 
+    Attributes:
+        folder: The user's folder, or None.
+
     Raises:
         FileError: The folder does not exist or cannot be read.
     """
@@ -117,6 +120,7 @@ class LiveLibrary:
     def __init__(self, folder: Path | None, robot: Robot) -> None:
         library = Library(folder, robot.name)
         self._robot, self._lock = robot, threading.Lock()
+        self.folder = library.folder
         self._files = library.shipped, library.folder, robot.name
         self._snapshots = deque([_Snapshot(*self._files)], KEPT)  # newest first
         self._rows: tuple[_Snapshot, list[dict[str, Any]]] | None = None

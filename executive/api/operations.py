@@ -182,7 +182,7 @@ _ROWS = (
     _read(
         "/api/meshes/{digest}",
         "mesh",
-        "Return a mesh of the robot, an STL file.",
+        "Return a mesh of the robot, or of a body around it, an STL file.",
         parameters={"digest": s.DIGEST},
         media="model/stl",
     ),
@@ -220,6 +220,21 @@ _ROWS = (
         status=201,
     ),
     _change(
+        "/api/plan",
+        "plan",
+        "Check a task and plan its motions, as the events that a run would have. Nothing moves.",
+        s.answer(
+            "DryRun",
+            events=s.array({"type": "object"}),
+            unknown={
+                **s.array(s.TEXT),
+                "description": "A message for each motion that is known only in a run.",
+            },
+        ),
+        body=s.body("task", task=s.TASK_OR_NAME, arguments=s.ARGUMENTS),
+        errors=("goal", "file"),
+    ),
+    _change(
         "/api/move",
         "move",
         "Move joints, or the tool to a point. The move is a goal like that of a task.",
@@ -233,6 +248,20 @@ _ROWS = (
         ),
         errors=("goal", "file", "log", "server"),
         status=201,
+    ),
+    _read("/api/poses", "poses", "List the poses.", s.answer("Poses", poses=s.array(s.POSE))),
+    _change(
+        "/api/poses",
+        "save_pose",
+        "Save the commanded position as a pose, in the folder of your own tasks.",
+        s.POSE,
+        body=s.body(
+            "name",
+            name=s.words("Name of the pose."),
+            group=s.words("Joints to save: a group of the robot, or `all`; default `arm`."),
+            replace={**s.BOOLEAN, "description": "True to replace a pose; default false."},
+        ),
+        errors=("goal", "file", "hw"),
     ),
     _read(
         "/api/goals/{goal_id}",

@@ -197,6 +197,12 @@ CANCELED = answer(
     goals=array(GOAL_ID),
 )
 _BY_JOINT = {"type": "object", "additionalProperties": NUMBER}
+POSE = answer(
+    "Pose",
+    pose=TEXT,
+    positions=_BY_JOINT,
+    source={**TEXT, "description": "`FILE:LINE`, or that it ships."},
+)
 STATUS = answer(
     "Status",
     arm=ARM_STATE,
@@ -219,7 +225,13 @@ STATUS = answer(
     uptime_s=NUMBER,
 )
 _VECTOR = {**array(NUMBER), "minItems": 3, "maxItems": 3}
-DIGEST = {"type": "string", "pattern": "^[0-9a-f]{32}$", "maxLength": 32, "minLength": 32}
+DIGEST = {
+    "title": "the digest of a mesh",
+    "type": "string",
+    "pattern": "^([0-9a-f]{32}|[0-9a-f]{12}_[^/]+)$",
+    "maxLength": 250,
+    "description": "Digest of a mesh of the robot, or `path` of a body's mesh in a plan.",
+}
 ROBOT = answer(
     "Robot",
     name=TEXT,
@@ -262,6 +274,11 @@ ROBOT = answer(
             }
         )
     ),
+    groups={
+        "type": "object",
+        "additionalProperties": array(TEXT),
+        "description": "Actuated joints of each group.",
+    },
     tool=_or_null(_object({"link": TEXT, "offset": _VECTOR})),
 )
 WHERE = answer(

@@ -1,7 +1,7 @@
 """`armtree pose`: save, list, show and remove poses."""
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,7 +16,6 @@ from .terminal.streams import echo
 
 if TYPE_CHECKING:
     from hardware import Robot
-    from trees import Library
 
 _name = click.argument("name", shell_complete=complete_pose)
 
@@ -62,20 +61,19 @@ def save(
       armtree pose save left
       armtree pose save half_open --group gripper
     """  # noqa: D301
+    from executive.planning.poses import save_where
     from hardware import load_robot
-    from hardware.suggestions import choices
-    from trees.export.saved_poses import save_pose
+    from skills import BadTarget
 
     loaded = load_robot(robot)
-    if group not in (*loaded.groups, "all"):
-        known = choices(group, (*loaded.groups, "all"))
-        raise click.UsageError(f"--group {group}: the robot has no such group; there are {known}")
     found, source = find_arm(server, robot, recordings)
-    joints = loaded.actuated if group == "all" else loaded.actuated_in(group)
-    positions = pose_of(loaded, found, joints)
-    path = save_pose(loaded, trees, name, positions, replace)
+    pose_of(loaded, found, [])
+    try:
+        path, positions = save_where(loaded, found, trees, name, group, replace)
+    except BadTarget as error:
+        raise click.UsageError(f"--group: {error}") from error
     echo(f"{path}\n{name:<12} {_words(loaded, positions)}\n{'':<12} by {source}")
-    if left := [joint.name for joint in loaded.actuated if joint not in joints]:
+    if left := [joint.name for joint in loaded.actuated if joint.name not in positions]:
         echo(f"{'':<12} without {', '.join(left)}; --group all saves every joint")
 
 
@@ -85,8 +83,10 @@ def save(
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object per pose.")
 def ls(robot: Path | None, trees: Path | None, as_json: bool) -> None:
     """List the poses, their joints, and where they are from."""
+    from executive.planning.poses import listed_poses
+
     loaded, library = load_library(trees, robot)
-    for name, positions, source in _poses(loaded, library):
+    for name, positions, source in listed_poses(loaded, library):
         if as_json:
             echo(json.dumps({"pose": name, "positions": positions, "source": source}))
         else:
@@ -100,11 +100,12 @@ def ls(robot: Path | None, trees: Path | None, as_json: bool) -> None:
 @click.option("--json", "as_json", is_flag=True, help="Print a JSON object.")
 def show(name: str, robot: Path | None, trees: Path | None, as_json: bool) -> None:
     """Print the joints of a pose, the point of the tool, and where the pose is from."""
+    from executive.planning.poses import listed_poses
     from hardware.suggestions import choices
     from trees import FileError, Mistake, Place
 
     loaded, library = load_library(trees, robot)
-    poses = {each: (positions, source) for each, positions, source in _poses(loaded, library)}
+    poses = {each: (positions, source) for each, positions, source in listed_poses(loaded, library)}
     if name not in poses:
         folder = trees or library.shipped[-1]
         why = f"no pose {name} is here; there are {choices(name, poses)}"
@@ -135,23 +136,6 @@ def rm(name: str, robot: Path | None, trees: Path) -> None:
 
     path = remove_pose(load_robot(robot), trees, name)
     echo(f"{path}: pose {name} is removed; `armtree check` finds tasks that used it")
-
-
-def _poses(robot: "Robot", library: "Library") -> Iterator[tuple[str, Mapping[str, float], str]]:
-    """Yield each pose: its name, its joint positions [rad], and the place of its file."""
-    from executive.api.move import HOME
-    from executive.planning.move_task import poses_with_home
-
-    poses, _ = library.poses()
-    files, _ = library.draft_poses()
-    if HOME not in poses:
-        source = "home of the robot file" if robot.home else "boot pose"
-        yield HOME, poses_with_home(robot, poses)[HOME], source
-    for name, positions in poses.items():
-        (*_, file) = (file for file in files if name in file.poses)
-        place = file.labels[name].label
-        shipped = file.path.parent in library.shipped
-        yield name, positions, "shipped" if shipped else f"{place.path}:{place.line}"
 
 
 def _words(robot: "Robot", positions: Mapping[str, float]) -> str:

@@ -13,7 +13,8 @@ from skills.motion.deadline import Stopwatch
 from skills.motion.planner import Planner
 from skills.motion.timing.explain import limits_met, straight_duration
 
-from .plan_request import Motion, PlanRequest
+from .plan_request import PlanRequest
+from .task_motions import Motion
 from .world_file import check_world, read_world
 
 _STEP = 0.005  # time between two points of the curves [s]

@@ -14,31 +14,15 @@ from skills import (
     check_tool,
     tool_query,
 )
-from skills.motion import MotionError, Query, Reached, ToolQuery, World
+from skills.motion import MotionError, Query, World
 from skills.motion.planner import Planner
 from trees import Library
-from trees.check import motions_of
 from trees.compile.port_types import declaration
 
 from .goal_words import TASK, Poses, is_point, read_value, read_words
+from .task_motions import Motion, task_motions
 
 _PORTS = {name: declaration(port) for name, port in TOOL_PORTS.items()}
-
-
-@dataclass(frozen=True)
-class Motion:
-    """One motion to plan.
-
-    Attributes:
-        query: The planning query.
-        left_out: Bodies that are missing in its world, because their place is known only in a run.
-        assumed_start: True if the start is known only in a run. The query then starts at the end of
-            the motion before it.
-    """
-
-    query: Query
-    left_out: tuple[str, ...] = ()
-    assumed_start: bool = False
 
 
 @dataclass(frozen=True)
@@ -108,30 +92,16 @@ class PlanRequest:
     def _motions_of_task(
         self, number: int, planner: Planner, position: tuple[float, ...], world: World
     ) -> tuple[list[Motion], list[str]]:
-        """Return the motions of a task. As in a run, the gripper moves after the arm."""
-
-        def reach(query: ToolQuery) -> Reached:
-            return planner.reach(replace(query, seed=self.seed))
-
-        predicted, unknown = motions_of(
-            self.robot, self.library, number, planner.carry, reach, position, world
+        """Return the motions of a task."""
+        motions, unknown = task_motions(
+            self.robot, self.library, number, planner, position, world, self.seed, self.group
         )
-        if not predicted:
+        if not motions:
             why = f"task {number} has no goal that is known before a run; a goal is known if the "
             why += "inputs of its skill, and of all skills before it, are literal values. "
             why += "".join(f"{message}. " for message in unknown)
             raise BadTarget(why + "Give joints, a pose or a point instead")
-        moving, still = list[Motion](), list[Motion]()
-        for motion in predicted:
-            for query in motion.queries(self.robot, position, self.seed):
-                if query.group == (self.group or query.group):
-                    own = self.robot.actuated_in(query.group)
-                    here = zip(self.robot.actuated, query.start, strict=True)
-                    moves = query.goal != tuple(q for joint, q in here if joint in own)
-                    found = Motion(query, motion.left_out, assumed_start=motion.start is None)
-                    (moving if self.group or query.via or moves else still).append(found)
-            position = motion.pose
-        return moving or still[:1], unknown
+        return motions, unknown
 
     def _target(
         self, group: str, named: Mapping[str, float], start: Mapping[str, float]

@@ -22,6 +22,7 @@ HTTP_STATUS = {
     "goal.result_timeout": 409,
     "goal.not_executing": 409,
     "goal.not_paused": 409,
+    "goal.under_way": 409,
     "goal.too_many_breakpoints": 409,
     "goal.no_such_node": 404,
     "goal.not_held": 409,

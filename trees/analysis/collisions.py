@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import dataclass, field, replace
-from queue import SimpleQueue
 
 from hardware import Robot
 from hardware.description.neighbours import advice_for_contact
@@ -16,8 +15,6 @@ from skills.motion import (
     MotionError,
     Pool,
     Reached,
-    Request,
-    Result,
     ToolQuery,
     Verify,
     WorkerDied,
@@ -86,12 +83,12 @@ class CollisionChecks:
     def _load_error(self, body: Body) -> BadWorld | WorkerDied | None:
         """Return why a body cannot be loaded, or None."""
         alone = World((replace(body, touches=frozenset()),))  # the others may be added before
-        answer = self._ask(Verify([self.robot.boot_pose], 0.0, world=alone))
+        answer = self.pool.ask(Verify([self.robot.boot_pose], 0.0, world=alone))
         return answer if isinstance(answer, (BadWorld, WorkerDied)) else None
 
     def _collision(self, pose: Pose, world: World) -> str:
         """Return what collides in a configuration, or an empty text."""
-        answer = self._ask(Verify([pose], self.robot.collision.margin, world=world))
+        answer = self.pool.ask(Verify([pose], self.robot.collision.margin, world=world))
         # A subtree may name bodies to touch that only its users add.
         if not isinstance(answer, MotionError) or isinstance(answer, BadWorld):
             return ""
@@ -139,7 +136,7 @@ class CollisionChecks:
         for tree in self.tasks:
             # Refusals that concern only this start are not mistakes.
             hooks = SkillHooks(tree.hooks.doubtful)
-            times = PlannedTimes(tree, self.robot, self._ask)
+            times = PlannedTimes(tree, self.robot, self.pool.ask)
             # To time each motion, points for the tool are needed too.
             found = predict_motions(
                 tree,
@@ -164,20 +161,15 @@ class CollisionChecks:
         raise MotionError("known during a run")
 
     def _reach(self, query: ToolQuery) -> Reached:
-        answer = self._ask(query)
+        answer = self.pool.ask(query)
         if isinstance(answer, MotionError):
             raise answer
         assert isinstance(answer, Reached)
         return answer
 
     def _carry(self, request: Carry) -> Body:
-        answer = self._ask(request)
+        answer = self.pool.ask(request)
         if isinstance(answer, MotionError):
             raise answer
         assert isinstance(answer, Body)
         return answer
-
-    def _ask(self, request: Request) -> Result:
-        answers: SimpleQueue[Result] = SimpleQueue()
-        self.pool.submit(request, answers.put)
-        return answers.get()

@@ -38,6 +38,7 @@ class Motion:
     """A motion to a target that is known before the run.
 
     Attributes:
+        node: Node with the target.
         place: Place of the target in a file.
         pose: Target of the actuated joints [rad].
         start: Configuration before the motion [rad]; None if it is not known before the run.
@@ -48,6 +49,7 @@ class Motion:
         speeds: Share of the robot's speed, by group; 1 for groups that are not listed.
     """
 
+    node: Behaviour = field(compare=False)
     place: Place
     pose: Pose
     start: Pose | None
@@ -242,7 +244,8 @@ class _Walk:
         poses = self._hooks.poses(leaf, self._robot, inputs)
         for pose in poses:
             left_out = tuple(sorted(now.unsure))
-            motion = Motion(leaf.target_place, pose, now.pose, now.world, left_out)
+            place = leaf.target_place
+            motion = Motion(leaf.skill, place, pose, now.pose, now.world, left_out)
             self.found.motions.append(motion)
             self._ahead = (motion,) if now.pose and self._ahead is None else ()
             now = replace(now, pose=pose)

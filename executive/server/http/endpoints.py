@@ -9,7 +9,7 @@ from typing import Any
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, Response, StreamingResponse
 
-from executive.api.events import Event
+from executive.api.events import Event, event_to_json
 from executive.api.move import Move
 from executive.api.outcome import GoalStatus, Outcome
 from executive.api.schemas import MAX_LISTED
@@ -17,6 +17,7 @@ from executive.errors import BadRequest, NotFound, NotHeld, ResultTimeout, TooMu
 from executive.executive import Executive
 from executive.goals.breakpoints import check_node
 from executive.goals.questions import Questions
+from executive.planning.poses import listed_poses, save_where
 from executive.server.errors import http_status
 from executive.server.event_hub import EventHub
 from executive.server.limits.cancel_thread import CancelThread
@@ -68,7 +69,7 @@ class Endpoints(RecordingEndpoints):
         self._library, self._hub, self._questions = library, hub, questions
         self._scene = RobotScene(executive.robot)
         self._metrics = Metrics(executive.status, lambda: len(hub.subscribers))
-        self._listing = asyncio.Lock()
+        self._listing, self._planning = asyncio.Lock(), asyncio.Lock()
         self._ended: dict[str, asyncio.Future[Outcome]] = {}
         self._held: dict[str, asyncio.Event] = {}
         hub.listeners += [self._metrics.count, self._wake]
@@ -78,7 +79,10 @@ class Endpoints(RecordingEndpoints):
         return await asyncio.to_thread(self._scene.description)
 
     async def mesh(self, digest: str) -> bytes:
-        """Return a mesh of the robot."""
+        """Return a mesh of the robot, or of a body around it."""
+        found = await asyncio.to_thread(self._executive.world_mesh, digest)
+        if found is not None:
+            return found
         try:
             return await asyncio.to_thread(self._scene.mesh, digest)
         except NotFound:
@@ -101,6 +105,23 @@ class Endpoints(RecordingEndpoints):
         """List the nodes of a task's tree."""
         return {"nodes": await asyncio.to_thread(self._library.nodes, task)}
 
+    async def poses(self) -> Json:
+        """List the poses."""
+
+        def read() -> list[tuple[str, Mapping[str, float], str]]:
+            return list(listed_poses(self._executive.robot, self._library.latest))
+
+        found = await asyncio.to_thread(read)
+        return {"poses": [{"pose": n, "positions": p, "source": s} for n, p, s in found]}
+
+    async def save_pose(self, name: str, group: str = "arm", replace: bool = False) -> Json:
+        """Save the commanded position as a pose."""
+        executive, folder = self._executive, self._library.folder
+        path, positions = await asyncio.to_thread(
+            save_where, executive.robot, executive.where(), folder, name, group, replace
+        )
+        return {"pose": name, "positions": positions, "source": str(path)}
+
     async def goals(self, limit: int | None = None, before: int | None = None) -> Json:
         """List the newest goals, or the newest accepted before a time."""
         newest = MAX_LISTED if limit is None else limit
@@ -117,10 +138,19 @@ class Endpoints(RecordingEndpoints):
         deadman: bool = False,
     ) -> Json | Response:
         """Accept or refuse a goal."""
-        texts = {name: _as_text(value) for name, value in arguments.items()}
+        return await self._accept(await self._number(task), _as_texts(arguments), goal_id, deadman)
+
+    async def plan(self, task: float | str, arguments: Json = _NO_ARGUMENTS) -> Json:
+        """Check a task and plan its motions."""
+        number, texts = await self._number(task), _as_texts(arguments)
+        async with self._planning:
+            found = await asyncio.to_thread(self._executive.dry_run, number, texts)
+        return {"events": [*map(event_to_json, found.events)], "unknown": found.unknown}
+
+    async def _number(self, task: float | str) -> int:
         if isinstance(task, str):
-            task = await asyncio.to_thread(self._library.number, task)
-        return await self._accept(int(task), texts, goal_id, deadman)
+            return await asyncio.to_thread(self._library.number, task)
+        return int(task)
 
     async def move(
         self,
@@ -270,9 +300,11 @@ def _kinds(events: str) -> frozenset[str]:
     return frozenset(filter(None, events.split(",")))
 
 
-def _as_text(value: Any) -> str:
-    """Return a value as a task file contains it; JSON is valid YAML."""
-    return value if isinstance(value, str) else dumps(value)
+def _as_texts(arguments: Json) -> dict[str, str]:
+    """Return values as a task file contains them; JSON is valid YAML."""
+    return {
+        name: value if isinstance(value, str) else dumps(value) for name, value in arguments.items()
+    }
 
 
 async def _read_to_end(request: Request) -> None:

@@ -1,4 +1,4 @@
-/** Bundles the libraries, with their licences, and copies the typeface. */
+/** Bundles the libraries, with their licences, and copies the style of the plots and the typeface. */
 
 import { copyFileSync, readFileSync, writeFileSync } from "node:fs";
 import { build } from "esbuild";
@@ -15,9 +15,10 @@ await build({
   legalComments: "none",
   banner: { js: "// @ts-nocheck: made by `npm run build`. Licences: libraries.txt" },
 });
-const packages = ["three"];
+const packages = ["three", "uplot"];
 const licences = packages.map((name) => `${name}\n\n${readFileSync(`node_modules/${name}/LICENSE`, "utf8")}`);
 writeFileSync(`${folder}/libraries.txt`, licences.join("\n\n"));
+copyFileSync("node_modules/uplot/dist/uPlot.min.css", `${folder}/uplot.css`);
 const inter = "node_modules/@fontsource-variable/inter";
 copyFileSync(`${inter}/files/inter-latin-wght-normal.woff2`, `${folder}/fonts/inter.woff2`);
 copyFileSync(`${inter}/LICENSE`, `${folder}/fonts/LICENSE.txt`);

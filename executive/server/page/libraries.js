@@ -29,3 +29,4 @@ export {
 } from "three";
 export { OrbitControls } from "three/addons/controls/OrbitControls.js";
 export { STLLoader } from "three/addons/loaders/STLLoader.js";
+export { default as uPlot } from "uplot";

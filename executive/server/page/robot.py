@@ -54,6 +54,7 @@ class RobotScene:
             "links": list(urdf.links),
             "joints": [_joint(each) for each in urdf.joints],
             "shapes": [self._shape(s) for s in visible_shapes(robot.urdf, self._load_mesh)],
+            "groups": {name: list(joints) for name, joints in robot.groups.items()},
             "tool": tool,
         }
 

@@ -3,6 +3,7 @@
 from collections import deque
 from collections.abc import Callable
 from functools import partial
+from queue import SimpleQueue
 from threading import Thread
 
 from hardware import Clock, Robot
@@ -81,6 +82,12 @@ class Pool:
                 return job
         done(PlanCanceled())
         return job
+
+    def ask(self, request: Request) -> Result:
+        """Let a worker answer a request, and wait for its answer or its MotionError."""
+        answers: SimpleQueue[Result] = SimpleQueue()
+        self.submit(request, answers.put)
+        return answers.get()
 
     def cancel(self, job: Job) -> None:
         """Cancel a job; see `Job.cancel`."""

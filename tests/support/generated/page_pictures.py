@@ -50,6 +50,15 @@ def views(served: Served) -> Iterator[tuple[str, Callable[[Any], object]]]:
     yield "refused", id
     executive.result(executive.send(1).identity)
     yield "done", lambda tab: (tab.click("#move summary"), tab.click("#tasks summary >> nth=5"))
+    planned = "#tasks li:has(.name:text-is('1 pick'))"
+    yield (
+        "planned",
+        lambda tab: (
+            tab.click(f"{planned} summary"),
+            tab.click(f"{planned} button:text-is('Dry run')"),
+            tab.wait_for_timeout(500),
+        ),
+    )
     goal = executive.send(21).identity
     yield "large", id
     executive.pause(goal)
@@ -82,7 +91,8 @@ def main(folder: Path) -> None:
                     tab.locator("#tasks li").first.wait_for()
                     tab.wait_for_timeout(300)
                     act(tab)
-                    tab.screenshot(path=folder / f"{name}-{size}-{scheme}.png")
+                    picture = folder / f"{name}-{size}-{scheme}.png"
+                    tab.screenshot(path=picture, full_page=True)
                     context.close()
         browser.close()
 

@@ -24,6 +24,7 @@ def browser() -> Iterator[Any]:
     with sync_playwright() as playwright:
         # WebGL by the processor, as on a machine without a graphics card.
         args = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+        args += ["--host-resolver-rules=MAP *.example 127.0.0.1"]  # as an attacker's DNS server
         chromium = playwright.chromium.launch(executable_path=CHROMIUM, args=args)
         yield chromium
         chromium.close()

@@ -80,7 +80,10 @@ export async function get(path, signal, kind = "json") {
  */
 export async function post(path, body = {}, signal) {
   const headers = { "content-type": "application/json" };
-  return (await request(path, { method: "POST", body: JSON.stringify(body), headers, signal })).json();
+  /** @type {RequestPriority} */
+  const priority = path === "api/stop" ? "high" : "auto";
+  const options = { method: "POST", body: JSON.stringify(body), headers, signal, priority };
+  return (await request(path, options)).json();
 }
 
 /**

@@ -18,6 +18,7 @@ const MAX_STREAMS = 4; // over all tabs of a browser
  * @property {import("./api.js").Cause | null} fault
  * @property {string} port
  * @property {Record<string, number> | null} commanded
+ * @property {Record<string, number> | null} measured
  * @property {import("./model/run.js").Goal | null} goal
  * @property {number | null} percentage
  * @property {string} phase

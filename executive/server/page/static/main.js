@@ -8,10 +8,13 @@ import { ShownRun } from "./model/shown_run.js";
 import { ArmView } from "./views/arm.js";
 import { Controls } from "./views/controls.js";
 import { drawHeader } from "./views/header.js";
+import { LogView } from "./views/log.js";
 import { MoveView } from "./views/move.js";
+import { PlotsView } from "./views/plots.js";
+import { PosesView } from "./views/poses.js";
 import { QuestionsView } from "./views/questions.js";
 import { RunsView } from "./views/runs.js";
-import { drawFailure, drawNode, drawPause, drawRunning } from "./views/side.js";
+import { drawFailure, drawNode, drawPause, drawRunning, drawWaiting } from "./views/side.js";
 import { showStop } from "./views/stop.js";
 import { TasksView } from "./views/tasks.js";
 import { TreeView } from "./views/tree.js";
@@ -30,31 +33,34 @@ const arm = new ArmView();
 const tasks = new TasksView();
 const questions = new QuestionsView();
 const move = new MoveView();
+const poses = new PosesView();
+const plots = new PlotsView(cursor);
+const log = new LogView(cursor);
 
 const draw = oncePerFrame(() => {
   drawStop();
   drawHeader(connection, shown.live, status);
-  setText(byId("shown", HTMLElement), shown.isLive ? "" : `${shown.run.title}, recorded`);
+  setText(byId("shown", HTMLElement), shown.label);
   tree.draw(status?.breakpoints);
   drawRunning(shown);
+  drawWaiting(status, runs);
   drawFailure(shown);
   drawNode(shown, tree.selected);
   drawPause(shown, status?.paused ?? false);
   controls.draw(status);
-  arm.draw(shown.run, status?.commanded ?? null);
+  const now = shown.isLive ? status : null;
+  arm.draw(shown.run, now?.commanded ?? null, now?.measured ?? null);
   runs.draw(shown.run.goalId);
   tasks.draw(runs.tasks, runs.goals, status);
   move.draw(status);
+  poses.draw(status);
+  plots.draw(shown.history);
+  log.draw(shown.history);
 });
 
 connection.addEventListener("begin", async () => {
   questions.clear();
-  const robot = await get("api/robot");
-  setText(byId("robot", HTMLElement), robot.name);
-  document.title = `${robot.name}, armtree`;
-  setText(byId("opening", HTMLElement), `Activating opens the port; the arm then ${robot.opening}.`);
-  arm.show(robot, draw);
-  move.show().then(draw);
+  await showRobot().catch((error) => setText(byId("no-3d", HTMLElement), `The robot is not shown: ${error.message}`));
   await runs.refresh();
   if (!shown.live.goalId && runs.newest?.result) await open(runs.newest);
   draw();
@@ -83,12 +89,23 @@ tree.addEventListener("break", (event) => {
   controls.setBreakpoint(path, !status?.breakpoints.includes(path));
 });
 byId("activate", HTMLElement).addEventListener("click", () => controls.activate());
+tasks.addEventListener("preview", (event) => shown.preview(/** @type {CustomEvent} */ (event).detail));
 runs.addEventListener("open", (event) => open(/** @type {CustomEvent} */ (event).detail));
 document.addEventListener("click", (event) => {
   const link = event.target instanceof Element ? event.target.closest(".link") : null;
   if (link instanceof HTMLElement && link.dataset.path) tree.reveal(link.dataset.path);
 });
 setInterval(draw, 1000); // the age of what is shown
+
+async function showRobot() {
+  const robot = await get("api/robot");
+  setText(byId("robot", HTMLElement), robot.name);
+  document.title = `${robot.name}, armtree`;
+  setText(byId("opening", HTMLElement), `Activating opens the port; the arm then ${robot.opening}.`);
+  arm.show(robot, draw);
+  plots.show(robot.joints, draw);
+  Promise.all([move.show(), poses.show(Object.keys(robot.groups))]).then(draw);
+}
 
 /** @param {import("./model/run.js").Goal} goal */
 async function open(goal) {
@@ -97,6 +114,11 @@ async function open(goal) {
   await shown.open(name).catch((error) => setText(byId("control-error", HTMLElement), error.message));
 }
 
+function trySignIn() {
+  signIn().catch((error) => setText(byId("sign-in-error", HTMLElement), error.message));
+}
+
 connection.start();
-signIn().catch((error) => setText(byId("sign-in-error", HTMLElement), error.message));
+trySignIn();
+window.addEventListener("hashchange", trySignIn); // a new link, opened in this tab
 draw();

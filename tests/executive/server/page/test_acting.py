@@ -1,10 +1,15 @@
 """What a signed-in tab does in a browser: run tasks, answer questions, move, activate."""
 
+from typing import Any
+
 import pytest
 
+from executive.api.events import Policy
+from executive.api.move import Move
 from executive.api.outcome import Outcome
+from tests.executive.planning.test_dry_run import COLLIDE
 from tests.support.servers.browsing import Open, forget, is_accessible, shows
-from tests.support.servers.serving import Served
+from tests.support.servers.serving import Serve, Served
 
 pytestmark = pytest.mark.slow
 
@@ -94,3 +99,67 @@ def test_the_arm_is_activated_from_the_page(open_page: Open, page_server: Served
     tab.click("#activate")
     shows(tab, "#arm-state", "^active$")
     assert page_server.executive.status().arm.value == "active"
+
+
+def test_a_dry_run_shows_the_motion_and_moves_nothing(open_page: Open, page_server: Served) -> None:
+    (page_server.tasks / "20_collide.yaml").write_text(COLLIDE)
+    tab = open_page()
+    before = page_server.executive.goals()
+    commanded = page_server.executive.where().commanded
+    tab.click(f"{task('1 pick')} summary")
+    tab.click(f"{task('1 pick')} button:text-is('Dry run')")
+    shows(tab, f"{task('1 pick')} [role=status]", r"Dry run: \d motions?, \d\.\d s. Nothing moves")
+    shows(tab, "#shown", "task 1 pick, dry run: nothing moves")
+    shows(tab, "#plot-joints", r"joint_1\s*-80.2 deg")
+    is_accessible(tab)
+    tab.click(f"{task('20 collide')} summary")
+    tab.focus(f"{task('20 collide')} button:text-is('Dry run')")
+    tab.keyboard.press("Enter")
+    shows(tab, "#failure", "collide would fail.*would be up to .* deep in")
+    shows(tab, "#failure", "20_collide.yaml:")
+    shows(tab, "#refused-note", "and the refused goal")
+    assert page_server.executive.goals() == before
+    assert page_server.executive.where().commanded == commanded
+    page_server.executive.send(10)
+    shows(tab, "#running", "^wait$")  # the live run comes back by itself
+    tab.locator(f"{task('1 pick')} button:text-is('Dry run'):disabled").wait_for()
+
+
+def test_poses_are_saved_and_recalled(open_page: Open, page_server: Served) -> None:
+    tab = open_page()
+    tab.click("#move summary")
+    usable = "() => !document.querySelector('#poses button').disabled"
+    tab.wait_for_function(usable)
+
+    def go(pose: str) -> None:
+        tab.wait_for_function(usable)
+        with tab.expect_response("**/api/move") as asked:
+            tab.click(f"#poses button:text-is('{pose}')")
+        assert page_server.executive.result(asked.value.json()["goal_id"]).success
+
+    page_server.executive.result(page_server.executive.send(Move(("joint_1=35deg",))).identity)
+    tab.fill("#pose-name", "here")
+    tab.keyboard.press("Enter")
+    shows(tab, "#pose-saved", "here is saved in .*poses.yaml")
+    go("home")
+    shows(tab, "#positions", r"joint_1\s*0\.0°")
+    go("here")
+    shows(tab, "#positions", r"joint_1\s*3[45]\.\d°")
+    tab.fill("#pose-name", "here")
+    tab.keyboard.press("Enter")
+    shows(tab, "#move-error", "has a pose here already")
+    forget(tab, "422")
+    is_accessible(tab)
+
+
+def test_goals_wait_and_are_canceled_from_the_list(browser: Any, serve: Serve) -> None:
+    served = serve(Policy.QUEUE)
+    tab = browser.new_context().new_page()
+    tab.goto(served.server.sign_in.link())
+    shows(tab, "#policy", "others wait for its end")
+    goals = [served.executive.send(10).identity for _ in range(3)]
+    shows(tab, "#waiting", "task 10 wait, waiting")
+    tab.click("#waiting li:nth-child(2) button")
+    served.executive.result(goals[2])
+    tab.wait_for_function("() => document.querySelectorAll('#waiting li').length === 1")
+    tab.context.close()

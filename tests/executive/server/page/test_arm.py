@@ -57,7 +57,7 @@ def test_pose_path_and_refused_plans_are_drawn(open_page: Open, page_server: Ser
     assert (np.abs(above - after).max(axis=-1) > 40).sum() > 500
     moved(page_server, "joint_2=-90deg", "joint_3=-90deg")
     shows(tab, "#failure", "base_plate would be up to .* deep in horizontal_arm")
-    shows(tab, "#ghost-note", "and the refused goal")
+    shows(tab, "#refused-note", "and the refused goal")
     tab.wait_for_timeout(100)
     refused = picture(tab)
     new = np.abs(refused - above).max(axis=-1) > 40  # the arm has not moved

@@ -86,6 +86,7 @@ def test_the_libraries_are_those_of_the_lock(tmp_path: Path) -> None:
         "inter.woff2",
         "libraries.js",
         "libraries.txt",
+        "uplot.css",
     ]
     for path in built:
         assert path.read_bytes() == (STATIC / path.relative_to(tmp_path)).read_bytes()

@@ -36,6 +36,7 @@ import { get } from "../api.js";
  * @property {string[]} links
  * @property {Joint[]} joints
  * @property {Shape[]} shapes
+ * @property {Record<string, string[]>} groups joints by group
  * @property {{ link: string, offset: Vector } | null} tool
  */
 
@@ -135,6 +136,10 @@ export class ArmModel {
       opacity,
       transparent: opacity < 1,
       roughness: 0.75,
+      // A ghost is not seen where it is where the arm is.
+      polygonOffset: this.#opacity < 1,
+      polygonOffsetFactor: 2,
+      polygonOffsetUnits: 2,
     });
     material.userData.color = material.color.clone();
     const known = this.#materials.get(shape.link) ?? [];
@@ -177,14 +182,23 @@ const meshes = new Map();
  * @param {string} digest
  * @returns {Promise<import("three").BufferGeometry | null>} null if it is not an STL file
  */
-function loadMesh(three, digest) {
+export function loadMesh(three, digest) {
   const known = meshes.get(digest);
   if (known) return known;
-  const loaded = get(`api/meshes/${digest}`, undefined, "arrayBuffer")
-    .then((data) => new three.STLLoader().parse(data))
+  const loaded = get(`api/meshes/${encodeURIComponent(digest)}`, undefined, "arrayBuffer")
+    .then((data) => (isStl(data) ? new three.STLLoader().parse(data) : null))
     .catch(() => null);
   meshes.set(digest, loaded);
   return loaded;
+}
+
+/**
+ * Return whether a file is as long as it says, if it is binary, or else begins like a text.
+ * @param {ArrayBuffer} data
+ */
+function isStl(data) {
+  if (data.byteLength >= 84 && new DataView(data).getUint32(80, true) * 50 + 84 === data.byteLength) return true;
+  return new TextDecoder().decode(data.slice(0, 5)) === "solid";
 }
 
 /**

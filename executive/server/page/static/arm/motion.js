@@ -1,6 +1,6 @@
 /** What is drawn around the arm: the path of the tool, the frames on it, and bodies. */
 
-import { primitive } from "./model.js";
+import { loadMesh, primitive } from "./model.js";
 
 /** @typedef {import("./model.js").Libraries} Libraries */
 /** @typedef {import("./model.js").ArmModel} ArmModel */
@@ -34,16 +34,26 @@ export function pathOf(three, model, schedule, color) {
  * @param {Libraries} three
  * @param {ArmModel} model
  * @param {Body[]} world
+ * @param {() => void} changed called when a mesh was loaded
  * @returns {import("three").Object3D[]}
  */
-export function addBodies(three, model, world) {
+export function addBodies(three, model, world, changed) {
   const found = [];
   for (const body of world) {
-    const geometry = geometryOf(three, body);
     const parent = body.link ? model.links.get(body.link) : model.root;
-    if (!geometry || !parent) continue;
+    if (!parent) continue;
     const material = new three.MeshStandardMaterial({ color: 0x7a8791, transparent: true, opacity: 0.55 });
-    const mesh = new three.Mesh(geometry, material);
+    const mesh = new three.Mesh(undefined, material);
+    const { path, scale = [1, 1, 1] } = body.mesh ?? {};
+    const geometry = geometryOf(three, body);
+    if (geometry) mesh.geometry = geometry;
+    else if (path)
+      loadMesh(three, path).then((loaded) => {
+        if (!loaded) return;
+        mesh.geometry = loaded;
+        mesh.scale.set(scale[0], scale[1], scale[2]);
+        changed();
+      });
     mesh.name = body.name;
     mesh.castShadow = true;
     mesh.position.set(...body.position);
@@ -55,6 +65,7 @@ export function addBodies(three, model, world) {
 }
 
 /**
+ * Return the geometry of a simple shape, or null for a mesh.
  * @param {Libraries} three
  * @param {Body} body
  */
@@ -62,7 +73,7 @@ function geometryOf(three, body) {
   if (body.box) return primitive(three, "box", body.box.size);
   if (body.sphere) return primitive(three, "sphere", [body.sphere.radius]);
   if (body.cylinder) return primitive(three, "cylinder", [body.cylinder.radius, body.cylinder.length]);
-  return null; // a mesh of the world is a file of the server's machine
+  return null;
 }
 
 /**

@@ -1,7 +1,5 @@
 /** Camera, light, floor and canvas. It draws only when something has changed. */
 
-import { oncePerFrame } from "../dom.js";
-
 /** @typedef {import("./model.js").Libraries} Libraries */
 
 /** Directions of the camera from the middle of the arm, by the name of the view. */
@@ -12,10 +10,23 @@ export const VIEWS = /** @type {Record<string, [number, number, number]>} */ ({
   top: [0, -0.001, 1],
 });
 
+const SOFTWARE = /swiftshader|llvmpipe|software|basic render/i;
+const PERIOD = 60; // between two pictures, if the processor draws them [ms]
+
 /** Shows objects in a canvas. */
 export class Stage {
   scene;
-  draw = oncePerFrame(() => this.#draw());
+  /** Draw soon, at most once per frame. */
+  draw = () => {
+    if (this.#asked) return;
+    this.#asked = true;
+    const wait = this.#last + this.#period - performance.now();
+    if (wait > 0) setTimeout(() => requestAnimationFrame(() => this.#draw()), wait);
+    else requestAnimationFrame(() => this.#draw());
+  };
+  #asked = false;
+  #last = 0; // time of the last picture [ms]
+  #period = 0;
   #three;
   #box;
   #renderer;
@@ -35,8 +46,11 @@ export class Stage {
     this.#size = size;
     this.scene = new three.Scene();
     this.#renderer = new three.WebGLRenderer({ antialias: true, alpha: true });
-    this.#renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
-    this.#renderer.shadowMap.enabled = true;
+    // Without a graphics card, 3D would take the processor from the rest of the page, and from the arm.
+    const slow = SOFTWARE.test(nameOfRenderer(this.#renderer.getContext()));
+    this.#period = slow ? PERIOD : 0;
+    this.#renderer.setPixelRatio(slow ? 1 : Math.min(window.devicePixelRatio, 2));
+    this.#renderer.shadowMap.enabled = !slow;
     box.prepend(this.#renderer.domElement);
     this.#camera = new three.PerspectiveCamera(35, 1, size / 50, size * 50);
     this.#camera.up.set(0, 0, 1);
@@ -102,6 +116,14 @@ export class Stage {
   }
 
   #draw() {
+    this.#asked = false;
+    this.#last = performance.now();
     this.#renderer.render(this.scene, this.#camera);
   }
+}
+
+/** @param {WebGLRenderingContext | WebGL2RenderingContext} context */
+function nameOfRenderer(context) {
+  const unmasked = context.getExtension("WEBGL_debug_renderer_info")?.UNMASKED_RENDERER_WEBGL;
+  return String(context.getParameter(unmasked ?? context.RENDERER));
 }

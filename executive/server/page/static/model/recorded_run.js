@@ -6,6 +6,7 @@
  */
 
 import { get } from "../api.js";
+import { History } from "./history.js";
 import { Run } from "./run.js";
 
 /**
@@ -32,6 +33,8 @@ const STEPS = new Set(["goal", "node", "plan", "schedule", "status"]);
 export class RecordedRun extends EventTarget {
   /** The state at the moment that is shown. */
   run = new Run();
+  /** What the run has done over time. */
+  history = new History();
   /** From the beginning of the goal to the end of the recording [s]. */
   duration = 0;
   #began = 0;
@@ -47,11 +50,27 @@ export class RecordedRun extends EventTarget {
   #time = 0;
   #loading = false;
 
-  /** @param {string} name of the recording */
+  /** @param {string} name of the recording; empty for a dry run */
   constructor(name) {
     super();
     this.name = name;
     this.#path = `api/recordings/${encodeURIComponent(name)}`;
+  }
+
+  /**
+   * Return a dry run, all of whose events are here.
+   * @param {any[]} events as a run would have them
+   */
+  static of(events) {
+    const made = new RecordedRun("");
+    const times = events.map((event) => event.time_s ?? 0);
+    made.#began = times[0];
+    made.duration = Math.max(...times) - made.#began;
+    const end = made.#began + made.duration;
+    const timed = events.map((event) => ({ time_s: end, ...event })); // the last state has no time
+    made.#take({ from_s: 0, to_s: made.duration, state: [], events: timed, previous_s: null, next_s: null });
+    made.seek(made.duration);
+    return made;
   }
 
   /**
@@ -63,7 +82,9 @@ export class RecordedRun extends EventTarget {
     this.duration = about.duration_s;
     this.#began = about.began_s;
     const at = Math.min(time ?? this.duration, this.duration);
-    [{ commanded: this.#samples }] = await Promise.all([get(`${this.#path}/series`), this.#load(at)]);
+    const [{ commanded, measured }] = await Promise.all([get(`${this.#path}/series`), this.#load(at)]);
+    this.#samples = commanded;
+    this.history.setSamples(commanded, measured);
     this.seek(at);
   }
 
@@ -123,8 +144,13 @@ export class RecordedRun extends EventTarget {
 
   /** @param {number} time */
   async #load(time) {
-    const window = await get(`${this.#path}/events?at=${time}`);
+    this.#take(await get(`${this.#path}/events?at=${time}`));
+  }
+
+  /** @param {Window} window */
+  #take(window) {
     this.#windows = [...this.#windows.slice(1 - MOST_WINDOWS), window];
+    for (const event of [...window.state, ...window.events]) this.history.add(event, event.time_s - this.#began);
   }
 
   /** @param {Window} window */

@@ -39,6 +39,7 @@
  * @typedef {object} Schedule The frames of a motion.
  * @property {Record<string, number>} start position by joint [rad or m]
  * @property {number[]} times when each frame is due, from the start of the motion [s]
+ * @property {string[]} frames
  * @property {number[]} sample_times [s]
  * @property {number[][]} samples positions of the joints of `start`
  */
@@ -52,6 +53,7 @@
  * @property {{ size: number[] }} [box]
  * @property {{ radius: number }} [sphere]
  * @property {{ radius: number, length: number }} [cylinder]
+ * @property {{ path: string, scale: number[] }} [mesh]
  */
 
 const MOVE = -1; // task number of a move
@@ -78,6 +80,8 @@ export class Run {
   attempt = 1;
   /** @type {Record<string, number> | null} last commanded position by joint [rad or m] */
   positions = null;
+  /** @type {Record<string, number> | null} last measured position by joint [rad or m] */
+  measured = null;
   /** @type {Schedule | null} the newest motion */
   schedule = null;
   /** @type {Body[]} of the newest plan */
@@ -101,11 +105,12 @@ export class Run {
    * @returns {boolean} True if another goal began
    */
   update(event) {
+    if (event.event === "goal") {
+      if (event.goal_id === this.goalId) return false;
+      this.#begin(event);
+      return true;
+    }
     switch (event.event) {
-      case "goal":
-        if (event.goal_id === this.goalId) return false;
-        this.#begin(event);
-        return true;
       case "node":
         this.#updateNode(event);
         break;
@@ -116,6 +121,9 @@ export class Run {
         break;
       case "sent":
         if (event.joints.length) this.positions = zip(event.joints, event.positions);
+        break;
+      case "measured":
+        this.measured = zip(event.joints, event.position);
         break;
       case "plan":
         this.world = event.world;
@@ -129,7 +137,7 @@ export class Run {
         this.updateGoal(event);
         break;
     }
-    if (this.goalId && "time_s" in event) this.length = Math.max(this.length, event.time_s - this.began);
+    if (this.active && "time_s" in event) this.length = Math.max(this.length, event.time_s - this.began);
     return false;
   }
 
@@ -188,7 +196,7 @@ export class Run {
 
   /** @param {any} event */
   #begin(event) {
-    Object.assign(this, new Run(), { positions: this.positions });
+    Object.assign(this, new Run(), { positions: this.positions, measured: this.measured });
     this.goalId = event.goal_id;
     this.task = event.task;
     this.title = goalTitle(event.task, event.name);

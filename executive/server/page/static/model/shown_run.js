@@ -1,6 +1,7 @@
 /** The run that is shown: the live one, or one that has ended, read from its recording. */
 
 import { get } from "../api.js";
+import { History } from "./history.js";
 import { RecordedRun } from "./recorded_run.js";
 import { Run } from "./run.js";
 
@@ -19,6 +20,9 @@ export class ShownRun extends EventTarget {
   /** The run of the newest live events. */
   live = new Run();
   run = this.live;
+  /** What the run that is shown has done over time. */
+  history = new History();
+  #liveHistory = this.history;
   /** @type {Map<string, NodeFacts>} by path */
   facts = new Map();
   /** @type {RecordedRun | null} the recorded run, if one is shown */
@@ -32,12 +36,27 @@ export class ShownRun extends EventTarget {
     return this.run === this.live;
   }
 
+  /** @returns {boolean} True for a dry run, in which nothing moves */
+  get planned() {
+    return this.recorded?.name === "";
+  }
+
+  /** @returns {string} which run is shown; empty for the live one */
+  get label() {
+    if (this.isLive) return "";
+    return `${this.run.title}, ${this.planned ? "dry run: nothing moves" : "recorded"}`;
+  }
+
   /**
    * Take a live event.
    * @param {any} event
    */
   update(event) {
-    if (this.live.update(event)) return this.follow();
+    if (this.live.update(event)) {
+      this.#liveHistory = new History();
+      return this.follow();
+    }
+    if (this.live.active) this.#liveHistory.add(event, event.time_s - this.live.began);
     this.#findFacts();
     this.dispatchEvent(new Event("change"));
   }
@@ -45,7 +64,7 @@ export class ShownRun extends EventTarget {
   /** Show the live run. */
   follow() {
     this.#opening = this.recorded = null;
-    this.#show(this.live);
+    this.#show(this.live, this.#liveHistory);
   }
 
   /**
@@ -56,10 +75,16 @@ export class ShownRun extends EventTarget {
   async open(name, time) {
     const recorded = (this.#opening = new RecordedRun(name));
     await recorded.open(time);
-    if (this.#opening !== recorded) return;
-    recorded.addEventListener("change", () => this.dispatchEvent(new Event("change")));
-    this.recorded = recorded;
-    this.#show(recorded.run);
+    if (this.#opening === recorded) this.#showRecorded(recorded);
+  }
+
+  /**
+   * Show a dry run.
+   * @param {any[]} events as a run would have them
+   */
+  preview(events) {
+    this.#opening = null;
+    this.#showRecorded(RecordedRun.of(events));
   }
 
   /** @returns {number} the length of what is known of the run [s] */
@@ -67,9 +92,20 @@ export class ShownRun extends EventTarget {
     return this.recorded ? this.recorded.duration : this.live.length;
   }
 
-  /** @param {Run} run */
-  #show(run) {
+  /** @param {RecordedRun} recorded */
+  #showRecorded(recorded) {
+    recorded.addEventListener("change", () => this.dispatchEvent(new Event("change")));
+    this.recorded = recorded;
+    this.#show(recorded.run, recorded.history);
+  }
+
+  /**
+   * @param {Run} run
+   * @param {History} history
+   */
+  #show(run, history) {
     this.run = run;
+    this.history = history;
     this.dispatchEvent(new Event("open"));
     this.#findFacts();
     this.dispatchEvent(new Event("change"));

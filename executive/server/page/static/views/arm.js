@@ -1,4 +1,4 @@
-/** The arm in 3D: commanded pose, planned path, bodies, and the links of a refused plan. */
+/** The arm in 3D: commanded and measured pose, planned path, bodies, and the links of a refused plan. */
 
 import { addBodies, pathOf } from "../arm/motion.js";
 import { ArmModel } from "../arm/model.js";
@@ -7,6 +7,8 @@ import { byId, element, setText } from "../dom.js";
 
 /** @typedef {import("../arm/model.js").Robot} Robot */
 /** @typedef {import("../model/run.js").Run} Run */
+
+const GHOST = 0.35; // opacity of the measured arm
 
 /** Shows one robot. */
 export class ArmView {
@@ -21,7 +23,9 @@ export class ArmView {
   /** @type {ArmModel | null} */
   #model = null;
   /** @type {ArmModel | null} the arm where a refused plan ends */
-  #ghost = null;
+  #refused = null;
+  /** @type {ArmModel | null} the arm where it was measured */
+  #measured = null;
   /** @type {import("three").Object3D[]} */
   #drawn = [];
   /** @type {unknown[]} what was drawn last */
@@ -61,17 +65,20 @@ export class ArmView {
 
   /**
    * @param {Run} run
-   * @param {Record<string, number> | null} commanded position by joint [rad or m]
+   * @param {Record<string, number> | null} commanded position by joint [rad or m], before a run
+   * @param {Record<string, number> | null} measured the same
    */
-  draw(run, commanded) {
+  draw(run, commanded, measured) {
     const pose = run.positions ?? commanded;
-    this.#drawPositions(pose);
-    const now = [JSON.stringify(pose), run.schedule, run.world, run.outcome];
+    const there = run.measured ?? measured;
+    this.#drawPositions(pose, there);
+    const now = [JSON.stringify([pose, there]), run.schedule, run.world, run.outcome];
     if (!this.#model || !this.#stage || !this.#three) return;
     if (now.every((each, index) => each === this.#last[index])) return;
     if (now.slice(1).some((each, index) => each !== this.#last[index + 1])) this.#drawMotion(run);
     this.#last = now;
     this.#model.setPose(pose ?? {});
+    this.#drawMeasured(there);
     this.#stage.draw();
   }
 
@@ -79,7 +86,7 @@ export class ArmView {
   #drawMotion(run) {
     if (!this.#model || !this.#stage || !this.#three) return;
     for (const object of this.#drawn) object.removeFromParent();
-    this.#drawn = addBodies(this.#three, this.#model, run.world);
+    this.#drawn = addBodies(this.#three, this.#model, run.world, () => this.#stage?.draw());
     if (run.schedule) {
       const color = getComputedStyle(this.#box).getPropertyValue("outline-color");
       const path = pathOf(this.#three, this.#model, run.schedule, color);
@@ -89,6 +96,14 @@ export class ArmView {
     this.#drawRefusal(run);
   }
 
+  /** @param {Record<string, number> | null} pose */
+  #drawMeasured(pose) {
+    if (!pose || !this.#stage || !this.#three || !this.#robot) return void this.#measured?.root.removeFromParent();
+    this.#measured ??= new ArmModel(this.#three, this.#robot, () => this.#stage?.draw(), GHOST);
+    this.#measured.setPose(pose);
+    this.#stage.scene.add(this.#measured.root);
+  }
+
   /** Show where a refused plan would end, with the links of the message in red. @param {Run} run */
   #drawRefusal({ outcome, refused }) {
     if (!this.#model || !this.#stage || !this.#three || !this.#robot) return;
@@ -96,26 +111,32 @@ export class ArmView {
     const words = new Set(cause?.code.startsWith("plan.") ? cause.message.split(/[^\w.-]+/) : []);
     const links = this.#robot.links.filter((link) => words.has(link));
     const atGoal = cause?.code === "plan.goal_in_collision" && refused !== null;
-    setText(byId("ghost-note", HTMLElement), atGoal ? ", and the refused goal" : "");
+    setText(byId("refused-note", HTMLElement), atGoal ? ", and the refused goal" : "");
     if (atGoal) {
-      this.#ghost ??= new ArmModel(this.#three, this.#robot, () => this.#stage?.draw(), 0.7);
-      this.#ghost.setPose(refused);
-      this.#ghost.mark(new Set(links));
-      this.#stage.scene.add(this.#ghost.root);
-    } else this.#ghost?.root.removeFromParent();
+      this.#refused ??= new ArmModel(this.#three, this.#robot, () => this.#stage?.draw(), 0.7);
+      this.#refused.setPose(refused);
+      this.#refused.mark(new Set(links));
+      this.#stage.scene.add(this.#refused.root);
+    } else this.#refused?.root.removeFromParent();
     this.#model.mark(new Set(atGoal ? [] : links));
   }
 
-  /** @param {Record<string, number> | null} pose */
-  #drawPositions(pose) {
+  /**
+   * @param {Record<string, number> | null} pose
+   * @param {Record<string, number> | null} measured
+   */
+  #drawPositions(pose, measured) {
     const joints = this.#robot?.joints.filter((each) => each.type !== "fixed" && !each.mimic) ?? [];
-    const key = joints.map((joint) => valueOf(joint, pose)).join(" ");
+    const rows = joints.map((joint) => [joint.name, valueOf(joint, pose), measured ? valueOf(joint, measured) : ""]);
+    const key = rows.join(" ");
     if (this.#positions.dataset.key === key) return;
     this.#positions.dataset.key = key;
+    setText(byId("measured-note", HTMLElement), measured ? ", and measured as a ghost" : "");
     this.#positions.replaceChildren(
-      ...joints.map((joint) =>
-        element("div", {}, element("dt", {}, joint.name), element("dd", {}, valueOf(joint, pose))),
-      ),
+      ...rows.map(([name, value, there]) => {
+        const also = there ? [element("dd", { class: "quiet", title: "measured" }, there)] : [];
+        return element("div", {}, element("dt", {}, name), element("dd", {}, value), ...also);
+      }),
     );
   }
 }

@@ -38,9 +38,18 @@ export class RunsView extends EventTarget {
     this.#list.replaceChildren(...(items.length ? items : [element("li", { class: "quiet" }, "none yet")]));
   }
 
-  /** @param {number} task */
-  #name(task) {
-    return this.tasks.find((each) => each.task === task)?.name;
+  /**
+   * Return how people call a goal.
+   * @param {string} identity
+   */
+  titleOf(identity) {
+    const goal = this.goals.find((each) => each.goal_id === identity);
+    return goal ? this.#title(goal) : "a goal";
+  }
+
+  /** @param {Goal} goal */
+  #title({ task }) {
+    return goalTitle(task, this.tasks.find((each) => each.task === task)?.name);
   }
 
   /**
@@ -51,7 +60,7 @@ export class RunsView extends EventTarget {
     const button = element(
       "button",
       { type: "button", class: "run", "aria-current": current ? "true" : false },
-      element("span", { class: "name" }, goalTitle(goal.task, this.#name(goal.task))),
+      element("span", { class: "name" }, this.#title(goal)),
       element("span", { "data-state": goal.state }, stateWords(goal.state)),
       element("span", { class: "quiet" }, when(goal.stamp_ns)),
     );

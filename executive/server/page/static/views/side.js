@@ -1,9 +1,12 @@
 /** Beside the tree: what runs now, why the goal failed, and the selected node. */
 
+import { post } from "../api.js";
 import { byId, element, setText } from "../dom.js";
 import { mark } from "./tree.js";
 
+/** @typedef {import("../connection.js").Status} Status */
 /** @typedef {import("../model/shown_run.js").ShownRun} ShownRun */
+/** @typedef {import("./runs.js").RunsView} RunsView */
 
 /**
  * Return the place of a node in the task's files, and the places that lead there.
@@ -46,6 +49,24 @@ export function drawRunning(shown) {
   list.replaceChildren(...(items.length ? items : [element("li", { class: "quiet" }, "nothing")]));
 }
 
+/**
+ * Show the goals that wait, each with a button that cancels it.
+ * @param {Status | null} status
+ * @param {RunsView} runs
+ */
+export function drawWaiting(status, runs) {
+  const list = byId("waiting", HTMLElement);
+  const waiting = status?.waiting ?? [];
+  if (list.dataset.key === waiting.join(" ")) return;
+  list.dataset.key = waiting.join(" ");
+  const items = waiting.map((identity) => {
+    const cancel = element("button", { type: "button" }, "Cancel");
+    cancel.addEventListener("click", () => post(`api/goals/${identity}/cancel`).catch(() => undefined));
+    return element("li", {}, element("span", { class: "name" }, `${runs.titleOf(identity)}, waiting`), cancel);
+  });
+  list.replaceChildren(...items);
+}
+
 /** @param {ShownRun} shown */
 export function drawFailure(shown) {
   const { run } = shown;
@@ -57,7 +78,7 @@ export function drawFailure(shown) {
   if (!cause || card.dataset.key === key) return;
   card.dataset.key = key;
   card.replaceChildren(
-    element("h2", {}, `${run.title} failed`),
+    element("h2", {}, `${run.title} ${shown.planned ? "would fail" : "failed"}`),
     element("p", { class: "cause" }, cause.message),
     ...(cause.hint ? [element("p", {}, `What to do: ${cause.hint}`)] : []),
     facts([

@@ -28,8 +28,14 @@ import { stateWords } from "./header.js";
  * @property {Record<string, Input>} inputs
  */
 
-/** Lists the tasks. */
-export class TasksView {
+const POLICIES = /** @type {Record<string, string>} */ ({
+  reject: "While a goal runs, another one is refused.",
+  queue: "While a goal runs, others wait for its end.",
+  preempt: "A new goal stops the one that runs, and takes its place.",
+});
+
+/** Lists the tasks. Events: `preview` with the events of a dry run. */
+export class TasksView extends EventTarget {
   #list = byId("tasks", HTMLElement);
   #key = "";
 
@@ -43,17 +49,24 @@ export class TasksView {
     const key = JSON.stringify(tasks);
     if (key !== this.#key) {
       this.#key = key;
-      this.#list.replaceChildren(...tasks.map(taskItem));
+      this.#list.replaceChildren(...tasks.map((task) => taskItem(task, (events) => this.#preview(events))));
     }
-    const usable = isSignedIn() && status?.arm === "active";
+    setText(byId("policy", HTMLElement), POLICIES[status?.policy ?? ""] ?? "");
+    const active = status?.arm === "active";
     for (const [index, item] of [...this.#list.children].entries()) {
       const last = goals.find((goal) => goal.task === tasks[index].task);
       const state = /** @type {HTMLElement} */ (item.querySelector("[data-state]"));
       setText(state, last ? stateWords(last.state) : "");
       state.dataset.state = last?.state ?? "";
-      const button = item.querySelector("button");
-      if (button) button.disabled = !usable;
+      const [run, dry] = item.querySelectorAll("button");
+      run.disabled = !isSignedIn() || !active;
+      dry.disabled = !isSignedIn() || status?.goal !== null;
     }
+  }
+
+  /** @param {any[]} events */
+  #preview(events) {
+    this.dispatchEvent(new CustomEvent("preview", { detail: events }));
   }
 
   /** @param {Status | null} status */
@@ -66,18 +79,28 @@ export class TasksView {
   }
 }
 
-/** @param {Task} task */
-function taskItem(task) {
+/**
+ * @param {Task} task
+ * @param {(events: any[]) => void} preview
+ */
+function taskItem(task, preview) {
   const fields = Object.entries(task.inputs).map(([name, input]) => field(task.task, name, input));
   const note = element("p", { class: "failed", role: "alert" }, task.wrong);
+  const found = element("p", { class: "quiet", role: "status" });
   const run = element("button", { type: "submit" }, "Run");
-  const form = element("form", {}, ...fields.map((each) => each.row), run, note);
+  const dry = element("button", { type: "submit", title: "Check and plan; nothing moves" }, "Dry run");
+  const form = element("form", {}, ...fields.map((each) => each.row), element("div", { class: "buttons" }, run, dry), found, note);
   form.addEventListener("submit", async (event) => {
     event.preventDefault();
     setText(note, "");
+    setText(found, "");
     const values = fields.map((each) => [each.name, each.value()]).filter(([, value]) => value !== "");
+    const goal = { task: task.task, arguments: Object.fromEntries(values) };
     try {
-      await post("api/goals", { task: task.task, arguments: Object.fromEntries(values) });
+      if (event.submitter !== dry) return void (await post("api/goals", goal));
+      const { events, unknown } = await post("api/plan", goal);
+      setText(found, dryRunWords(events, unknown));
+      preview(events);
     } catch (error) {
       setText(note, error instanceof Error ? error.message : String(error));
     }
@@ -86,6 +109,17 @@ function taskItem(task) {
   const head = element("summary", {}, title, element("span", { "data-state": "" }));
   const about = element("p", { class: "quiet" }, task.description);
   return element("li", {}, element("details", {}, head, about, form));
+}
+
+/**
+ * @param {any[]} events of a dry run
+ * @param {string[]} unknown
+ */
+function dryRunWords(events, unknown) {
+  const plans = events.filter((each) => each.event === "schedule");
+  const seconds = plans.reduce((sum, each) => sum + each.duration_s, 0).toFixed(1);
+  const motions = plans.length === 1 ? "1 motion" : `${plans.length} motions`;
+  return [`Dry run: ${motions}, ${seconds} s. Nothing moves.`, ...unknown.map((each) => `Known only in a run: ${each}.`)].join(" ");
 }
 
 /**

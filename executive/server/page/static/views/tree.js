@@ -31,6 +31,9 @@ export class TreeView extends EventTarget {
   #opened = new Map();
   /** @type {TreeNode[]} in the order of the rows */
   #visible = [];
+  #folds = 0; // changes of these
+  /** @type {unknown[]} what was drawn last, besides the nodes */
+  #last = [];
   #breakpoints = "";
   #goal = "";
   #followed = "";
@@ -53,17 +56,20 @@ export class TreeView extends EventTarget {
     let node = this.#shown.run.nodes.get(path) ?? null;
     if (!node) return;
     for (node = node.parent; node; node = node.parent) this.#opened.set(node.path, true);
+    this.#folds += 1;
     this.#search.value = "";
     this.#select(path);
   }
 
   /** @param {string[]} [breakpoints] paths; default those of the last time */
   draw(breakpoints) {
-    const { run } = this.#shown;
-    const all = run.changed.size === 0 || run.goalId !== this.#goal;
-    if (run.goalId !== this.#goal) this.#begin(run.goalId);
+    const { run, facts } = this.#shown;
     const marked = breakpoints ? breakpoints.join("\n") : this.#breakpoints;
-    const redraw = all || marked !== this.#breakpoints;
+    const now = [run, run.goalId, facts, facts.size, marked, this.#search.value, this.#folds, this.selected];
+    const redraw = now.some((each, index) => each !== this.#last[index]);
+    if (!redraw && run.changed.size === 0) return;
+    if (run.goalId !== this.#goal) this.#begin(run.goalId);
+    this.#last = now;
     this.#breakpoints = marked;
     const atWork = nodesAtWork(run.nodes.values());
     const visible = this.#find(atWork);
@@ -75,7 +81,8 @@ export class TreeView extends EventTarget {
     for (const node of visible)
       if (redraw || run.changed.has(node) || !this.#row(node).dataset.status)
         this.#drawRow(node, atWork, points);
-    for (const node of visible) setAttribute(this.#row(node), "aria-expanded", this.#expanded(node, atWork));
+    for (const node of visible)
+      if (node.children.length) setAttribute(this.#row(node), "aria-expanded", this.#expanded(node, atWork));
     run.changed.clear();
     this.#keepOneTabStop();
     if (this.#follow.checked) this.#scrollToRunning(run.running.at(-1));
@@ -125,7 +132,6 @@ export class TreeView extends EventTarget {
    * @param {Set<TreeNode>} atWork
    */
   #expanded(node, atWork) {
-    if (node.children.length === 0) return false; // leaves have no aria-expanded
     return String(this.#search.value.trim() !== "" || this.#isOpen(node, atWork));
   }
 
@@ -193,7 +199,8 @@ export class TreeView extends EventTarget {
   #keepOneTabStop() {
     const stop = this.#rows.get(this.selected);
     const first = stop?.isConnected ? stop : this.#list.firstElementChild;
-    for (const row of this.#list.children) setAttribute(row, "tabindex", row === first ? 0 : -1);
+    for (const row of this.#list.querySelectorAll("[tabindex='0']")) setAttribute(row, "tabindex", row === first ? 0 : -1);
+    if (first) setAttribute(first, "tabindex", 0);
   }
 
   /** @param {TreeNode | undefined} node */
@@ -226,6 +233,7 @@ export class TreeView extends EventTarget {
   /** @param {string} path @param {boolean} open */
   #fold(path, open) {
     this.#opened.set(path, open);
+    this.#folds += 1;
     this.draw();
   }
 

@@ -1,0 +1,140 @@
+"""A dry run: a task is checked and its motions are planned, and nothing moves.
+
+It has the events that a run would have, so every view of a run shows it.
+"""
+
+import uuid
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import logs
+from executive.api.events import Event
+from executive.api.outcome import GoalState, GoalStatus, Outcome, cause_of
+from executive.recording.translate import arm_record, skill_record
+from hardware import FrameSent, HardwareError, compile_schedule
+from skills import Context, Planned, Scheduled
+from skills.merged_motion import MergedMotion, verify_query
+from skills.motion import Body, Carry, MotionError, Plan, Pool, Query, Reached, ToolQuery, World
+from trees import Library, Located
+from trees.check import check_task
+from trees.export.node_table import node_table
+
+from .task_motions import task_motions
+
+
+@dataclass(frozen=True)
+class DryRun:
+    """What a dry run has found.
+
+    Attributes:
+        events: Events of the run, with times since its begin [s]: its goal, its plans, schedules
+            and frames, and how it ends.
+        unknown: A message for each motion that is known only in a run.
+        worlds: The world during each motion.
+    """
+
+    events: tuple[Event, ...]
+    unknown: tuple[str, ...]
+    worlds: tuple[World, ...]
+
+
+def dry_run(
+    context: Context,
+    library: Library,
+    number: int,
+    arguments: Mapping[str, Located],
+    start: tuple[float, ...],
+) -> DryRun:
+    """Check a task and plan its motions. Blocks until all is planned, or a motion is refused.
+
+    Args:
+        context: Robot, planners, their seed and timeout, and the world before the task.
+        library: Files of the task.
+        number: Number of the task.
+        arguments: Values of its parameters.
+        start: Configuration before the task [rad].
+
+    Raises:
+        UnknownTask: No task has that number.
+        BadArguments: Only the arguments are wrong.
+        FileError: The files have mistakes, or a skill refuses an input.
+    """
+    scene, solver = context.scene, _PoolSolver(context.pool)
+    motions, unknown = task_motions(
+        context.robot, library, number, solver, start, scene.world, context.seed, None, arguments
+    )
+    assumed = {each.node for each in motions if each.assumed_start}
+    messages = (*unknown, *(f"{node}: its start is known only in a run" for node in assumed))
+    identity, name = uuid.uuid4().hex, library.head(number).name
+    tree = check_task(context.robot, library, number, arguments)
+    events: list[Event] = [logs.Goal(0.0, identity, number, name, context.seed)]
+    events += (_node(0.0, node["path"], "INVALID") for node in node_table(tree))
+    outcome = Outcome.of(number, GoalState.SUCCEEDED, None)
+    time = 0.0
+    for motion in motions:
+        events.append(_node(time, motion.node, "RUNNING"))
+        try:
+            time = _play(context, motion.query, time, events)
+            events.append(_node(time, motion.node, "SUCCESS"))
+        except (MotionError, HardwareError) as error:
+            events.append(_node(time, motion.node, "FAILURE", str(error)))
+            cause = cause_of(error, motion.node)
+            outcome = Outcome.of(number, GoalState.ABORTED, cause, duration=time)
+            break
+    events.append(GoalStatus(identity, number, outcome.state, 0, outcome))
+    return DryRun(tuple(events), messages, tuple(motion.query.world for motion in motions))
+
+
+def _play(context: Context, query: Query, begin: float, events: list[Event]) -> float:
+    """Plan a motion, check its frames, and add its events; return when it ends [s].
+
+    Raises:
+        MotionError: There is no such motion, or its frames would collide.
+        HardwareError: It cannot be compiled to frames.
+    """
+    robot, start = context.robot, tuple(query.start)
+    query = replace(query, timeout=context.timeout)
+    plan = context.pool.ask(query)
+    assert isinstance(plan, (Plan, MotionError))
+    events.append(skill_record(Planned(query, plan), robot, begin))
+    if isinstance(plan, MotionError):
+        raise plan
+    motion = MergedMotion(robot, start, [plan], together=False)
+    schedule = compile_schedule(robot, start, motion.sample, motion.duration)
+    events.append(skill_record(Scheduled(schedule, start, motion), robot, begin))
+    contact = context.pool.ask(verify_query(robot, start, schedule, query.timeout, query.world))
+    if isinstance(contact, MotionError):
+        raise contact
+    for setpoint in schedule.setpoints:
+        time = begin + setpoint.time
+        frame = FrameSent(time, setpoint.frame.data, setpoint.positions, scheduled=time)
+        events.append(arm_record(frame, robot))
+    return begin + schedule.duration
+
+
+def _node(time: float, path: str, status: str, message: str = "") -> logs.NodeStatus:
+    name = path.rpartition("/")[2].rpartition(":")[2]
+    return logs.NodeStatus(time, path, name, status, message)
+
+
+class _PoolSolver:
+    """Lets the planners of a pool answer what a prediction asks."""
+
+    def __init__(self, pool: Pool) -> None:
+        self._pool = pool
+
+    def carry(self, request: Carry) -> Body:
+        """Return a body at the same pose, attached to another link."""
+        answer = self._pool.ask(request)
+        assert isinstance(answer, (Body, MotionError))
+        if isinstance(answer, MotionError):
+            raise answer
+        return answer
+
+    def reach(self, query: ToolQuery) -> Reached:
+        """Return joint positions that bring the tool to a point."""
+        answer = self._pool.ask(query)
+        assert isinstance(answer, (Reached, MotionError))
+        if isinstance(answer, MotionError):
+            raise answer
+        return answer

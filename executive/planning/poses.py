@@ -1,0 +1,64 @@
+"""Poses: their list, and saving where the arm is."""
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+from executive.api.events import Where
+from executive.api.move import HOME
+from hardware import NotActive, Robot
+from hardware.suggestions import choices
+from skills import BadTarget
+from trees import FileError, Library, Mistake, Place
+from trees.export.saved_poses import save_pose
+
+from .move_task import poses_with_home
+
+ALL = "all"  # stands for all groups
+
+
+def listed_poses(robot: Robot, library: Library) -> Iterator[tuple[str, Mapping[str, float], str]]:
+    """Yield each pose: its name, its joint positions [rad], and the place of its file."""
+    poses, _ = library.poses()
+    files, _ = library.draft_poses()
+    if HOME not in poses:
+        source = "home of the robot file" if robot.home else "boot pose"
+        yield HOME, poses_with_home(robot, poses)[HOME], source
+    for name, positions in poses.items():
+        (*_, file) = (file for file in files if name in file.poses)
+        place = file.labels[name].label
+        shipped = file.path.parent in library.shipped
+        yield name, positions, "shipped" if shipped else f"{place.path}:{place.line}"
+
+
+def save_where(
+    robot: Robot, where: Where, folder: Path | None, name: str, group: str, replace: bool
+) -> tuple[Path, dict[str, float]]:
+    """Save the commanded position of a group as a pose.
+
+    Args:
+        robot: The robot.
+        where: Where it is.
+        folder: Folder of the user's files; None if there is none.
+        name: Name of the pose.
+        group: A group of the robot, or `all`.
+        replace: True to replace a pose of that name.
+
+    Returns:
+        The file, and the saved positions [rad].
+
+    Raises:
+        BadTarget: The robot has no such group.
+        NotActive: Where the arm is, is not known.
+        FileError: There is no folder, the name is in use or invalid, or the file cannot be written.
+    """
+    if group not in (*robot.groups, ALL):
+        known = choices(group, (*robot.groups, ALL))
+        raise BadTarget(f"the robot has no group {group}; there are {known}")
+    if where.commanded is None:
+        raise NotActive("The pose of an inactive arm is not known; activate it, or move it first")
+    if folder is None:
+        why = "the server has no folder of yours; start it with --trees DIR to save poses"
+        raise FileError([Mistake(Place(Path("trees"), 0, 0), why)])
+    joints = robot.actuated if group == ALL else robot.actuated_in(group)
+    positions = {joint.name: where.commanded[joint.name] for joint in joints}
+    return save_pose(robot, folder, name, positions, replace), positions

@@ -1,0 +1,342 @@
+/** Plots over time: positions, velocities with their limits, frames and their lateness. */
+
+import { byId, element, setText } from "../dom.js";
+
+/** @typedef {typeof import("../../libraries.js")} Libraries */
+/** @typedef {import("uplot")} Plot */
+/** @typedef {import("uplot").AlignedData} Data */
+/** @typedef {import("../arm/model.js").Joint} Joint */
+/** @typedef {import("../model/cursor.js").Cursor} Cursor */
+/** @typedef {import("../model/history.js").History} History */
+/** @typedef {import("../model/history.js").Series} Series */
+
+const PERIOD = 100; // between two drawings of a run that goes on [ms]
+const HEIGHT = 120; // of a plot [px]
+const AXIS = 56; // width of the axis on the left [px]
+const COLORS = 8; // --series-1 and so on in the style sheet
+const SHORTEST = 0.05; // time that a plot shows at least [s]
+
+/** Shows the plots of one robot's runs. */
+export class PlotsView {
+  #box = byId("plots", HTMLElement);
+  #band = byId("phases", HTMLElement);
+  #keys = byId("plot-joints", HTMLElement);
+  #cursor;
+  /** @type {Libraries | null} */
+  #libraries = null;
+  /** @type {Joint[]} */
+  #joints = [];
+  /** @type {Set<string>} joints that are switched off */
+  #off = new Set();
+  /** @type {Plot[]} positions, velocities, lateness */
+  #plots = [];
+  /** @type {History | null} */
+  #history = null;
+  /** @type {[number, number] | null} the times that are shown [s]; null for all */
+  #range = null;
+  #drawn = "";
+  #time = -1;
+  #last = 0;
+  #timer = 0;
+
+  /** @param {Cursor} cursor */
+  constructor(cursor) {
+    this.#cursor = cursor;
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.#build());
+    new ResizeObserver(() => this.#resize()).observe(this.#box);
+    byId("zoom-in", HTMLElement).addEventListener("click", () => this.#zoom(0.5));
+    byId("zoom-out", HTMLElement).addEventListener("click", () => this.#zoom(2));
+  }
+
+  /**
+   * Show a robot; the libraries are loaded first.
+   * @param {Joint[]} joints
+   * @param {() => void} changed called when there is something to draw
+   */
+  async show(joints, changed) {
+    if (this.#joints.length) return;
+    this.#joints = joints.filter((each) => each.type !== "fixed" && !each.mimic);
+    this.#keys.replaceChildren(...this.#joints.map((joint, index) => this.#key(joint, index)));
+    // @ts-ignore: the bundle has the types of libraries.js
+    this.#libraries = /** @type {Libraries} */ (await import("../libraries.js"));
+    changed();
+  }
+
+  /** @param {History} history of the run that is shown */
+  draw(history) {
+    if (!this.#libraries) return;
+    this.#drawCursor();
+    const changed = history !== this.#history;
+    const now = `${versions(history)} ${this.#cursor.end}`;
+    if (!changed && now === this.#drawn) return;
+    const wait = this.#last + PERIOD - performance.now();
+    if (!changed && wait > 0) {
+      this.#timer ||= setTimeout(() => this.draw(history), wait);
+      return;
+    }
+    clearTimeout(this.#timer);
+    this.#timer = 0;
+    if (changed) this.#range = null;
+    const measures = this.#measures;
+    this.#history = history;
+    this.#drawn = now;
+    if (this.#plots.length === 0 || measures !== this.#measures) this.#build();
+    else this.#fill();
+    this.#last = performance.now();
+  }
+
+  get #measures() {
+    return (this.#history?.measured.times.length ?? 0) > 0;
+  }
+
+  /** Make the plots, in the colours of the page. */
+  #build() {
+    if (!this.#history || !this.#libraries) return;
+    for (const plot of this.#plots) plot.destroy();
+    const style = getComputedStyle(this.#box);
+    const colors = [...this.#keys.querySelectorAll(".swatch")].map((each) => getComputedStyle(each).color);
+    /** @param {boolean} dashed */
+    const lines = (dashed) =>
+      this.#joints.map((joint, index) => ({
+        label: joint.name,
+        show: !this.#off.has(joint.name),
+        stroke: colors[index],
+        width: 1.5,
+        dash: dashed ? [4, 3] : [],
+        spanGaps: true,
+        points: { show: false },
+      }));
+    const joints = [...lines(false), ...(this.#measures ? lines(true) : [])];
+    const ink = style.color;
+    const dots = { label: "frame", stroke: ink, paths: () => null, points: { show: true, size: 3, fill: ink } };
+    this.#plots = [
+      this.#plot(`Position [${this.#units("")}]`, joints, {}, style),
+      this.#plot(`Velocity [${this.#units("/s")}]`, joints, { range: () => this.#velocityRange() }, style),
+      this.#plot("Frames, lateness [ms]", [dots], { range: (_plot, low, high) => [Math.min(low, 0), Math.max(high, 1)] }, style),
+    ];
+    this.#plots[1].hooks.draw?.push((plot) => this.#drawLimits(plot, style.color));
+    this.#fill();
+  }
+
+  /**
+   * @param {string} title
+   * @param {import("uplot").Series[]} lines
+   * @param {import("uplot").Scale} scale of the values
+   * @param {CSSStyleDeclaration} style of the page
+   */
+  #plot(title, lines, scale, style) {
+    const { uPlot } = /** @type {Libraries} */ (this.#libraries);
+    const axis = { stroke: style.color, font: `12px ${style.fontFamily}`, ticks: { show: false } };
+    const grid = { stroke: style.borderTopColor, width: 1 };
+    const holder = element("figure", {}, element("figcaption", {}, title));
+    this.#box.append(holder);
+    const plot = new uPlot(
+      {
+        width: Math.max(this.#box.clientWidth, 100),
+        height: HEIGHT,
+        padding: [6, 8, 0, 0],
+        legend: { show: false },
+        cursor: { y: false, points: { show: false }, drag: { x: true, y: false, dist: 5 }, sync: { key: "run" } },
+        scales: { x: { time: false, range: () => this.#shown() }, y: scale },
+        axes: [
+          { ...axis, grid, size: 22, values: (_plot, times) => times.map((time) => `${time} s`) },
+          { ...axis, grid, size: AXIS },
+        ],
+        series: [{}, ...lines],
+        hooks: { draw: [(plot) => this.#drawLine(plot)], setSelect: [(plot) => this.#select(plot)], destroy: [() => holder.remove()] },
+      },
+      /** @type {any} */ ([[], ...lines.map(() => [])]),
+      holder,
+    );
+    plot.over.append(element("div", { class: "time-line" }));
+    plot.over.addEventListener("click", () => this.#cursor.seek(plot.posToVal(plot.cursor.left ?? 0, "x")));
+    plot.over.addEventListener("dblclick", () => this.#setRange(null));
+    return plot;
+  }
+
+  /** @param {Plot} plot in which the user has selected a range */
+  #select(plot) {
+    const { left, width } = plot.select;
+    if (width > 0) this.#setRange([plot.posToVal(left, "x"), plot.posToVal(left + width, "x")]);
+    plot.setSelect({ left: 0, width: 0, top: 0, height: 0 }, false);
+  }
+
+  /** @param {[number, number] | null} range */
+  #setRange(range) {
+    this.#range = range;
+    this.#fill();
+  }
+
+  /**
+   * Show a longer or shorter time around the cursor.
+   * @param {number} factor
+   */
+  #zoom(factor) {
+    const [from, to] = this.#shown();
+    const length = Math.max((to - from) * factor, SHORTEST);
+    const middle = factor < 1 ? this.#cursor.time : (from + to) / 2;
+    const begin = Math.max(0, middle - length / 2);
+    this.#setRange(length >= this.#cursor.end ? null : [begin, begin + length]);
+  }
+
+  /** @returns {[number, number]} the times that are shown */
+  #shown() {
+    return this.#range ?? [0, Math.max(this.#cursor.end, 1)];
+  }
+
+  /** Show the newest values. */
+  #fill() {
+    const history = this.#history;
+    if (!history || !this.#libraries || this.#plots.length === 0) return;
+    const [positions, velocities, lateness] = this.#plots;
+    positions.setData(this.#aligned(history.commanded, history.measured));
+    velocities.setData(this.#aligned(history.velocity, history.measuredVelocity));
+    const late = history.lateness.columns.get("frame") ?? [];
+    lateness.setData([history.lateness.times, late.map((each) => (each ?? 0) * 1000)]);
+    this.#drawBand(history);
+    this.#drawCursor(true);
+  }
+
+  /**
+   * Return the values of all joints, and the measured ones if there are any, over common times.
+   * @param {Series} series
+   * @param {Series} measured
+   * @returns {Data}
+   */
+  #aligned(series, measured) {
+    const own = this.#table(series);
+    if (!this.#measures || !this.#libraries) return own;
+    return this.#libraries.uPlot.join([own, this.#table(measured)]);
+  }
+
+  /** @param {Series} series @returns {any} */
+  #table(series) {
+    const columns = this.#joints.map((joint) => {
+      const column = series.columns.get(joint.name) ?? series.times.map(() => 0);
+      return column.map((value) => (value === null ? null : value * scaleOf(joint)));
+    });
+    return [series.times, ...columns];
+  }
+
+  /** @returns {[number, number]} */
+  #velocityRange() {
+    const most = Math.max(...this.#limits().keys(), 1e-3) * 1.1;
+    return [-most, most];
+  }
+
+  /** @returns {Map<number, string[]>} the joints that are shown, by their velocity limit */
+  #limits() {
+    /** @type {Map<number, string[]>} */
+    const found = new Map();
+    for (const joint of this.#joints) {
+      const limit = this.#history?.limits.get(joint.name);
+      if (limit === undefined || this.#off.has(joint.name)) continue;
+      const value = limit * scaleOf(joint);
+      found.set(value, [...(found.get(value) ?? []), joint.name]);
+    }
+    return found;
+  }
+
+  /**
+   * @param {Plot} plot
+   * @param {string} color
+   */
+  #drawLimits(plot, color) {
+    const { ctx, bbox } = plot;
+    ctx.save();
+    ctx.strokeStyle = color;
+    ctx.setLineDash([2 * devicePixelRatio, 4 * devicePixelRatio]);
+    for (const limit of this.#limits().keys())
+      for (const value of [limit, -limit]) {
+        const y = plot.valToPos(value, "y", true);
+        ctx.beginPath();
+        ctx.moveTo(bbox.left, y);
+        ctx.lineTo(bbox.left + bbox.width, y);
+        ctx.stroke();
+      }
+    ctx.restore();
+  }
+
+  /** @param {History} history */
+  #drawBand({ phases }) {
+    const [from, to] = this.#shown();
+    const bars = phases.map(({ time, phase }, index) => {
+      const begin = Math.max(time, from);
+      const end = Math.min(phases[index + 1]?.time ?? Math.max(this.#cursor.end, time), to);
+      if (end <= begin) return "";
+      const bar = element("span", { class: "phase", title: `${phase}, from ${time.toFixed(2)} s` }, phase);
+      bar.style.setProperty("left", `${(100 * (begin - from)) / (to - from)}%`);
+      bar.style.setProperty("width", `${(100 * (end - begin)) / (to - from)}%`);
+      return bar;
+    });
+    this.#band.replaceChildren(...bars.filter((each) => each !== ""));
+  }
+
+  /**
+   * Show the time of the cursor, and the values at it.
+   * @param {boolean} [always] also if the time is the same
+   */
+  #drawCursor(always = false) {
+    const { time } = this.#cursor;
+    if (time === this.#time && !always) return;
+    this.#time = time;
+    setText(byId("plot-time", HTMLElement), `${time.toFixed(2)} s`);
+    for (const plot of this.#plots) this.#drawLine(plot);
+    if (!this.#history) return;
+    const { commanded } = this.#history;
+    const row = commanded.indexAt(time);
+    for (const [index, joint] of this.#joints.entries()) {
+      const value = commanded.columns.get(joint.name)?.[row];
+      const output = /** @type {HTMLElement} */ (this.#keys.children[index].lastElementChild);
+      setText(output, value === undefined || value === null ? "" : `${(value * scaleOf(joint)).toFixed(1)} ${unitOf(joint)}`);
+    }
+  }
+
+  /** @param {Plot} plot */
+  #drawLine(plot) {
+    const line = /** @type {HTMLElement} */ (plot.over.lastElementChild);
+    line.style.setProperty("transform", `translateX(${plot.valToPos(this.#cursor.time, "x")}px)`);
+  }
+
+  /**
+   * Return a switch for a joint, which also says what its colour is.
+   * @param {Joint} joint
+   * @param {number} index
+   */
+  #key(joint, index) {
+    const box = element("input", { type: "checkbox", checked: true });
+    box.addEventListener("change", () => {
+      if (box.checked) this.#off.delete(joint.name);
+      else this.#off.add(joint.name);
+      this.#build();
+    });
+    const swatch = element("span", { class: `swatch series-${(index % COLORS) + 1}` });
+    return element("label", {}, box, swatch, joint.name, element("output", { class: "quiet" }));
+  }
+
+  /** @param {string} per */
+  #units(per) {
+    return [...new Set(this.#joints.map((joint) => `${unitOf(joint)}${per}`))].join(", ");
+  }
+
+  #resize() {
+    const width = this.#box.clientWidth;
+    if (width) for (const plot of this.#plots) plot.setSize({ width, height: HEIGHT });
+    this.#drawCursor(true);
+  }
+}
+
+/** @param {History} history */
+function versions({ commanded, measured, velocity, lateness, version }) {
+  return [commanded, measured, velocity, lateness].map((each) => each.version).join(" ") + ` ${version}`;
+}
+
+/** @param {Joint} joint */
+function scaleOf(joint) {
+  return joint.unit === "m" ? 1000 : 180 / Math.PI;
+}
+
+/** @param {Joint} joint */
+function unitOf(joint) {
+  return joint.unit === "m" ? "mm" : "deg";
+}

@@ -1,0 +1,79 @@
+/** The poses: moves to them, and saves where the arm is. */
+
+import { get, isSignedIn, post } from "../api.js";
+import { byId, element, setText } from "../dom.js";
+
+/** @typedef {import("../connection.js").Status} Status */
+
+/**
+ * @typedef {object} Pose What the server answers at `/api/poses`.
+ * @property {string} pose name
+ * @property {Record<string, number>} positions by joint [rad or m]
+ * @property {string} source
+ */
+
+/** Lists the poses, with a form to save one. */
+export class PosesView {
+  #list = byId("poses", HTMLElement);
+  #form = byId("pose-form", HTMLFormElement);
+  #name = byId("pose-name", HTMLInputElement);
+  #group = byId("pose-group", HTMLSelectElement);
+  #replace = byId("pose-replace", HTMLInputElement);
+  #note = byId("move-error", HTMLElement);
+
+  constructor() {
+    this.#form.addEventListener("submit", (event) => {
+      event.preventDefault();
+      this.#save();
+    });
+  }
+
+  /**
+   * List the poses, and the groups of joints that can be saved.
+   * @param {string[]} groups
+   */
+  async show(groups) {
+    this.#group.replaceChildren(...[...groups, "all"].map((group) => element("option", {}, group)));
+    await this.#refresh();
+  }
+
+  /** @param {Status | null} status */
+  draw(status) {
+    const active = isSignedIn() && status?.arm === "active";
+    for (const button of this.#list.querySelectorAll("button")) button.disabled = !active || status.goal !== null;
+    const save = this.#form.querySelector("button");
+    if (save) save.disabled = !active;
+  }
+
+  async #refresh() {
+    const poses = /** @type {Pose[]} */ ((await get("api/poses")).poses);
+    const items = poses.map(({ pose, positions, source }) => {
+      const joints = Object.keys(positions).join(", ");
+      const button = element("button", { type: "button", title: `${joints}; ${source}` }, pose);
+      button.addEventListener("click", () => this.#act(() => post("api/move", { to: [pose] })));
+      return element("li", {}, button);
+    });
+    this.#list.replaceChildren(...items);
+  }
+
+  async #save() {
+    const body = { name: this.#name.value, group: this.#group.value, replace: this.#replace.checked };
+    await this.#act(async () => {
+      const { source } = await post("api/poses", body);
+      this.#form.reset();
+      await this.#refresh();
+      setText(byId("pose-saved", HTMLElement), `${body.name} is saved in ${source}.`);
+    });
+  }
+
+  /** @param {() => Promise<unknown>} act */
+  async #act(act) {
+    setText(this.#note, "");
+    setText(byId("pose-saved", HTMLElement), "");
+    try {
+      await act();
+    } catch (error) {
+      setText(this.#note, error instanceof Error ? error.message : String(error));
+    }
+  }
+}

@@ -1,0 +1,68 @@
+"""A run over time in a browser: plots, phases and log, all at one cursor."""
+
+import pytest
+
+import logs
+from executive.api.move import Move
+from tests.support.servers.browsing import Open, Tab, is_accessible, shows
+from tests.support.servers.serving import Served
+
+pytestmark = pytest.mark.slow
+
+pytest_plugins = [
+    "tests.support.servers.server_fixtures",
+    "tests.support.servers.browser_fixtures",
+]
+
+
+def lines(tab: Tab) -> list[str]:
+    return list(tab.locator("#log li").all_inner_texts())
+
+
+def test_a_run_is_plotted_at_one_time(open_page: Open, page_server: Served) -> None:
+    tab = open_page(color_scheme="dark")
+    tab.locator("#plots canvas").first.wait_for()
+    move = Move(("joint_1=60deg", "joint_2=20deg"), speed=0.5)
+    page_server.executive.result(page_server.executive.send(move).identity)
+    shows(tab, "#goal-state", "^done$")
+    shows(tab, "#plot-joints", r"joint_1\s*6\d\.\d deg")
+    shows(tab, "#phases", "executing")
+    assert tab.locator("#plots figure").count() == 3
+    is_accessible(tab)
+    # A click into a plot moves the cursor, and the values with it.
+    over = tab.locator("#plots .u-over").first
+    over.click(position={"x": 2, "y": 20})
+    shows(tab, "#plot-time", r"^0\.\d\d s")
+    shows(tab, "#plot-joints", r"joint_1\s*(0\.0 deg)?joint_2")
+    with_all = over.evaluate("each => each.parentElement.querySelector('canvas').toDataURL()")
+    tab.focus("#plot-joints input")
+    tab.keyboard.press("Space")
+    without = tab.locator("#plots canvas").first.evaluate("each => each.toDataURL()")
+    assert without != with_all
+    tab.keyboard.press("Space")
+    tab.click("#zoom-in")
+    assert tab.locator("#plots canvas").first.evaluate("each => each.toDataURL()") != with_all
+
+
+def test_the_log_is_filtered_in_and_out(open_page: Open, page_server: Served) -> None:
+    executive = page_server.executive
+    tab = open_page()
+    goal = executive.send(10).identity
+    shows(tab, "#running", "^wait$")
+    for level, word in ((20, "one"), (20, "two"), (40, "three")):
+        now = page_server.clock.now()
+        executive.record(logs.LogLine(now, level, "armtree", f"{word} word"))
+    shows(tab, "#log", "three word")
+    tab.fill("#log-search", "word -two")
+    assert len(lines(tab)) == 2
+    tab.select_option("#log-level", "40")
+    assert [line.split("\n")[-1] for line in lines(tab)] == ["error: three word"]
+    tab.select_option("#log-level", "0")
+    tab.fill("#log-search", "")
+    tab.locator("#log .at").first.focus()
+    tab.keyboard.press("Enter")
+    before = tab.inner_text("#plot-time")
+    tab.wait_for_timeout(1100)  # the cursor does not follow the run any more
+    assert tab.inner_text("#plot-time") == before
+    is_accessible(tab)
+    executive.cancel(goal)
