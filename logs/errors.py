@@ -144,9 +144,9 @@ class NoSuchRecording(RecordingError):
     hint = "`armtree log ls` lists them"
 
     def __init__(self, folder: Path, why: str) -> None:
-        super().__init__(
-            folder, f"{why}. `armtree log ls` lists them; in another folder, give FOLDER/latest"
-        )
+        why += "" if why.endswith("?") else "."
+        more = "`armtree log ls` lists them; in another folder, give FOLDER/latest"
+        super().__init__(folder, f"{why} {more}")
 
 
 class RecordingTruncated(RecordingError):

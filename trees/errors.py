@@ -342,5 +342,5 @@ class UnknownTask(TreeError):
             words += f". No task is for the robot {robot}; `armtree new` writes one, and "
             words += "`armtree move` moves it without a task"
         elif any(str(task) in path.stem.split("_", 1) for path in EXAMPLES.glob("*.yaml")):
-            words += f". {task} is an example: give {EXAMPLES} as the folder of tasks"
+            words += f". {task} is an example: --trees {EXAMPLES} (in Python, trees=) has it"
         super().__init__(words)

@@ -12,7 +12,7 @@ from executive.api.codes import DIFFERS, look_up
 from .support.command_group import command, diagnostics
 from .support.failures import print_incomplete
 from .support.names import RECORDING, complete_port
-from .support.settings import ABOVE_0, AT_LEAST_0, option
+from .support.settings import ABOVE_0, AT_LEAST_0, Whole, option
 from .terminal.streams import echo
 
 
@@ -43,7 +43,7 @@ from .terminal.streams import echo
 @click.option(
     "--jobs",
     metavar="N",
-    type=click.IntRange(1),
+    type=Whole(1),
     help="With --verify: number of processes. Default: one per core.",
 )
 @option("robot", help="With --on: robot file.")

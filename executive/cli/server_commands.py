@@ -15,7 +15,7 @@ from executive.api.codes import look_up
 from .support.command_group import command, diagnostics
 from .support.names import TASK, complete_node
 from .support.options import pose_option, robot_option, set_option
-from .support.settings import local_server, option
+from .support.settings import Whole, local_server, option
 from .terminal.streams import echo
 
 if TYPE_CHECKING:
@@ -88,7 +88,7 @@ def send(
 @click.option(
     "--until",
     "stamp_ns",
-    type=click.IntRange(1, 2**63 - 1),
+    type=Whole(1, 2**63 - 1),
     metavar="NS",
     help="Cancel all goals accepted at or before this time [ns since 1970].",
 )
@@ -153,6 +153,7 @@ def watch(client: "Client", as_json: bool) -> None:
 @command()
 @click.argument(
     "transition",
+    metavar="TRANSITION",
     type=click.Choice(["configure", "activate", "deactivate", "cleanup", "shutdown"]),
 )
 @pose_option
@@ -160,7 +161,8 @@ def watch(client: "Client", as_json: bool) -> None:
 def arm(client: "Client", as_json: bool, transition: str, pose: str | None) -> None:
     """Change the lifecycle state of a server's arm.
 
-    activate opens the serial port, which may move the arm.
+    TRANSITION is configure, activate, deactivate, cleanup or shutdown. activate opens the serial
+    port, which may move the arm.
     """
     from .support.server_goals import activate
 

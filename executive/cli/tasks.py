@@ -20,7 +20,7 @@ from .support.options import (
     skills_option,
     trees_option,
 )
-from .support.settings import PATH, option
+from .support.settings import PATH, Whole, option
 from .terminal.streams import echo, fit
 
 if TYPE_CHECKING:
@@ -266,7 +266,7 @@ def show(
 
 
 @command()
-@click.argument("number", type=click.IntRange(0, 2**31 - 1))
+@click.argument("number", type=Whole(0, 2**31 - 1))
 @click.argument("name")
 @option(
     "trees",

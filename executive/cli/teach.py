@@ -12,7 +12,7 @@ from hardware.suggestions import plural
 from .jog import saving
 from .support.command_group import command
 from .support.options import run_options, source_options, speed_option
-from .support.settings import option
+from .support.settings import Whole, option
 from .terminal.streams import LastingStream
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 @command()
-@click.argument("number", type=click.IntRange(0, 2**31 - 1))
+@click.argument("number", type=Whole(0, 2**31 - 1))
 @click.argument("name")
 @speed_option
 @option("server")

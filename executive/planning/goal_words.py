@@ -70,7 +70,7 @@ def read_words(
             so far. A number without a unit is out of bounds, but not if it is in degrees or mm.
     """
     units = {joint.name: joint.unit for joint in robot.actuated}
-    _check_spelling(words, next(iter(units)), quoted)
+    _check_spelling(words, units, quoted)
     if is_point(words, poses):
         x, y, z = read_value("point", f"[{', '.join(words)}]", declaration(TOOL_PORTS["point"]))
         return Words({}, {}, (x, y, z))
@@ -172,15 +172,24 @@ def read_value(name: str, text: str, wanted: Declaration) -> Any:
         raise BadTarget(f"{name}: {error.mistakes[0].message}") from error
 
 
-def _check_spelling(words: Sequence[str], joint: str, quoted: bool) -> None:
-    """Check that each value is one word.
+def _check_spelling(words: Sequence[str], units: Mapping[str, str], quoted: bool) -> None:
+    """Check that each value is one word, and that = is between a name and its value.
 
     Args:
         words: The words.
-        joint: Name of a joint, for an example.
+        units: Unit of each actuated joint, by name.
         quoted: True if the words are in quotes already.
     """
-    for word in words:
+    if any("," in word for word in words):
+        text, decimals = " ".join(words), all(re.search(r"\d,\d", word) for word in words)
+        right = text.replace(",", ".") if decimals and len(words) > 1 else text.replace(",", " ")
+        raise BadTarget(f"{text!r} contains commas; write {' '.join(right.split())}")
+    joint = next(iter(units))
+    for word, following in pairwise([*words, ""]):
+        named, _, rest = re.sub("[: ]+", "=", word).partition("=")
+        if "=" not in word + following[:1] and named in {*units, WIDTH}:
+            example = rest or ("20deg" if units.get(named) == "rad" else "20mm")
+            raise BadTarget(f"{word!r} has no =; write {named}={example}")
         name, equals, value = word.partition("=")
         sign = "+=" if name.endswith("+") else "="
         name = name.removesuffix("+")

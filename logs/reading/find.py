@@ -75,6 +75,7 @@ def find_recording(given: str, folder: Path) -> Path:
         case [name]:
             return folder / name
         case []:
+            there = [LATEST, *there] if there else []
             why = f"no recording here begins with {begin}; there are {choices(begin, there)}"
         case names:
             why = f"{len(names)} recordings here begin with {begin}: {choices(begin, names)}"

@@ -10,6 +10,7 @@ from typing import Any
 import click
 
 from executive.cli.terminal.streams import LogFormatter
+from hardware.suggestions import suggestion
 
 SETTINGS_SECTION = "Settings, also in armtree.toml, or ARMTREE_SEED and so on"
 _OWN, _COMMON = "Options", "Options of every command"
@@ -126,6 +127,19 @@ class CommandGroup(click.Group):
             found = getattr(import_module(f"executive.cli.{module}"), function)
             self.add_command(found, cmd_name)
         return super().get_command(ctx, cmd_name)
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Return the command that words name; suggest a similar one if there is none."""
+        try:
+            return super().resolve_command(ctx, args)
+        except click.UsageError as error:
+            names = self.list_commands(ctx)  # click knows only those that are imported
+            if args[0] in names or args[0].startswith("-"):
+                raise
+            why = f"No such command {args[0]!r}{suggestion(args[0], names)}"
+            raise click.UsageError(why, ctx) from error
 
     def _sections(self) -> Mapping[str, Iterable[str]]:
         """Return the names of the commands, by the title of their section."""

@@ -31,6 +31,8 @@ _LARGEST = 2**31 - 1
 class Finite(click.FloatRange):
     """A number in a range. NaN, which no comparison excludes, and infinity are rejected."""
 
+    name = "number"
+
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> float:
@@ -39,6 +41,12 @@ class Finite(click.FloatRange):
         if not math.isfinite(number):
             self.fail(f"{value} is not a finite number", param, ctx)
         return number
+
+
+class Whole(click.IntRange):
+    """A whole number in a range."""
+
+    name = "whole number"
 
 
 class Url(click.types.StringParamType):
@@ -149,7 +157,7 @@ SETTINGS = {
     ),
     "tcp_port": Setting(
         metavar="PORT",
-        type=click.IntRange(0, 65535),
+        type=Whole(0, 65535),
         default=PORT,
         help="TCP port of the server; 0 for any free one.",
     ),
@@ -164,10 +172,8 @@ SETTINGS = {
         metavar="SECONDS",
         help="How long a result is kept [s]; -1 to keep it until there are 1000 newer ones.",
     ),
-    "seed": Setting(metavar="N", type=click.IntRange(1), default=1, help="Seed of the planner."),
-    "workers": Setting(
-        metavar="N", type=click.IntRange(1), default=1, help="Number of planner processes."
-    ),
+    "seed": Setting(metavar="N", type=Whole(1), default=1, help="Seed of the planner."),
+    "workers": Setting(metavar="N", type=Whole(1), default=1, help="Number of planner processes."),
     "recording_timeout": Setting(
         type=ABOVE_0,
         default=5.0,

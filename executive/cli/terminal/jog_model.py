@@ -190,9 +190,7 @@ class Jog:
         if self.lost:
             return self, Leave() if key == "q" else None
         if key == " ":
-            undone = self._undone
-            stopped = replace(self, waiting=None, calling=None, dropped=0)
-            return stopped._closed().said(f"Stopped{undone}"), Stop()
+            return self._stopped(), Stop()
         if self.prompt or self.question:
             return self._type(key) if self.prompt else self._answer(key)
         if key == "q":
@@ -210,6 +208,16 @@ class Jog:
         if key == "?":
             return state.said(_ABOUT), None
         return state.said(f"{key_name(key)} is not a key of jog; ? shows help", failed=True), None
+
+    def _stopped(self) -> "Jog":
+        """Return the state after a stop. A prompt stays: the rest of its text moves no arm."""
+        stopped, said = (
+            replace(self, waiting=None, calling=None, dropped=0),
+            f"Stopped{self._undone}",
+        )
+        if self.prompt:
+            return stopped.said(f"{said}; no space is typed; Escape leaves")
+        return stopped._closed().said(said)
 
     def ended(self, message: str, failed: bool) -> tuple["Jog", Action | None]:
         """Return the state after the end of the move under way, and what to do.

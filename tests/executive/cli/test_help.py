@@ -92,3 +92,14 @@ def test_the_log_is_printed_wherever_verbose_is(
     monkeypatch.setattr("trees.compile.plugins.load_skills", load_skills)
     assert typed(tmp_path, *words, "no.yaml")[2].count("INFO armtree: a line\n") == 1
     assert "a line" not in typed(tmp_path, "check", "no.yaml")[2]
+
+
+@pytest.mark.parametrize(
+    ("words", "near"),
+    [("mvoe", "; did you mean move?"), ("pose sve", "; did you mean save?"), ("xyz", "")],
+)
+def test_a_misspelt_command_is_corrected(words: str, near: str, tmp_path: Path) -> None:
+    """A command that is not imported yet is suggested, too."""
+    status, out, errors = typed(tmp_path, *words.split())
+    assert (status, out) == (2, "")
+    assert errors.endswith(f"No such command {words.split()[-1]!r}{near}\n")

@@ -145,7 +145,7 @@ def test_without_a_step_there_is_no_task(command: list[str], tmp_path: Path) -> 
         (["1", "fetch"], 3, "task 1 is in "),
         (["5", "pick"], 3, "task 1 is called pick already; give another name"),
         (["5", "a b"], 3, "'a b' is not a name"),
-        (["x", "fetch"], 2, "'x' is not a valid integer"),
+        (["x", "fetch"], 2, "'x' is not a valid whole number"),
         (["5", "fetch"], 2, "a jog needs a terminal"),
     ],
 )

@@ -51,6 +51,13 @@ def test_a_urdf_that_cannot_be_planned_with_is_a_wrong_file(tmp_path: Path) -> N
             "'1' is the number of a task, which must be the only word; plan one",
         ),
         (("0.1", "0.1"), "0.1 0.1 has 2 numbers; the point for the tool has three, x y z, such as"),
+        (("joint_1",), "'joint_1' has no =; write joint_1=20deg"),
+        (("joint_1:70deg",), "'joint_1:70deg' has no =; write joint_1=70deg"),
+        (("joint_1 70deg",), "'joint_1 70deg' has no =; write joint_1=70deg"),
+        (("width",), "'width' has no =; write width=20mm"),
+        (("0.1,0.1,8cm",), "'0.1,0.1,8cm' contains commas; write 0.1 0.1 8cm"),
+        (("0.1,", "0.1,", "8cm"), "'0.1, 0.1, 8cm' contains commas; write 0.1 0.1 8cm"),
+        (("0,1", "0,1", "0,08"), "'0,1 0,1 0,08' contains commas; write 0.1 0.1 0.08"),
         (("right", "5cm"), "5cm has 1 number; the point for the tool has three"),
         (
             ("right", "1cm", "2cm", "-.3"),

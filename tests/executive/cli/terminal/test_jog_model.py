@@ -104,7 +104,9 @@ def test_a_name_is_typed_for_a_command() -> None:
     for keys in ((ESCAPE,), (DELETE, DELETE, DELETE, ENTER)):
         left, action = pressed(jog, *keys)
         assert (left.prompt, action) == ("", None)
-    assert jog.press(" ")[1] == Stop()
+    jog, action = jog.press(" ")
+    assert (action, jog.typed) == (Stop(), "qx2")
+    assert pressed(jog, "o")[1] is None  # the rest of the text moves nothing
 
 
 def test_a_prompt_opens_during_a_move_and_its_command_follows_the_move() -> None:
