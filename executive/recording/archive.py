@@ -17,7 +17,7 @@ from typing import Any
 
 from hardware import Robot, load_robot
 from hardware.description.meshes import MAX_MESH_BYTES
-from hardware.description.urdf import UrdfError, mesh_names, with_meshes
+from hardware.description.urdf import Urdf, UrdfError
 from hardware.files import read_file
 from logs import Attachment, Recording, RecordingError, pack
 from skills.motion import World
@@ -45,7 +45,7 @@ class RobotMeshes:
 def archive_meshes(robot: Robot) -> RobotMeshes:
     """Return the meshes that the URDF of a robot names, each once. Missing ones are left out."""
     names, files, size = dict[str, str](), dict[str, Attachment](), 0
-    for name, collides in mesh_names(robot.urdf).items():
+    for name, collides in Urdf.read(robot.urdf).meshes().items():
         with suppress(UrdfError, OSError):  # the planner reports it
             path = robot.mesh(name)
             data = read_file(path, MAX_MESH_BYTES)
@@ -122,7 +122,8 @@ def extract_robot(recording: Recording, folder: Path) -> list[Path]:
     text = robot.path.read_text()
     file.write_text(re.sub(r"(?m)^urdf\s*=.*$", lambda _: f"urdf = {json.dumps(urdf.name)}", text))
     kinds = ("collision", "visual")
-    urdf.write_text(with_meshes(robot.urdf, lambda name: meshes.get(name, name), kinds))
+    described = Urdf.read(robot.urdf)
+    urdf.write_text(described.text_with_meshes(lambda name: meshes.get(name, name), kinds))
     written = {name: folder / name for name in set(meshes.values()) & recording.files.keys()}
     for name, path in written.items():
         path.write_bytes(recording.files[name])

@@ -8,11 +8,13 @@ from typing import Any
 from executive.recording.archive import robot_files_changed
 from executive.recording.versions import versions
 from hardware import Robot
-from logs import Goal, Plan, Record, Recording
+from logs import Goal, Plan, Recording
 from logs.records.file_format import DIGESTS
 from trees.compile.port_types import known_skills
 from trees.export.resolved import RESOLVED
 from trees.nodes import KINDS
+
+from .recorded_run import RecordedRun
 
 # Entries of `versions` that affect plans.
 PLANNING = ("planner", "numpy", "ompl", "pin", "coal", "toppra", "python", "machine", "system")
@@ -39,14 +41,14 @@ def changes(recording: Recording, entries: Collection[str]) -> str:
     return ", ".join(f"{name} {b} instead of {a}" for name, a, b in new if a != b)
 
 
-def contradiction(recording: Recording, robot: Robot, records: Sequence[Record]) -> str:
+def contradiction(run: RecordedRun) -> str:
     """Return the first contradiction within a recording, in words; empty if there is none."""
-    if robot_files_changed(recording):
+    if robot_files_changed(run.recording):
         return "description: the robot's files differ from those of the run"
-    goals = [record for record in records if isinstance(record, Goal)]
-    targets = _targets(recording)
-    for plan in (record for record in records if isinstance(record, Plan)):
-        wrong = _limits(plan, robot) or _seed(plan, goals) or _task(plan, targets)
+    goals = [record for record in run.records if isinstance(record, Goal)]
+    targets = _targets(run.recording)
+    for plan in (record for record in run.records if isinstance(record, Plan)):
+        wrong = _limits(plan, run.robot) or _seed(plan, goals) or _task(plan, targets)
         if wrong:
             return wrong
     return ""

@@ -11,6 +11,9 @@ from executive.api.outcome import GoalState
 from hardware import HardwareError, Robot, Schedule as Compiled, compile_schedule
 from hardware.printable import wire_text
 from logs import Goal, NodeStatus, Record, Result, Schedule, Sent, goal_title
+from trees.export.resolved import RESOLVED
+
+from .recorded_run import RecordedRun
 
 # Rounding of a clock that has run for months [s].
 _TOLERANCE = 1e-6
@@ -18,7 +21,34 @@ _TOLERANCE = 1e-6
 _SUCCESS = "SUCCESS"
 
 
-def frames_difference(robot: Robot, records: Sequence[Record], whole: bool = True) -> str:
+def frames_difference(run: RecordedRun) -> str:
+    """Check the goals of a run, every motion, and the results."""
+    return (
+        _goal_difference(run)
+        or run.joints_difference
+        or _motions_difference(run.robot, run.records, run.recording.whole)
+        or result_difference(run.records)
+    )
+
+
+def _goal_difference(run: RecordedRun) -> str:
+    """Find a missing goal or result; only a server's own recording has neither."""
+    recording, records = run.recording, run.records
+    if not recording.whole:
+        return ""
+    if not recording.messages:
+        return "nothing is recorded"
+    ran = RESOLVED in recording.files or any(not isinstance(record, Sent) for record in records)
+    if ran and not any(isinstance(record, Goal) for record in records):
+        return "no goal is recorded"
+    ended = {record.goal_id for record in records if isinstance(record, Result)}
+    goals = (record for record in records if isinstance(record, Goal) and not record.elsewhere)
+    if goal := next((goal for goal in goals if goal.goal_id not in ended), None):
+        return f"the goal of {goal_title(goal.task)} has no result"
+    return ""
+
+
+def _motions_difference(robot: Robot, records: Sequence[Record], whole: bool) -> str:
     """Compile every motion of a run again and compare frames, positions and times.
 
     A motion that was stopped is correct if the frames sent are the beginning of its schedule,

@@ -3,15 +3,16 @@
 Each function returns the first difference in words, or an empty string if there is none.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from itertools import zip_longest
 
 from executive.recording.archive import restore_world
 from hardware import Robot
-from logs import Plan, Record, Schedule
+from logs import Plan, Schedule
 from skills.merged_motion import MergedMotion
 from skills.motion import MotionError, Plan as Planned, Query, Rest
-from skills.motion.planner import Planner
+
+from .recorded_run import RecordedRun
 
 # A busy machine must not fail a plan; the timeout has no influence on the motion.
 _TIMEOUT = 120.0  # [s]
@@ -20,89 +21,50 @@ _TIMEOUT = 120.0  # [s]
 _BY_CHANCE = ("plan.canceled", "plan.timeout", "plan.worker_died")
 
 
-def joints_difference(robot: Robot, records: Iterable[Record]) -> str:
-    """Check that every plan and schedule is for the joints of the robot.
-
-    Args:
-        robot: The robot as it was recorded.
-        records: The records, in file order.
-    """
-    actuated = {joint.name for joint in robot.actuated}
-    for record in records:
-        if not isinstance(record, Plan | Schedule):
-            continue
-        groups = (record.group,) if isinstance(record, Plan) else record.groups
-        if unknown := [group for group in groups if group not in robot.groups]:
-            return (
-                f"the group {unknown[0]} is recorded, but the robot has {', '.join(robot.groups)}"
-            )
-        if record.start.keys() != actuated:
-            return f"the recorded start has the joints {', '.join(record.start)}"
-        if isinstance(record, Plan):
-            joints = tuple(joint.name for joint in robot.actuated_in(record.group))
-            if record.joints != joints:
-                return f"the {record.group} is recorded with the joints {', '.join(record.joints)}"
-    return ""
-
-
-def plans_difference(
-    planner: Callable[[], Planner],
-    robot: Robot,
-    records: Sequence[Record],
-    files: Mapping[str, bytes],
-) -> str:
-    """Plan every recorded query again, and merge the plans of each schedule again.
-
-    Args:
-        planner: Returns the planner for the robot. A recording without a plan needs none, and may
-            lack the meshes for it.
-        robot: The robot as it was recorded.
-        records: The records, in file order.
-        files: Attachments of the recording, by name.
-    """
+def plans_difference(run: RecordedRun) -> str:
+    """Plan every recorded query again, and merge the plans of each schedule again."""
     planned: dict[str, Planned] = {}
     before: MergedMotion | None = None
     number = 0
-    for record in records:
+    for record in run.records:
         words = ""
         if isinstance(record, Plan):
             number += 1
-            words = _plan_difference(record, _plan(planner(), robot, record, files), planned)
+            words = _plan_difference(record, _plan(run, record), planned)
             words = words and f"plan {number} ({record.group}): {words}"
         elif isinstance(record, Schedule) and record.groups:
-            if before and record.resumed is not None:
-                planned |= _remaining(planner(), robot, record, before, record.resumed)
+            start = run.start(record)
+            if before and record.resumed is not None:  # the motion before was paused
+                rest = before.rest(record.resumed, start)
+                plans = (run.planner.rest(p) if isinstance(p, Rest) else p for p in rest)
+                planned |= {plan.group: plan for plan in plans}
             if missing := [group for group in record.groups if group not in planned]:
                 return f"a schedule moves the group {missing[0]}, but no plan for it is recorded"
-            start = tuple(record.start[joint.name] for joint in robot.actuated)
-            plans = [planned[group] for group in record.groups]
-            before = MergedMotion(robot, start, plans, record.together)
-            words = _merged_difference(robot, record, before, start)
+            merged = [planned[group] for group in record.groups]
+            before = MergedMotion(run.robot, start, merged, record.together)
+            words = _merged_difference(run.robot, record, before, start)
         if words:
             return words
     return ""
 
 
-def _plan(
-    planner: Planner, robot: Robot, recorded: Plan, files: Mapping[str, bytes]
-) -> Planned | MotionError | None:
+def _plan(run: RecordedRun, recorded: Plan) -> Planned | MotionError | None:
     """Return the answer to a recorded query; None if the recorded answer is not repeatable."""
     if recorded.code in _BY_CHANCE:
         return None
-    start = tuple(recorded.start[joint.name] for joint in robot.actuated)
     try:
         query = Query(
             group=recorded.group,
-            start=start,
+            start=run.start(recorded),
             goal=recorded.goal,
             seed=recorded.seed,
             timeout=_TIMEOUT,
             via=recorded.via,
-            world=restore_world(recorded.world, files),
+            world=restore_world(recorded.world, run.recording.files),
             spare=recorded.spare,
             speed=recorded.speed,
         )
-        return planner.plan(query)
+        return run.planner.plan(query)
     except MotionError as error:
         return error
 
@@ -121,16 +83,6 @@ def _plan_difference(
         return f"{recorded.code} is recorded, but now there is a motion of {answer.duration:.3f} s"
     planned[recorded.group] = answer
     return _motions_difference(recorded, answer)
-
-
-def _remaining(
-    planner: Planner, robot: Robot, recorded: Schedule, before: MergedMotion, time: float
-) -> dict[str, Planned]:
-    """Return the rest of a motion that was paused at a time [s], by group."""
-    start = tuple(recorded.start[joint.name] for joint in robot.actuated)
-    rest = before.rest(time, start)
-    plans = [planner.rest(part) if isinstance(part, Rest) else part for part in rest]
-    return {plan.group: plan for plan in plans}
 
 
 def _merged_difference(

@@ -11,13 +11,12 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
-from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 
 from executive.api.codes import DIFFERS
 from executive.recording.archive import restore_robot
-from hardware import HardwareError, Robot
+from hardware import HardwareError
 from hardware.suggestions import plural
 from logs import (
     Goal,
@@ -31,17 +30,15 @@ from logs import (
     Result,
     Schedule,
     Sent,
-    goal_title,
 )
 from logs.reading.consistency import inconsistency
 from logs.reading.file_state import why_incomplete
 from skills.motion import ModelUnusable
-from skills.motion.planner import Planner
-from trees.export.resolved import RESOLVED
 
 from .cause import PLANNING, changes, contradiction, source
-from .frames import frames_difference, result_difference
-from .plans import joints_difference, plans_difference
+from .frames import frames_difference
+from .plans import plans_difference
+from .recorded_run import RecordedRun
 
 _PLAN = "/plan/"
 _FRAMES, _PLANS = "plan -> frames", "goal -> plan"
@@ -116,7 +113,7 @@ def verify(path: Path) -> Verification:
     """Verify one recording; plan in this process."""
     try:
         recording = Recording(path)
-        records = list(recording.records(Sent, Schedule, Plan, Goal, Result, NodeStatus))
+        records = tuple(recording.records(Sent, Schedule, Plan, Goal, Result, NodeStatus))
         if isinstance(cut := why_incomplete(recording), RecordingInUse):
             raise cut
         checks = _checks(recording, records)
@@ -156,19 +153,16 @@ def _without_ctrl_c(pool: ProcessPoolExecutor, paths: Sequence[Path]) -> Iterato
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _checks(recording: Recording, records: Sequence[Record]) -> tuple[Check, ...]:
+def _checks(recording: Recording, records: tuple[Record, ...]) -> tuple[Check, ...]:
     topic, wrong = inconsistency(recording)
     if not records and not recording.whole:  # it may lack its robot
         words = wrong or "the file was cut before the first record"
         return tuple(Check(question, not wrong, words) for question in (_FRAMES, _PLANS))
-    robot, planned = restore_robot(recording), topic.startswith(_PLAN)
-    planner = partial(_planner, robot)
-    joints, conflict = joints_difference(robot, records), contradiction(recording, robot, records)
-    frames = _goal_difference(recording, records) or joints
-    frames = frames or frames_difference(robot, records, recording.whole)
-    frames = frames or result_difference(records) or ("" if planned else wrong)
-    plans = joints or plans_difference(planner, robot, records, recording.files)
-    plans = plans or (wrong if planned else "")
+    run = RecordedRun(recording, records, restore_robot(recording))
+    planned = topic.startswith(_PLAN)
+    conflict = contradiction(run)
+    frames = frames_difference(run) or ("" if planned else wrong)
+    plans = run.joints_difference or plans_difference(run) or (wrong if planned else "")
     count = Counter(
         type(record) for record in records if not isinstance(record, Sent) or record.joints
     )
@@ -185,30 +179,3 @@ def _checks(recording: Recording, records: Sequence[Record]) -> tuple[Check, ...
     new = changes(recording, PLANNING)
     also = f", also with {new}" if new else ""
     return first, Check(_PLANS, True, plural(count[Plan], "plan") + also)
-
-
-def _goal_difference(recording: Recording, records: Sequence[Record]) -> str:
-    """Find a missing goal or result; only a server's own recording has neither."""
-    if not recording.whole:
-        return ""
-    if not recording.messages:
-        return "nothing is recorded"
-    ran = RESOLVED in recording.files or any(not isinstance(record, Sent) for record in records)
-    if ran and not any(isinstance(record, Goal) for record in records):
-        return "no goal is recorded"
-    ended = {record.goal_id for record in records if isinstance(record, Result)}
-    goals = (record for record in records if isinstance(record, Goal) and not record.elsewhere)
-    if goal := next((goal for goal in goals if goal.goal_id not in ended), None):
-        return f"the goal of {goal_title(goal.task)} has no result"
-    return ""
-
-
-_planners: dict[str, Planner] = {}
-
-
-def _planner(robot: Robot) -> Planner:
-    """Return the planner for a robot, made once; the folder of its files is named by content."""
-    key = str(robot.path)
-    if key not in _planners:
-        _planners[key] = Planner(robot)
-    return _planners[key]

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from hardware.joints import Mimic
 
-from .urdf import UrdfJoint, Vector, parse_urdf
+from .urdf import Urdf, UrdfJoint, Vector
 
 Quaternion = tuple[float, float, float, float]  # x, y, z, w
 
@@ -34,13 +34,10 @@ class ForwardKinematics:
     """The forward kinematics of a robot.
 
     Args:
-        urdf: Text of its URDF.
-
-    Raises:
-        UrdfError: The URDF is wrong.
+        urdf: Its URDF.
     """
 
-    def __init__(self, urdf: str) -> None:
+    def __init__(self, urdf: Urdf) -> None:
         self._joints = [
             (
                 joint,
@@ -48,7 +45,7 @@ class ForwardKinematics:
                 _normalized(joint.axis),
                 joint.mimic or Mimic(joint.name, 1.0, 0.0),
             )
-            for joint in parse_urdf(urdf).joints
+            for joint in urdf.joints
         ]
 
     def transforms(self, positions: Mapping[str, float]) -> list[LinkTransform]:
@@ -96,7 +93,7 @@ def reach(urdf: Path) -> float:
         UrdfError: The URDF is wrong.
     """
     lengths = dict[str, float]()
-    for joint in parse_urdf(urdf.read_text()).joints:  # parents come first
+    for joint in Urdf.read(urdf).joints:  # parents come first
         travel = max(abs(joint.lower), abs(joint.upper)) if joint.type == "prismatic" else 0.0
         lengths[joint.child] = lengths.get(joint.parent, 0.0) + hypot(*joint.xyz) + travel
     return max(lengths.values(), default=0.0)

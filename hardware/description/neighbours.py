@@ -5,7 +5,7 @@ from collections.abc import Collection
 from itertools import combinations
 
 from .robot import Robot
-from .urdf import Urdf, count_collision_shapes, read_urdf
+from .urdf import Urdf
 
 
 def adjacent_links(urdf: Urdf, shaped: Collection[str]) -> set[frozenset[str]]:
@@ -41,9 +41,9 @@ def advice_for_contact(robot: Robot, first: str, second: str) -> str:
     Returns:
         The advice, or an empty text if they are not neighbours.
     """
-    counts = count_collision_shapes(robot.urdf, float("inf"))
-    shaped = [link for link, count in counts.items() if count]
-    if frozenset((first, second)) not in adjacent_links(read_urdf(robot.urdf), shaped):
+    urdf = Urdf.read(robot.urdf)
+    shaped = [link for link, count in urdf.collision_shapes().items() if count]
+    if frozenset((first, second)) not in adjacent_links(urdf, shaped):
         return ""
     pair = json.dumps([first, second])
     where = f"allowed under [collision] in {robot.path.name}"

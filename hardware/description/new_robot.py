@@ -5,18 +5,18 @@ import math
 import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
 from pathlib import Path
 
 from hardware.drivers.null_driver import NO_BAUD, NO_FIRMWARE, NullDriver
 from hardware.errors import DescriptionError
+from hardware.files import read_file
 from hardware.joints import Joint
 from hardware.link.link import VIRTUAL
 
 from .groups import Tree, guess_gripper, guess_tool
 from .meshes import mesh_mistakes
 from .robot import CollisionRules, Robot, Serial, Tool
-from .urdf import Urdf, UrdfError, UrdfJoint, mesh_names, read_urdf, urdf_mistakes
+from .urdf import MAX_BYTES, Urdf, UrdfError, UrdfJoint
 
 _MARGIN = 0.005  # [m]
 # A URDF with a larger velocity limit has a placeholder: then the cautious one is used.
@@ -102,25 +102,30 @@ def draft_robot(
         UrdfUnusable: The URDF has mistakes, or a given name is not in it.
     """
     try:
-        mistakes, urdf = urdf_mistakes(path, largest), None
-        with suppress(UrdfError):  # it is among the mistakes
-            shapes = [name for name, collides in mesh_names(path).items() if name and collides]
-            mistakes += mesh_mistakes(path, shapes)
-            urdf = read_urdf(path)
+        urdf = Urdf(read_file(path, MAX_BYTES))
+    except UrdfError as error:
+        raise UrdfUnusable(path, [error]) from error
     except (OSError, ValueError, LookupError) as error:
         words = f"cannot be read: {getattr(error, 'strerror', None) or error}; check the path"
         raise UrdfUnusable(path, [UrdfError(words)]) from error
-    if urdf:
+    if urdf.is_xacro:
+        why = f"is a xacro file; convert it first: xacro {path.name} > arm.urdf"
+        raise UrdfUnusable(path, [UrdfError(why)])
+    mistakes, names = list(urdf.mistakes()), tuple(gripper or ())
+    is_tree = not mistakes
+    mistakes += urdf.shape_mistakes(largest)
+    mistakes += mesh_mistakes(path, (name for name, used in urdf.meshes().items() if name and used))
+    if is_tree:
         mistakes += _joint_mistakes(urdf)
         mistakes += _gripper_mistakes(gripper or (), urdf)
         if tool is not None and tool not in urdf.links:
             there = ", ".join(urdf.links)
             mistakes.append(UrdfError(f"there is no link {tool} for the tool; give {there}"))
         try:
-            names = guess_gripper(urdf) if gripper is None else tuple(gripper)
+            names = guess_gripper(urdf) if gripper is None else names
         except UrdfError as error:
             mistakes.append(error)
-    if mistakes or urdf is None:
+    if mistakes:
         raise UrdfUnusable(path, mistakes)
     return _robot(path, urdf, names, tool or guess_tool(urdf, names))
 
@@ -150,7 +155,7 @@ def robot_text(robot: Robot, folder: Path, allowed: Mapping[tuple[str, str], str
         folder: Folder of the robot file. The path of the URDF is written relative to it.
         allowed: Pairs of links that are not checked, and why.
     """
-    urdf = read_urdf(robot.urdf)
+    urdf = Urdf.read(robot.urdf)
     assert robot.tool
     head = _HEAD.format(
         name=json.dumps(robot.name),

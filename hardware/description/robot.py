@@ -26,6 +26,7 @@ from .gripper import Gripper
 from .guards import Guards
 from .kinematics import ForwardKinematics, reach
 from .meshes import find_mesh
+from .urdf import Urdf
 
 RANGE_MARGIN = 1.0  # from the end of a calibrated range, where the joint pushes [deg]
 
@@ -262,7 +263,7 @@ class Robot:
 
     @cached_property
     def _kinematics(self) -> ForwardKinematics:
-        return ForwardKinematics(self.urdf.read_text())
+        return ForwardKinematics(Urdf.read(self.urdf))
 
     def tool_position(self, positions: Mapping[str, float]) -> tuple[float, float, float] | None:
         """Return where the tool is in the root frame [m]; None if the robot file names no tool.

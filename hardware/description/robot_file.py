@@ -18,7 +18,7 @@ from .gripper import Gripper
 from .guards import Guards
 from .kinematics import ForwardKinematics
 from .robot import CollisionRules, Robot, Serial, Tool
-from .urdf import Urdf, UrdfError, UrdfJoint, read_urdf
+from .urdf import Urdf, UrdfError, UrdfJoint
 
 BAUD_RATES = range(1200, 4_000_001)  # at 1200 baud a frame of 20 bytes takes 0.17 s
 MAX_BOOT_WAIT = 60.0  # [s]
@@ -62,7 +62,7 @@ def load_robot(
         firmware=firmware,
         collision=_collision(root.table("collision"), described.links),
         tool=_tool(root.table("tool"), described.links) if "tool" in root else None,
-        gripper=_gripper(root, joints, groups, described, urdf_path) if "gripper" in root else None,
+        gripper=_gripper(root, joints, groups, described) if "gripper" in root else None,
         guards=_guards(root, firmware) if "guards" in root else Guards(),
         links=described.links,
         home=tuple(root.text("home", default="").split()),
@@ -107,7 +107,7 @@ def _robot_file(path: Path) -> Path:
 
 def _urdf(root: TomlTable, path: Path) -> Urdf:
     try:
-        return read_urdf(path)
+        return Urdf.read(path)
     except UrdfError as error:
         raise DescriptionError(path, error.line, str(error)) from error
     except (OSError, ValueError, LookupError) as error:  # the path or its encoding is invalid
@@ -277,7 +277,6 @@ def _gripper(
     joints: tuple[Joint, ...],
     groups: Mapping[str, tuple[str, ...]],
     described: Urdf,
-    urdf: Path,
 ) -> Gripper:
     table = root.table("gripper")
     pads = table.table("pads")
@@ -292,7 +291,7 @@ def _gripper(
     if len(own) != 1:
         root.fail("gripper", f"the group gripper has {len(own)} joints of its own, not one")
     gripper = Gripper(own[0], points)
-    if not gripper.is_monotonic(ForwardKinematics(urdf.read_text())):
+    if not gripper.is_monotonic(ForwardKinematics(described)):
         why = "two positions of the joint have the same distance between these points"
         table.fail("pads", f"{why}; give points on the inner faces of the fingers")
     return gripper

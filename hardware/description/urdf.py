@@ -9,10 +9,11 @@ import re
 import reprlib
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass
-from io import BytesIO, StringIO
+from functools import cached_property
 from pathlib import Path
-from typing import NoReturn
+from typing import NoReturn, Self
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
@@ -21,7 +22,7 @@ from hardware.joints import Mimic
 
 Vector = tuple[float, float, float]
 
-_MAX_BYTES = 2**20
+MAX_BYTES = 2**20
 _XACRO = "{http://www.ros.org/wiki/xacro}"  # namespace of its elements
 _MOVING = ("revolute", "continuous", "prismatic")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)  # float() accepts more
@@ -78,24 +79,6 @@ class UrdfJoint:
 
 
 @dataclass(frozen=True, slots=True)
-class Urdf:
-    """A URDF.
-
-    Attributes:
-        links: Names of all links.
-        joints: All joints, in the order of the file.
-    """
-
-    links: tuple[str, ...]
-    joints: tuple[UrdfJoint, ...]
-
-    @property
-    def moving(self) -> dict[str, UrdfJoint]:
-        """The joints that are not fixed, by name."""
-        return {joint.name: joint for joint in self.joints if joint.type in _MOVING}
-
-
-@dataclass(frozen=True, slots=True)
 class Shape:
     """A shape of a link, as it looks.
 
@@ -118,169 +101,158 @@ class Shape:
     color: tuple[float, ...] | None
 
 
-def read_urdf(path: Path) -> Urdf:
-    """Read the links and joints of a file.
-
-    Raises:
-        OSError: The file cannot be read.
-        UrdfError: It is not XML, or not a tree of links with valid joints.
-        LookupError: Its encoding is unknown.
-        ValueError: Its path is invalid.
-    """
-    return _links_and_joints(_root(BytesIO(read_file(path, _MAX_BYTES))))
-
-
-def parse_urdf(text: str) -> Urdf:
-    """Parse the links and joints of a URDF.
-
-    Raises:
-        UrdfError: It is not XML, or not a tree of links with valid joints.
-    """
-    return _links_and_joints(_root(StringIO(text)))
-
-
-def urdf_mistakes(path: Path, largest: float) -> list[UrdfError]:
-    """Return everything that is wrong with a file: its links, joints and collision shapes.
+class Urdf:
+    """A URDF, parsed once. Its links and joints are right if `mistakes` yields nothing.
 
     Args:
-        path: The URDF file.
-        largest: As for `count_collision_shapes`.
+        text: Text of the file, or its bytes.
 
     Raises:
-        OSError: The file cannot be read.
-        LookupError: Its encoding is unknown.
-        ValueError: Its path is invalid.
-    """
-    try:
-        root = _root(BytesIO(read_file(path, _MAX_BYTES)))
-    except UrdfError as error:
-        return [error]
-    if any(element.tag.startswith(_XACRO) for element in root.iter()):
-        return [UrdfError(f"is a xacro file; convert it first: xacro {path.name} > arm.urdf")]
-    return [*_mistakes(root), *_shape_mistakes(root, largest)]
-
-
-def count_collision_shapes(path: Path, largest: float) -> dict[str, int]:
-    """Count the collision shapes of each link, after checking all of them.
-
-    Args:
-        path: The URDF file.
-        largest: Largest size of a shape, and largest distance from the origin of its link [m].
-
-    Raises:
-        OSError: The file cannot be read.
-        UrdfError: It is not XML, or a shape or its origin is invalid.
-    """
-    root = _root(BytesIO(read_file(path, _MAX_BYTES)))
-    for mistake in _shape_mistakes(root, largest):
-        raise mistake
-    return {link.get("name", ""): len(link.findall("collision")) for link in root.findall("link")}
-
-
-def visible_shapes(path: Path, usable: Callable[[str], bool]) -> list[Shape]:
-    """Return how the links look: their visual shapes, or their collision shapes if none is usable.
-
-    Args:
-        path: The URDF file.
-        usable: Returns True for the name of a mesh that can be shown.
-
-    Raises:
-        OSError: The file cannot be read.
         UrdfError: It is not XML.
+        LookupError: Its encoding is unknown.
     """
-    root = _root(BytesIO(read_file(path, _MAX_BYTES)))
-    colors = {each.get("name", ""): _color(each) for each in root.findall("material")}
-    found = []
-    for link in root.findall("link"):
-        for kind in ("visual", "collision"):
-            shapes = [_shape(link.get("name", ""), each, colors) for each in link.findall(kind)]
-            shown = [each for each in shapes if each and (not each.mesh or usable(each.mesh))]
-            found += shown
-            if shown:
-                break
-    return found
 
+    def __init__(self, text: str | bytes) -> None:
+        try:
+            self._root = ElementTree.fromstring(text)
+        except ElementTree.ParseError as error:
+            raise UrdfError(f"is not XML: {error}", error.position[0]) from error
 
-def mesh_names(path: Path) -> dict[str, bool]:
-    """Return the names of the mesh files, each with whether a collision shape uses it.
+    @classmethod
+    def read(cls, path: Path) -> Self:
+        """Read a file, and check its links and joints.
 
-    Raises:
-        OSError: The file cannot be read.
-        UrdfError: It is not XML.
-    """
-    root, names = _root(BytesIO(read_file(path, _MAX_BYTES))), dict[str, bool]()
-    for kind in ("collision", "visual"):
-        for mesh in root.findall(f"link/{kind}/geometry/mesh"):
-            names.setdefault(mesh.get("filename", ""), kind == "collision")
-    return names
+        Raises:
+            OSError: The file cannot be read.
+            UrdfError: It is not XML, or not a tree of links with valid joints.
+            LookupError: Its encoding is unknown.
+            ValueError: Its path is invalid.
+        """
+        return cls(read_file(path, MAX_BYTES)).checked()
 
+    def checked(self) -> Self:
+        """Return it after checking its links and joints.
 
-def with_meshes(
-    path: Path, find: Callable[[str], Path | str], kinds: Sequence[str] = ("collision",)
-) -> str:
-    """Return the text of a URDF, with other names of its meshes.
+        Raises:
+            UrdfError: It is not a tree of links with valid joints.
+        """
+        for mistake in self.mistakes():
+            raise mistake
+        return self
 
-    Args:
-        path: The URDF file.
-        find: Returns the new name of a mesh, by its name in the URDF.
-        kinds: Elements with the meshes to rename: `collision`, `visual`.
+    @cached_property
+    def links(self) -> tuple[str, ...]:
+        """Names of all links."""
+        return tuple(link.get("name", "") for link in self._root.findall("link"))
 
-    Raises:
-        OSError: The file cannot be read.
-        UrdfError: It is not XML, or a mesh is not found. The message names the link.
-    """
-    root = _root(BytesIO(read_file(path, _MAX_BYTES)))
-    for link in root.findall("link"):
-        for mesh in (mesh for kind in kinds for mesh in link.findall(f"{kind}/geometry/mesh")):
+    @cached_property
+    def joints(self) -> tuple[UrdfJoint, ...]:
+        """All joints, in the order of the file."""
+        return tuple(map(_joint, self._root.findall("joint")))
+
+    @cached_property
+    def moving(self) -> dict[str, UrdfJoint]:
+        """The joints that are not fixed, by name."""
+        return {joint.name: joint for joint in self.joints if joint.type in _MOVING}
+
+    @property
+    def is_xacro(self) -> bool:
+        """True if the file must be converted by the program xacro first."""
+        return any(element.tag.startswith(_XACRO) for element in self._root.iter())
+
+    def mistakes(self) -> Iterator[UrdfError]:
+        """Yield everything that is wrong with links and joints."""
+        if self._root.tag != "robot":
+            yield UrdfError(f"is not a URDF: its root element is <{self._root.tag}>, not <robot>")
+            return
+        joints = self._root.findall("joint")
+        if len(self.links) > _MAX_LINKS:
+            yield UrdfError(f"has {len(self.links)} links; the limit is {_MAX_LINKS}")
+            return
+        yield from _name_mistakes("link", self.links)
+        yield from _name_mistakes("joint", [joint.get("name", "") for joint in joints])
+        known = []
+        for joint in joints:
+            if joint.get("type") in (*_MOVING, "fixed"):
+                known.append(joint)
+            else:
+                why = f"joint {joint.get('name')} is {joint.get('type')}"
+                yield UrdfError(f"{why}; it must be {', '.join(_MOVING)} or fixed")
+        yield from _tree_mistakes(joints, self.links)
+        for joint in known:
             try:
-                mesh.set("filename", str(find(mesh.get("filename", ""))))
+                _joint(joint)
             except UrdfError as error:
-                raise UrdfError(f"link {link.get('name')}: {error}") from error
-    return ElementTree.tostring(root, encoding="unicode")
+                yield error
 
+    def shape_mistakes(self, largest: float) -> Iterator[UrdfError]:
+        """Yield everything that is wrong with collision shapes.
 
-def _root(source: BytesIO | StringIO) -> Element:
-    try:
-        return ElementTree.parse(source).getroot()
-    except ElementTree.ParseError as error:
-        raise UrdfError(f"is not XML: {error}", error.position[0]) from error
+        Args:
+            largest: Largest size of a shape, and largest distance from the origin of its link [m].
+        """
+        for link in self._root.findall("link"):
+            for collision in link.findall("collision"):
+                try:
+                    _check_collision(link.get("name", ""), collision, largest)
+                except UrdfError as error:
+                    yield error
+
+    def collision_shapes(self) -> dict[str, int]:
+        """Return the number of collision shapes of each link."""
+        return {
+            link.get("name", ""): len(link.findall("collision"))
+            for link in self._root.findall("link")
+        }
+
+    def visible_shapes(self, usable: Callable[[str], bool]) -> list[Shape]:
+        """Return how links look: their visual shapes, or collision shapes if none is usable.
+
+        Args:
+            usable: Returns True for the name of a mesh that can be shown.
+        """
+        colors = {each.get("name", ""): _color(each) for each in self._root.findall("material")}
+        found = []
+        for link in self._root.findall("link"):
+            for kind in ("visual", "collision"):
+                shapes = [_shape(link.get("name", ""), each, colors) for each in link.findall(kind)]
+                shown = [each for each in shapes if each and (not each.mesh or usable(each.mesh))]
+                found += shown
+                if shown:
+                    break
+        return found
+
+    def meshes(self) -> dict[str, bool]:
+        """Return the names of the mesh files, each with whether a collision shape uses it."""
+        names = dict[str, bool]()
+        for kind in ("collision", "visual"):
+            for mesh in self._root.findall(f"link/{kind}/geometry/mesh"):
+                names.setdefault(mesh.get("filename", ""), kind == "collision")
+        return names
+
+    def text_with_meshes(
+        self, find: Callable[[str], Path | str], kinds: Sequence[str] = ("collision",)
+    ) -> str:
+        """Return the text of the URDF, with other names of its meshes.
+
+        Args:
+            find: Returns the new name of a mesh, by its name in the URDF.
+            kinds: Elements with the meshes to rename: `collision`, `visual`.
+
+        Raises:
+            UrdfError: A mesh is not found. The message names the link.
+        """
+        root = deepcopy(self._root)
+        for link in root.findall("link"):
+            for mesh in (mesh for kind in kinds for mesh in link.findall(f"{kind}/geometry/mesh")):
+                try:
+                    mesh.set("filename", str(find(mesh.get("filename", ""))))
+                except UrdfError as error:
+                    raise UrdfError(f"link {link.get('name')}: {error}") from error
+        return ElementTree.tostring(root, encoding="unicode")
 
 
 # Links and joints --------------------------------------------------------------------------------
-
-
-def _links_and_joints(root: Element) -> Urdf:
-    for mistake in _mistakes(root):
-        raise mistake
-    links = tuple(link.get("name", "") for link in root.findall("link"))
-    return Urdf(links, tuple(map(_joint, root.findall("joint"))))
-
-
-def _mistakes(root: Element) -> Iterator[UrdfError]:
-    """Yield what is wrong with links and joints."""
-    if root.tag != "robot":
-        yield UrdfError(f"is not a URDF: its root element is <{root.tag}>, not <robot>")
-        return
-    joints = root.findall("joint")
-    links = tuple(link.get("name", "") for link in root.findall("link"))
-    if len(links) > _MAX_LINKS:
-        yield UrdfError(f"has {len(links)} links; the limit is {_MAX_LINKS}")
-        return
-    yield from _name_mistakes("link", links)
-    yield from _name_mistakes("joint", [joint.get("name", "") for joint in joints])
-    known = []
-    for joint in joints:
-        if joint.get("type") in (*_MOVING, "fixed"):
-            known.append(joint)
-        else:
-            why = f"joint {joint.get('name')} is {joint.get('type')}"
-            yield UrdfError(f"{why}; it must be {', '.join(_MOVING)} or fixed")
-    yield from _tree_mistakes(joints, links)
-    for joint in known:
-        try:
-            _joint(joint)
-        except UrdfError as error:
-            yield error
 
 
 def _name_mistakes(kind: str, names: Sequence[str]) -> Iterator[UrdfError]:
@@ -448,15 +420,6 @@ def _number(
 # For each kind of shape, the attributes that hold sizes, and the count of numbers in each.
 _SIZES = {"box": {"size": 3}, "sphere": {"radius": 1}, "cylinder": {"radius": 1, "length": 1}}
 _SHAPES = (*_SIZES, "mesh")
-
-
-def _shape_mistakes(root: Element, largest: float) -> Iterator[UrdfError]:
-    for link in root.findall("link"):
-        for collision in link.findall("collision"):
-            try:
-                _check_collision(link.get("name", ""), collision, largest)
-            except UrdfError as error:
-                yield error
 
 
 def _check_collision(link: str, collision: Element, largest: float) -> None:

@@ -8,7 +8,6 @@ compares all its messages. It finds changes also in files that hold no digests, 
 import struct
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from contextlib import suppress
 from dataclasses import MISSING, fields, is_dataclass
 from itertools import zip_longest
 from json import loads
@@ -18,7 +17,8 @@ from typing import Any
 import numpy as np
 
 from hardware.description.kinematics import ForwardKinematics
-from logs.errors import RecordingError, RecordingTruncated
+from hardware.description.urdf import Urdf
+from logs.errors import RecordingError
 from logs.records.conversions import Stamp
 from logs.records.records import (
     Description,
@@ -32,7 +32,7 @@ from logs.records.records import (
 from logs.records.ros_types import ros_types
 from logs.records.topics import TOPICS, topics_of
 
-from .reader import Message, read
+from .reader import Message
 from .recording import Recording
 
 _ROWS = {topic.name: (topic.record, row) for row, topic in enumerate(TOPICS)}
@@ -75,7 +75,7 @@ def _groups(recording: Recording) -> Iterator[list[Message]]:
     """Yield the messages of each record; not of a last record that was cut."""
     group: list[Message] = []
     before: tuple[type | None, int] = None, 0
-    for message in _valid(recording):
+    for message in recording.all_messages():
         if (place := _place(message.topic)) is None:
             continue
         if group and (place[0] is not before[0] or place[1] <= before[1]):
@@ -85,11 +85,6 @@ def _groups(recording: Recording) -> Iterator[list[Message]]:
         before = place
     if group and recording.whole:
         yield group
-
-
-def _valid(recording: Recording) -> Iterator[Message]:
-    with suppress(RecordingTruncated):
-        yield from read(recording.path)
 
 
 def _place(name: str) -> tuple[type, int] | None:
@@ -153,7 +148,7 @@ class _Checker:
         files = self._recording.files.values()
         if urdf.encode().splitlines() not in (data.splitlines() for data in files):
             raise RecordingError(self._recording.path, "has a URDF that is not one of its files")
-        self._kinematics = ForwardKinematics(urdf)
+        self._kinematics = ForwardKinematics(Urdf(urdf).checked())
         return Description(0.0, urdf)
 
     def _converted(self, record: Record, time_ns: int) -> Iterator[tuple[str, Any]]:

@@ -147,7 +147,7 @@ class Recording:
             RecordingError: A record cannot be decoded.
         """
         wanted = topic_filter(kinds)
-        yield from self.grouped(each for each in self._messages() if wanted(each.topic))
+        yield from self.grouped(each for each in self.all_messages() if wanted(each.topic))
 
     def grouped(self, messages: Iterable[Message]) -> Iterator[RunRecord]:
         """Yield the records that messages in file order were made from.
@@ -164,6 +164,29 @@ class Recording:
             if message.topic == _SENT[-1] or _is_setting(message):
                 yield self.record(sent)
                 sent = []
+
+    def all_messages(self) -> Iterator[Message]:
+        """Yield the messages of all records in file order, up to the first damage.
+
+        Raises:
+            RecordingError: An attachment cannot be unpacked.
+        """
+        from mcap import records as mcap
+
+        facts, reader = _Facts(), TolerantReader(self.path)
+        for item in content(reader):
+            match item:
+                case Message():
+                    yield item
+                case mcap.Channel():
+                    facts.topics.add(item.topic)
+                case mcap.Attachment():
+                    name, data = self._unpacked(item)
+                    facts.files[name] = data
+                case mcap.Metadata():
+                    facts.notes[item.name] = dict(item.metadata)
+        facts.messages, facts.complete = reader.messages, reader.intact
+        self._known = facts
 
     def frames(self) -> Iterator[Sent]:
         """Yield the sent frames in file order, holds included, but no setting of the board.
@@ -208,28 +231,10 @@ class Recording:
 
     def _facts(self) -> _Facts:
         if self._known is None:
-            for _ in self._messages():
+            for _ in self.all_messages():
                 pass
         assert self._known
         return self._known
-
-    def _messages(self) -> Iterator[Message]:
-        from mcap import records as mcap
-
-        facts, reader = _Facts(), TolerantReader(self.path)
-        for item in content(reader):
-            match item:
-                case Message():
-                    yield item
-                case mcap.Channel():
-                    facts.topics.add(item.topic)
-                case mcap.Attachment():
-                    name, data = self._unpacked(item)
-                    facts.files[name] = data
-                case mcap.Metadata():
-                    facts.notes[item.name] = dict(item.metadata)
-        facts.messages, facts.complete = reader.messages, reader.intact
-        self._known = facts
 
     def _unpacked(self, item: "mcap.Attachment") -> tuple[str, bytes]:
         try:

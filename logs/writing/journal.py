@@ -16,6 +16,7 @@ from mcap import records as mcap
 from mcap.data_stream import RecordBuilder
 
 from hardware.description.kinematics import ForwardKinematics
+from hardware.description.urdf import Urdf
 from logs.errors import DISK_FULL
 from logs.records.conversions import Stamp
 from logs.records.file_format import END, MAGIC, UNFINISHED, checked
@@ -290,4 +291,4 @@ def _library() -> str:
 @lru_cache(maxsize=1)
 def _kinematics(urdf: str) -> ForwardKinematics:
     """Return the kinematics of a URDF, cached: a server's recordings are all of one robot."""
-    return ForwardKinematics(urdf)
+    return ForwardKinematics(Urdf(urdf).checked())

@@ -8,7 +8,7 @@ from typing import Any
 
 from executive.errors import NotFound
 from hardware import Robot
-from hardware.description.urdf import Shape, UrdfError, UrdfJoint, read_urdf, visible_shapes
+from hardware.description.urdf import Shape, Urdf, UrdfError, UrdfJoint
 from hardware.files import read_file
 
 MAX_MESH_BYTES = 2**24
@@ -47,13 +47,13 @@ class RobotScene:
     def _description(self) -> dict[str, Any]:
         robot = self._robot
         tool = robot.tool and {"link": robot.tool.link, "offset": robot.tool.offset}
-        urdf = read_urdf(robot.urdf)
+        urdf = Urdf.read(robot.urdf)
         return {
             "name": robot.name,
             "opening": robot.open_effect,
             "links": list(urdf.links),
             "joints": [_joint(each) for each in urdf.joints],
-            "shapes": [self._shape(s) for s in visible_shapes(robot.urdf, self._load_mesh)],
+            "shapes": [self._shape(s) for s in urdf.visible_shapes(self._load_mesh)],
             "groups": {name: list(joints) for name, joints in robot.groups.items()},
             "tool": tool,
         }

@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from hardware import Robot
-from hardware.description.urdf import count_collision_shapes, with_meshes
+from hardware.description.urdf import Urdf
 from skills.motion.arrays import Array
 from skills.motion.errors import BadWorld, ModelUnusable, shown
 from skills.motion.validation import MAX_MAGNITUDE, is_number
@@ -51,12 +51,15 @@ class RobotModel:
         self.joints = tuple(joint.name for joint in robot.actuated)
         self.units = tuple(joint.unit for joint in robot.actuated)
         try:
-            counts = count_collision_shapes(robot.urdf, MAX_MAGNITUDE)
+            described = Urdf.read(robot.urdf)
+            for mistake in described.shape_mistakes(MAX_MAGNITUDE):
+                raise mistake
+            counts = described.collision_shapes()
             _check_size(robot, sum(counts.values()))
             self._free = pin.buildModelFromUrdf(urdf)  # mimic joints have coordinates of their own
             _check_placements(robot, self._free)
             self.kinematics = _with_mimic_joints(robot, self._free)
-            text, kind = with_meshes(robot.urdf, robot.mesh), pin.GeometryType.COLLISION
+            text, kind = described.text_with_meshes(robot.mesh), pin.GeometryType.COLLISION
             loader = coal.CachedMeshLoader()  # loads a file once, also if several links have it
             geometry = pin.buildGeomFromUrdfString(
                 self.kinematics, text, kind, package_dirs="", mesh_loader=loader

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from hardware import MAX_DURATION, Joint, Robot
 from hardware.description.kinematics import ForwardKinematics
+from hardware.description.urdf import Urdf
 from skills.motion.arrays import Array
 from skills.motion.errors import MotionError, shown
 from skills.motion.kinematics.joint_group import JointGroup
@@ -138,7 +139,7 @@ class AnswerChecker:
 
     @cached_property
     def _kinematics(self) -> ForwardKinematics:
-        return ForwardKinematics(self._robot.urdf.read_text())
+        return ForwardKinematics(Urdf.read(self._robot.urdf))
 
     def _group(self, name: str) -> JointGroup:
         if name not in self._groups:

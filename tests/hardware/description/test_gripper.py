@@ -7,6 +7,7 @@ import pytest
 
 from hardware import BadPosition, load_robot
 from hardware.description.kinematics import ForwardKinematics
+from hardware.description.urdf import Urdf
 
 ROBOT = load_robot()
 PAD = "0.0122 0.0092"  # y and z of the boxes of the pads
@@ -38,7 +39,7 @@ def test_a_width_becomes_a_position_and_back(mm: float) -> None:
     ((name, q),) = ROBOT.at_width(mm / 1e3).items()
     assert name == "joint_4"
     assert -math.pi / 2 <= q <= 0.0
-    kinematics = ForwardKinematics(ROBOT.urdf.read_text())
+    kinematics = ForwardKinematics(Urdf.read(ROBOT.urdf))
     assert 1e3 * ROBOT.gripper.width(kinematics, q) == pytest.approx(mm, abs=0.01)
 
 

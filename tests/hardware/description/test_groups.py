@@ -3,7 +3,7 @@
 import pytest
 
 from hardware.description.groups import guess_gripper, guess_tool
-from hardware.description.urdf import UrdfError, parse_urdf
+from hardware.description.urdf import Urdf, UrdfError
 from tests.support.arms.urdfs import urdf
 
 ARM = ["world -> base: fixed stand", "base -> upper: revolute shoulder"]
@@ -41,7 +41,7 @@ GUESSED = {
 
 @pytest.mark.parametrize(("joints", "gripper", "tool"), GUESSED.values(), ids=GUESSED)
 def test_the_guess(joints: list[str], gripper: list[str], tool: str) -> None:
-    description = parse_urdf(urdf(joints))
+    description = Urdf(urdf(joints)).checked()
     assert list(guess_gripper(description)) == gripper
     assert guess_tool(description, gripper) == tool
 
@@ -50,9 +50,9 @@ def test_two_arms_are_refused() -> None:
     sides = [f"body -> {side}_1: revolute {side}_j1" for side in ("l", "r")]
     sides += [f"{side}_1 -> {side}_2: revolute {side}_j2" for side in ("l", "r")]
     with pytest.raises(UrdfError, match=r"branches at body into l_j1 \(2 joints\), r_j1"):
-        guess_gripper(parse_urdf(urdf(sides)))
+        guess_gripper(Urdf(urdf(sides)).checked())
 
 
 def test_nothing_that_moves_is_refused() -> None:
     with pytest.raises(UrdfError, match="no joint moves; give one the type revolute"):
-        guess_gripper(parse_urdf(urdf(["a -> b: fixed weld"])))
+        guess_gripper(Urdf(urdf(["a -> b: fixed weld"])).checked())

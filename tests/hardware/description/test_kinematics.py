@@ -9,6 +9,7 @@ import pytest
 
 from hardware import Robot
 from hardware.description.kinematics import ForwardKinematics, Quaternion
+from hardware.description.urdf import Urdf
 from logs import Description, Recorder, Sent, read
 from tests.logs.test_run import EPOCH_NS, fail
 
@@ -20,7 +21,7 @@ def matrix(q: Quaternion) -> "np.ndarray[tuple[int, ...], np.dtype[np.float64]]"
 
 
 def test_as_pinocchio_places_them(robot: Robot) -> None:
-    kinematics, rng = ForwardKinematics(robot.urdf.read_text()), random.Random(1)
+    kinematics, rng = ForwardKinematics(Urdf.read(robot.urdf)), random.Random(1)
     model = pin.buildModelFromUrdf(str(robot.urdf))
     data = model.createData()
     for _ in range(20):
@@ -46,7 +47,7 @@ def test_a_sliding_joint_moves_along_its_turned_axis() -> None:
     joint += '<origin xyz="1 0 0" rpy="0 0 1.5707963267948966"/><axis xyz="2 0 0"/>'
     joint += '<limit lower="0" upper="1" velocity="1" effort="1"/></joint>'
     urdf = f'<robot><link name="p"/><link name="c"/>{joint}</robot>'
-    (place,) = ForwardKinematics(urdf).transforms({"a": 0.5})
+    (place,) = ForwardKinematics(Urdf(urdf).checked()).transforms({"a": 0.5})
     assert place.position == pytest.approx((1.0, 0.5, 0.0))
 
 

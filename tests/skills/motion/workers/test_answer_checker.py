@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from hardware import Robot, load_robot
-from hardware.description.urdf import read_urdf
+from hardware.description.urdf import Urdf
 from skills.motion import (
     BadQuery,
     Body,
@@ -255,7 +255,7 @@ def test_solutions_of_other_arms(name: str) -> None:
     planner, checker = Planner(robot), AnswerChecker(robot)
     group, random = next(iter(robot.groups)), np.random.default_rng(3)
     own = ToolQuery(group, robot.boot_pose, (0.0, 0.0, 0.0), relative=True, timeout=600.0)
-    link = read_urdf(robot.urdf).joints[-1].child
+    link = Urdf.read(robot.urdf).joints[-1].child
     named = dataclasses.replace(own, link=link, offset=(0.01, 0.0, 0.02))
     solved = 0
     for tool in (own, named, dataclasses.replace(named, direction=(0.0, 0.6, -0.8))):

@@ -1,0 +1,64 @@
+"""A recorded run, as every check of it sees it: its records, read once, and its robot."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+from hardware import Robot
+from logs import Plan, Record, Recording, Schedule
+from skills.motion.planner import Planner
+
+_planners: dict[str, Planner] = {}
+
+
+@dataclass(frozen=True)
+class RecordedRun:
+    """A recorded run.
+
+    Attributes:
+        recording: The recording.
+        records: Its records that a check compares, in file order.
+        robot: The robot as it was recorded.
+    """
+
+    recording: Recording
+    records: tuple[Record, ...]
+    robot: Robot
+
+    @property
+    def planner(self) -> Planner:
+        """The planner for the robot. A run without a plan may lack the meshes for it.
+
+        It is made once: the folder of the robot's files is named by their content.
+
+        Raises:
+            ModelUnusable: The robot cannot be planned for.
+        """
+        key = str(self.robot.path)
+        if key not in _planners:
+            _planners[key] = Planner(self.robot)
+        return _planners[key]
+
+    def start(self, record: Plan | Schedule) -> tuple[float, ...]:
+        """Return where a motion starts: one position per actuated joint [rad]."""
+        return tuple(record.start[joint.name] for joint in self.robot.actuated)
+
+    @cached_property
+    def joints_difference(self) -> str:
+        """The first plan or schedule that is not for the joints of the robot, in words."""
+        robot = self.robot
+        actuated = {joint.name for joint in robot.actuated}
+        for record in self.records:
+            if not isinstance(record, Plan | Schedule):
+                continue
+            groups = (record.group,) if isinstance(record, Plan) else record.groups
+            if unknown := [group for group in groups if group not in robot.groups]:
+                there = ", ".join(robot.groups)
+                return f"the group {unknown[0]} is recorded, but the robot has {there}"
+            if record.start.keys() != actuated:
+                return f"the recorded start has the joints {', '.join(record.start)}"
+            if isinstance(record, Plan):
+                joints = tuple(joint.name for joint in robot.actuated_in(record.group))
+                if record.joints != joints:
+                    named = ", ".join(record.joints)
+                    return f"the {record.group} is recorded with the joints {named}"
+        return ""
