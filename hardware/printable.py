@@ -29,9 +29,9 @@ def wire_text(data: bytes) -> str:
 
 
 def wire_bytes(text: str) -> bytes:
-    """Return the bytes of which this is the `wire_text`.
+    """Return the bytes that `wire_text` has converted to this text.
 
     Raises:
-        ValueError: It is the text of no bytes.
+        ValueError: `wire_text` never returns this text.
     """
     return bytes.fromhex(text[2:]) if text.startswith(_HEX) else text.encode("ascii")

@@ -76,7 +76,7 @@ def there_are(word: str, known: Iterable[str], given: Collection[str] = ()) -> s
         return f"there are {choices(word, names, given)}"
     found = _similar(word, names)
     if not found:
-        return "none that there is has a similar name"
+        return "no known name is similar"
     if near := closest(word, names, _NEARER):
         return f"did you mean {near}?"
     return f"the most similar {'is' if len(found) == 1 else 'are'} {', '.join(found)}"

@@ -18,7 +18,7 @@ Each error has a stable `code`; its message says what to do.
 import errno
 from pathlib import Path
 
-# Numbers of operating system errors for a full disk, or a user's share of it.
+# Numbers of the operating system's errors for a full disk, and for a full quota.
 DISK_FULL = (errno.ENOSPC, errno.EDQUOT)
 
 

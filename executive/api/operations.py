@@ -22,7 +22,7 @@ class Access(Enum):
 
     READ = "any program on this machine; from other machines only with the token"
     CHANGE = "only with the token"
-    SIGN_IN = "whoever has the code of a link, without the token"
+    SIGN_IN = "clients with the code of a link; they need no token"
     STOP = "every program, without a token and without a rate limit"
 
 

@@ -18,7 +18,7 @@ from click.shell_completion import (
 from .support.command_group import COMPLETION_VARIABLE, command
 from .terminal.streams import echo
 
-# How a shell loads the script, and where the script names the program: an alias is none.
+# How a shell loads the script, and where the script names the program; an alias has no name there.
 _LOAD = {"bash": 'eval "$({})"', "zsh": 'eval "$({})"', "fish": "{} | source"}
 _FILES = {"bash": "~/.bashrc", "zsh": "~/.zshrc", "fish": "~/.config/fish/config.fish"}
 _CALLS = {

@@ -221,7 +221,7 @@ def stop(server: str | None, as_json: bool) -> None:
     """Stop the arm at once, and cancel all goals.
 
     Without --server, stops the arms of all your servers on this machine; if you have none, that of
-    the server at the default port, whoever started it. It is not an emergency stop: keep a switch
+    the server at the default port, even another user's. It is not an emergency stop: keep a switch
     for the power within reach. A task of `armtree run` is stopped by Ctrl-C.
     """
     from executive.api.token_file import running

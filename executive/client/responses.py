@@ -111,7 +111,7 @@ def _checker(name: str) -> Any:
 
 
 def _fits_schema(name: str, value: Any) -> bool:
-    """Return True if a value is what an operation answers, or an error for an empty name."""
+    """Return True if a value fits the answer of an operation; for an empty name, an error."""
     import fastjsonschema
 
     try:

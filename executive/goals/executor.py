@@ -42,7 +42,7 @@ class _Attempt:
 
     Attributes:
         goal: The goal.
-        task: Its task file; None if there is none that can be read.
+        task: Its task file; None if it cannot be read.
         tree: Its tree; None if it could not be built.
         error: First error outside the tree; None for none.
         warning: Warning about the task files; empty for none.

@@ -86,12 +86,13 @@ def read_words(
             continue
         if joint == WIDTH and WIDTH not in units:
             if joint != name:
-                raise BadTarget(f"{WIDTH} cannot be changed; give all of it, such as {WIDTH}=20mm")
+                why = f"{WIDTH} cannot be changed by a distance"
+                raise BadTarget(f"{why}; give the whole width, such as {WIDTH}=20mm")
             joints |= _at_width(robot, text)
             continue
         _check_names((joint,), units)
         if joint in once:
-            raise BadTarget(f"{joint} is given twice; give it once, with its whole change")
+            raise BadTarget(f"{joint} is given twice; give it once, with the sum of its changes")
         once.add(joint)
         check = check_joints if joint == name else check_distances
         value = _joint_value(robot, joint, text, check)

@@ -183,7 +183,7 @@ def _schedules_difference(recorded: Schedule, compiled: Compiled) -> str:
             return f"frame {number}: {_at(a)} is recorded as due, but {_at(b)} is compiled"
     delays = tuple(setpoint.delay for setpoint in compiled.setpoints)
     if recorded.delays_s != delays:
-        return "the recorded delays_s are not those that are compiled"
+        return "the recorded delays_s differ from the compiled ones"
     if recorded.slowed_s != compiled.slowed:
         return f"slowed_s of {recorded.slowed_s} s is recorded, but {compiled.slowed} s is compiled"
     return ""

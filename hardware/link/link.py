@@ -31,7 +31,7 @@ class Link(Protocol):
         """
 
     def read(self) -> bytes:
-        """Wait for bytes. Return none only if the link is closed.
+        """Wait for bytes, and return them. No bytes mean that the link is closed.
 
         Raises:
             PortLost: The port disappeared.

@@ -55,7 +55,7 @@ class TimedLink:
             raise PortStalled(self.port, "A write to the port does not return")
 
     def read(self) -> bytes:
-        """Wait for bytes. Return none only if the link is closed."""
+        """Wait for bytes, and return them. No bytes mean that the link is closed."""
         return self._link.read()
 
     def close(self, discard: bool = False) -> None:

@@ -19,7 +19,7 @@ from logs.records.file_format import MAGIC, is_journal
 from .recording import Recording
 from .tolerant_reader import TolerantReader
 
-_HEAD = 64  # the profile and the name of the library are within the first so many bytes
+_HEAD = 64  # the first bytes, which contain the profile and the name of the library
 _LIBRARY = b"armtree"  # begins the library's name in our files
 _NAME = "*T*Z-*.mcap"  # as `recording_path` makes it
 _FOOTER_OPCODE, _FOOTER_CONTENT = 0x02, 20

@@ -25,7 +25,7 @@ RECOVERED = "recovered"
 # Last part of the library's name in the header of a journal.
 UNFINISHED = ", checked journal"
 _HALVES = UNFINISHED[:7].encode(), UNFINISHED[7:].encode()  # one of them may be damaged
-_HEAD = 128  # the library's name is within the first so many bytes
+_HEAD = 128  # the first bytes, which contain the library's name
 
 _RECORD, _CRC = struct.Struct("<BQ"), struct.Struct("<I")
 _CHECK, _DATA_END, _FOOTER = 0x80, 0x0F, 0x02
@@ -44,7 +44,7 @@ def is_journal(stream: BinaryIO) -> bool:
     """Return whether a file is a journal.
 
     Args:
-        stream: The file, at its beginning; it is left there.
+        stream: The file, positioned at its beginning, and again afterwards.
     """
     head = stream.read(_HEAD)
     stream.seek(0)
@@ -57,7 +57,7 @@ def valid_size(stream: BinaryIO) -> int:
     The valid part ends with the last piece before the first piece whose checksum is wrong.
 
     Args:
-        stream: The journal, at its beginning; it is left there.
+        stream: The journal, positioned at its beginning, and again afterwards.
     """
     good, crc = 0, crc32(stream.read(len(MAGIC)))
     while len(head := stream.read(_RECORD.size)) == _RECORD.size:

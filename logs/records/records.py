@@ -111,8 +111,8 @@ class Goal:
         time: When it started to execute; in a server's own recording, when it was accepted [s].
         goal_id: UUID, 32 hexadecimal digits.
         task: Number of the requested task; -1 for a move.
-        name: Name of the task; empty if there is no such task. Of a move, what it is, such as
-            `move folded`.
+        name: Name of the task; empty if there is no such task. For a move, its description, such
+            as `move folded`.
         seed: Seed of the planners; 0 if the goal has a recording of its own.
     """
 

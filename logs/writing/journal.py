@@ -138,7 +138,7 @@ class Journal:
 
 
 class PieceWriter:
-    """Appends to a file: a whole piece, or nothing of it.
+    """Appends pieces to a file. A piece is written as a whole, or not at all.
 
     It holds disk space in reserve. When the disk is full, it frees the reserve for the last pieces.
 

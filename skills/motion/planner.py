@@ -191,9 +191,9 @@ class Planner:
         start = joint_positions("start", request.start, self._robot.actuated)
         group = self._group(request.plan.group).joints
         if request.plan.joints != group.names:
-            moves = ", ".join(request.plan.joints), ", ".join(group.names)
+            moves, own = ", ".join(request.plan.joints), ", ".join(group.names)
             raise BadQuery(
-                f"The plan moves {moves[0]}, {request.plan.group} {moves[1]}; plan again"
+                f"The plan moves {moves}, but {request.plan.group} has {own}; plan again"
             )
         with watch.stage("time"):
             plan = remaining_plan(request.plan, request.time, start, group.columns)

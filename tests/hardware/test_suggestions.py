@@ -34,7 +34,7 @@ def test_of_many_names_the_similar_ones_are_shown() -> None:
     assert choices("Wiat", names) == "Wait and 8 more; did you mean Wait?"
     assert there_are("Wiat", names) == "did you mean Wait?"
     assert there_are("Attch", names) == "did you mean Attach?"
-    assert there_are("x", names) == "none that there is has a similar name"
+    assert there_are("x", names) == "no known name is similar"
 
 
 def test_case_and_signs_between_words_do_not_count() -> None:

@@ -63,7 +63,10 @@ WRONG = [
     (f"{{sequence: [{{Fail: {{reason: a}}}}, {{{SAY}}}]}}", "never reached: Fail before it never"),
     (f"{{selector: [{{{SAY}}}, {{{SAY}}}]}}", "is never reached: Say before it never fails"),
     (f"{{repeat: {{{SAY}}}}}", "never ends: its child cannot fail"),
-    ("{parallel: [{repeat: Succeed}, {repeat: Succeed}], policy: any}", "no node of it can succ"),
+    (
+        "{parallel: [{repeat: Succeed}, {repeat: Succeed}], policy: any}",
+        "none of its nodes can succ",
+    ),
     (f"{{retry: {{{SAY}}}, attempts: 2}}", "has nothing to retry"),
     ("{repeat: {Fail: {reason: a}}}", "has nothing to repeat"),
     ("{wait_for: {inverter: {force_success: CheckHardware}}}", "never ends: its condition never"),

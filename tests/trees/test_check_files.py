@@ -78,7 +78,7 @@ OWN_FILES = [
     (
         "look.yaml",
         "subtree: look\ndescription: x\nports: {}\nreplaces: look\ntree: Succeed\n",
-        "4:1 replaces: no subtree look ships; none that there is has a similar name",
+        "4:1 replaces: no subtree look ships; no known name is similar",
     ),
     (
         "poses.yaml",
@@ -215,8 +215,8 @@ ONCE = [
     (
         "parameters: {a: {type: text, default: $b}}\n",
         "{Say: {text: $a}}",
-        "4:39 parameters: a: a default is written out, not '$b'; a text that begins with "
-        "a $ is written with two",
+        "4:39 parameters: a: a default is a value, not the reference '$b'; for a text that "
+        "begins with a $, write $$",
     ),
     ("parameters: {1a: text}\n", "Succeed", "4:14 parameters: '1a' is not a name"),
     ("", "{subtree: move_joints, with: {joints: {}}}", "4:45 joints: {} names no joint"),

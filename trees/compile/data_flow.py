@@ -1,4 +1,4 @@
-"""Data flow: which keys are written when a node starts, and of which types.
+"""Data flow: the keys that are written when a node starts, and their types.
 
 A key counts as written if every path through the tree to the node writes it.
 """
@@ -87,7 +87,7 @@ class Keys:
         self.writes.setdefault(key.name, key)
 
     def merge_alternatives(self, branches: list["Keys"]) -> None:
-        """Continue after one of several branches. Only keys of all branches are certain."""
+        """Merge the keys of branches of which one runs. A key is certain if all write it."""
         certain = set.intersection(*(set(branch.written) for branch in branches))
         self.written = {
             name: _common_type([branch.written[name] for branch in branches])
@@ -97,7 +97,7 @@ class Keys:
         self.unread = {}
 
     def merge_parallel(self, branches: list["Keys"], mistakes: Mistakes) -> None:
-        """Continue after several branches that ran at the same time."""
+        """Merge the keys of branches that run at the same time."""
         for branch in branches:
             for name, key in branch.unread.items():
                 other = self.unread.get(name)

@@ -111,7 +111,7 @@ class ParallelKind(ControlNodeKind):
         # Each child may be halted by the others. An endless one is reported below, if all are.
         children = node.children(node.halted or len(node.below()) > 1)
         if not node.halted and not any(each.succeeds for each in children):
-            node.wrong(f"{node.name} never ends: no node of it can succeed")
+            node.wrong(f"{node.name} never ends: none of its nodes can succeed")
         return any_of(children)
 
     def groot(self, options: Options) -> list[Element]:

@@ -424,8 +424,10 @@ class _Parser:
     def _default(self, value: Located | None, what: str) -> Located | None:
         wired = value and self.nodes.wired(value)
         if isinstance(wired, Key):
-            hint = "a text that begins with a $ is written with two"
-            self._wrong(wired.place, f"{what}: a default is written out, not {value}; {hint}")
+            hint = "for a text that begins with a $, write $$"
+            self._wrong(
+                wired.place, f"{what}: a default is a value, not the reference {value}; {hint}"
+            )
             return None
         return wired
 

@@ -124,7 +124,7 @@ class NodeParser:
         return ControlNode(value.place, "", tuple(below)) if below[1:] else below[0]
 
     def _unknown(self, value: Located) -> SkillNode:
-        """Return a leaf of which only the references are known."""
+        """Return a leaf of an unknown skill, with its references."""
         keys = {name: Key(value.place, name, value.label) for name in names_within(value)}
         return SkillNode(value.place, "", keys)
 

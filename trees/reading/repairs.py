@@ -250,7 +250,7 @@ _TEXT = r"\s*[^\s\d$'\"{}\[\],:#][^'\"{}\[\],:#]*"
 _CALL = r"the values of `\2` follow a colon, not in parentheses"
 _IN_ONE_LINE = "two keys of a node in one line need braces and a comma"
 
-# A slip of which group 2 is the place, what to write instead, and why.
+# Patterns of slips: group 2 is the place. What to write instead, and why.
 _SLIPS = (
     (_KEY + r":(?=[^\s:/\\])", r"\1\2: ", r"a space is missing after the colon of `\2`"),
     (_KEY + r" ?= ?(?=[^\s=])", r"\1\2: ", r"a colon separates `\2` from its value, not `=`"),
@@ -269,7 +269,11 @@ _SLIPS = (
     (r"^(\s*- )((?:subtree|task): [\w-]+),?\s+(with: .*)$", r"\1{\2, \3}", _IN_ONE_LINE),
     (r"^([\s-]*[\w-]+: )(([a-z]\w*): .*)$", r"\1{\2}", r"`\3` and its value need braces here"),
     (r"(, *)(,)", r"\1", r"one comma too many"),
-    (r"()('([^',{}\[\]]*'[^',{}\[\]]*)')", r'"\3"', r"a text with a ' in it needs the quotes \""),
+    (
+        r"()('([^',{}\[\]]*'[^',{}\[\]]*)')",
+        r'"\3"',
+        r"put a text that contains ' in double quotes, \"",
+    ),
     (r"()(\()([^()]*)\)", r"{\3}", r"write braces, not parentheses"),
     (r"()(\()([^()]*)\)", r"[\3]", r"write brackets, not parentheses"),
     (r"^(\s*)(//)", r"\1#", r"a comment begins with #, not with //"),

@@ -176,7 +176,7 @@ def _open(robot: Robot, port: str) -> Check:
     except HardwareError as error:
         return Check("board", False, f"{error}; {_heard(heard)}", code=error.code)
     if not robot.firmware.reports_pose:
-        silent = f"{robot.firmware.name} never answers, so a board cannot be told from none"
+        silent = f"{robot.firmware.name} never answers, so it is unknown whether a board is there"
         known = f"assumed: {positions}" if _resets(robot, port) else "known only to a person"
         return Check("board", None, f"opened; {_heard(heard)}; {silent}; the pose is {known}")
     return Check("board", True, f"booted; {_heard(heard)}; commanded to {positions}")

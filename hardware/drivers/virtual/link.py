@@ -50,7 +50,7 @@ class BoardLink(Generic[Model]):
             self._changed.notify()  # a waiting `read` computes anew when an answer may come
 
     def read(self) -> bytes:
-        """Wait for bytes. Return none only if the link is closed.
+        """Wait for bytes, and return them. No bytes mean that the link is closed.
 
         Raises:
             PortLost: The board was unplugged.

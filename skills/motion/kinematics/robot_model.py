@@ -177,7 +177,7 @@ def _check_robot(robot: Robot) -> None:
 
 
 def _check_size(robot: Robot, shapes: int) -> None:
-    """Check that a robot is not larger than can be planned for in seconds.
+    """Check that a robot is small enough to be planned for within seconds.
 
     Raises:
         ModelUnusable: It has too many moving joints or collision shapes.

@@ -19,7 +19,7 @@ class RunState:
         where: The arm before the run: its joints, and how long its board boots.
         goal_id: Identity of the goal.
         title: Number and name of the task.
-        has_nodes: False for a move: nobody wrote its nodes, and its outcome says what they do.
+        has_nodes: False for a move, whose nodes are not shown: its outcome describes them.
         arm: State of the arm's lifecycle.
         activated: When the arm began to activate; None if it does not.
         began: When the goal started; None before.

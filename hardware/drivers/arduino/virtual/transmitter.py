@@ -41,7 +41,7 @@ class Transmitter:
         return data
 
     def cut(self, now: float) -> None:
-        """Drop the bytes that have not been sent, even of a line that is being sent."""
+        """Drop all unsent bytes, also the rest of a line that is being sent."""
         lines, self._lines = self._lines, deque()
         for end, line in lines:
             left = max(0.0, end - now) / self._byte_time

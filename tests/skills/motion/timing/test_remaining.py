@@ -111,7 +111,11 @@ ODD: tuple[tuple[str, Any, str], ...] = (
         replace(LINE, acceleration=np.array([1.0, np.nan, 1.0])),
         "The limits of the plan are not ab",
     ),
-    ("plan", replace(LINE, joints=("joint_4",)), r"The plan moves joint_4, arm joint_1, joint_2"),
+    (
+        "plan",
+        replace(LINE, joints=("joint_4",)),
+        r"The plan moves joint_4, but arm has joint_1, joint_2",
+    ),
 )
 
 
