@@ -252,7 +252,7 @@ def show(
     elif ports or form == "groot":
         raise click.UsageError("--ports and --format groot need a task")
     else:
-        from executive.replay.replayed_run import tree_of
+        from executive.replay.recorded_tree import tree_of
 
         text = DRAWINGS[form](tree_of(subject), False)
     if output:

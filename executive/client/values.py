@@ -1,4 +1,4 @@
-"""Values that only the clients return; the others are in `executive.goals`."""
+"""Values that only the clients return; the others are in `executive.api`."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

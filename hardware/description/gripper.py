@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from hardware.errors import BadPosition
 from hardware.joints import Joint
 
-from .kinematics import ForwardKinematics
+from .forward_kinematics import ForwardKinematics
 from .urdf import Vector
 
 WIDTH = "width"  # the word for it in a move

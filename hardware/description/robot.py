@@ -22,9 +22,9 @@ from hardware.joints import Joint, rounded
 from hardware.link.link import VIRTUAL, Link
 
 from .calibration import CalibratedJoint, calibration_file
+from .forward_kinematics import ForwardKinematics, reach
 from .gripper import Gripper
 from .guards import Guards
-from .kinematics import ForwardKinematics, reach
 from .meshes import find_mesh
 from .urdf import Urdf
 

@@ -14,9 +14,9 @@ from hardware.suggestions import choices, there_are
 from hardware.toml_table import TomlTable
 
 from .calibration import calibration_file, is_robot_file, read_calibration
+from .forward_kinematics import ForwardKinematics
 from .gripper import Gripper
 from .guards import Guards
-from .kinematics import ForwardKinematics
 from .robot import CollisionRules, Robot, Serial, Tool
 from .urdf import Urdf, UrdfError, UrdfJoint
 

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from hardware.description.kinematics import ForwardKinematics
+from hardware.description.forward_kinematics import ForwardKinematics
 from hardware.description.urdf import Urdf
 from logs.errors import RecordingError
 from logs.records.conversions import Stamp

@@ -7,7 +7,7 @@ from uuid import UUID
 
 import numpy as np
 
-from hardware.description.kinematics import ForwardKinematics, LinkTransform
+from hardware.description.forward_kinematics import ForwardKinematics, LinkTransform
 from hardware.printable import wire_text
 
 from .records import (

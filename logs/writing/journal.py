@@ -15,7 +15,7 @@ from weakref import finalize
 from mcap import records as mcap
 from mcap.data_stream import RecordBuilder
 
-from hardware.description.kinematics import ForwardKinematics
+from hardware.description.forward_kinematics import ForwardKinematics
 from hardware.description.urdf import Urdf
 from logs.errors import DISK_FULL
 from logs.records.conversions import Stamp

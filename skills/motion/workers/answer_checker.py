@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware import MAX_DURATION, Joint, Robot
-from hardware.description.kinematics import ForwardKinematics
+from hardware.description.forward_kinematics import ForwardKinematics
 from hardware.description.urdf import Urdf
 from skills.motion.arrays import Array
 from skills.motion.errors import MotionError, shown

@@ -6,7 +6,7 @@ from xml.etree import ElementTree
 import pytest
 
 from hardware import BadPosition, load_robot
-from hardware.description.kinematics import ForwardKinematics
+from hardware.description.forward_kinematics import ForwardKinematics
 from hardware.description.urdf import Urdf
 
 ROBOT = load_robot()

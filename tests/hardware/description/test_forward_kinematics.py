@@ -8,7 +8,7 @@ import pinocchio as pin
 import pytest
 
 from hardware import Robot
-from hardware.description.kinematics import ForwardKinematics, Quaternion
+from hardware.description.forward_kinematics import ForwardKinematics, Quaternion
 from hardware.description.urdf import Urdf
 from logs import Description, Recorder, Sent, read
 from tests.logs.test_run import EPOCH_NS, fail
