@@ -207,7 +207,7 @@ class FileError(TreeError):
 
 
 def _combined(mistakes: Collection[Mistake]) -> list[Mistake]:
-    """Return mistakes so that the corrections of a line contain each other.
+    """Merge the mistakes of a line, so that each correction contains the others.
 
     A mistake in lines that another one corrects first is added to that one: the layout comes before
     the nodes, and a node before what is inside it.
@@ -258,7 +258,7 @@ def _with_all(before: str, after: Sequence[str]) -> str:
 
 
 def _change(before: str, after: str) -> tuple[int, int, str]:
-    """Return begin and end of the part of a text that differs, and what is there instead."""
+    """Return begin and end of the part of a text that differs, and its replacement."""
     begin = _common(before, after)
     end = _common(before[begin:][::-1], after[begin:][::-1])
     return begin, len(before) - end, after[begin : len(after) - end]

@@ -505,14 +505,14 @@ def _weakly(method: Callable[P, T], collected: T) -> Callable[P, T]:
 
 
 def _release(connection: Connection, reconnect: ReconnectWatcher) -> None:
-    """Release what an arm that was collected has opened."""
+    """Close what an arm has opened, after its garbage collection."""
     reconnect.stop()
     connection.close()
 
 
 @cache
 def _releaser() -> "SimpleQueue[_Release]":
-    """Return the queue of a thread that releases what collected arms have opened.
+    """Return the queue of a thread that closes what garbage-collected arms have opened.
 
     An arm is collected on any thread, which may hold any lock. `put` takes none.
     """

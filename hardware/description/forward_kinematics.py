@@ -87,7 +87,7 @@ class ForwardKinematics:
 
 @cache
 def reach(urdf: Path) -> float:
-    """Return a length that no link of a robot is farther from its root [m].
+    """Return an upper bound of the distance of any link from the root [m].
 
     Raises:
         UrdfError: The URDF is wrong.

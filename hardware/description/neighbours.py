@@ -9,7 +9,7 @@ from .urdf import Urdf
 
 
 def adjacent_links(urdf: Urdf, shaped: Collection[str]) -> set[frozenset[str]]:
-    """Return the pairs of links with shapes that only joints and links without shapes connect.
+    """Return the pairs of neighbours: between them are only joints, and links without shapes.
 
     Args:
         urdf: The URDF.

@@ -258,7 +258,7 @@ class Robot:
 
     @property
     def reach(self) -> float:
-        """A length that no link is farther from the root [m]."""
+        """Upper bound of the distance of any link from the root [m]."""
         return reach(self.urdf)
 
     @cached_property

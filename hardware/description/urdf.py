@@ -80,7 +80,7 @@ class UrdfJoint:
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """A shape of a link, as it looks.
+    """A shape that shows a link.
 
     Attributes:
         link: Name of the link.

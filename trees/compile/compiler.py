@@ -292,7 +292,7 @@ class TreeCompiler:
     def _source(
         self, spec: SubtreeNode, scope: Scope, label: str, way: Mapping[str, Place]
     ) -> TaskFile | None:
-        """Return the file of a node, or None if it cannot be used, which is reported."""
+        """Return the file of a node. If it cannot be used, report that and return None."""
         if label in scope.within:
             self._cycle(label, way)
         elif len(way) > MAX_SUBTREES:
@@ -460,7 +460,7 @@ class TreeCompiler:
             self._keys.written.setdefault(f"{scope.namespace}/{value.value}", kind)
 
     def _fixed(self, value: Value | None, scope: Scope, what: str) -> bool:
-        """Report a value that is a key that must not be written; return True for one."""
+        """Report a key that must not be written; return True if the value is one."""
         if not isinstance(value, Key) or not (declared := scope.file.parameters.get(value.name)):
             return False
         if declared.type == UNTYPED or declared.output:
@@ -524,7 +524,7 @@ class TreeCompiler:
         return {port: value for port, value in named.items() if port in known}
 
     def _edited(self, place: Place) -> bool:
-        """Return whether the layout of a line is wrong, so that it is read as it should be."""
+        """Return whether the layout of a line was corrected before it was read."""
         found = [each.place for each in self._mistakes.found if each.place.path == place.path]
         return any(each.line == place.line and each.lines != place.lines for each in found)
 

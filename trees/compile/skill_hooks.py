@@ -114,7 +114,7 @@ class SkillHooks:
         return self._call(leaf, "min_duration", _DURATION, leaf.known) or 0.0
 
     def poses(self, leaf: Leaf, robot: Robot, inputs: Mapping[str, Any]) -> list[Pose]:
-        """Return the configurations that inputs send the arm to [rad]; none of a doubtful skill."""
+        """Return the configurations that inputs send the arm to [rad]; none of a wrong skill."""
         wanted = _list_of_poses(len(robot.actuated))
         return self._call_sound(leaf, "poses", wanted, robot, inputs) or []
 
@@ -124,12 +124,12 @@ class SkillHooks:
         return self._call_sound(leaf, "waypoints", wanted, robot, inputs) or []
 
     def tool_query(self, leaf: Leaf, robot: Robot, inputs: Mapping[str, Any]) -> ToolQuery | None:
-        """Return the point that the tool must reach, or None; None of a doubtful skill."""
+        """Return the point that the tool must reach; None if there is none, or it is wrong."""
         query: ToolQuery | None = self._call_sound(leaf, "tool_query", _TOOL_QUERY, robot, inputs)
         return query
 
     def body(self, leaf: Leaf) -> Body | None:
-        """Return the body that a skill adds to the world, or None; None of a doubtful skill."""
+        """Return the body that a skill adds to the world; None if there is none, or it is wrong."""
         body: Body | None = self._call_sound(leaf, "body", _BODY, leaf.known)
         return body
 

@@ -59,7 +59,7 @@ class Sources:
         self.files |= self._pose_files
 
     def get(self, spec: SubtreeNode, mistakes: Mistakes) -> TaskFile | None:
-        """Return a subtree or task, or None if it cannot be read, which is reported once."""
+        """Return a subtree or task. If it cannot be read, report that once and return None."""
         if spec.source not in self._read:
             self._read[spec.source] = None
             try:

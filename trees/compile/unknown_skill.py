@@ -30,7 +30,7 @@ def nodes(skills: Collection[str]) -> tuple[str, ...]:
 
 
 def why_unknown(skill: str, skills: Collection[str], subtrees: Collection[str]) -> str:
-    """Return what there is instead of an unknown skill."""
+    """Return the message for an unknown skill, with the names that exist."""
     begun = [name for name in subtrees if name.startswith(f"{skill}_")]
     if begun and skill:
         return f"no skill {skill}; subtrees that begin so are {', '.join(begun)}"

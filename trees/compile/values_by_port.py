@@ -26,8 +26,8 @@ def by_port(
     Args:
         given: Values by port, as the file has them.
         declared: The ports.
-        named: The node in messages, and the key before the values.
-        wrong: Receives the place, the message and the line as it should be.
+        named: Name of the node in messages; name of the key before the values.
+        wrong: Receives the place, the message and the correction.
     """
     what, key = named
     inputs = [port for port, each in declared.items() if not each.output]
@@ -76,7 +76,7 @@ def as_mapping(given: Mapping[str, Value]) -> Located:
 def as_subtree(
     place: Place, skill: str, subtree: str, ports: Mapping[str, Value]
 ) -> Correction | None:
-    """Return a subtree that is written like a skill as it should be.
+    """Return the correction of a subtree that is written like a skill.
 
     Args:
         place: Place of the node.
@@ -100,7 +100,7 @@ def as_subtree(
 
 
 def with_port(spec: SkillNode, port: str) -> Correction | None:
-    """Return a skill without ports with one of them, as a time."""
+    """Return the correction of a skill without values: one port, with a time."""
     alone = block(spec.place) == [spec.skill]
     return replaced_block(spec.place, [f"{spec.skill}: {{{port}: 1 s}}"]) if alone else None
 

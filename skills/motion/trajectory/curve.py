@@ -124,7 +124,7 @@ class Curve:
         return self.linear[i] + 2.0 * u * self.quadratic[i]
 
     def second_derivatives(self, s: Array) -> Array:
-        """Return d2q/ds2 at s, at a break that of the next piece (K,) -> (K, J) [1/rad]."""
+        """Return d2q/ds2 at s (K,) -> (K, J) [1/rad]; at a break, that of the next piece."""
         i, _ = self._piece(s)
         return 2.0 * self.quadratic[i]
 

@@ -187,7 +187,7 @@ def _check_shapes(plan: Plan, actuated: int, joints: int) -> None:
 def _check_equal(
     what: str, values: Array, right: Array, joints: Sequence[Joint], per: str = ""
 ) -> None:
-    """Check that values of joints (..., J) are the right ones, but for rounding.
+    """Check that values of joints (..., J) equal the right ones, except for rounding.
 
     Args:
         what: Begin of the message.
