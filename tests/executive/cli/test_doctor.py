@@ -107,7 +107,7 @@ def test_it_opens_only_with_the_option_and_says_before_what_that_does(
     answers = {
         "stock": (
             "?",
-            "opened; heard nothing; stock never answers, so a board cannot be told ",
+            "opened; heard nothing; stock never answers, so it is unknown ",
         ),
         "armtree": ("ok", "booted; heard armtree 1 "),
     }
