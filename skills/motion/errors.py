@@ -13,7 +13,7 @@
     │   └── GoalInCollision
     ├── Unreachable             the tool cannot reach the point, or not in that direction
     ├── Barred                  proved: every path passes a position of a joint in collision
-    ├── NoPath                  the search found no path within its iterations
+    ├── NoPath                  no search found a path within its samples
     ├── TooLong                 the motion would take longer than the limit
     ├── PlanTimeout             the deadline passed
     ├── MotionCollides          the final check of the motion found a collision
@@ -286,18 +286,22 @@ class Barred(MotionError):
 
 
 class NoPath(MotionError):
-    """The search found no path within its iterations.
+    """No search found a path within its samples.
 
     Attributes:
-        iterations: Number of iterations.
+        samples: Number of samples of all searches.
+        searches: Number of searches, each with other samples.
     """
 
     code = "plan.no_path"
-    hint = "choose another goal, add a via pose, or try another seed"
+    hint = "choose another goal, or add a via pose in front of the narrow place"
 
-    def __init__(self, iterations: int) -> None:
-        self.iterations = iterations
-        super().__init__(f"No path was found in {iterations} iterations; {self.hint}")
+    def __init__(self, samples: int, searches: int) -> None:
+        self.samples, self.searches = samples, searches
+        super().__init__(
+            f"No path was found by a line, by bends, or by {searches} searches with "
+            f"{samples} samples; {self.hint}"
+        )
 
 
 class TooLong(MotionError):

@@ -36,7 +36,7 @@ from .path.bend import find_bend
 from .path.blend import blend
 from .path.motion_validator import MotionValidator
 from .path.motion_verification import verify_plan, verify_rows
-from .path.rrt_connect import RRTConnect
+from .path.rrt_connect import find_path
 from .path.shortcut import shortcut
 from .query import Answer, Carry, Query, Reached, Request, Rest, ToolQuery, Verify, check_types
 from .timing.remaining import check_rest, remaining_plan
@@ -127,7 +127,7 @@ class Planner:
             deadline=deadline,
         )
         with checker.within(deadline):
-            paths = _paths(validator, planning.search, points, query.seed, watch)
+            paths = _paths(validator, points, query.seed, watch)
             limits = group.limits_at(query.speed)
             waypoints, curve, profile = _first_timed(paths, *limits, watch)
         with watch.stage("time"):
@@ -236,11 +236,10 @@ class _PlanningGroup:
     def __init__(self, robot: Robot, name: str) -> None:
         self.joints = JointGroup(robot, name)
         self.endpoints = EndpointChecker(robot, self.joints)
-        self.search = RRTConnect(self.joints)
 
 
 def _paths(
-    validator: MotionValidator, search: RRTConnect, points: Array, seed: int, watch: Stopwatch
+    validator: MotionValidator, points: Array, seed: int, watch: Stopwatch
 ) -> Iterator[tuple[Array, Curve]]:
     """Yield waypoints (N, J) [rad] and the free curve along them, the best first.
 
@@ -249,7 +248,6 @@ def _paths(
 
     Args:
         validator: Checks motions of the group.
-        search: Search in the group's joint space.
         points: Free start, via points and goal (K, J) [rad].
         seed: Seed of the search.
         watch: Measures each stage.
@@ -273,7 +271,7 @@ def _paths(
             bend = find_bend(validator, legs[0])
         if bend:
             yield bend
-    paths = list(_leg_paths(validator, search, legs, straight, seed, watch))
+    paths = list(_leg_paths(validator, legs, straight, seed, watch))
     waypoints = _distinct(np.vstack([paths[0], *(path[1:] for path in paths[1:])]))
     if len(waypoints) > 2:
         with watch.stage("blend"):
@@ -284,7 +282,6 @@ def _paths(
 
 def _leg_paths(
     validator: MotionValidator,
-    search: RRTConnect,
     legs: list[tuple[Array, Array]],
     straight: list[bool],
     seed: int,
@@ -304,7 +301,7 @@ def _leg_paths(
             with watch.stage("search"):
                 check_passable(validator, here, goal)
                 goals = validator.group.equivalent_goals(here, goal)
-                path = search.find(validator, here, goals, seed + 1)  # OMPL ignores a seed of 0
+                path = find_path(validator, here, goals, seed)
             with watch.stage("shorten"):
                 path = shortcut(validator, path)
         here = path[-1]

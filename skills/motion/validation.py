@@ -16,7 +16,7 @@ MAX_MAGNITUDE = 1e6
 MIN_SIZE = math.ulp(0.0)  # smallest number above 0: a solid has no size of 0 [m]
 
 _NUMBERS = (int, float, np.integer, np.floating)
-_MAX_SEED = 2**64 - 2  # OMPL gets the seed plus 1, in 64 bits
+_MAX_SEED = 2**64 - 2  # recordings store 64 bits
 
 
 def is_number(value: object, least: float, most: float) -> bool:
@@ -28,7 +28,7 @@ def check_seed(seed: int) -> None:
     """Check a random seed.
 
     Raises:
-        BadQuery: It is not a whole number, or OMPL cannot store it.
+        BadQuery: It is not a whole number, or too large for a recording.
     """
     if not (isinstance(seed, int) and 0 <= seed <= _MAX_SEED):
         raise BadQuery(f"The seed is {shown(seed)}; give a whole number from 0 to {_MAX_SEED}")

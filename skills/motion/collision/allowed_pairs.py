@@ -15,7 +15,8 @@ from hardware.description.urdf import Urdf
 from skills.motion.arrays import Array, Mask
 from skills.motion.kinematics.robot_model import RobotModel
 
-from .checker import BATCH, CollisionChecker, Contact
+from .broad_phase import BATCH
+from .checker import CollisionChecker, Contact
 from .scene import PlanningScene
 
 _SAMPLES = 10_000

@@ -5,28 +5,23 @@ of links. The narrow phase compares the exact shapes of only those links with hu
 margin.
 """
 
-import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cached_property
 from typing import NamedTuple
 
-import coal
 import numpy as np
-import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from skills.motion.arrays import Array, Mask
 from skills.motion.deadline import Deadline
 from skills.motion.errors import NotFinite
 
+from .broad_phase import BATCH, BroadPhase
 from .containment import ContainmentChecker
 from .distance import SignedDistance
+from .narrow_phase import NarrowPhase, TouchingShapes
 from .scene import PlanningScene
-
-BATCH = 500  # configurations per call
-# No call can be interrupted, so one call checks at most a few milliseconds' worth of pairs: of
-# hulls around boxes and cylinders, and of hulls around meshes.
-MAX_PRIMITIVE_PAIRS, MAX_MESH_PAIRS = 8000, 2000
 
 
 class Contact(NamedTuple):
@@ -74,18 +69,16 @@ class CollisionChecker:
         self.scene = scene
         self._deadline: Deadline | None = None
         self.pairs = frozenset(range(len(scene.hulls.collisionPairs)))
-        # Switching many pairs on and off is slow, so there is one checker for all pairs and one
-        # for chosen pairs, each with margins and with the least distance.
-        self._broad = {
-            (every, least): _BroadPhase(scene, self.pairs if every else frozenset(), self._check)
-            for every in (True, False)
-            for least in (True, False)
-        }
-        self._narrow = dict[tuple[int, bool], _NarrowPhase]()
+        self._broad = dict[tuple[bool, bool], BroadPhase]()
+        self._narrow = dict[tuple[int, bool], NarrowPhase]()
         self._data = scene.kinematics.createData()
         self._placed = scene.exact.createData()
         self._containment = ContainmentChecker(scene, self._data, self._placed)
         self._distances = SignedDistance(scene, self._data, self._placed, self._containment)
+
+    @cached_property
+    def _touching(self) -> TouchingShapes:
+        return TouchingShapes(self.scene)
 
     @contextmanager
     def within(self, deadline: Deadline) -> Iterator[None]:
@@ -265,6 +258,9 @@ class CollisionChecker:
             return len(q), False
         first = int(doubts[0])
         here = q[first : first + 1]
+        self._check()
+        if self._touching.collides(here[0]):
+            return first, True
         close = [self._narrow_phase(k, True) for k in broad.close_pairs_at(here)]
         touches = any(pair.meshes_touch(here[0]) for pair in close)
         collides = touches or any(pair.collisions(here, margin, stop=True)[0] for pair in close)
@@ -276,13 +272,19 @@ class CollisionChecker:
         broad.set_margin(pairs, margin)
         return broad.collisions(q, stop=False)
 
-    def _broad_phase(self, pairs: frozenset[int], least: bool) -> "_BroadPhase":
-        return self._broad[pairs is self.pairs, least]
+    def _broad_phase(self, pairs: frozenset[int], least: bool) -> BroadPhase:
+        # Switching many pairs on and off is slow, so there is one checker for all pairs and one
+        # for chosen pairs, each with margins and with the least distance.
+        key = every, _ = pairs is self.pairs, least
+        if key not in self._broad:
+            chosen = self.pairs if every else frozenset[int]()
+            self._broad[key] = BroadPhase(self.scene, chosen, self._check)
+        return self._broad[key]
 
-    def _narrow_phase(self, pair: int, least: bool) -> "_NarrowPhase":
+    def _narrow_phase(self, pair: int, least: bool) -> NarrowPhase:
         checker = self._narrow.get((pair, least))
         if checker is None:
-            checker = _NarrowPhase(self.scene, self.scene.hulls.collisionPairs[pair], self._check)
+            checker = NarrowPhase(self.scene, self.scene.hulls.collisionPairs[pair], self._check)
             self._narrow[pair, least] = checker
         return checker
 
@@ -293,164 +295,3 @@ class CollisionChecker:
             value = float(configurations[row, column])
             raise NotFinite(f"row {row}", model.joints[column], value)
         return model.coordinates(configurations).T
-
-
-class _BroadPhase:
-    """Checks of hulls, with their working memory.
-
-    Args:
-        scene: The scene.
-        pairs: Pairs of `scene.hulls` that are checked at first.
-        check: Called between calls that may take milliseconds; raises to stop.
-    """
-
-    def __init__(
-        self, scene: PlanningScene, pairs: frozenset[int], check: Callable[[], None]
-    ) -> None:
-        self._check = check
-        self._max_pairs = MAX_MESH_PAIRS if scene.volumes else MAX_PRIMITIVE_PAIRS
-        self._pool = pin.GeometryPool(scene.kinematics, scene.hulls, 1)
-        self._data = self._pool.getGeometryData(0)
-        self._requests = _requests(scene.hulls, self._data)
-        self._results = [self._data.collisionResults[k] for k in range(len(self._requests))]
-        self._pairs, self._margin = pairs, math.nan
-        for k in range(len(self._requests)):
-            if k not in pairs:
-                self._data.deactivateCollisionPair(k)
-
-    def set_margins(self, pairs: frozenset[int], margins: Sequence[float]) -> None:
-        """Check these pairs from now on, each with its own margin (P,) [m]."""
-        self._activate(pairs)
-        for k in pairs:
-            self._requests[k].security_margin = margins[k]
-        self._margin = math.nan
-
-    def set_margin(self, pairs: frozenset[int], margin: float) -> None:
-        """Check these pairs from now on, all with one margin [m]."""
-        new = pairs - self._pairs if margin == self._margin else pairs
-        self._activate(pairs)
-        for k in new:
-            self._requests[k].security_margin = margin
-        self._margin = margin
-
-    def _activate(self, pairs: frozenset[int]) -> None:
-        if pairs is self._pairs:
-            return
-        for k in self._pairs - pairs:
-            self._data.deactivateCollisionPair(k)
-        for k in pairs - self._pairs:
-            self._data.activateCollisionPair(k)
-        self._pairs = pairs
-
-    def collisions(self, q: Array, stop: bool) -> Mask:
-        """Return True for each row in collision; if `stop`, rows after the first may be False."""
-        rows = max(1, self._max_pairs // max(1, len(self._pairs)))
-        return _collide(self._pool, q, stop, rows, self._check)
-
-    def close_pairs_at(self, q: Array) -> list[int]:
-        """Return all pairs closer than the margin in one row (1, nq), which has at least one."""
-        if len(self._pairs) == 1:
-            return list(self._pairs)
-        pin.computeCollisionsInParallel(1, self._pool, q.T, False)
-        return [k for k in sorted(self._pairs) if self._results[k].isCollision()]
-
-    def close_pairs(self, q: Array) -> frozenset[int]:
-        """Return all pairs closer than the margin in some row (N, nq). Each row has such a pair."""
-        pairs = self._pairs
-        while len(q):
-            left = self._pairs.difference(self.close_pairs_at(q[:1]))
-            self._activate(left)
-            if not left:
-                break
-            q = q[1:][self.collisions(q[1:], stop=False)]
-        found = pairs - self._pairs
-        self._activate(pairs)
-        return found
-
-
-class _NarrowPhase:
-    """Checks of the exact shapes of two links, with their working memory.
-
-    Meshes are checked one configuration at a time, because one check may take milliseconds. Whether
-    they touch is checked first: checking a margin takes up to a thousand times as long. A pool
-    would copy the meshes, which takes longer than most checks.
-    """
-
-    def __init__(
-        self, scene: PlanningScene, pair: pin.CollisionPair, check: Callable[[], None]
-    ) -> None:
-        self._kinematics, self._check = scene.kinematics, check
-        self._geometry = scene.exact_pairs_of(pair)
-        shapes = [shape.geometry for shape in self._geometry.geometryObjects]
-        self._meshed = any(isinstance(shape, coal.BVHModelBase) for shape in shapes)
-        if self._meshed:
-            self._data, self._touching = self._kinematics.createData(), self._geometry.createData()
-            self._near = near = self._geometry.createData()
-            _requests(self._geometry, self._touching)
-        else:
-            self._pool = pin.GeometryPool(self._kinematics, self._geometry, 1)
-            near = self._pool.getGeometryData(0)
-        self._requests, self._margin = _requests(self._geometry, near), 0.0
-
-    def collisions(self, q: Array, margin: float, stop: bool) -> Mask:
-        """Return True for each row with shapes closer than a margin [m], as `_BroadPhase` does."""
-        if margin != self._margin:
-            for request in self._requests:
-                request.security_margin = margin
-            self._margin = margin
-        if not self._meshed:
-            return _collide(self._pool, q, stop, BATCH, self._check)
-        hits = np.zeros(len(q), bool)
-        for i, row in enumerate(q):
-            touches = self._collides(row, self._touching)
-            hits[i] = touches or (margin > 0.0 and self._collides(row, self._near))
-            if stop and hits[i]:
-                break
-        return hits
-
-    def meshes_touch(self, q: Array) -> bool:
-        """Return True if meshes touch in one row (nq,). False if the links have no meshes."""
-        return self._meshed and self._collides(q, self._touching)
-
-    def _collides(self, q: Array, placed: pin.GeometryData) -> bool:
-        self._check()
-        model, data, geometry = self._kinematics, self._data, self._geometry
-        return bool(pin.computeCollisions(model, data, geometry, placed, q, True))
-
-
-def _collide(
-    pool: pin.GeometryPool, q: Array, stop: bool, rows: int, check: Callable[[], None]
-) -> Mask:
-    """Return True for each row in collision; if `stop`, rows after the first may be False.
-
-    Args:
-        pool: Geometry to check.
-        q: Coordinates (N, nq).
-        stop: True to stop at the first collision.
-        rows: Most rows per call.
-        check: Called before each call; raises to stop.
-    """
-    if 0 < len(q) <= rows:
-        check()
-        return np.asarray(pin.computeCollisionsInParallel(1, pool, q.T, True, stop), bool)
-    hits = np.zeros(len(q), bool)
-    for begin in range(0, len(q), rows):
-        part = slice(begin, begin + rows)
-        hits[part] = _collide(pool, q[part], stop, rows, check)
-        if stop and hits[part].any():
-            break
-    return hits
-
-
-def _requests(geometry: pin.GeometryModel, data: pin.GeometryData) -> list[coal.CollisionRequest]:
-    """Return the request of each pair, set so that answers do not depend on earlier checks."""
-    requests = []
-    for k, pair in enumerate(geometry.collisionPairs):
-        shapes = [geometry.geometryObjects[i].geometry for i in (pair.first, pair.second)]
-        request = data.collisionRequests[k]
-        if any(isinstance(shape, coal.BVHModelBase) for shape in shapes):
-            request.gjk_initial_guess = coal.GJKInitialGuess.DefaultGuess
-        else:
-            request.gjk_initial_guess = coal.GJKInitialGuess.BoundingVolumeGuess
-        requests.append(request)
-    return requests

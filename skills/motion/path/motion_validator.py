@@ -11,7 +11,8 @@ from functools import lru_cache
 import numpy as np
 
 from skills.motion.arrays import Array
-from skills.motion.collision.checker import BATCH, CollisionChecker, Proximity
+from skills.motion.collision.broad_phase import BATCH
+from skills.motion.collision.checker import CollisionChecker, Proximity
 from skills.motion.deadline import Deadline
 from skills.motion.kinematics.joint_group import JointGroup
 from skills.motion.trajectory.curve import Curve
@@ -25,6 +26,7 @@ _LEVELS = 3
 _REFINEMENT = 4
 _CHUNK = 2**14  # section numbers generated at a time
 _CACHED = 2**11  # largest number of sections with a cached order
+_SAMPLES = np.array([6.0, 3.0, 1.0, 5.0, 2.0, 4.0])[:, None] / 6.0  # of a line, in this order
 _SUBSECTIONS = np.arange(1.0 - _REFINEMENT, _REFINEMENT, 2.0)
 
 Path = Callable[[Array], Array]  # shares of a path (N,) -> points (N, J) [rad]
@@ -63,6 +65,23 @@ class MotionValidator:
     def full(self, points: Array) -> Array:
         """Return all actuated joints (N, A) for points of the group (N, J) [rad]."""
         return self.group.full(self.start, points)
+
+    def seems_free(self, a: Array, b: Array) -> bool:
+        """Return True if some points of a line (J,) [rad] keep the margin. It proves nothing."""
+        rows = self.full(a + _SAMPLES * (b - a))
+        return self.checker.first_collision(rows, self.margin) is None
+
+    def free_samples(self, a: Array, b: Array, count: int) -> int:
+        """Return how many samples of a line keep the margin, before one that does not.
+
+        Args:
+            a: Start of the line; not one of the samples (J,) [rad].
+            b: Its end; the last sample (J,) [rad].
+            count: Number of samples.
+        """
+        rows = self.full(a + np.arange(1.0, count + 1.0)[:, None] / count * (b - a))
+        hit = self.checker.first_collision(rows, self.margin)
+        return count if hit is None else hit
 
     def line_is_free(self, a: Array, b: Array) -> bool:
         """Return True if the line between two free points is free."""

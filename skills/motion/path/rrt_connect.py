@@ -1,125 +1,138 @@
-"""RRT-Connect: searches a path if neither a line nor a single bend is free.
+"""Lazy RRT-Connect: searches a path if neither a line nor a single bend is free.
 
 James J. Kuffner and Steven M. LaValle, "RRT-Connect: an efficient approach to single-query path
-planning", ICRA 2000, as implemented by OMPL. OMPL objects that refer to each other in a cycle are
-never freed, so all searches of a group share one state space.
+planning", ICRA 2000; lazy as Gildardo Sanchez and Jean-Claude Latombe, "A single-query
+bi-directional probabilistic roadmap planner with lazy collision checking", ISRR 2001. Edges are
+checked at a few points only. Those of a path from start to goal are then checked completely.
+
+A search that fails is started again with other samples: a few unlucky ones at its beginning can
+cost more than a new start.
 """
 
 import numpy as np
-from ompl import base as ob, geometric as og, util as ou
 
 from skills.motion.arrays import Array
 from skills.motion.errors import NoPath
-from skills.motion.kinematics.joint_group import JointGroup
 
 from .motion_validator import MotionValidator
 
-ou.setLogLevel(ou.LogLevel.LOG_NONE)
+# Counts, not times: equal queries give equal paths.
+_FIRST_SAMPLES = 1_000  # of the first search; each further one has as many more
+_MAX_SEARCHES = 5
+_RANGE = 0.7  # longest edge of a tree [rad]
+_POINTS = 6  # checked points of an edge
 
-_MAX_ITERATIONS = 5_000  # a count, not a time: equal queries give equal paths
-_RANGE = 0.7  # longest extension of a tree [rad]
 
-
-class RRTConnect:
-    """Searches in the joint space of one group.
+def find_path(validator: MotionValidator, start: Array, goals: Array, seed: int) -> Array:
+    """Return a path of free edges from start to one of the goals (N, J) [rad].
 
     A joint without limits is searched up to half a turn beyond start and goal.
 
     Args:
-        group: The group.
+        validator: Checks motions of the group.
+        start: A free point (J,) [rad].
+        goals: Free points (G, J) [rad].
+        seed: Random seed, at least 0. Equal seeds give equal paths.
+
+    Raises:
+        NoPath: No path was found within the limit of samples.
+        PlanTimeout: The deadline passed.
+    """
+    group, ends = validator.group, np.vstack((start, goals))
+    lower = np.where(np.isfinite(group.lower), group.lower, ends.min(axis=0) - np.pi)
+    upper = np.where(np.isfinite(group.upper), group.upper, ends.max(axis=0) + np.pi)
+    drawn = 0
+    for search in range(1, _MAX_SEARCHES + 1):
+        random = np.random.default_rng((seed, search))
+        trees = _Tree(validator, start[None, :]), _Tree(validator, goals)
+        samples = random.uniform(lower, upper, (search * _FIRST_SAMPLES, len(start)))
+        drawn += len(samples)
+        for number, sample in enumerate(samples):
+            validator.deadline.check()
+            here, there = trees if number % 2 else trees[::-1]
+            new = here.extend(sample)
+            if new is None or (met := there.connect(here.points[new])) is None:
+                continue
+            ways = here.way(new), there.way(met)
+            if all([here.verify(ways[0]), there.verify(ways[1])]):
+                one, other = ways if here is trees[0] else ways[::-1]
+                return np.vstack((trees[0].points[one[::-1]], trees[1].points[other[1:]]))
+    raise NoPath(drawn, _MAX_SEARCHES)
+
+
+class _Tree:
+    """Points that edges connect to the roots.
+
+    Args:
+        validator: Checks motions of the group.
+        roots: The roots (R, J) [rad].
+
+    Attributes:
+        points: The points, infinite if they were removed, then space for more (M, J) [rad].
     """
 
-    def __init__(self, group: JointGroup) -> None:
-        self._group = group
-        self._bounds: tuple[float, ...] = ()
-        self._space = ob.RealVectorStateSpace(len(group.lower))
-        self._information = ob.SpaceInformation(self._space)
-        self._edges = _EdgeValidator(self._information)
-        self._information.setMotionValidator(self._edges)
-        self._information.setStateValidityChecker(_always_valid)
+    def __init__(self, validator: MotionValidator, roots: Array) -> None:
+        self._validator, self.points = validator, roots.copy()
+        self._parents, self._verified = [-1] * len(roots), [True] * len(roots)
 
-    def find(self, validator: MotionValidator, start: Array, goals: Array, seed: int) -> Array:
-        """Return a path of free edges from start to one of the goals (N, J) [rad].
+    def way(self, number: int) -> list[int]:
+        """Return the numbers of the points from one to its root."""
+        way = []
+        while number >= 0:
+            way.append(number)
+            number = self._parents[number]
+        return way
 
-        Args:
-            validator: Checks motions of the group.
-            start: A free point (J,) [rad].
-            goals: Free points, tried in turn (G, J) [rad].
-            seed: Random seed, at least 1. Equal seeds give equal paths.
+    def extend(self, target: Array) -> int | None:
+        """Add a point towards a target (J,) if the edge to it seems free; return its number."""
+        near, begin, step, length = self._nearest(target)
+        end = begin + step * min(1.0, _RANGE / length)
+        return self._add(end, near) if self._validator.seems_free(begin, end) else None
 
-        Raises:
-            NoPath: No path was found within the limit of iterations.
-            PlanTimeout: The deadline passed.
+    def connect(self, target: Array) -> int | None:
+        """Add points towards a target (J,) as far as the edges seem free.
+
+        Returns:
+            Number of the point at the target, or None if it is not reached.
         """
-        self._edges.validator = validator
-        self._set_bounds(np.vstack([start, goals]))
-        problem = self._problem(start, goals)
-        ou.RNG.setSeed(seed)
-        planner = og.RRTConnect(self._information)
-        planner.setRange(_RANGE)
-        planner.setProblemDefinition(problem)
-        planner.setup()
-        budget = _Budget(validator)
-        planner.solve(ob.PlannerTerminationCondition(budget.spent))
-        validator.deadline.check()
-        if not problem.hasExactSolution():
-            raise NoPath(_MAX_ITERATIONS)
-        states = problem.getSolutionPath().getStates()
-        return np.array([s[0 : len(start)] for s in states])
+        last, begin, step, length = self._nearest(target)
+        edges = int(length / _RANGE) + 1
+        ends = begin + np.arange(1.0, edges + 1.0)[:, None] / edges * step
+        free = self._validator.free_samples(begin, target, edges * _POINTS) // _POINTS
+        for end in ends[:free]:
+            last = self._add(end, last)
+        return last if free == edges else None
 
-    def _set_bounds(self, ends: Array) -> None:
-        group = self._group
-        lower = np.where(np.isfinite(group.lower), group.lower, ends.min(axis=0) - np.pi)
-        upper = np.where(np.isfinite(group.upper), group.upper, ends.max(axis=0) + np.pi)
-        if self._bounds == (known := (*lower.tolist(), *upper.tolist())):
-            return
-        self._bounds, bounds = known, ob.RealVectorBounds(len(lower))
-        for i in range(len(lower)):
-            bounds.setLow(i, float(lower[i]))
-            bounds.setHigh(i, float(upper[i]))
-        self._space.setBounds(bounds)
-        self._information.setup()
+    def verify(self, way: list[int]) -> bool:
+        """Return True if all edges of a way are free; remove the points behind one that is not."""
+        for number in way[-2::-1]:
+            parent = self._parents[number]
+            line = self.points[parent], self.points[number]
+            if not (self._verified[number] or self._validator.line_is_free(*line)):
+                self._remove(number)
+                return False
+            self._verified[number] = True
+        return True
 
-    def _problem(self, start: Array, goals: Array) -> ob.ProblemDefinition:
-        problem, ends = ob.ProblemDefinition(self._information), ob.GoalStates(self._information)
-        problem.addStartState(self._state(start))
-        for goal in goals:
-            ends.addState(self._state(goal))
-        problem.setGoal(ends)
-        return problem
+    def _remove(self, number: int) -> None:
+        removed = {number}
+        for i in range(number + 1, len(self._parents)):
+            if self._parents[i] in removed:
+                removed.add(i)
+        self.points[sorted(removed)] = np.inf
 
-    def _state(self, values: Array) -> ob.State:
-        state = self._information.allocState()
-        for i, value in enumerate(values.tolist()):
-            state[i] = value
-        return state
+    def _add(self, point: Array, parent: int) -> int:
+        number = len(self._parents)
+        if number == len(self.points):
+            self.points = np.vstack((self.points, np.empty_like(self.points)))
+        self.points[number] = point
+        self._parents.append(parent)
+        self._verified.append(False)
+        return number
 
-
-class _EdgeValidator(ob.MotionValidator):  # type: ignore[misc]
-    """Checks whole edges with the validator of the current query."""
-
-    validator: MotionValidator
-
-    def __init__(self, information: ob.SpaceInformation) -> None:
-        super().__init__(information)
-        self._size = information.getStateDimension()
-
-    def checkMotion(self, a: ob.State, b: ob.State) -> bool:  # noqa: N802, named by OMPL
-        size = self._size
-        return self.validator.line_is_free(np.array(a[0:size]), np.array(b[0:size]))
-
-
-def _always_valid(_: ob.State) -> bool:
-    """Single states need no check: the edge to each state is checked."""
-    return True
-
-
-class _Budget:
-    """Counts the iterations of a search."""
-
-    def __init__(self, validator: MotionValidator) -> None:
-        self._deadline, self._left = validator.deadline, _MAX_ITERATIONS
-
-    def spent(self) -> bool:
-        self._left -= 1
-        return self._left < 0 or self._deadline.over
+    def _nearest(self, target: Array) -> tuple[int, Array, Array, float]:
+        """Return the nearest point: number, position, step to the target, and its length."""
+        steps = target - self.points[: len(self._parents)]
+        squares = (steps**2).sum(axis=1)
+        number = int(squares.argmin())
+        return number, self.points[number], steps[number], float(np.sqrt(squares[number]))

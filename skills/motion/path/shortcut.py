@@ -24,7 +24,7 @@ def _skip_waypoints(validator: MotionValidator, path: Array) -> Array:
     kept, i = [0], 0
     while i < len(path) - 1:
         further = range(len(path) - 1, i + 1, -1)
-        i = next((j for j in further if validator.line_is_free(path[i], path[j])), i + 1)
+        i = next((j for j in further if _is_free(validator, path[i], path[j])), i + 1)
         kept.append(i)
     return path[kept]
 
@@ -47,6 +47,10 @@ def _cut_corners(validator: MotionValidator, path: Array) -> Array:
 def _cut_corner(validator: MotionValidator, corner: Array, before: Array, after: Array) -> Array:
     for share in _CUTS:
         ends = corner + share * np.array([before, after])
-        if validator.line_is_free(ends[0], ends[1]):
+        if _is_free(validator, ends[0], ends[1]):
             return ends
     return corner[None, :]
+
+
+def _is_free(validator: MotionValidator, a: Array, b: Array) -> bool:
+    return validator.seems_free(a, b) and validator.line_is_free(a, b)

@@ -286,12 +286,12 @@ tree:
 def test_new_versions_are_named_as_the_source(rig: RigMaker) -> None:
     def change(record: Any) -> None:
         if type(record).__name__ == "Metadata" and record.name == "versions":
-            record.metadata = {**record.metadata, "ompl": "1.9.9"}
+            record.metadata = {**record.metadata, "pin": "1.9.9"}
 
     path = altered(picked(rig()), change)
     verification = verify(path)
     assert checks(verification) == [True, True]
-    assert "also with ompl" in verification.checks[1].words
+    assert "also with pin" in verification.checks[1].words
     other = altered(path, replace("Message", b'"waypoints":[[0.0', b'"waypoints":[[0.1'))
     verification = verify(other)
     assert checks(verification) == [True, False]

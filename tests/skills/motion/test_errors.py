@@ -15,7 +15,7 @@ ERRORS = [
     motion.GoalOutOfBounds("joint_2", -2.0, -1.5, 1.5),
     motion.StartInCollision("hand", "floor", -0.012, 0.005),
     motion.GoalInCollision("hand", "base", 0.0031, 0.005),
-    motion.NoPath(20_000),
+    motion.NoPath(20_000, 10),
     motion.Barred("joint_2", 1.5, "rad", "upper_arm", "floor"),
     motion.PlanTimeout(5.0),
     motion.MotionCollides(17, 1.25, "hand", "floor", -0.001, 0.002),

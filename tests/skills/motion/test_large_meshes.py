@@ -10,7 +10,8 @@ import pytest
 
 from hardware import RealClock, Robot
 from skills.motion import Body, Box, MotionError, PlanTimeout, Query, ToolQuery, World
-from skills.motion.collision.checker import MAX_MESH_PAIRS, CollisionChecker
+from skills.motion.collision.broad_phase import MAX_MESH_PAIRS
+from skills.motion.collision.checker import CollisionChecker
 from skills.motion.collision.scene import PlanningScene
 from skills.motion.planner import Planner
 from tests.support.arms.real_arms import real
@@ -56,7 +57,9 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> list[Call]:
         return ask(threads, pool, q, *rest)
 
     def noted_one(*given: Any) -> Any:
-        made.append(Call(1, len(given[2].collisionPairs), _meshed(given[2])))
+        tree = isinstance(given[2], pin.BroadPhaseManager_DynamicAABBTreeCollisionManager)
+        geometry = given[2].getGeometryModel() if tree else given[2]
+        made.append(Call(1, len(geometry.collisionPairs), _meshed(geometry)))
         return ask_one(*given)
 
     monkeypatch.setattr(pin, "computeCollisionsInParallel", noted)

@@ -235,9 +235,11 @@ def cut_off(robot: Robot, tmp_path: Path) -> Planner:
 
 
 def test_no_path(cut_off: Planner, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(rrt_connect, "_MAX_ITERATIONS", 50)
-    with pytest.raises(NoPath, match="in 50 iterations"):
+    """The message says what was tried."""
+    monkeypatch.setattr(rrt_connect, "_FIRST_SAMPLES", 10)
+    with pytest.raises(NoPath, match="5 searches with 150 samples") as caught:
         cut_off.plan(arm(HOME, PICK))
+    assert (caught.value.samples, caught.value.searches) == (150, 5)
 
 
 def test_timeout(cut_off: Planner) -> None:

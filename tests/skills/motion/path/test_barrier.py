@@ -116,7 +116,8 @@ def test_no_search_finds_a_barred_path(rolling: Robot, monkeypatch: pytest.Monke
             barred.append(True)
 
     monkeypatch.setattr("skills.motion.planner.check_passable", noted)
-    monkeypatch.setattr("skills.motion.path.rrt_connect._MAX_ITERATIONS", 300)
+    monkeypatch.setattr("skills.motion.path.rrt_connect._FIRST_SAMPLES", 300)
+    monkeypatch.setattr("skills.motion.path.rrt_connect._MAX_SEARCHES", 1)
     for start, goal in random.uniform(lower, upper, (120, 2, 6)).tolist():
         barred.clear()
         try:

@@ -1,0 +1,161 @@
+"""The broad phase of collision checks: convex hulls of links, in many configurations at once."""
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from skills.motion.arrays import Array, Mask
+
+from .scene import PlanningScene
+
+BATCH = 500  # configurations per call
+# No call can be interrupted, so one call checks at most a few milliseconds' worth of pairs: of
+# hulls around boxes and cylinders, and of hulls around meshes.
+MAX_PRIMITIVE_PAIRS, MAX_MESH_PAIRS = 8000, 2000
+_TREE_PAIRS = 16  # with fewer, a tree of boxes is not faster
+
+
+class BroadPhase:
+    """Checks of hulls, with their working memory.
+
+    A tree of axis-aligned boxes finds the hulls that are close to each other.
+    Pairs with a shape that has no such box are checked one after another: the floor is endless, and
+    a very thin body has a box without a volume. So are all pairs if there are very few.
+
+    Args:
+        scene: The scene.
+        pairs: Pairs of `scene.hulls` that are checked at first.
+        check: Called between calls that may take milliseconds; raises to stop.
+    """
+
+    def __init__(
+        self, scene: PlanningScene, pairs: frozenset[int], check: Callable[[], None]
+    ) -> None:
+        self._check = check
+        self._max_pairs = MAX_MESH_PAIRS if scene.volumes else MAX_PRIMITIVE_PAIRS
+        boxed = _boxed_pairs(scene.hulls)
+        boxed = boxed if len(boxed) >= _TREE_PAIRS else frozenset()
+        every = frozenset(range(len(scene.hulls.collisionPairs)))
+        kinds = pin.BroadPhaseManagerPool_DynamicAABBTreeCollisionManager, pin.GeometryPool
+        self._pools, parts = [], dict[int, tuple[Any, ...]]()
+        for kind, own in zip(kinds, (boxed, every - boxed), strict=True):
+            if own:
+                pool = kind(scene.kinematics, scene.hulls, 1)
+                data = pool.getGeometryData(0)
+                self._pools.append((pool, own))
+                for k in every - (own & pairs):
+                    data.deactivateCollisionPair(k)
+                requests, results = repeatable_requests(scene.hulls, data), data.collisionResults
+                parts |= {k: (data, requests[k], results[k]) for k in own}
+        self._data = {k: data for k, (data, _, _) in parts.items()}
+        self._requests = {k: request for k, (_, request, _) in parts.items()}
+        self._results = {k: result for k, (_, _, result) in parts.items()}
+        self._pairs, self._margin = pairs, math.nan
+
+    def set_margins(self, pairs: frozenset[int], margins: Sequence[float]) -> None:
+        """Check these pairs from now on, each with its own margin (P,) [m]."""
+        self._activate(pairs)
+        for k in pairs:
+            self._requests[k].security_margin = margins[k]
+        self._margin = math.nan
+
+    def set_margin(self, pairs: frozenset[int], margin: float) -> None:
+        """Check these pairs from now on, all with one margin [m]."""
+        new = pairs - self._pairs if margin == self._margin else pairs
+        self._activate(pairs)
+        for k in new:
+            self._requests[k].security_margin = margin
+        self._margin = margin
+
+    def _activate(self, pairs: frozenset[int]) -> None:
+        if pairs is self._pairs:
+            return
+        for k in self._pairs - pairs:
+            self._data[k].deactivateCollisionPair(k)
+        for k in pairs - self._pairs:
+            self._data[k].activateCollisionPair(k)
+        self._pairs = pairs
+
+    def collisions(self, q: Array, stop: bool) -> Mask:
+        """Return True for each row in collision; if `stop`, rows after the first may be False."""
+        rows, hits = max(1, self._max_pairs // max(1, len(self._pairs))), np.zeros(len(q), bool)
+        for pool, own in self._pools:
+            if not own.isdisjoint(self._pairs):
+                hits |= collide(pool, q, stop, rows, self._check)
+        return hits
+
+    def close_pairs_at(self, q: Array) -> list[int]:
+        """Return all pairs closer than the margin in one row (1, nq), which has at least one."""
+        if len(self._pairs) == 1:
+            return list(self._pairs)
+        for k in self._pairs:
+            self._results[k].clear()  # a tree leaves those of pairs that are far apart as they were
+        for pool, own in self._pools:
+            if not own.isdisjoint(self._pairs):
+                pin.computeCollisionsInParallel(1, pool, q.T, False)
+        return [k for k in sorted(self._pairs) if self._results[k].isCollision()]
+
+    def close_pairs(self, q: Array) -> frozenset[int]:
+        """Return all pairs closer than the margin in some row (N, nq). Each row has such a pair."""
+        pairs = self._pairs
+        while len(q):
+            left = self._pairs.difference(self.close_pairs_at(q[:1]))
+            self._activate(left)
+            if not left:
+                break
+            q = q[1:][self.collisions(q[1:], stop=False)]
+        found = pairs - self._pairs
+        self._activate(pairs)
+        return found
+
+
+def _boxed_pairs(geometry: pin.GeometryModel) -> frozenset[int]:
+    """Return the pairs of shapes that both have a bounded box with a volume."""
+    volumes = [shape.geometry.aabb_local.volume() for shape in geometry.geometryObjects]
+    boxed = [0.0 < volume < math.inf for volume in volumes]
+    pairs = enumerate(geometry.collisionPairs)
+    return frozenset(k for k, pair in pairs if boxed[pair.first] and boxed[pair.second])
+
+
+def collide(
+    pool: pin.GeometryPool, q: Array, stop: bool, rows: int, check: Callable[[], None]
+) -> Mask:
+    """Return True for each row in collision; if `stop`, rows after the first may be False.
+
+    Args:
+        pool: Geometry to check.
+        q: Coordinates (N, nq).
+        stop: True to stop at the first collision.
+        rows: Most rows per call.
+        check: Called before each call; raises to stop.
+    """
+    if 0 < len(q) <= rows:
+        check()
+        return np.asarray(pin.computeCollisionsInParallel(1, pool, q.T, True, stop), bool)
+    hits = np.zeros(len(q), bool)
+    for begin in range(0, len(q), rows):
+        part = slice(begin, begin + rows)
+        hits[part] = collide(pool, q[part], stop, rows, check)
+        if stop and hits[part].any():
+            break
+    return hits
+
+
+def repeatable_requests(
+    geometry: pin.GeometryModel, data: pin.GeometryData
+) -> list[coal.CollisionRequest]:
+    """Return the request of each pair, set so that answers do not depend on earlier checks."""
+    requests = []
+    for k, pair in enumerate(geometry.collisionPairs):
+        shapes = [geometry.geometryObjects[i].geometry for i in (pair.first, pair.second)]
+        request = data.collisionRequests[k]
+        if any(isinstance(shape, coal.BVHModelBase) for shape in shapes):
+            request.gjk_initial_guess = coal.GJKInitialGuess.DefaultGuess
+        else:
+            request.gjk_initial_guess = coal.GJKInitialGuess.BoundingVolumeGuess
+        requests.append(request)
+    return requests

@@ -1,0 +1,73 @@
+"""The tree of boxes finds the same collisions as checking one pair after another."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hardware import Robot, load_robot
+from skills.motion import Body, Box, Cylinder, Shape, Sphere, World
+from skills.motion.arrays import Array, Mask
+from skills.motion.collision import broad_phase
+from skills.motion.collision.broad_phase import BroadPhase
+from skills.motion.collision.scene import PlanningScene
+from tests.support.arms.robots import foreign
+
+ROBOTS: dict[str, Callable[[], Robot]] = {
+    "primitives and a floor": load_robot,
+    "meshes": lambda: load_robot(Path("so101")),
+    "seven axes": lambda: foreign("seven_axes"),
+}
+SHAPES: tuple[Shape, ...] = (
+    Box((0.05, 0.03, 0.02)),
+    Cylinder(0.02, 0.08),
+    Sphere(0.03),
+    Box((1e-200, 0.1, 0.1)),
+)
+
+
+def world(random: np.random.Generator, reach: float) -> World:
+    """Bodies of every kind in any pose; the thin one has a box without a volume."""
+    bodies = []
+    for i in range(12):
+        turn = random.normal(size=4)
+        rotation = tuple((turn / np.linalg.norm(turn)).tolist())
+        place = tuple(random.uniform(-reach, reach, 3).tolist())
+        bodies.append(Body(f"body_{i}", SHAPES[i % 4], place, rotation))
+    return World(tuple(bodies))
+
+
+def configurations(robot: Robot, random: np.random.Generator, count: int) -> Array:
+    lower = [max(joint.lower, -np.pi) for joint in robot.actuated]
+    upper = [min(joint.upper, np.pi) for joint in robot.actuated]
+    return random.uniform(lower, upper, (count, len(lower)))
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_the_tree_misses_nothing(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    robot, random = ROBOTS[name](), np.random.default_rng(1)
+    scene = PlanningScene(robot, world(random, 0.8 if name == "seven axes" else 0.3))
+    q = scene.robot_model.coordinates(configurations(robot, random, 300)).T
+    every = frozenset(range(len(scene.hulls.collisionPairs)))
+    some = frozenset(k for k in every if k % 3)
+
+    def answers() -> list[tuple[Mask, frozenset[int], int]]:
+        checker, margins, found = BroadPhase(scene, every, lambda: None), draws, []
+        for pairs, margin in ((every, 0.0), (every, 0.005), (some, 0.03), (every, None)):
+            if margin is None:
+                checker.set_margins(pairs, margins)
+            else:
+                checker.set_margin(pairs, margin)
+            hits = checker.collisions(q, stop=False)
+            first = checker.collisions(q, stop=True).argmax()
+            found.append((hits, checker.close_pairs(q[hits]), int(first)))
+        return found
+
+    draws = random.uniform(0.0, 0.1, len(every)).tolist()
+    tree = answers()
+    monkeypatch.setattr(broad_phase, "_TREE_PAIRS", 10_000)
+    for (hits, pairs, first), (hits_, pairs_, first_) in zip(tree, answers(), strict=True):
+        assert hits.any()
+        assert (hits == hits_).all()
+        assert (pairs, first) == (pairs_, first_)
