@@ -177,11 +177,14 @@ def test_another_tool_gets_elsewhere(tmp_path: Path) -> None:
         (("joint_1=70", "deg"), "'deg' is separated from its number; write joint_1=70deg"),
         (("joint_1+=-0.1", "joint_1+=-0.1"), "joint_1 is given twice"),
         (("right", "--start", "joint_1=1 joint_1=1"), "joint_1 is given twice"),
-        (("right", "--start", "joint_1=1 joint_2"), "--start: 'joint_2' is not a pose"),
+        (
+            ("right", "--start", "joint_1=1 joint_2"),
+            "--start: 'joint_2' has no =; write joint_2=20deg",
+        ),
         (("right", "--start", "joint_1=7"), r"--start: joint_1 = 401.07 deg is outside"),
         (("right", "--start", "joint_7=7"), "joint_7 is not an actuated joint"),
         (("joint_5=0.1",), "joint_5 is not an actuated joint"),
-        (("right", "--via", "1"), "or x y z of the tool, all of it in one pair of quotes"),
+        (("right", "--via", "1"), "has three, x y z, such as 0.1 0.1 8cm in quotes"),
     ],
 )
 def test_what_is_written_wrong_is_named(tmp_path: Path, goal: tuple[str, ...], why: str) -> None:
