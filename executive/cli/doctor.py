@@ -1,9 +1,14 @@
 """`armtree doctor`."""
 
+import json
+import platform
 import shlex
 import sys
 from collections.abc import Iterator
+from dataclasses import asdict
+from datetime import UTC, datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 from click.core import ParameterSource
@@ -18,7 +23,12 @@ from .support.options import (
     robot_option,
     trees_option,
 )
+from .support.settings import PATH
 from .terminal.streams import echo
+
+if TYPE_CHECKING:
+    from hardware import Check
+    from hardware.link.serial_ports import SerialPort
 
 _MARKS = {True: "ok", False: "NO", None: "?"}
 
@@ -31,6 +41,12 @@ _MARKS = {True: "ok", False: "NO", None: "?"}
 @click.option(
     "--open", "opens_port", is_flag=True, help="Open the port too. This may move the arm."
 )
+@click.option(
+    "--report",
+    metavar="FILE",
+    type=PATH,
+    help="Write all that was found to a JSON file, to send with a question.",
+)
 @click.pass_context
 def doctor(
     context: click.Context,
@@ -39,19 +55,22 @@ def doctor(
     trees: Path | None,
     recordings: Path,
     opens_port: bool,
+    report: Path | None,
 ) -> None:
     """Check everything that a run needs.
 
     The checks concern the robot file, the tasks, the planner, the recordings and the port. Nothing
-    moves, and the port is not opened unless --open is given. The last line is the command
-    to type next. The exit status is 0 if all checks pass, else that of the first failure.
+    moves, and the port is not opened unless --open is given. On a bus, --open finds the servos:
+    ids, speed, supply, firmware, and the likely cable if one is missing. The last line is the
+    command to type next. The exit status is 0 if all checks pass, else that of the first failure.
     """
     from hardware import serial_ports
 
     from .support.readiness import check_readiness
 
-    failures = []
+    failures, checks = [], []
     for check in check_readiness(robot, port, trees, recordings, opens_port):
+        checks.append(check)
         failures += [check.code] if check.ok is False else []
         echo(f"{_MARKS[check.ok]:<4}{check.name:<12}{check.detail}")
         if check.ok is False and check.remedy:
@@ -60,6 +79,9 @@ def doctor(
     echo(f"\nSerial ports: {'' if found else 'none'}")
     for each in found:
         echo("  " + "  ".join(filter(None, (each.device, each.usb, each.name, each.by_id))))
+    if report:
+        _write_report(report, checks, found)
+        echo(f"\n{report} has all of this; it names the files and ports of this machine")
     if failures:
         echo("\nFix what says NO.")
         sys.exit(look_up(failures[0]).exit_status)
@@ -68,6 +90,22 @@ def doctor(
     first = ["run", f"{numbers[0]}"] if numbers else first_motion(loaded)
     command = ["armtree", *first, *_given(context, "port", "robot", "trees", "recordings")]
     echo(f"\nNext, type: {shlex.join(command)}", whole=True)
+
+
+def _write_report(path: Path, checks: "list[Check]", ports: "list[SerialPort]") -> None:
+    """Write what was found to a JSON file. Raises OSError."""
+    from executive.recording.versions import versions
+
+    found = {
+        "armtree_report": 1,
+        "time": datetime.now(UTC).isoformat(timespec="seconds"),
+        "platform": platform.platform(),
+        "versions": versions(),
+        "command": sys.argv[1:],
+        "checks": [asdict(check) for check in checks],
+        "serial_ports": [asdict(port) for port in ports],
+    }
+    path.write_text(json.dumps(found, indent=2) + "\n")
 
 
 def _given(context: click.Context, *names: str) -> Iterator[str]:

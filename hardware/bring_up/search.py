@@ -43,17 +43,17 @@ def search_speeds(
     Args:
         robot: The robot.
         port: Name of the port.
-        ids: The ids that are asked.
+        ids: The ids that are asked at that speed; at others, those of the robot file and 1.
         clock: Time source. Default: the system's.
 
     Raises:
         LinkError: The port cannot be opened.
     """
     speeds = dict.fromkeys((robot.serial.baud, *robot.firmware.bauds))
-    wanted, heard = list(ids), Found()
+    wanted, likely, heard = list(ids), {1, *robot.servos.values()}, Found()
     for baud in speeds:
         with robot.servo_bus(port, baud, clock or RealClock()) as bus:
-            found = bus.find(wanted)
+            found = bus.find(wanted if baud == robot.serial.baud else likely)
         if found.servos:
             return baud, found
         heard = heard if heard.noise else found
@@ -75,6 +75,6 @@ def likely_cable(robot: Robot, present: Iterable[int]) -> str:
         others = "others behind it answer, so its id or the servo itself is wrong, not a cable"
         return f"servo {servo} of {joint}: {others}"
     if first == 0:
-        return "none answers: the power supply, the adapter, or the cable to the first servo"
+        return "the power supply, the adapter, and the cable to the first servo: none answers"
     before, number = servos[first - 1]
     return f"the cable between servo {number} ({before}) and servo {servo} ({joint}), or its power"

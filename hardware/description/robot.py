@@ -204,6 +204,15 @@ class Robot:
         """
         return self._servo_driver.servos(self.actuated)
 
+    @property
+    def kept(self) -> dict[str, dict[str, int]]:
+        """What the servo of each joint must keep by its calibration, as `ServoReport.kept`.
+
+        Raises:
+            NotAble: Its board cannot identify servos.
+        """
+        return self._servo_driver.kept(self.actuated)
+
     def servo_bus(self, port: str, baud: int, clock: Clock) -> ServoBus:
         """Return the servos on a port, to be asked one by one.
 

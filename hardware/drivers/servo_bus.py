@@ -97,6 +97,9 @@ class ServoDriver(Protocol):
     def servos(self, joints: Sequence[Joint]) -> dict[str, int]:
         """Return the id of the servo of each joint, by its name."""
 
+    def kept(self, joints: Sequence[Joint]) -> dict[str, dict[str, int]]:
+        """Return what the servo of each calibrated joint must keep, as `ServoReport.kept`."""
+
     def calibrated_wire(
         self, joint: Joint, firmware: Firmware, kept: Mapping[str, int], middle: float
     ) -> str:

@@ -45,6 +45,7 @@ class Check:
         detail: What was found.
         remedy: What to do if it failed; empty if that is clear.
         code: Code of the error with which a run would end; empty if it passed.
+        values: What was found, as plain values, for a report.
     """
 
     name: str
@@ -52,6 +53,7 @@ class Check:
     detail: str
     remedy: str = ""
     code: str = ""
+    values: object = None
 
 
 def serial_ports() -> list[SerialPort]:

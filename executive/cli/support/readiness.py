@@ -9,6 +9,7 @@ from textwrap import shorten
 
 from hardware import (
     VIRTUAL,
+    Ability,
     Arm,
     ArmEvent,
     BytesReceived,
@@ -22,6 +23,7 @@ from hardware import (
     check_port,
     load_robot,
 )
+from hardware.bring_up.checks import check_bus
 from hardware.description.neighbours import advice_for_contact
 from hardware.printable import wire_text
 from logs import LogError, check_space
@@ -147,14 +149,17 @@ def _port(robot: Robot, port: str, opens_port: bool) -> Iterator[Check]:
     elif not robot.has_driver:
         yield Check("port", False, str(NoDriver(robot.path, port)), code=NoDriver.code)
         return
-    elif not isinstance(robot.link(port), SerialLink):
+    elif not robot.can(Ability.IDENTIFY) and not isinstance(robot.link(port), SerialLink):
         yield Check("port", True, f"{port}: the driver checks it on opening")
     else:
         checks = check_port(port)
         yield from checks
         if not all(check.ok for check in checks):
             return
-    if opens_port:
+    if opens_port and robot.can(Ability.IDENTIFY):
+        yield Check("opening", True, "the servos are asked; none is moved or set")
+        yield from check_bus(robot, port)
+    elif opens_port:
         does = "it resets the board" if _resets(robot, port) else "the board is not reset"
         yield Check("opening", True, f"{does}, and the arm {robot.open_effect}")
         yield _open(robot, port)

@@ -131,6 +131,14 @@ class Feetech:
         """Return the id of the servo of each joint, by its name."""
         return {joint.name: _wire(joint).servo for joint in joints}
 
+    def kept(self, joints: Sequence[Joint]) -> dict[str, dict[str, int]]:
+        """Return what the servo of each calibrated joint must keep, as `ServoReport.kept`."""
+        keys = {register: key for key, register in _KEPT.items()}
+        return {
+            joint.name: {keys[register]: value for register, value in _wire(joint).kept}
+            for joint in joints
+        }
+
     def calibrated_wire(
         self, joint: Joint, firmware: Firmware, kept: Mapping[str, int], middle: float
     ) -> str:

@@ -30,6 +30,7 @@ class Arm:
         for servo in model.servos:
             servo.put("torque_enable", 1)  # from an earlier run
         self.board = BoardProcess(model, robot.serial.baud)
+        self.board.state()  # it has started
 
     def calibrate(self, *options: str) -> PseudoTerminal:
         given = "--robot", str(self.file), "--port", self.board.port

@@ -1,5 +1,6 @@
 """`armtree doctor`, as a person types it."""
 
+import json
 import os
 import shlex
 import shutil
@@ -10,6 +11,7 @@ from click.testing import CliRunner, Result
 
 from executive.cli.main import cli
 from hardware import SerialLink, load_robot
+from tests.hardware.bring_up.test_checks import bus, vanish
 from tests.support.arms.hardware_rigs import Pty
 from tests.support.paths import DATA
 
@@ -201,3 +203,19 @@ def test_a_board_that_does_not_start_is_reported_with_the_way_out_once(
     assert result.exit_code == 6
     assert "NO  board       The board on port" in result.output
     assert "see the message" not in result.output
+
+
+def test_a_report_has_all_of_it_in_one_file(tmp_path: Path) -> None:
+    with bus(tmp_path, vanish(3)) as port:
+        report = tmp_path / "report.json"
+        options = ["--open", "--port", port, "--robot", str(tmp_path / "arm.toml")]
+        options += ["--report", str(report), "--recordings", str(tmp_path)]
+        result = doctor(tmp_path, *options)
+    assert result.exit_code == 6, result.output
+    assert "3 of 4 answer" in result.output
+    written = json.loads(report.read_text())
+    assert written["versions"]["armtree"]
+    (servos,) = (each for each in written["checks"] if each["name"] == "servos")
+    assert servos["code"] == "hw.servo_missing"
+    assert [each["servo"] for each in servos["values"]] == [1, 2, 3]
+    assert {"firmware", "voltage", "temperature", "kept"} <= servos["values"][0].keys()

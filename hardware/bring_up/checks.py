@@ -1,0 +1,146 @@
+"""Checks of a bus with servos. They open its port, ask every servo, and set nothing."""
+
+import os
+from collections.abc import Iterator
+from dataclasses import asdict
+
+from hardware.clock import RealClock
+from hardware.description.robot import Robot
+from hardware.drivers.servo_bus import Found, ServoReport
+from hardware.drivers.servo_errors import (
+    CalibrationDiffers,
+    CalibrationMissing,
+    NoServos,
+    ServoFault,
+    ServoMissing,
+    ServoTwice,
+)
+from hardware.errors import HardwareError, PoseOutsideLimits, SupplyTooLow
+from hardware.link.link import VIRTUAL
+from hardware.link.serial_ports import Check, serial_ports
+
+from .search import likely_cable, search_speeds
+
+_SEARCHED = range(30)  # ids, if a servo is missing
+
+
+def check_bus(robot: Robot, port: str) -> Iterator[Check]:
+    """Yield the result of each check of a bus.
+
+    Args:
+        robot: The robot. Its board can identify servos.
+        port: Name of the port.
+    """
+    baud = robot.serial.baud
+    if port != VIRTUAL:
+        yield _adapter(port)
+    try:
+        with robot.servo_bus(port, baud, RealClock()) as bus:
+            found = bus.find(robot.servos.values())
+        if len(found.servos) < len(robot.servos) and port != VIRTUAL:
+            yield from _missing(robot, port, found)
+            return
+    except HardwareError as error:
+        yield Check("servos", False, str(error), code=error.code)
+        return
+    servos = [found.servos[servo] for servo in robot.servos.values()]
+    ids = " ".join(str(each.servo) for each in servos)
+    what = f"all {len(servos)} answer at {baud} bit/s: ids {ids}"
+    yield Check("servos", True, what, values=[asdict(each) for each in servos])
+    yield from _health(robot, servos)
+    yield _calibration(robot, found, port)
+    yield _pose(robot, servos)
+
+
+def _adapter(port: str) -> Check:
+    device = os.path.realpath(port)
+    for each in serial_ports():
+        if os.path.realpath(each.device) == device:
+            return Check("adapter", True, " ".join(filter(None, (each.usb, each.name))) or device)
+    return Check("adapter", None, f"{port} is not in the list of serial ports")
+
+
+def _missing(robot: Robot, port: str, found: Found) -> Iterator[Check]:
+    """Say which servos are missing, and why that may be."""
+    present, speed = found.servos, robot.serial.baud
+    if found.damaged:
+        ids = ", ".join(map(str, sorted(found.damaged)))
+        what = f"the answers with the id {ids} are damaged, as if two servos had that id"
+        remedy = "connect the servos one by one: armtree calibrate --ids"
+        yield Check("double ids", False, what, remedy, ServoTwice.code)
+    baud, others = search_speeds(robot, port, _SEARCHED)
+    if baud != speed:
+        what = f"servos {_numbers(others)} answer at {baud} bit/s; the robot file says {speed}"
+        remedy = f"write baud = {baud} under [serial] in {robot.path}"
+        yield Check("baud", False, what, remedy, ServoMissing.code, values=_plain(others))
+        return
+    if not others.servos and found.noise:
+        what = f"{found.noise} bytes came that are no answers of servos"
+        remedy = "check that the bus is on this port; another device may be"
+        yield Check("servos", False, what, remedy, NoServos.code)
+        return
+    names = {servo: joint for joint, servo in robot.servos.items()}
+    missing = ", ".join(f"{s} ({joint})" for s, joint in names.items() if s not in present)
+    what = f"{len(present)} of {len(names)} answer at {speed} bit/s; missing: {missing}"
+    remedy = f"check {likely_cable(robot, present)}"
+    if strange := [servo for servo in others.servos if servo not in names]:
+        remedy += f"; the id {', '.join(map(str, strange))} answers, which no joint has: give "
+        remedy += "it the right one with armtree calibrate --ids"
+    yield Check("servos", False, what, remedy, ServoMissing.code, values=_plain(others))
+
+
+def _numbers(found: Found) -> str:
+    return " ".join(map(str, found.servos))
+
+
+def _plain(found: Found) -> list[dict[str, object]]:
+    return [asdict(each) for each in found.servos.values()]
+
+
+def _health(robot: Robot, servos: list[ServoReport]) -> Iterator[Check]:
+    """Check the firmware, the supply and the errors of all servos."""
+    versions = sorted({each.firmware for each in servos})
+    models = ", ".join(sorted({str(each.model) for each in servos}))
+    same = len(versions) == 1
+    what = f"{', '.join(versions)}; model {models}"
+    yield Check("servo code", True if same else None, what + ("" if same else "; they differ"))
+    volts, least = [each.voltage for each in servos], robot.guards.least_v
+    hottest = max(each.temperature for each in servos)
+    what = f"{min(volts):g} to {max(volts):g} V, at most {hottest:g} degrees Celsius"
+    low = min(volts) < least
+    remedy = f"the arm stops below {least:g} V (least_v); check the supply and its cable"
+    yield Check("supply", not low, what, remedy if low else "", SupplyTooLow.code if low else "")
+    for each in servos:
+        if each.errors:
+            what = f"servo {each.servo} reports {' and '.join(each.errors)}"
+            remedy = "free its joint, let it cool down, and switch the power off and on"
+            yield Check("error", False, what, remedy, ServoFault.code)
+
+
+def _calibration(robot: Robot, found: Found, port: str) -> Check:
+    if robot.calibration is None:
+        needed = robot.needs_calibration and port != VIRTUAL
+        what = "there is none" + ("" if needed else "; the offsets are those of the robot file")
+        code = CalibrationMissing.code if needed else ""
+        return Check("calibration", not needed and None, what, "type armtree calibrate", code)
+    for joint, values in robot.kept.items():
+        servo = robot.servos[joint]
+        for name, value in values.items():
+            if (kept := found.servos[servo].kept.get(name)) != value:
+                error = CalibrationDiffers(servo, joint, name, kept or 0, value)
+                return Check("calibration", False, str(error), code=error.code)
+    return Check("calibration", True, f"{robot.calibration.name} fits the servos")
+
+
+def _pose(robot: Robot, servos: list[ServoReport]) -> Check:
+    """Check that every joint is within its limits, so that the arm may be activated."""
+    wires, words = robot.wire_format, robot.firmware.words
+    frame = wires.frame([each.position for each in servos])
+    pose = wires.decode(frame)  # moved inside the limits
+    nearest = wires.encode(pose).servos
+    for joint, ticks, near in zip(robot.actuated, frame.servos, nearest, strict=True):
+        if ticks != near:
+            error = PoseOutsideLimits(joint.name, ticks, near, words.unit, words.advice_outside)
+            return Check("measured", False, str(error), code=error.code)
+    names = (joint.name for joint in robot.actuated)
+    return Check("measured", True, robot.words(dict(zip(names, pose, strict=True))))
