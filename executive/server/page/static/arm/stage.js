@@ -51,6 +51,7 @@ export class Stage {
     this.#period = slow ? PERIOD : 0;
     this.#renderer.setPixelRatio(slow ? 1 : Math.min(window.devicePixelRatio, 2));
     this.#renderer.shadowMap.enabled = !slow;
+    this.#renderer.debug.checkShaderErrors = false; // the check waits for the compiler
     box.prepend(this.#renderer.domElement);
     this.#camera = new three.PerspectiveCamera(35, 1, size / 50, size * 50);
     this.#camera.up.set(0, 0, 1);

@@ -10,7 +10,8 @@ import { byId, element, setText } from "../dom.js";
 /** @typedef {import("../model/history.js").History} History */
 /** @typedef {import("../model/history.js").Series} Series */
 
-const PERIOD = 100; // between two drawings of a run that goes on [ms]
+const PERIOD = 250; // between two drawings of a run that goes on [ms]
+const GROWTH = 1.25; // of the time that is shown, when the run has reached its end
 const HEIGHT = 120; // of a plot [px]
 const AXIS = 56; // width of the axis on the left [px]
 const COLORS = 8; // --series-1 and so on in the style sheet
@@ -30,10 +31,15 @@ export class PlotsView {
   #off = new Set();
   /** @type {Plot[]} positions, velocities, lateness */
   #plots = [];
-  /** @type {History | null} */
+  /** @type {History | null} that is drawn */
   #history = null;
+  /** @type {History | null} that was to be drawn last */
+  #newest = null;
   /** @type {[number, number] | null} the times that are shown [s]; null for all */
   #range = null;
+  /** False while the user has scrolled the plots away; then they cost nothing. */
+  #visible = false;
+  #end = 1; // of the time that is shown, if no range is chosen [s]
   #drawn = "";
   #time = -1;
   #last = 0;
@@ -42,6 +48,10 @@ export class PlotsView {
   /** @param {Cursor} cursor */
   constructor(cursor) {
     this.#cursor = cursor;
+    new IntersectionObserver((seen) => {
+      this.#visible = seen.at(-1)?.isIntersecting ?? false;
+      if (this.#newest) this.draw(this.#newest);
+    }).observe(byId("time-panel", HTMLElement));
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.#build());
     new ResizeObserver(() => this.#resize()).observe(this.#box);
     byId("zoom-in", HTMLElement).addEventListener("click", () => this.#zoom(0.5));
@@ -64,14 +74,18 @@ export class PlotsView {
 
   /** @param {History} history of the run that is shown */
   draw(history) {
-    if (!this.#libraries) return;
+    this.#newest = history;
+    if (!this.#libraries || !this.#visible) return;
     this.#drawCursor();
     const changed = history !== this.#history;
     const now = `${versions(history)} ${this.#cursor.end}`;
     if (!changed && now === this.#drawn) return;
     const wait = this.#last + PERIOD - performance.now();
     if (!changed && wait > 0) {
-      this.#timer ||= setTimeout(() => this.draw(history), wait);
+      this.#timer ||= setTimeout(() => {
+        this.#timer = 0;
+        if (this.#newest) this.draw(this.#newest);
+      }, wait);
       return;
     }
     clearTimeout(this.#timer);
@@ -181,7 +195,10 @@ export class PlotsView {
 
   /** @returns {[number, number]} the times that are shown */
   #shown() {
-    return this.#range ?? [0, Math.max(this.#cursor.end, 1)];
+    const { end, live } = this.#cursor;
+    // The axis of a run that goes on stays for a while, so that the lines do not creep.
+    if (!live || end > this.#end || end * GROWTH ** 2 < this.#end) this.#end = Math.max(live ? end * GROWTH : end, 1);
+    return this.#range ?? [0, this.#end];
   }
 
   /** Show the newest values. */
