@@ -136,8 +136,8 @@ export class ArmModel {
       opacity,
       transparent: opacity < 1,
       roughness: 0.75,
-      // A ghost is not seen where it is where the arm is.
-      polygonOffset: this.#opacity < 1,
+      // The faint ghost of the measured arm is not seen where the arm is.
+      polygonOffset: this.#opacity < 0.5,
       polygonOffsetFactor: 2,
       polygonOffsetUnits: 2,
     });
