@@ -61,6 +61,7 @@ def test_the_log_is_filtered_in_and_out(open_page: Open, page_server: Served) ->
     tab.fill("#log-search", "")
     tab.locator("#log .at").first.focus()
     tab.keyboard.press("Enter")
+    tab.wait_for_timeout(300)  # until it is drawn
     before = tab.inner_text("#plot-time")
     tab.wait_for_timeout(1100)  # the cursor does not follow the run any more
     assert tab.inner_text("#plot-time") == before
