@@ -360,7 +360,7 @@ _ROWS = (
         "List recordings, the newest first.",
         s.answer("Recordings", recordings=s.array(s.RECORDING)),
         {
-            "search": {"type": "string", "maxLength": 200, "description": "Words to find."},
+            "search": {"type": "string", "maxLength": 200, "description": "Text to find."},
             "task": _TASK,
             "state": {"type": "string", "enum": ["SUCCEEDED", "CANCELED", "ABORTED", "UNFINISHED"]},
             "since": {**s.STAMP, "description": "Earliest beginning [ns since 1970]."},

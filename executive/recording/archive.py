@@ -160,7 +160,7 @@ def _robot_files(note: Mapping[str, str]) -> list[str]:
 def _figures(robot: Robot) -> dict[str, Any]:
     """Return the values of the firmware that may differ from those of the present armtree."""
     figures = asdict(robot.firmware)
-    del figures["abilities"], figures["bauds"]
+    del figures["abilities"], figures["bauds"], figures["words"]
     return figures
 
 

@@ -39,7 +39,7 @@ class Query:
     """Which recordings to list. All conditions must hold.
 
     Attributes:
-        search: Words that name, title, outcome and message of a recording must contain.
+        search: Text in the name, title, outcome or message of a recording.
         task: Number of the task; None for any.
         state: State in which the goal ended; empty for any.
         since, until: First and last time of a beginning [ns since 1970].
@@ -62,7 +62,7 @@ class Query:
             self.since <= row["stamp_ns"] <= self.until
             and self.task in (None, row["task"])
             and self.state in ("", row["state"])
-            and all(word in text for word in self.search.lower().split())
+            and self.search.strip().lower() in text
         )
 
 

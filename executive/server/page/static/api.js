@@ -50,9 +50,11 @@ function setToken(token) {
  * which may be that of an earlier run of the server.
  */
 export async function signIn() {
-  const code = new URLSearchParams(location.hash.slice(1)).get("code");
+  const words = new URLSearchParams(location.hash.slice(1));
+  const code = words.get("code");
   if (code === null) return checkSession();
-  history.replaceState(null, "", location.pathname);
+  words.delete("code");
+  history.replaceState(null, "", `${location.pathname}${words.size ? `#${words}` : ""}`);
   const { token } = await post("api/session", { code });
   setToken(token);
 }

@@ -6,10 +6,12 @@ import { byId, oncePerFrame, setText } from "./dom.js";
 import { Cursor } from "./model/cursor.js";
 import { ShownRun } from "./model/shown_run.js";
 import { ArmView } from "./views/arm.js";
+import { Comparison } from "./views/comparison.js";
 import { Controls } from "./views/controls.js";
 import { drawHeader } from "./views/header.js";
 import { LogView } from "./views/log.js";
 import { MoveView } from "./views/move.js";
+import { Player } from "./views/player.js";
 import { PlotsView } from "./views/plots.js";
 import { PosesView } from "./views/poses.js";
 import { QuestionsView } from "./views/questions.js";
@@ -18,6 +20,8 @@ import { drawFailure, drawNode, drawPause, drawRunning, drawWaiting } from "./vi
 import { showStop } from "./views/stop.js";
 import { TasksView } from "./views/tasks.js";
 import { TreeView } from "./views/tree.js";
+
+const FINISHING = 1500; // a recording is finished about this time after its goal [ms]
 
 const connection = new Connection();
 const shown = new ShownRun();
@@ -36,6 +40,8 @@ const move = new MoveView();
 const poses = new PosesView();
 const plots = new PlotsView(cursor);
 const log = new LogView(cursor);
+const player = new Player(shown, cursor);
+const comparison = new Comparison();
 
 const draw = oncePerFrame(() => {
   drawStop();
@@ -50,7 +56,10 @@ const draw = oncePerFrame(() => {
   controls.draw(status);
   const now = shown.isLive ? status : null;
   arm.draw(shown.run, now?.commanded ?? null, now?.measured ?? null);
-  runs.draw(shown.run.goalId);
+  arm.drawOther(comparison.run);
+  runs.draw(shown.recorded?.name ?? "");
+  player.draw(runs.recordings);
+  comparison.draw(shown, runs.recordings);
   tasks.draw(runs.tasks, runs.goals, status);
   move.draw(status);
   poses.draw(status);
@@ -62,7 +71,7 @@ connection.addEventListener("begin", async () => {
   questions.clear();
   await showRobot().catch((error) => setText(byId("no-3d", HTMLElement), `The robot is not shown: ${error.message}`));
   await runs.refresh();
-  if (!shown.live.goalId && runs.newest?.result) await open(runs.newest);
+  if (!shown.live.goalId && !shown.recorded) await openAddress();
   draw();
 });
 connection.addEventListener("event", (event) => {
@@ -70,6 +79,7 @@ connection.addEventListener("event", (event) => {
   if (detail.event === "question") questions.update(detail);
   shown.update(detail);
   if (detail.event === "status") runs.refresh().then(draw);
+  if (detail.event === "status" && detail.result) setTimeout(() => runs.refresh().then(draw), FINISHING);
 });
 connection.addEventListener("status", (event) => {
   status = /** @type {CustomEvent} */ (event).detail;
@@ -80,7 +90,10 @@ connection.addEventListener("change", draw);
 shown.addEventListener("change", () => cursor.extend(shown.length));
 shown.addEventListener("open", () => cursor.follow());
 shown.addEventListener("change", draw);
-cursor.addEventListener("change", () => shown.recorded?.seek(cursor.time));
+cursor.addEventListener("change", () => {
+  shown.recorded?.seek(cursor.time);
+  comparison.seek(cursor.time);
+});
 cursor.addEventListener("change", draw);
 session.addEventListener("change", () => connection.refresh().then(draw));
 tree.addEventListener("select", draw);
@@ -90,7 +103,12 @@ tree.addEventListener("break", (event) => {
 });
 byId("activate", HTMLElement).addEventListener("click", () => controls.activate());
 tasks.addEventListener("preview", (event) => shown.preview(/** @type {CustomEvent} */ (event).detail));
-runs.addEventListener("open", (event) => open(/** @type {CustomEvent} */ (event).detail));
+runs.addEventListener("open", (event) => open(/** @type {CustomEvent} */ (event).detail.name));
+runs.addEventListener("change", draw);
+player.addEventListener("change", () => runs.refresh().then(draw));
+player.addEventListener("delete", (event) => deleteRecording(/** @type {CustomEvent} */ (event).detail));
+comparison.addEventListener("change", draw);
+comparison.addEventListener("error", (event) => player.say(/** @type {CustomEvent} */ (event).detail));
 document.addEventListener("click", (event) => {
   const link = event.target instanceof Element ? event.target.closest(".link") : null;
   if (link instanceof HTMLElement && link.dataset.path) tree.reveal(link.dataset.path);
@@ -104,14 +122,42 @@ async function showRobot() {
   setText(byId("opening", HTMLElement), `Activating opens the port; the arm then ${robot.opening}.`);
   arm.show(robot, draw);
   plots.show(robot.joints, draw);
+  for (const joint of robot.joints) comparison.units.set(joint.name, joint.unit);
   Promise.all([move.show(), poses.show(Object.keys(robot.groups))]).then(draw);
 }
 
-/** @param {import("./model/run.js").Goal} goal */
-async function open(goal) {
-  if (goal.goal_id === shown.live.goalId) return shown.follow();
-  const name = goal.result?.recording.split("/").at(-1) ?? "";
-  await shown.open(name).catch((error) => setText(byId("control-error", HTMLElement), error.message));
+/**
+ * Show a recording.
+ * @param {string} name
+ * @param {number} [time] the moment [s]
+ * @param {boolean} [held] False to show the next goal when it begins
+ */
+async function open(name, time, held) {
+  const error = byId("control-error", HTMLElement);
+  setText(error, "");
+  await shown.open(name, time, held).catch((reason) => setText(error, reason.message));
+  if (time !== undefined) cursor.seek(time);
+}
+
+/** Show the moment that the address names: `#recording=NAME&t=3.2`, or else the newest run. */
+async function openAddress() {
+  const words = new URLSearchParams(location.hash.slice(1));
+  const newest = runs.recordings.find((each) => each.state !== "UNFINISHED")?.name;
+  const name = words.get("recording") ?? newest;
+  const time = words.has("t") ? Math.max(0, Number(words.get("t"))) || 0 : undefined;
+  if (name) await open(name, time, location.hash !== "");
+}
+
+/** @param {string} name */
+async function deleteRecording(name) {
+  const recording = runs.recordings.find((each) => each.name === name);
+  if (!recording) return;
+  try {
+    await runs.delete(recording);
+    shown.follow();
+  } catch (error) {
+    player.say(error);
+  }
 }
 
 function trySignIn() {
@@ -120,5 +166,8 @@ function trySignIn() {
 
 connection.start();
 trySignIn();
-window.addEventListener("hashchange", trySignIn); // a new link, opened in this tab
+window.addEventListener("hashchange", () => {
+  trySignIn(); // a new link, opened in this tab
+  if (location.hash) openAddress();
+});
 draw();

@@ -7,7 +7,7 @@ import pytest
 
 from executive.server.recordings import folder as folder_of_recordings
 from executive.server.recordings.folder import RecordingFolder
-from tests.support.recordings.finished import finished
+from tests.support.recordings.finished import at_rest
 from tests.support.servers.serving import Serve, Served
 
 pytest_plugins = ["tests.support.servers.server_fixtures"]
@@ -17,7 +17,7 @@ def ran(served: Served, *tasks: int) -> list[str]:
     """Run tasks; return the names of their recordings."""
     for task in tasks:
         served.executive.result(served.executive.send(task).identity)
-    finished(served.folder / "recordings")
+    at_rest(served.folder / "recordings")
     return [row["name"] for row in rows(served)]
 
 

@@ -29,7 +29,7 @@ const MOST_WINDOWS = 16; // kept; the oldest are dropped
 const ROUNDING = 1e-6; // [s]
 const STEPS = new Set(["goal", "node", "plan", "schedule", "status"]);
 
-/** Events: `change` when the state has changed. */
+/** Events: `change` when the state has changed, `error` when nothing more can be loaded. */
 export class RecordedRun extends EventTarget {
   /** The state at the moment that is shown. */
   run = new Run();
@@ -96,11 +96,20 @@ export class RecordedRun extends EventTarget {
     this.#time = time;
     const window = this.#find(time);
     if (window) this.#show(window);
-    else {
-      this.#showSample();
-      if (!this.#loading) this.#loadAll();
-    }
+    else this.#showSample();
+    const wanted = window ? window.to_s : time; // when it plays, the next window is needed soon
+    if (!this.#loading && !this.#find(Math.min(wanted, this.duration))) this.#loadAll(wanted);
     this.dispatchEvent(new Event("change"));
+  }
+
+  /** @returns {number} the moment that is shown [s] */
+  get at() {
+    return this.#time;
+  }
+
+  /** @returns {boolean} True while the moment that is shown is not here yet */
+  get waits() {
+    return this.#window === null;
   }
 
   /**
@@ -129,17 +138,21 @@ export class RecordedRun extends EventTarget {
     );
   }
 
-  /** Load windows until the moment that is shown is in one. */
-  async #loadAll() {
+  /**
+   * Load a window, and then the one of the moment that is shown by then.
+   * @param {number} time that is in the window
+   */
+  async #loadAll(time) {
     this.#loading = true;
     try {
-      for (let time = this.#time; !this.#find(time); time = this.#time) await this.#load(time);
-      this.seek(this.#time);
-    } catch {
-      // The connection is lost, or the recording is gone. The page says so elsewhere.
-    } finally {
-      this.#loading = false;
+      await this.#load(time);
+      while (!this.#find(this.#time)) await this.#load(this.#time);
+    } catch (error) {
+      this.dispatchEvent(new CustomEvent("error", { detail: error }));
+      return; // and ask no more; the recording may be gone
     }
+    this.#loading = false;
+    if (!this.#window) this.seek(this.#time);
   }
 
   /** @param {number} time */
@@ -178,6 +191,7 @@ export class RecordedRun extends EventTarget {
   }
 
   #showSample() {
+    this.#window = null; // the rest of the state is of another moment
     const { times_s: times, positions } = this.#samples;
     const after = times.findIndex((time) => time > this.#time);
     const row = (after < 0 ? times.length : after) - 1;
@@ -187,6 +201,5 @@ export class RecordedRun extends EventTarget {
       return value === null ? [] : [[joint, value]];
     });
     this.run.positions = Object.fromEntries(known);
-    this.#window = null; // the rest of the state is of another moment
   }
 }

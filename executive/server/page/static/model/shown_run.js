@@ -27,6 +27,8 @@ export class ShownRun extends EventTarget {
   facts = new Map();
   /** @type {RecordedRun | null} the recorded run, if one is shown */
   recorded = null;
+  /** True to show the recorded run also when a goal begins. */
+  #held = false;
   #asked = "";
   /** @type {RecordedRun | null} what is being read; it is not shown if another run was asked for */
   #opening = null;
@@ -54,7 +56,7 @@ export class ShownRun extends EventTarget {
   update(event) {
     if (this.live.update(event)) {
       this.#liveHistory = new History();
-      return this.follow();
+      if (!this.#held) return this.follow();
     }
     if (this.live.active) this.#liveHistory.add(event, event.time_s - this.live.began);
     this.#findFacts();
@@ -64,6 +66,7 @@ export class ShownRun extends EventTarget {
   /** Show the live run. */
   follow() {
     this.#opening = this.recorded = null;
+    this.#held = false;
     this.#show(this.live, this.#liveHistory);
   }
 
@@ -71,11 +74,14 @@ export class ShownRun extends EventTarget {
    * Show a recorded run.
    * @param {string} name of the recording
    * @param {number} [time] the moment to show; default: the end [s]
+   * @param {boolean} [held] False to show the live run when a goal begins
    */
-  async open(name, time) {
+  async open(name, time, held = true) {
     const recorded = (this.#opening = new RecordedRun(name));
     await recorded.open(time);
-    if (this.#opening === recorded) this.#showRecorded(recorded);
+    if (this.#opening !== recorded) return;
+    this.#held = held;
+    this.#showRecorded(recorded);
   }
 
   /**
@@ -84,6 +90,7 @@ export class ShownRun extends EventTarget {
    */
   preview(events) {
     this.#opening = null;
+    this.#held = false;
     this.#showRecorded(RecordedRun.of(events));
   }
 

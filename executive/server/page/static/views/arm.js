@@ -26,6 +26,8 @@ export class ArmView {
   #refused = null;
   /** @type {ArmModel | null} the arm where it was measured */
   #measured = null;
+  /** @type {ArmModel | null} the arm of the run that is compared */
+  #other = null;
   /** @type {import("three").Object3D[]} */
   #drawn = [];
   /** @type {unknown[]} what was drawn last */
@@ -79,6 +81,22 @@ export class ArmView {
     this.#last = now;
     this.#model.setPose(pose ?? {});
     this.#drawMeasured(there);
+    this.#stage.draw();
+  }
+
+  /**
+   * Show the arm of another run, transparent.
+   * @param {Run | null} run null for none
+   */
+  drawOther(run) {
+    if (!this.#stage || !this.#three || !this.#robot) return;
+    if (!run?.positions) {
+      if (this.#other?.root.parent) this.#stage.draw();
+      return void this.#other?.root.removeFromParent();
+    }
+    this.#other ??= new ArmModel(this.#three, this.#robot, () => this.#stage?.draw(), 0.4);
+    this.#other.setPose(run.positions);
+    this.#stage.scene.add(this.#other.root);
     this.#stage.draw();
   }
 

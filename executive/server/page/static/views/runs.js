@@ -1,41 +1,127 @@
-/** The list of runs, newest first. */
+/** The recordings: searched, filtered, opened; and the goals and tasks that the server knows. */
 
-import { get } from "../api.js";
-import { byId, element } from "../dom.js";
+import { get, isSignedIn, post } from "../api.js";
+import { byId, element, setAttribute, setText } from "../dom.js";
 import { goalTitle } from "../model/run.js";
 import { stateWords } from "./header.js";
 
 /** @typedef {import("../model/run.js").Goal} Goal */
 
-const SHOWN = 50; // runs
+/**
+ * @typedef {object} Recording
+ * @property {string} name
+ * @property {number} bytes
+ * @property {number} stamp_ns
+ * @property {number | null} task
+ * @property {string} title
+ * @property {string} state SUCCEEDED, CANCELED, ABORTED, UNFINISHED, or empty
+ * @property {string} message
+ * @property {number | null} duration_s
+ * @property {boolean} pinned
+ */
 
-/** Events: `open` with the Goal to show. */
+const SHOWN = 50; // of goals, and of recordings at a time
+const WAIT = 200; // after the last key of a search [ms]
+const DAY = 24 * 60 * 60 * 1000; // [ms]
+
+/** Events: `open` with the Recording to show, `change` when the list has changed. */
 export class RunsView extends EventTarget {
   #list = byId("runs", HTMLElement);
+  #search = byId("runs-search", HTMLInputElement);
+  #state = byId("runs-state", HTMLSelectElement);
+  #task = byId("runs-task", HTMLSelectElement);
+  #day = byId("runs-day", HTMLInputElement);
+  #more = byId("runs-more", HTMLButtonElement);
+  #note = byId("runs-note", HTMLElement);
+  #timer = 0;
+  #asked = 0;
   /** @type {Goal[]} newest first */
   goals = [];
   /** @type {import("./tasks.js").Task[]} */
   tasks = [];
+  /** @type {Recording[]} newest first */
+  recordings = [];
 
-  /** Ask for the runs and the tasks again. */
+  /** @param {boolean} hasArm false if the server knows no goals and tasks */
+  constructor(hasArm = true) {
+    super();
+    this.hasArm = hasArm;
+    for (const filter of [this.#search, this.#state, this.#task, this.#day])
+      filter.addEventListener("input", () => {
+        clearTimeout(this.#timer);
+        this.#timer = setTimeout(() => this.#load(false), WAIT);
+      });
+    this.#more.addEventListener("click", () => this.#load(true));
+  }
+
+  /** Ask for the recordings, goals and tasks again. */
   async refresh() {
+    await Promise.all([this.#load(false), this.#loadGoals()]);
+  }
+
+  /**
+   * Delete a recording, and offer to restore it.
+   * @param {Recording} recording
+   */
+  async delete(recording) {
+    await post(`${pathOf(recording.name)}/delete`);
+    const undo = element("button", { type: "button" }, "Undo");
+    undo.addEventListener("click", () => this.#restore(recording));
+    this.#note.replaceChildren(`Deleted ${nameOf(recording)}. `, undo);
+    await this.#load(false);
+  }
+
+  /** @param {string} shown name of the recording that is shown; empty for none */
+  draw(shown) {
+    const key = JSON.stringify([shown, isSignedIn(), this.recordings]);
+    if (this.#list.dataset.key === key) return;
+    this.#list.dataset.key = key;
+    const items = this.recordings.map((each) => this.#item(each, each.name === shown));
+    this.#list.replaceChildren(...(items.length ? items : [element("li", { class: "quiet" }, "none")]));
+    this.#drawTasks();
+  }
+
+  /** @param {Recording} recording */
+  async #restore(recording) {
+    try {
+      await post(`${pathOf(recording.name)}/restore`);
+      setText(this.#note, `Restored ${nameOf(recording)}.`);
+    } catch (error) {
+      setText(this.#note, error instanceof Error ? error.message : String(error));
+    }
+    await this.#load(false);
+  }
+
+  async #loadGoals() {
+    if (!this.hasArm) return;
     const [{ goals }, { tasks }] = await Promise.all([get(`api/goals?limit=${SHOWN}`), get("api/tasks")]);
     this.goals = goals.reverse();
     this.tasks = tasks;
   }
 
-  /** @returns {Goal | undefined} the newest run */
-  get newest() {
-    return this.goals[0];
-  }
-
-  /** @param {string} shown id of the goal that is shown */
-  draw(shown) {
-    const key = JSON.stringify([shown, this.goals.map((goal) => goal.goal_id + goal.state)]);
-    if (this.#list.dataset.key === key) return;
-    this.#list.dataset.key = key;
-    const items = this.goals.map((goal) => this.#item(goal, goal.goal_id === shown));
-    this.#list.replaceChildren(...(items.length ? items : [element("li", { class: "quiet" }, "none yet")]));
+  /** @param {boolean} more True to add the next ones, False to list from the newest */
+  async #load(more) {
+    const asked = (this.#asked += 1);
+    const query = new URLSearchParams({ limit: String(SHOWN) });
+    if (this.#search.value.trim()) query.set("search", this.#search.value);
+    if (this.#state.value) query.set("state", this.#state.value);
+    if (this.#task.value) query.set("task", this.#task.value);
+    const last = this.recordings.at(-1);
+    if (more && last) query.set("before", last.name);
+    const day = new Date(`${this.#day.value}T00:00`).getTime(); // of this place
+    if (this.#day.value && day >= 0) {
+      query.set("since", `${BigInt(day) * 1_000_000n}`);
+      query.set("until", `${BigInt(day + DAY) * 1_000_000n}`);
+    }
+    try {
+      const { recordings } = await get(`api/recordings?${query}`);
+      if (asked !== this.#asked) return; // another search was faster
+      this.recordings = more ? [...this.recordings, ...recordings] : recordings;
+      this.#more.hidden = recordings.length < SHOWN;
+    } catch (error) {
+      setText(this.#note, error instanceof Error ? error.message : String(error));
+    }
+    this.dispatchEvent(new Event("change"));
   }
 
   /**
@@ -44,29 +130,64 @@ export class RunsView extends EventTarget {
    */
   titleOf(identity) {
     const goal = this.goals.find((each) => each.goal_id === identity);
-    return goal ? this.#title(goal) : "a goal";
+    const name = this.tasks.find((each) => each.task === goal?.task)?.name;
+    return goal ? goalTitle(goal.task, name) : "a goal";
   }
 
-  /** @param {Goal} goal */
-  #title({ task }) {
-    return goalTitle(task, this.tasks.find((each) => each.task === task)?.name);
+  /** Offer the tasks of the server and of the recordings as filters. */
+  #drawTasks() {
+    const names = new Map(this.tasks.map((each) => [each.task, goalTitle(each.task, each.name)]));
+    for (const { task, title } of this.recordings)
+      if (task !== null && !names.has(task)) names.set(task, task < 0 ? "moves" : title);
+    const key = [...names].join("\n");
+    if (this.#task.dataset.key === key) return;
+    this.#task.dataset.key = key;
+    const chosen = this.#task.value;
+    const options = [...names].map(([task, name]) => element("option", { value: task }, name));
+    this.#task.replaceChildren(element("option", { value: "" }, "any task"), ...options);
+    this.#task.value = chosen;
   }
 
   /**
-   * @param {Goal} goal
+   * @param {Recording} recording
    * @param {boolean} current
    */
-  #item(goal, current) {
+  #item(recording, current) {
+    const { state, bytes, pinned, title, name, duration_s, message } = recording;
+    const duration = duration_s === null ? "" : `, ${duration_s.toFixed(1)} s`;
     const button = element(
       "button",
-      { type: "button", class: "run", "aria-current": current ? "true" : false },
-      element("span", { class: "name" }, this.#title(goal)),
-      element("span", { "data-state": goal.state }, stateWords(goal.state)),
-      element("span", { class: "quiet" }, when(goal.stamp_ns)),
+      { type: "button", class: "run", title: `${name}\n${message}`.trim() },
+      element("span", { class: "name" }, `${pinned ? "◆ " : ""}${title || name}`),
+      element("span", { "data-state": state }, stateWords(state)),
+      element("span", { class: "quiet when" }, when(recording.stamp_ns)),
+      element("span", { class: "quiet" }, `${size(bytes)}${duration}`),
     );
-    button.addEventListener("click", () => this.dispatchEvent(new CustomEvent("open", { detail: goal })));
+    setAttribute(button, "aria-current", current ? "true" : false);
+    button.addEventListener("click", () => this.dispatchEvent(new CustomEvent("open", { detail: recording })));
     return element("li", {}, button);
   }
+}
+
+/**
+ * Return where the server has a recording.
+ * @param {string} name
+ */
+export function pathOf(name) {
+  return `api/recordings/${encodeURIComponent(name)}`;
+}
+
+/**
+ * Return how people call a recording.
+ * @param {Recording} recording
+ */
+export function nameOf({ title, name, stamp_ns }) {
+  return title ? `${title}, ${when(stamp_ns)}` : name;
+}
+
+/** @param {number} bytes */
+function size(bytes) {
+  return bytes < 1e6 ? `${Math.ceil(bytes / 1e3)} kB` : `${(bytes / 1e6).toFixed(1)} MB`;
 }
 
 /**

@@ -1,0 +1,186 @@
+/** The player of a recorded run: the moment that is shown, and what is done with the recording. */
+
+import { isSignedIn, post, request } from "../api.js";
+import { byId, element, setAttribute, setText } from "../dom.js";
+import { pathOf } from "./runs.js";
+
+/** @typedef {import("../model/shown_run.js").ShownRun} ShownRun */
+/** @typedef {import("../model/cursor.js").Cursor} Cursor */
+/** @typedef {import("./runs.js").Recording} Recording */
+
+const LONGEST_FRAME = 0.25; // of the screen; a hidden tab does not jump [s]
+
+/** Events: `delete` with the name of a recording, `change` when a recording was pinned. */
+export class Player extends EventTarget {
+  #shown;
+  #cursor;
+  #panel = byId("player", HTMLElement);
+  #play = byId("play", HTMLButtonElement);
+  #moment = byId("moment", HTMLInputElement);
+  #speed = byId("speed", HTMLSelectElement);
+  #note = byId("player-note", HTMLElement);
+  #pin = byId("pin", HTMLButtonElement);
+  #recording = "";
+  #pinned = false;
+  #playing = false;
+  #frame = 0;
+
+  /**
+   * @param {ShownRun} shown
+   * @param {Cursor} cursor
+   */
+  constructor(shown, cursor) {
+    super();
+    this.#shown = shown;
+    this.#cursor = cursor;
+    this.#play.addEventListener("click", () => this.#setPlaying(!this.#playing));
+    this.#moment.addEventListener("input", () => {
+      this.#setPlaying(false);
+      cursor.seek(Number(this.#moment.value));
+    });
+    on("step-back", () => this.#step(-1));
+    on("step-on", () => this.#step(1));
+    on("live", () => shown.follow());
+    on("verify", () => this.#act(() => this.#verify()));
+    on("pin", () => this.#act(() => this.#switchPin()));
+    on("download", () => this.#act(() => this.#download()));
+    on("link", () => this.#act(() => this.#copyLink()));
+    on("delete", () => this.dispatchEvent(new CustomEvent("delete", { detail: this.#recording })));
+    this.#panel.addEventListener("keydown", (event) => this.#key(event));
+  }
+
+  /**
+   * Show a message.
+   * @param {unknown} error
+   */
+  say(error) {
+    setText(this.#note, error instanceof Error ? error.message : String(error));
+  }
+
+  /** @param {Recording[]} recordings those that are listed */
+  draw(recordings) {
+    const { recorded } = this.#shown;
+    this.#panel.hidden = !recorded;
+    if (recorded?.name !== this.#recording) this.#begin(recorded?.name ?? "");
+    if (!recorded) return;
+    const { time } = this.#cursor;
+    this.#pinned = recordings.find((each) => each.name === recorded.name)?.pinned ?? this.#pinned;
+    setText(this.#pin, this.#pinned ? "Unpin" : "Pin");
+    for (const id of ["verify", "pin", "delete"]) byId(id, HTMLButtonElement).disabled = !isSignedIn();
+    setAttribute(this.#moment, "max", recorded.duration);
+    setAttribute(this.#moment, "step", "any");
+    if (Number(this.#moment.value) !== time) this.#moment.value = String(time);
+    const words = `${time.toFixed(2)} of ${recorded.duration.toFixed(2)} s`;
+    setAttribute(this.#moment, "aria-valuetext", words);
+    setText(byId("moment-words", HTMLElement), words);
+    setText(byId("player-name", HTMLElement), recorded.name);
+    byId("player-acts", HTMLElement).hidden = !recorded.name; // of a dry run
+  }
+
+  /** @param {string} recording */
+  #begin(recording) {
+    this.#recording = recording;
+    this.#pinned = false;
+    this.#setPlaying(false);
+    setText(this.#note, "");
+  }
+
+  /** @param {boolean} playing */
+  #setPlaying(playing) {
+    if (playing === this.#playing) return;
+    this.#playing = playing;
+    setText(this.#play, playing ? "Pause" : "Play");
+    cancelAnimationFrame(this.#frame);
+    if (!playing) return;
+    if (this.#cursor.time >= this.#cursor.end) this.#cursor.seek(0);
+    let before = performance.now();
+    /** @param {number} now */
+    const next = (now) => {
+      const passed = Math.min((now - before) / 1000, LONGEST_FRAME);
+      before = now;
+      if (!this.#shown.recorded?.waits) this.#cursor.seek(this.#cursor.time + passed * Number(this.#speed.value));
+      if (this.#cursor.time >= this.#cursor.end) this.#setPlaying(false);
+      else this.#frame = requestAnimationFrame(next);
+    };
+    this.#frame = requestAnimationFrame(next);
+  }
+
+  /** @param {1 | -1} direction */
+  #step(direction) {
+    this.#setPlaying(false);
+    const time = this.#shown.recorded?.step(direction);
+    if (time !== undefined) this.#cursor.seek(time);
+  }
+
+  /** @param {KeyboardEvent} event */
+  #key(event) {
+    const acts = /** @type {Record<string, () => void>} */ ({
+      ",": () => this.#step(-1),
+      ".": () => this.#step(1),
+      k: () => this.#setPlaying(!this.#playing),
+      Home: () => this.#cursor.seek(0),
+      End: () => this.#cursor.seek(this.#cursor.end),
+    });
+    if (!acts[event.key] || event.ctrlKey || event.metaKey || event.altKey) return;
+    event.preventDefault();
+    acts[event.key]();
+  }
+
+  /** @param {() => Promise<void>} act */
+  async #act(act) {
+    await act().catch((error) => this.say(error));
+  }
+
+  async #verify() {
+    setText(this.#note, "Verifying: the run is planned again…");
+    const { verdicts, error } = await post(`${pathOf(this.#recording)}/verify`);
+    const lines = verdicts.map((/** @type {any} */ each) =>
+      element(
+        "li",
+        { class: each.holds ? "" : "failed" },
+        `${each.question} ${each.holds ? "holds" : "differs"}: ${each.words}`,
+        ...(each.source ? [`, because of ${each.source}`] : []),
+      ),
+    );
+    if (error) lines.push(element("li", { class: "failed" }, error));
+    this.#note.replaceChildren(element("ul", {}, ...lines));
+  }
+
+  async #switchPin() {
+    const row = await post(`${pathOf(this.#recording)}/pin`, { on: !this.#pinned });
+    this.#pinned = row.pinned;
+    setText(this.#note, row.pinned ? "Pinned: it is never deleted." : "No longer pinned.");
+    this.dispatchEvent(new Event("change"));
+  }
+
+  async #download() {
+    const file = await (await request(`${pathOf(this.#recording)}/file`, {})).blob();
+    const address = URL.createObjectURL(file);
+    element("a", { href: address, download: this.#recording }).click();
+    setTimeout(() => URL.revokeObjectURL(address), 60_000);
+  }
+
+  async #copyLink() {
+    const link = `${location.origin}${location.pathname}${momentHash(this.#recording, this.#cursor.time)}`;
+    history.replaceState(null, "", link);
+    await navigator.clipboard?.writeText(link);
+    setText(this.#note, "The address of this moment is copied.");
+  }
+}
+
+/**
+ * Return the part of the address that names a moment of a recording.
+ * @param {string} recording
+ * @param {number} time from the run's beginning [s]
+ */
+export function momentHash(recording, time) {
+  return `#${new URLSearchParams({ recording, t: time.toFixed(3) })}`;
+}
+
+/**
+ * @param {string} id
+ * @param {() => void} act
+ */
+function on(id, act) {
+  byId(id, HTMLButtonElement).addEventListener("click", act);
+}

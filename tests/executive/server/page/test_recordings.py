@@ -1,0 +1,176 @@
+"""Recordings in a browser: found, played, compared, and what is done with them."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from executive.api.move import Move
+from tests.support.recordings.finished import at_rest
+from tests.support.recordings.long_recording import write_long
+from tests.support.servers.browsing import Open, Tab, forget, is_accessible, shows
+from tests.support.servers.serving import Served
+
+pytestmark = pytest.mark.slow
+
+pytest_plugins = [
+    "tests.support.servers.server_fixtures",
+    "tests.support.servers.browser_fixtures",
+]
+
+LONG = "20261101T000000.000Z-2.mcap"
+MESSAGES = 20_000
+
+# Plays all events of a recording, and compares the state at some moments with what windows give.
+SAME_STATES = """async ([name, count]) => {
+  const { RecordedRun } = await import("./page/model/recorded_run.js");
+  const { Run } = await import("./page/model/run.js");
+  const path = `api/recordings/${name}`;
+  const about = await (await fetch(path)).json();
+  const windows = [];
+  for (let at = 0; at < about.duration_s; at = windows.at(-1).to_s)
+    windows.push(await (await fetch(`${path}/events?at=${at}`)).json());
+  const events = windows.flatMap((window) => window.events);
+  const state = (run) => JSON.stringify([
+    run.goalId, run.title, run.state, run.percentage, run.phase, run.attempt, run.positions,
+    run.schedule?.time_s, run.world, run.refused, run.outcome,
+    [...run.nodes.values()].filter((n) => n.starts)
+      .map((n) => ({ ...n, parent: n.parent?.path, children: n.children.length })),
+  ]);
+  const played = (time) => {
+    const run = new Run();
+    for (const event of events) if (event.time_s - about.began_s <= time + 1e-6) run.update(event);
+    return state(run);
+  };
+  const recorded = new RecordedRun(name);
+  await recorded.open();
+  const wrong = [];
+  let random = 1;
+  const next = () => (random = (random * 48271) % 2147483647) / 2147483647;
+  for (let number = 0; number < count; number++) {
+    // jumps, small steps back and on, and the exact moments of events and of cuts
+    const moments = [
+      () => next() * about.duration_s, () => recorded.at + 0.05, () => recorded.at - 0.05,
+      () => events[Math.floor(next() * events.length)].time_s - about.began_s,
+      () => windows[Math.floor(next() * windows.length)].from_s,
+    ];
+    const time = Math.min(Math.max(0, moments[number % moments.length]()), about.duration_s);
+    recorded.seek(time);
+    while (recorded.waits) await new Promise((done) => setTimeout(done, 5));
+    if (state(recorded.run) !== played(time)) wrong.push([time, state(recorded.run), played(time)]);
+  }
+  return [windows.length, wrong.slice(0, 1)];
+}"""
+
+
+def run(served: Served, *tasks: int | Move) -> Path:
+    """Run tasks; return the folder of recordings."""
+    for task in tasks:
+        served.executive.result(served.executive.send(task).identity)
+    folder = served.folder / "recordings"
+    at_rest(folder)
+    return folder
+
+
+def moment(tab: Tab) -> float:
+    return float(tab.evaluate("Number(document.getElementById('moment').value)"))
+
+
+def test_a_state_from_windows_is_that_of_playing_everything(
+    open_page: Open, page_server: Served
+) -> None:
+    folder = run(page_server, 2)
+    source = max(folder.glob("*Z-2.mcap"))
+    write_long(source, folder / LONG, MESSAGES)
+    tab = open_page()
+    windows, wrong = tab.evaluate(SAME_STATES, [LONG, 60])
+    assert windows > 5
+    assert wrong == []
+    assert tab.evaluate(SAME_STATES, [source.name, 30])[1] == []
+    (folder / LONG).unlink()
+
+
+def test_a_recording_is_found_played_and_linked(open_page: Open, page_server: Served) -> None:
+    run(page_server, 0, 13, 12)
+    tab = open_page()
+    shows(tab, "#shown", "^task 12 say, recorded$")
+    tab.fill("#runs-search", "task 0")
+    shows(tab, "#runs li:first-child", "task 0 home")
+    tab.click("#runs button >> nth=0")
+    shows(tab, "#shown", "^task 0 home, recorded$")
+    end = moment(tab)
+    assert end > 0.5
+    is_accessible(tab)
+    tab.focus("#moment")
+    tab.keyboard.press("Home")
+    shows(tab, "#moment-words", "^0.00 of ")
+    shows(tab, "#running", "nothing|home")
+    assert tab.locator("#tree .row[data-status='SUCCESS']").count() == 0
+    moments = [0.0]
+    for _ in range(4):
+        tab.keyboard.press(".")
+        tab.wait_for_function(f"() => document.getElementById('moment').value > {moments[-1]}")
+        moments.append(moment(tab))
+    tab.keyboard.press(",")
+    tab.wait_for_function(f"() => document.getElementById('moment').value == {moments[-2]}")
+    tab.select_option("#speed", "10")
+    tab.click("#play")
+    shows(tab, "#play", "^Pause$")
+    shows(tab, "#play", "^Play$")  # it stops at the end
+    shows(tab, "#moment-words", f"^{end:.2f} of {end:.2f} s$")
+    shows(tab, "#tree .row[data-status='SUCCESS'] .name", "home")
+    name = tab.inner_text("#player-name")
+    link = f"{page_server.server.url}/#recording={name}&t=0.3"
+    other = open_page(link)
+    shows(other, "#moment-words", "^0.30 of ")
+    assert other.is_disabled("#delete")
+    # A goal that begins does not take a recording away that was opened.
+    page_server.executive.result(page_server.executive.send(11).identity)
+    shows(other, "#goal-title", "nothing")
+    assert re.search("home, recorded", other.inner_text("#shown"))
+    other.click("#live")
+    other.locator("#player").wait_for(state="hidden")
+
+
+def test_two_recordings_are_compared_at_one_moment(open_page: Open, page_server: Served) -> None:
+    moves = [Move((f"joint_1={angle}deg",), False, 1.0) for angle in (10, 20, 10)]
+    run(page_server, *moves)
+    tab = open_page()
+    shows(tab, "#shown", "^move joint_1=10deg, recorded$")
+    tab.select_option("#compare", index=1)
+    shows(tab, "#comparison tr", r"joint_1 *1\d\.\d° *[12]\d\.\d° *-\d+\.\d°")
+    is_accessible(tab)
+    tab.focus("#moment")
+    tab.keyboard.press("Home")
+    shows(tab, "#comparison", "Phase|Nothing differs")
+    tab.select_option("#compare", "")
+    tab.locator("#comparison").wait_for(state="hidden")
+
+
+def test_what_is_done_with_a_recording(open_page: Open, page_server: Served) -> None:
+    folder = run(page_server, 0)
+    tab = open_page()
+    shows(tab, "#shown", "^task 0 home, recorded$")
+    name = tab.inner_text("#player-name")
+    with tab.expect_download() as download:
+        tab.click("#download")
+    assert download.value.suggested_filename == name
+    assert Path(download.value.path()).read_bytes() == (folder / name).read_bytes()
+    tab.click("#pin")
+    shows(tab, "#player-note", "never deleted")
+    shows(tab, "#runs .name", "◆ task 0 home")
+    tab.click("#delete")
+    shows(tab, "#player-note", "is pinned; unpin it first")
+    forget(tab, "409")
+    tab.click("#pin")
+    shows(tab, "#player-note", "No longer pinned")
+    tab.click("#verify")
+    shows(tab, "#player-note", "plan -> frames holds.*goal -> plan holds")
+    tab.click("#delete")
+    shows(tab, "#runs-note", "^Deleted task 0 home.*Undo$")
+    assert tab.is_hidden("#player")
+    assert not (folder / name).exists()
+    is_accessible(tab)
+    tab.click("#runs-note button")
+    shows(tab, "#runs-note", "^Restored task 0 home")
+    assert (folder / name).exists()
