@@ -25,18 +25,26 @@ def runs(folder: Path) -> list[tuple[str, int, Path]]:
     """
     paths = folder.iterdir() if folder.is_dir() else ()
     found = ((_RUN.fullmatch(path.name), path) for path in paths)
-    tasks = ((m[1], MOVE if m[2] == "move" else int(m[2]), path) for m, path in found if m)
+    tasks = ((m[1], _task(m[2]), path) for m, path in found if m)
     return sorted(tasks, reverse=True)
 
 
-def begun_ns(name: str) -> int | None:
-    """Return when a recording began, by its name, UTC [ns since 1970]; None if it is renamed."""
+def _task(text: str) -> int:
+    return MOVE if text == "move" else int(text)
+
+
+def by_name(name: str) -> tuple[int, int] | None:
+    """Return when a recording began, UTC [ns since 1970], and the number of its task or `MOVE`.
+
+    None if the file was renamed.
+    """
     found = _RUN.fullmatch(name)
     if not found:
         return None
     day, _, rest = found[1].partition(".")
     began = datetime.strptime(day, "%Y%m%dT%H%M%S").replace(tzinfo=UTC)
-    return (int(began.timestamp()) * 1000 + int(rest[:3])) * 10**6
+    stamp_ns = (int(began.timestamp()) * 1000 + int(rest[:3])) * 10**6
+    return stamp_ns, _task(found[2])
 
 
 def is_recording_name(text: str) -> bool:

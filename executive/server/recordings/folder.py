@@ -18,7 +18,7 @@ from executive.errors import NotFound, TooMuch
 from executive.recording.archive import restore_robot
 from executive.recording.recordings import is_server_recording
 from executive.server.page.robot import RobotScene
-from logs.reading.find import begun_ns
+from logs.reading.find import by_name
 from logs.reading.indexed import IndexedRecording
 from logs.writing.retention import delete, pin, pinned, purge, restore
 
@@ -247,12 +247,13 @@ def _version(path: Path) -> Hashable:
 def _summary(path: Path) -> Json:
     """Return the row of a recording, from its first and last messages."""
     facts = path.stat()
+    stamp_ns, task = by_name(path.name) or (facts.st_mtime_ns, None)
     row = {
         "name": path.name,
         "bytes": facts.st_size,
-        "stamp_ns": begun_ns(path.name) or facts.st_mtime_ns,
-        "task": None,
-        "title": "",
+        "stamp_ns": stamp_ns,
+        "task": task,
+        "title": "" if task is None else logs.goal_title(task),
         "state": "",
         "code": "",
         "message": "",

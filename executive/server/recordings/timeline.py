@@ -20,6 +20,7 @@ from logs.reading.mcap_records import Decoder
 from logs.reading.recording import topic_filter
 
 POINTS = 2000  # most samples of the positions over the whole recording
+_ROUNDING = 1e-6  # of times that were added and subtracted [s]
 _EVENTS = 500  # a window ends with the chunk in which it reaches this number
 
 _COMMANDED, _MEASURED = "/joint_states", "/joint_states/measured"
@@ -179,14 +180,14 @@ class Timeline:
             RecordingError: It is damaged.
         """
         begins = [window.begin for window in self._windows]
-        number = max(0, bisect_right(begins, at + self.began) - 1)
+        number = max(0, bisect_right(begins, at + self.began + _ROUNDING) - 1)
         window = self._windows[number]
         is_last = number == len(self._windows) - 1
         end = self.duration if is_last else self._windows[number + 1].begin - self.began
         chunks = self._recording.chunks
         until = len(chunks) if is_last else self._windows[number + 1].first
         begin = window.begin - self.began if number else 0.0
-        before = bisect_right(self.steps, begin - 1e-6)
+        before = bisect_right(self.steps, begin - _ROUNDING)
         after = bisect_right(self.steps, end)
         return {
             "from_s": begin,
@@ -260,12 +261,21 @@ class Timeline:
         for place in window.newest.values():
             message = self._recording.open(place.chunk).message(place.topic, place.entry)
             if place.topic == _COMMANDED:
+                # The last frame before the window may end in it.
+                rest = self._rest_of_frame(window.first)
+                message = next((each for each in rest if each.topic == _COMMANDED), message)
                 row = _positions(message)
                 time = self._time(message.time_ns)
                 joints, positions = tuple(row), tuple(row.values())
                 yield event_to_json(logs.Sent(time, b"", None, False, joints, positions))
             else:
                 yield from map(self._event, self._recording.grouped([message]))
+
+    def _rest_of_frame(self, number: int) -> Iterator[logs.Message]:
+        """Yield the messages at the start of a chunk of a frame that began in the one before."""
+        for chunk in self._recording.chunks[number : number + 1]:
+            messages = self._recording.open(chunk).messages(_SENT)
+            yield from takewhile(_continues, messages)
 
     def _records(self, first: int, until: int) -> Iterator[logs.Record]:
         """Yield the records of some chunks. A frame belongs to the chunk in which it begins."""
@@ -275,12 +285,10 @@ class Timeline:
             for chunk in chunks[first:until]
             for message in self._recording.open(chunk).messages(self._topics)
         ]
-        if first:
+        if first:  # the rest of a frame of the window before
             rest = set(map(id, takewhile(_continues, filter(_is_of_frame, messages))))
             messages = [message for message in messages if id(message) not in rest]
-        for chunk in chunks[until : until + 1]:
-            following = self._recording.open(chunk).messages(_SENT)
-            messages += takewhile(_continues, following)
+        messages += self._rest_of_frame(until)
         return self._recording.grouped(messages)
 
     def _event(self, record: logs.Record) -> Json:

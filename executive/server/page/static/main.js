@@ -57,7 +57,7 @@ const draw = oncePerFrame(() => {
   const now = shown.isLive ? status : null;
   arm.draw(shown.run, now?.commanded ?? null, now?.measured ?? null);
   arm.drawOther(comparison.run);
-  runs.draw(shown.recorded?.name ?? "");
+  runs.draw(shown.recorded?.name ?? runs.recordingOf(shown.live));
   player.draw(runs.recordings);
   comparison.draw(shown, runs.recordings);
   tasks.draw(runs.tasks, runs.goals, status);
@@ -133,6 +133,7 @@ async function showRobot() {
  * @param {boolean} [held] False to show the next goal when it begins
  */
 async function open(name, time, held) {
+  if (name === runs.recordingOf(shown.live) && shown.live.active) return shown.follow();
   const error = byId("control-error", HTMLElement);
   setText(error, "");
   await shown.open(name, time, held).catch((reason) => setText(error, reason.message));

@@ -57,7 +57,10 @@ SAME_STATES = """async ([name, count]) => {
     const time = Math.min(Math.max(0, moments[number % moments.length]()), about.duration_s);
     recorded.seek(time);
     while (recorded.waits) await new Promise((done) => setTimeout(done, 5));
-    if (state(recorded.run) !== played(time)) wrong.push([time, state(recorded.run), played(time)]);
+    const [its, all] = [state(recorded.run), played(time)];
+    const differs = [...its].findIndex((each, index) => each !== all[index]);
+    const there = [Math.max(0, differs - 80), differs + 80];
+    if (its !== all) wrong.push([time, its.slice(...there), all.slice(...there)]);
   }
   return [windows.length, wrong.slice(0, 1)];
 }"""

@@ -133,9 +133,8 @@ export class RecordedRun extends EventTarget {
    * @returns {Window | undefined}
    */
   #find(time) {
-    return this.#windows.find(
-      ({ from_s, to_s }) => from_s <= time && (time < to_s || to_s >= this.duration),
-    );
+    const at = time + ROUNDING; // an event at the beginning of a window is in it
+    return this.#windows.find(({ from_s, to_s }) => from_s <= at && (at < to_s || to_s >= this.duration));
   }
 
   /**

@@ -81,6 +81,16 @@ export class RunsView extends EventTarget {
     this.#drawTasks();
   }
 
+  /**
+   * Return the name of the recording of a run; empty if it is not listed.
+   * @param {import("../model/run.js").Run} run
+   */
+  recordingOf({ outcome, active, task }) {
+    if (outcome) return outcome.recording.split("/").at(-1) ?? "";
+    const written = this.recordings.find((each) => each.state === "UNFINISHED" && each.task === task);
+    return (active && written?.name) || "";
+  }
+
   /** @param {Recording} recording */
   async #restore(recording) {
     try {
@@ -153,7 +163,9 @@ export class RunsView extends EventTarget {
    * @param {boolean} current
    */
   #item(recording, current) {
-    const { state, bytes, pinned, title, name, duration_s, message } = recording;
+    const { state, bytes, pinned, task, name, duration_s, message } = recording;
+    const known = this.tasks.find((each) => each.task === task);
+    const title = state === "UNFINISHED" && known ? goalTitle(known.task, known.name) : recording.title;
     const duration = duration_s === null ? "" : `, ${duration_s.toFixed(1)} s`;
     const button = element(
       "button",
