@@ -14,7 +14,7 @@ from executive.recording.translate import arm_record, skill_record
 from hardware import FrameSent, HardwareError, compile_schedule
 from skills import Context, Planned, Scheduled
 from skills.merged_motion import MergedMotion, verify_query
-from skills.motion import Body, Carry, MotionError, Plan, Pool, Query, Reached, ToolQuery, World
+from skills.motion import MotionError, Plan, Query, World
 from trees import Library, Located
 from trees.check import check_task
 from trees.export.node_table import node_table
@@ -59,9 +59,17 @@ def dry_run(
         BadArguments: Only the arguments are wrong.
         FileError: The files have mistakes, or a skill refuses an input.
     """
-    scene, solver = context.scene, _PoolSolver(context.pool)
+    scene = context.scene
     motions, unknown = task_motions(
-        context.robot, library, number, solver, start, scene.world, context.seed, None, arguments
+        context.robot,
+        library,
+        number,
+        context.pool,
+        start,
+        scene.world,
+        context.seed,
+        None,
+        arguments,
     )
     assumed = {each.node for each in motions if each.assumed_start}
     messages = (*unknown, *(f"{node}: its start is known only in a run" for node in assumed))
@@ -115,26 +123,3 @@ def _play(context: Context, query: Query, begin: float, events: list[Event]) -> 
 def _node(time: float, path: str, status: str, message: str = "") -> logs.NodeStatus:
     name = path.rpartition("/")[2].rpartition(":")[2]
     return logs.NodeStatus(time, path, name, status, message)
-
-
-class _PoolSolver:
-    """Lets the planners of a pool answer what a prediction asks."""
-
-    def __init__(self, pool: Pool) -> None:
-        self._pool = pool
-
-    def carry(self, request: Carry) -> Body:
-        """Return a body at the same pose, attached to another link."""
-        answer = self._pool.ask(request)
-        assert isinstance(answer, (Body, MotionError))
-        if isinstance(answer, MotionError):
-            raise answer
-        return answer
-
-    def reach(self, query: ToolQuery) -> Reached:
-        """Return joint positions that bring the tool to a point."""
-        answer = self._pool.ask(query)
-        assert isinstance(answer, (Reached, MotionError))
-        if isinstance(answer, MotionError):
-            raise answer
-        return answer

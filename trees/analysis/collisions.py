@@ -10,7 +10,6 @@ from skills.motion import (
     EMPTY,
     BadWorld,
     Body,
-    Carry,
     MotionCollides,
     MotionError,
     Pool,
@@ -115,7 +114,7 @@ class CollisionChecks:
         for tree in self.trees:
             task = any(tree is each for each in self.tasks)
             reach = self._unreachable if task else None
-            predicted = predict_motions(tree, self.robot, self._carry, reach=reach)
+            predicted = predict_motions(tree, self.robot, self.pool.carry, reach=reach)
             if task:
                 self.absent |= predicted.absent
                 self._found += dict.fromkeys(predicted.unreachable)
@@ -141,10 +140,10 @@ class CollisionChecks:
             found = predict_motions(
                 tree,
                 self.robot,
-                self._carry,
+                self.pool.carry,
                 boot,
                 hooks=hooks,
-                reach=self._reach if times else None,
+                reach=self.pool.reach if times else None,
                 duration=times.duration,
             )
             if times and not tree.mistakes.found:
@@ -157,19 +156,5 @@ class CollisionChecks:
 
     def _unreachable(self, query: ToolQuery) -> Reached:
         """Raise an Unreachable, or another error: what is reached is known only during a run."""
-        self._reach(query)
+        self.pool.reach(query)
         raise MotionError("known during a run")
-
-    def _reach(self, query: ToolQuery) -> Reached:
-        answer = self.pool.ask(query)
-        if isinstance(answer, MotionError):
-            raise answer
-        assert isinstance(answer, Reached)
-        return answer
-
-    def _carry(self, request: Carry) -> Body:
-        answer = self.pool.ask(request)
-        if isinstance(answer, MotionError):
-            raise answer
-        assert isinstance(answer, Body)
-        return answer

@@ -7,8 +7,9 @@ from queue import SimpleQueue
 from threading import Thread
 
 from hardware import Clock, Robot
-from skills.motion.errors import PlanCanceled
-from skills.motion.query import Request, Result
+from skills.motion.errors import MotionError, PlanCanceled
+from skills.motion.query import Carry, Reached, Request, Result, ToolQuery
+from skills.motion.world import Body
 
 from .memory import check_memory
 from .worker_process import WorkerProcess
@@ -88,6 +89,22 @@ class Pool:
         answers: SimpleQueue[Result] = SimpleQueue()
         self.submit(request, answers.put)
         return answers.get()
+
+    def reach(self, query: ToolQuery) -> Reached:
+        """Wait for joint positions that bring the tool to the query's point: `Planner.reach`."""
+        answer = self.ask(query)
+        if isinstance(answer, MotionError):
+            raise answer
+        assert isinstance(answer, Reached)
+        return answer
+
+    def carry(self, request: Carry) -> Body:
+        """Wait for a body at the same pose, attached to another link: `Planner.carry`."""
+        answer = self.ask(request)
+        if isinstance(answer, MotionError):
+            raise answer
+        assert isinstance(answer, Body)
+        return answer
 
     def cancel(self, job: Job) -> None:
         """Cancel a job; see `Job.cancel`."""
