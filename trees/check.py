@@ -1,7 +1,7 @@
 """`armtree check`: finds the mistakes in task files without moving anything."""
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,18 +17,15 @@ from skills import (
     check_joints,
     known_errors,
 )
-from skills.motion import Body, Carry, Pool, Reached, ToolQuery, World
+from skills.motion import Pool
 
 from .analysis.collisions import CollisionChecks
-from .analysis.predicted_motion import Motion, predict_motions
 from .analysis.reachability import check_outcomes
 from .build import refusals
 from .compile.arguments import wrong
 from .compile.compiler import CompiledTree, TreeCompiler
 from .compile.data_flow import short_name
-from .compile.node_paths import paths
 from .compile.port_types import declarations, known_skills
-from .compile.skill_hooks import Pose
 from .errors import FileError, Mistake, Place, TreeError
 from .reading.document import Located, StandIn, nested
 from .reading.grammar import PosesFile
@@ -191,46 +188,6 @@ def check_task(
     if refused := refusals(tree, robot):
         raise FileError(refusal.mistake for refusal in refused)
     return tree
-
-
-def motions_of(
-    robot: Robot,
-    library: Library,
-    number: int,
-    carry: Callable[[Carry], Body],
-    reach: Callable[[ToolQuery], Reached],
-    start: Pose,
-    world: World,
-    arguments: Mapping[str, Located] | None = None,
-) -> tuple[list[tuple[str, Motion]], list[str]]:
-    """Predict the motions of a task.
-
-    Args:
-        robot: The robot.
-        library: Files of the task.
-        number: Number of the task.
-        carry: Fixes a body to another link; may raise a MotionError.
-        reach: Finds joint positions that bring the tool to a point; may raise a MotionError.
-        start: Configuration before the task [rad].
-        world: World before the task.
-        arguments: Values of its parameters; None if they are not known.
-
-    Returns:
-        The motions in order, each in the world at that time, with the path of its node; and a
-        description of each motion that is left out.
-
-    Raises:
-        UnknownTask: No task has that number.
-        BadArguments: Only the arguments are wrong.
-        FileError: The files have mistakes, or a skill refuses an input.
-    """
-    tree = check_task(robot, library, number, arguments)
-    found = predict_motions(tree, robot, carry, start, world, reach=reach)
-    if broken := tree.hooks.mistakes:
-        raise FileError(broken)
-    nodes = dict(paths(tree.root))
-    motions = [(nodes[motion.node], motion) for motion in found.motions]
-    return motions, [f"{nodes[node]}: {why}" for node, why in found.unknown.items()]
 
 
 def _jobs(

@@ -59,22 +59,13 @@ def dry_run(
         BadArguments: Only the arguments are wrong.
         FileError: The files have mistakes, or a skill refuses an input.
     """
-    scene = context.scene
+    tree = check_task(context.robot, library, number, arguments)
     motions, unknown = task_motions(
-        context.robot,
-        library,
-        number,
-        context.pool,
-        start,
-        scene.world,
-        context.seed,
-        None,
-        arguments,
+        tree, context.robot, context.pool, start, context.scene.world, context.seed
     )
     assumed = {each.node for each in motions if each.assumed_start}
     messages = (*unknown, *(f"{node}: its start is known only in a run" for node in assumed))
     identity, name = uuid.uuid4().hex, library.head(number).name
-    tree = check_task(context.robot, library, number, arguments)
     events: list[Event] = [logs.Goal(0.0, identity, number, name, context.seed)]
     events += (_node(0.0, node["path"], "INVALID") for node in node_table(tree))
     outcome = Outcome.of(number, GoalState.SUCCEEDED, None)

@@ -17,6 +17,7 @@ from skills import (
 from skills.motion import MotionError, Query, World
 from skills.motion.planner import Planner
 from trees import Library
+from trees.check import check_task
 from trees.compile.port_types import declaration
 
 from .goal_words import TASK, Poses, is_point, read_value, read_words
@@ -93,8 +94,9 @@ class PlanRequest:
         self, number: int, planner: Planner, position: tuple[float, ...], world: World
     ) -> tuple[list[Motion], list[str]]:
         """Return the motions of a task."""
+        tree = check_task(self.robot, self.library, number)
         motions, unknown = task_motions(
-            self.robot, self.library, number, planner, position, world, self.seed, self.group
+            tree, self.robot, planner, position, world, self.seed, self.group
         )
         if not motions:
             why = f"task {number} has no goal that is known before a run; a goal is known if the "

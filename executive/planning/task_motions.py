@@ -1,13 +1,14 @@
 """The motions of a task that are known before it runs, as planning queries."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Protocol
 
 from hardware import Robot
 from skills.motion import Body, Carry, Query, Reached, ToolQuery, World
-from trees import Library, Located
-from trees.check import motions_of
+from trees import FileError
+from trees.analysis.predicted_motion import predict_motions
+from trees.compile.compiler import CompiledTree
+from trees.compile.node_paths import paths
 
 
 class Solver(Protocol):
@@ -41,52 +42,49 @@ class Motion:
 
 
 def task_motions(
+    tree: CompiledTree,
     robot: Robot,
-    library: Library,
-    number: int,
     solver: Solver,
     position: tuple[float, ...],
     world: World,
     seed: int,
     wanted: str | None = None,
-    arguments: Mapping[str, Located] | None = None,
 ) -> tuple[list[Motion], list[str]]:
     """Return the motions of a task, group by group. As in a run, the gripper moves after the arm.
 
     Args:
+        tree: The checked task.
         robot: The robot.
-        library: Files of the task.
-        number: Number of the task.
         solver: Answers requests of the prediction.
         position: Configuration before the task [rad].
         world: World before the task.
         seed: Seed of the planner.
         wanted: Group whose motions are returned; None for those of all groups.
-        arguments: Values of the task's parameters; None if they are not known.
 
     Returns:
         The motions, without those of groups that are at their target already, unless there is no
         other; and a message for each motion whose target is known only in a run.
 
     Raises:
-        UnknownTask: No task has that number.
-        FileError: The files have mistakes, or a skill refuses an input.
+        FileError: A skill refuses an input.
     """
 
     def reach(query: ToolQuery) -> Reached:
         return solver.reach(replace(query, seed=seed))
 
-    predicted, unknown = motions_of(
-        robot, library, number, solver.carry, reach, position, world, arguments
-    )
+    found = predict_motions(tree, robot, solver.carry, position, world, reach=reach)
+    if broken := tree.hooks.mistakes:
+        raise FileError(broken)
+    nodes = dict(paths(tree.root))
     moving, still = list[Motion](), list[Motion]()
-    for node, motion in predicted:
+    for motion in found.motions:
         for query in motion.queries(robot, position, seed):
             if query.group == (wanted or query.group):
                 own = robot.actuated_in(query.group)
                 here = zip(robot.actuated, query.start, strict=True)
                 moves = query.goal != tuple(q for joint, q in here if joint in own)
-                found = Motion(query, motion.left_out, motion.start is None, node)
-                (moving if wanted or query.via or moves else still).append(found)
+                start_unknown, node = motion.start is None, nodes[motion.node]
+                each = Motion(query, motion.left_out, start_unknown, node)
+                (moving if wanted or query.via or moves else still).append(each)
         position = motion.pose
-    return moving or still[:1], unknown
+    return moving or still[:1], [f"{nodes[node]}: {why}" for node, why in found.unknown.items()]
