@@ -85,8 +85,11 @@ class Connection:
         Raises:
             BoardError: The board has not reported what it must, such as that it has booted.
             PoseOutsideLimits: The board holds a servo outside the limits of its joint.
+            MeasuredFault: A servo is too hot, or its voltage too low.
         """
         self.session.check_booted(self._link.port, waited)
+        if measured := self.session.measured:
+            self._measured_guard.check(measured.position, measured, self._clock.now())
         self.guard.start_from(self._held_pose())
         period = 1 / self._robot.firmware.rate
         self.streamer = Streamer(

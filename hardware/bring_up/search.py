@@ -29,7 +29,7 @@ def answering(robot: Robot, bus: ServoBus, port: str) -> dict[int, ServoReport]:
     if found.noise and not found.servos:
         raise NoServos(port, _PATIENCE, found.noise)
     if missing := [f"{s} ({j})" for j, s in robot.servos.items() if s not in found.servos]:
-        raise ServoMissing(port, _PATIENCE, missing, len(found.servos), ())
+        raise ServoMissing(port, _PATIENCE, missing, len(found.servos), (), found.noise)
     return dict(found.servos)
 
 

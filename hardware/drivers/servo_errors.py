@@ -43,7 +43,13 @@ class ServoMissing(BoardSilent):
     hint = "`armtree doctor --open` finds ids, baud rates and the likely cable"
 
     def __init__(
-        self, port: str, seconds: float, missing: Sequence[str], answered: int, twice: Iterable[int]
+        self,
+        port: str,
+        seconds: float,
+        missing: Sequence[str],
+        answered: int,
+        twice: Iterable[int] = (),
+        noise: int = 0,
     ) -> None:
         one = len(missing) == 1
         what = f"the position of {'servo' if one else 'servos'} {', '.join(missing)}"
@@ -54,6 +60,10 @@ class ServoMissing(BoardSilent):
             advice += f". {answered} {'servo' if answered == 1 else 'servos'} answered"
         for servo in sorted(twice):
             advice += f". Servo {servo} answered twice: another servo answers with its id"
+        if noise:
+            advice += (
+                f". {noise} bytes came damaged: two servos may have one id, or the line is noisy"
+            )
         super().__init__(port, seconds, what, f"{advice}. {_DOCTOR}")
 
 

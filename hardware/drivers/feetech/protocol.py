@@ -58,6 +58,7 @@ class BusProtocol(BoardProtocol):
         self._waiting = set[int]()  # servos that have not answered the last request
         self._answers = dict[int, bytes]()  # of those that have
         self._heard = set[int]()  # servos that have ever answered
+        self._doubtful = set[int]()  # ids that answered the last request twice
         self._twice = Counter[int]()  # how often an id answered one request twice
         self._noise = 0  # received bytes that belong to no packet
         self._silent = dict.fromkeys(self._joints, 0)  # requests in a row without an answer
@@ -79,7 +80,7 @@ class BusProtocol(BoardProtocol):
             waiting = self._joints.keys() - self._heard or self._waiting or self._joints
             missing = [f"{servo} ({self._joints[servo]})" for servo in sorted(waiting)]
             twice = [servo for servo, times in self._twice.items() if times >= LOST_REQUESTS]
-            raise ServoMissing(port, waited, missing, len(self._heard), twice)
+            raise ServoMissing(port, waited, missing, len(self._heard), twice, self._noise)
         for joint, register, expected in self._wires.kept:
             servo = self._wires.servos[joint]
             if (kept := self._series.unpack(register, self._memories[servo])) != expected:
@@ -87,9 +88,9 @@ class BusProtocol(BoardProtocol):
 
     def hold_commands(self) -> bytes:
         """Return the command that holds the servos where they are."""
-        return (
-            self._wires.command("goal_position", self._values("position")) if self.measured else b""
-        )
+        self._store_answers()
+        positions = self._values("position")
+        return self._wires.command("goal_position", positions) if self.measured else b""
 
     def torque_commands(self, on: bool) -> Sequence[bytes]:
         """Return the commands that let the servos go, or hold them where they are.
@@ -136,12 +137,13 @@ class BusProtocol(BoardProtocol):
         """
         if not self._waiting:
             self._begun = now
+        self._store_answers()
         for servo in self._waiting:
             self.lost[servo] += 1
             self._silent[servo] += 1
             if self.boot_frame and self._silent[servo] >= LOST_REQUESTS:
                 raise ServoSilent(servo, self._joints[servo], self._silent[servo])
-        self._waiting, self._answers = set(self._joints), {}
+        self._waiting, self._answers, self._doubtful = set(self._joints), {}, set()
         self._received.clear()
         self.free_at = self.next_poll = now + ANSWER_TIMEOUT
         return sync_read(list(self._joints), *self._block)
@@ -154,8 +156,8 @@ class BusProtocol(BoardProtocol):
     def receive(self, data: bytes, now: float) -> None:
         """Process answers. Answers of unknown servos and damaged ones are ignored.
 
-        Only the answers of all servos to one request count: a servo that answers with the id of
-        another leaves its own answer out.
+        Only the answers of all servos to one request are a measurement: a servo that answers with
+        the id of another leaves its own answer out.
 
         Raises:
             ServoFault: A servo reports an error.
@@ -166,6 +168,7 @@ class BusProtocol(BoardProtocol):
         self._noise += before - len(self._received) - sum(len(each.data) for each in packets)
         for packet in packets:
             if packet.servo in self._answers:
+                self._doubtful.add(packet.servo)
                 self._twice[packet.servo] += 1
             elif packet.servo in self._waiting:
                 self._process(packet)
@@ -198,9 +201,8 @@ class BusProtocol(BoardProtocol):
 
     def _take_answers(self, now: float) -> None:
         """Take the answers of all servos to one request."""
+        self._store_answers()
         first, count = self._block
-        for servo, answer in self._answers.items():
-            self._memories[servo][first : first + count] = answer
         if first <= self._state[0] < first + count:
             self._state_time = now
             self._check_torque()
@@ -214,6 +216,14 @@ class BusProtocol(BoardProtocol):
         self.boot_frame = self.boot_frame or self._wires.frame(self._values("position"))
         if now - self._state_time >= _STATE_PERIOD:
             self._asked.append(self._state)
+
+    def _store_answers(self) -> None:
+        """Store what was answered to the last request, so that a hold is where the servos are."""
+        first, count = self._block
+        for servo, answer in self._answers.items():
+            if servo not in self._doubtful:
+                self._memories[servo][first : first + count] = answer
+        self._answers = {}
 
     def _check_torque(self) -> None:
         """Check that the servos hold. One answer may be older than the command."""

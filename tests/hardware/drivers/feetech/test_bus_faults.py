@@ -1,0 +1,138 @@
+"""What is wrong on a bus has a code, a cause and a way out, and nothing moves."""
+
+import random
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from hardware import CommandSent, FrameSent, HardwareError, State, load_robot
+from hardware.drivers.feetech.packets import Instruction, take_packets
+from hardware.drivers.feetech.virtual.bus import Bus, Fault
+from hardware.errors import PortStalled, SupplyTooLow
+from tests.support.arms.bus_arms import BusRig, rig
+from tests.support.arms.hardware_rigs import PICK
+
+LAST = 10_000  # more answers than there are
+
+
+def only(*places: int) -> Callable[[Bus], None]:
+    return lambda bus: bus.connect(0.0, places)
+
+
+def same_id(bus: Bus) -> None:
+    bus.servos[1].put("id", 3)
+
+
+def other_ids(bus: Bus) -> None:
+    for servo in bus.servos:
+        servo.put("id", servo.servo + 10)
+
+
+def nothing(bus: Bus) -> None:
+    """All is well but what the faults do."""
+
+
+def damage(*servos: int) -> list[Fault]:
+    return [Fault("damage", servo, 0.0, LAST) for servo in servos]
+
+
+@pytest.mark.parametrize(
+    ("change", "faults", "code", "cause", "way"),
+    [
+        (only(), [], "hw.servo_missing", "servos 1 (joint_1), 2 (joint_2)", "the cable"),
+        (only(0), [], "hw.servo_missing", "2 (joint_2), 3 (joint_3), 4 (joint_4)", "1 servo answ"),
+        (other_ids, [], "hw.servo_missing", "servos 1 (joint_1)", "armtree doctor --open"),
+        (same_id, [], "hw.servo_missing", "2 (joint_2), 3 (joint_3)", "two servos may have one id"),
+        (nothing, damage(1, 2, 3, 4), "hw.no_servos", "the baud rate is wrong, another", "doctor"),
+        (nothing, damage(2), "hw.servo_missing", "servo 2 (joint_2)", "or the line is noisy"),
+        (
+            nothing,
+            [Fault("impersonate", 1, 0.0, 2)],
+            "hw.servo_missing",
+            "servo 1 (joint_1)",
+            "another servo answers with its id",
+        ),
+        (nothing, [Fault("brown_out", 1, 0.0)], "hw.servo_fault", "the error voltage", "supply"),
+    ],
+    ids=["none", "1 of 4", "wrong ids", "one id twice", "other baud", "noise", "other id", "volts"],
+)
+def test_an_arm_on_a_wrong_bus_does_not_start(
+    tmp_path: Path,
+    change: Callable[[Bus], None],
+    faults: list[Fault],
+    code: str,
+    cause: str,
+    way: str,
+) -> None:
+    with rig(tmp_path, *faults) as made:
+        change(made.bus)
+        with pytest.raises(HardwareError) as caught:
+            made.arm.activate()
+        assert caught.value.code == code
+        assert cause in str(caught.value)
+        assert way in str(caught.value)
+        assert made.arm.state in (State.INACTIVE, State.UNCONFIGURED)
+        assert set(codes(made)) <= {Instruction.SYNC_READ}
+
+
+def codes(made: BusRig) -> list[int]:
+    sent = [event.data for event in made.events if isinstance(event, CommandSent | FrameSent)]
+    return [packet.code for data in sent for packet in take_packets(bytearray(data))]
+
+
+def test_a_low_voltage_stops_the_arm(tmp_path: Path) -> None:
+    with rig(tmp_path, guards="least_v = 11.8\nwarn_v = 11.9") as made:
+        made.bus.servos[1].supply = 11.7
+        with pytest.raises(SupplyTooLow, match=r"joint_2 has 11\.7 V; the limit is 11\.8 V"):
+            made.arm.activate()
+        assert made.arm.state is State.INACTIVE
+        assert set(codes(made)) == {Instruction.SYNC_READ}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("kind", "value", "expected"),
+    [
+        ("vanish", 1, {"hw.servo_silent"}),
+        ("renumber", 9, {"hw.servo_silent"}),
+        ("impersonate", 3, {"hw.servo_silent"}),
+        ("lose", LAST, {"hw.servo_silent"}),
+        ("damage", LAST, {"hw.servo_silent"}),
+        ("block", 1, {"hw.stalled", "hw.servo_fault", "hw.not_arrived"}),
+        ("brown_out", 1, {"hw.servo_fault", "hw.voltage_low"}),
+        ("restart", 1, {"hw.torque_lost", "hw.not_following"}),
+    ],
+)
+def test_no_command_is_wrong_after_a_fault_at_any_time(
+    tmp_path: Path, kind: str, value: int, expected: set[str]
+) -> None:
+    """The servos are held where they are, once, and then nothing is sent."""
+    dice = random.Random(kind)
+    for servo in (1, 2, 4) * 3:
+        fault = Fault(kind, servo, dice.uniform(0.5, 3.0), value)
+        with rig(tmp_path, fault) as made:
+            made.arm.activate()
+            error = made.play(PICK if servo != 4 else (*PICK[:3], -1.0), 3.0) or made.faulted()
+            if isinstance(error, PortStalled):
+                continue  # the machine is busy: writes have a deadline in real time
+            assert error.code in expected
+            if made.arm.state is State.ACTIVE:
+                continue  # it only did not arrive
+            count = len(codes(made))
+            positions = dict(made.bus.state(made.clock.now()).positions)
+            for each in made.bus.servos:
+                goal = each.get("goal_position")
+                assert goal == pytest.approx(positions[each.servo], abs=40), (fault, each.servo)
+            made.wait(1.0)
+            assert len(codes(made)) == count
+            assert made.arm.state is State.UNCONFIGURED
+
+
+def test_a_pose_outside_the_calibrated_range_is_refused(tmp_path: Path) -> None:
+    with rig(tmp_path) as made:
+        made.bus.servos[1].push(3900)
+        with pytest.raises(HardwareError) as caught:
+            made.arm.activate()
+        assert caught.value.code == "hw.pose_outside"
+        assert load_robot(made.robot.path).firmware.words.advice_outside in str(caught.value)
