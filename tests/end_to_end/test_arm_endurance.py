@@ -23,7 +23,7 @@ QUICK = dataclasses.replace(SHIPPED.firmware, rate=50.0, unit_time=0.0, boot_tim
 ROBOT = dataclasses.replace(
     SHIPPED, firmware=QUICK, serial=dataclasses.replace(SHIPPED.serial, boot_wait=0.0)
 )
-PATIENCE = 10.0  # [s]
+PATIENCE = 60.0  # [s]
 
 
 def pulled(seconds: float) -> list[ArmEvent]:

@@ -13,7 +13,7 @@ from tests.avr.rig import AvrArduino, Built
 BOOT = (90, 90, 90, 0)
 BAUD = 115200
 BOOT_TIME = 0.1  # [s]
-PATIENCE = 10.0  # longer than anything here takes [s]
+PATIENCE = 60.0  # longer than anything here takes [s]
 
 
 class Shell:

@@ -17,6 +17,14 @@ def shows(tab: Tab, selector: str, words: str) -> None:
     tab.locator(selector, has_text=re.compile(words)).first.wait_for()
 
 
+def expect(tab: Tab, selector: str) -> Any:
+    """The assertions of playwright about an element, which wait until they hold."""
+    from playwright.sync_api import expect as expected
+
+    expected.set_options(timeout=20_000)  # also on a busy machine
+    return expected(tab.locator(selector))
+
+
 def is_accessible(tab: Tab) -> None:
     """Check the page with axe-core, if `make lint` has installed it."""
     axe = ROOT / "executive/server/page/node_modules/axe-core/axe.min.js"

@@ -109,7 +109,7 @@ class Served:
         token: bool = True,
     ) -> tuple[int, Any]:
         """Send a request; return the status and the JSON. An error must be one of its row."""
-        connection = http.client.HTTPConnection("127.0.0.1", self.server.port, timeout=10)
+        connection = http.client.HTTPConnection("127.0.0.1", self.server.port, timeout=60)
         sent = {"authorization": f"Bearer {self.server.token}"} if token else {}
         data = body if isinstance(body, bytes) or body is None else json.dumps(body).encode()
         if data is not None:

@@ -8,7 +8,7 @@ from executive.api.events import Policy
 from executive.api.move import Move
 from executive.api.outcome import Outcome
 from tests.executive.planning.test_dry_run import COLLIDE
-from tests.support.servers.browsing import Open, forget, is_accessible, shows
+from tests.support.servers.browsing import Open, expect, forget, is_accessible, shows
 from tests.support.servers.serving import Serve, Served
 
 pytestmark = pytest.mark.slow
@@ -57,7 +57,7 @@ def test_a_question_is_answered(open_page: Open, page_server: Served) -> None:
     is_accessible(tab)
     tab.click("#questions button:text-is('yes')")
     shows(tab, "#goal-state", "^done$")
-    assert tab.locator("#questions section").count() == 0
+    expect(tab, "#questions section").to_have_count(0)
     assert page_server.executive.result(goal).success
 
 
@@ -66,7 +66,7 @@ def test_joints_and_tool_move_in_steps(open_page: Open, page_server: Served) -> 
     tab.click("#move summary")
 
     def until_usable() -> None:
-        tab.wait_for_function("() => !document.querySelector('#move-rows button').disabled")
+        expect(tab, "#move-rows button >> nth=0").to_be_enabled()
 
     def press(label: str) -> Outcome:
         until_usable()
@@ -94,7 +94,7 @@ def test_the_arm_is_activated_from_the_page(open_page: Open, page_server: Served
     page_server.executive.arm_to("deactivate")
     tab = open_page()
     shows(tab, "#arm-note", "The arm is inactive, so goals fail.")
-    assert tab.is_disabled(f"{task('0 home')} button")
+    expect(tab, f"{task('0 home')} button").to_be_disabled()
     shows(tab, "#opening", "Activating opens the port; the arm then")
     tab.click("#activate")
     shows(tab, "#arm-state", "^active$")

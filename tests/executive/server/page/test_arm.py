@@ -1,6 +1,7 @@
 """The arm in 3D in a browser: pose, path, refused plans, views, and broken meshes."""
 
 import io
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,30 @@ def picture(tab: Tab) -> NDArray[np.int_]:
     return np.asarray(255 * data[..., :3]).astype(int)
 
 
+def until_seen(tab: Tab, right: Callable[[NDArray[np.int_]], bool]) -> NDArray[np.int_]:
+    """Wait until the picture is right: a busy machine draws late."""
+    for _ in range(200):
+        if right(pixels := picture(tab)):
+            return pixels
+        tab.wait_for_timeout(100)
+    raise AssertionError("the picture does not become right")
+
+
+def changed(before: NDArray[np.int_], after: NDArray[np.int_]) -> NDArray[np.bool_]:
+    """Which pixels have another colour."""
+    found: NDArray[np.bool_] = np.abs(after - before).max(axis=-1) > 40
+    return found
+
+
+def is_drawn(pixels: NDArray[np.int_]) -> bool:
+    return len(np.unique(pixels.reshape(-1, 3), axis=0)) > 50
+
+
+def is_refused(pixels: NDArray[np.int_], before: NDArray[np.int_]) -> bool:
+    red = (pixels[..., 0] > 2 * pixels[..., 1]) & (pixels[..., 0] > 2 * pixels[..., 2])
+    return bool((changed(before, pixels) & red).sum() > 300)
+
+
 def count(pixels: NDArray[np.int_], colour: tuple[int, int, int], within: int = 40) -> int:
     return int((np.abs(pixels - colour).max(axis=-1) <= within).sum())
 
@@ -41,28 +66,18 @@ def test_pose_path_and_refused_plans_are_drawn(open_page: Open, page_server: Ser
     tab = open_page()
     shows(tab, "#positions", r"joint_1\s*0\.0°")
     tab.locator("#arm canvas").wait_for()
-    before = picture(tab)
-    assert len(np.unique(before.reshape(-1, 3), axis=0)) > 50  # it is not empty
+    before = until_seen(tab, is_drawn)
     assert count(before, BLUE) == 0
     moved(page_server, "joint_1=70deg")
     shows(tab, "#positions", r"joint_1\s*70\.\d°")
     shows(tab, "#goal-state", "^done$")
-    tab.wait_for_timeout(100)
-    after = picture(tab)
-    assert count(after, BLUE) > 20
-    assert (np.abs(after - before).max(axis=-1) > 40).sum() > 500
+    after = until_seen(tab, lambda now: count(now, BLUE) > 20 and changed(before, now).sum() > 500)
     tab.click("#view-top")
-    tab.wait_for_timeout(100)
-    above = picture(tab)
-    assert (np.abs(above - after).max(axis=-1) > 40).sum() > 500
+    above = until_seen(tab, lambda now: changed(after, now).sum() > 500)
     moved(page_server, "joint_2=-90deg", "joint_3=-90deg")
     shows(tab, "#failure", "base_plate would be up to .* deep in horizontal_arm")
     shows(tab, "#refused-note", "and the refused goal")
-    tab.wait_for_timeout(100)
-    refused = picture(tab)
-    new = np.abs(refused - above).max(axis=-1) > 40  # the arm has not moved
-    red = (refused[..., 0] > 2 * refused[..., 1]) & (refused[..., 0] > 2 * refused[..., 2])
-    assert (new & red).sum() > 300
+    until_seen(tab, lambda now: is_refused(now, above))  # the arm has not moved
     is_accessible(tab)
 
 
@@ -85,6 +100,5 @@ def test_a_mesh_that_is_not_one_leaves_the_rest(open_page: Open) -> None:
     tab = open_page(prepare=prepare)
     shows(tab, "#positions", "joint_1")
     tab.locator("#arm canvas").wait_for()
-    tab.wait_for_timeout(100)
+    until_seen(tab, is_drawn)
     assert len(served) == 1
-    assert len(np.unique(picture(tab).reshape(-1, 3), axis=0)) > 50

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from tests.support.servers.browsing import Open, Tab, forget, is_accessible, shows
+from tests.support.servers.browsing import Open, Tab, expect, forget, is_accessible, shows
 from tests.support.servers.serving import Served
 
 pytestmark = pytest.mark.slow
@@ -65,20 +65,20 @@ def test_why_an_earlier_run_failed(open_page: Open, page_server: Served) -> None
     shows(tab, "#shown", "^task 20 deliver, recorded$")
     shows(tab, "#failure", "deliver failed.*<img src=x onerror=alert.1.> is not there")
     shows(tab, "#failure", "20_deliver.yaml:11")
-    assert tab.get_attribute(row("Fail"), "data-status") == "FAILURE"
-    assert tab.locator("#tree .at-work").count() == 4  # the path to the failure
+    expect(tab, row("Fail")).to_have_attribute("data-status", "FAILURE")
+    expect(tab, "#tree .at-work").to_have_count(4)  # the path to the failure
     tab.click("#failure .link")
-    assert tab.get_attribute(row("Fail"), "aria-selected") == "true"
+    expect(tab, row("Fail")).to_have_attribute("aria-selected", "true")
     shows(tab, "#node", "deliver/retry/sequence/Fail")
     tab.keyboard.press("ArrowUp")
     assert focused(tab) == "deliver/retry/sequence/show"
     shows(tab, "#node", "show.yaml:5, used by 20_deliver.yaml:9.*text.*<b>bold</b>")
     for key in ("ArrowLeft", "ArrowLeft"):  # to the sequence, which it then folds
         tab.keyboard.press(key)
-    assert tab.locator(row("Fail")).count() == 0
-    assert tab.get_attribute(row("sequence"), "aria-expanded") == "false"
+    expect(tab, row("Fail")).to_have_count(0)
+    expect(tab, row("sequence")).to_have_attribute("aria-expanded", "false")
     tab.fill("#search", "is not there")
-    assert tab.locator("#tree .name").all_inner_texts() == ["deliver", "retry", "sequence", "Fail"]
+    expect(tab, "#tree .name").to_have_text(["deliver", "retry", "sequence", "Fail"])
     is_accessible(tab)
 
 
@@ -100,7 +100,7 @@ def test_a_breakpoint_holds_the_goal_until_a_step(open_page: Open, page_server: 
     tab.click("#resume")
     shows(tab, "#goal-state", "^failed$")
     assert page_server.executive.status().breakpoints == ()
-    assert tab.is_disabled("#pause")
+    expect(tab, "#pause").to_be_disabled()
 
 
 def test_a_goal_that_begins_while_an_earlier_run_loads_is_shown(
@@ -126,7 +126,7 @@ def test_a_goal_that_begins_while_an_earlier_run_loads_is_shown(
 
 
 def test_a_tab_that_is_not_signed_in_changes_nothing(open_page: Open, page_server: Served) -> None:
-    tab = open_page(page_server.server.url)
+    tab, before = open_page(page_server.server.url), page_server.executive.status().breakpoints
     page_server.executive.send(WAIT)
     shows(tab, "#running", "^wait$")
     tab.context.set_offline(True)
@@ -136,11 +136,11 @@ def test_a_tab_that_is_not_signed_in_changes_nothing(open_page: Open, page_serve
     shows(tab, "#running", "^wait$")
     forget(tab, "ERR_INTERNET_DISCONNECTED")
     assert "\u00d7" not in tab.inner_text("#tree")
-    assert tab.is_disabled("#pause")
+    expect(tab, "#pause").to_be_disabled()
     tab.click(".row .point")
     shows(tab, "#control-error", "needs the server's token")
     forget(tab, "401")
-    assert page_server.executive.status().breakpoints == ()
+    assert page_server.executive.status().breakpoints == before
 
 
 def test_a_thousand_nodes_are_folded_around_what_runs(open_page: Open, page_server: Served) -> None:
@@ -148,13 +148,13 @@ def test_a_thousand_nodes_are_folded_around_what_runs(open_page: Open, page_serv
     tab = open_page()
     page_server.executive.send(LARGE)
     shows(tab, "#running", "^Wait$")
-    assert tab.locator("#tree .row").count() == 42
-    assert tab.get_attribute(row("Wait"), "data-status") == "RUNNING"
-    assert tab.evaluate("document.getElementById('tree').scrollTop") > 0  # it follows
+    expect(tab, "#tree .row").to_have_count(42)
+    expect(tab, row("Wait")).to_have_attribute("data-status", "RUNNING")
+    tab.wait_for_function("() => document.getElementById('tree').scrollTop > 0")  # it follows
     tab.click(".row:nth-child(2) .fold")
-    assert tab.locator("#tree .row").count() == 42 + STEPS
+    expect(tab, "#tree .row").to_have_count(42 + STEPS)
     tab.fill("#search", "line 7")
-    assert tab.locator("#tree .row").count() == 1 + 40 + 40
+    expect(tab, "#tree .row").to_have_count(1 + 40 + 40)
     is_accessible(tab)
     tab.keyboard.press("Escape")
     shows(tab, "#goal-state", "^canceled$")

@@ -26,7 +26,7 @@ pytestmark = pytest.mark.slow
 
 BAUD = 115200
 STATUS = 131  # length of our firmware's answer to a question [bytes]
-PATIENCE = 10.0  # longer than anything here takes [s]
+PATIENCE = 60.0  # longer than anything here takes [s]
 EAGER = dataclasses.replace(ROBOT, serial=dataclasses.replace(ROBOT.serial, boot_wait=0.0))
 
 
