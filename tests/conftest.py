@@ -18,7 +18,7 @@ from executive.cli.support.run_tasks import TaskSequence
 from executive.executive import Executive
 from executive.setup import Setup
 from executive.testing import SharedPool
-from hardware import Arm, BoardLink, Robot, SimulatedClock, load_robot
+from hardware import Arm, BoardLink, Clock, RealClock, Robot, SimulatedClock, load_robot
 from skills import Context, Operator, Skill, SkillEvent
 from skills.motion import Plan, Pool, Query, Request, Result
 from tests.support.arms.virtual_boards import virtual_board
@@ -34,7 +34,12 @@ os.environ["XDG_CONFIG_HOME"] = os.devnull  # no settings of the person who runs
 
 # How long an example takes says how busy the machine is.
 settings.register_profile("suite", deadline=None, suppress_health_check=[HealthCheck.too_slow])
-settings.load_profile("suite")
+settings.register_profile("quick", settings.get_profile("suite"), max_examples=20)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """`make quick` tries fewer examples, except of tests that say how many."""
+    settings.load_profile("quick" if config.option.markexpr == "not slow" else "suite")
 
 
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
@@ -134,6 +139,28 @@ def shared_pool(robot: Robot, shared_clock: SimulatedClock) -> Iterator[Pool]:
     pool.start()
     yield pool
     pool.close()
+
+
+class KeptPool(SharedPool):
+    """A planner that stays for the next one who uses it."""
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
+@pytest.fixture(scope="session", autouse=True)
+def planner_of_checks() -> Iterator[None]:
+    """All checks of files for the shipped robot use one planner: a new one takes half a second."""
+    robot = load_robot(None)
+    kept = KeptPool(robot, 1, RealClock())
+
+    def planner(other: Robot, workers: int, clock: Clock) -> Pool:
+        return kept if other == robot else Pool(other, workers, clock)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("trees.check.Pool", planner)
+        yield
+    super(KeptPool, kept).close()
 
 
 @pytest.fixture

@@ -61,6 +61,7 @@ def test_the_top_level_is_as_agreed() -> None:
     assert {name for name in ours if not name.startswith(".")} == agreed
 
 
+@pytest.mark.slow
 def test_the_names_are_ours() -> None:
     claims = importlib.metadata.packages_distributions()
     assert {n: claims[n] for n in ROOMS if set(claims.get(n, ["armtree"])) != {"armtree"}} == {}

@@ -90,6 +90,7 @@ def test_cancel_during_boot(rig: RigMaker) -> None:
     assert arm.recorded(logs.Result)[0].duration == pytest.approx(0.5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("node", ["PlanArm", "PlanGripper"])
 def test_cancel_during_planning(rig: RigMaker, node: str) -> None:
     arm = rig()
@@ -98,6 +99,7 @@ def test_cancel_during_planning(rig: RigMaker, node: str) -> None:
     check_canceled(arm, 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("node", ["SetStart", "CheckBounds", "PlanArm", "PlanGripper"])
 def test_cancel_when_a_node_is_done(rig: RigMaker, node: str) -> None:
     arm = rig()
@@ -106,6 +108,7 @@ def test_cancel_when_a_node_is_done(rig: RigMaker, node: str) -> None:
     check_canceled(arm, 0)
 
 
+@pytest.mark.slow
 def test_cancel_during_the_check_of_the_frames(rig: RigMaker) -> None:
     arm = rig()
     at(arm, "Execute", arm.cancel)
@@ -113,6 +116,7 @@ def test_cancel_during_the_check_of_the_frames(rig: RigMaker) -> None:
     check_canceled(arm, 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", range(1, 32))
 def test_cancel_at_every_frame(rig: RigMaker, number: int) -> None:
     arm = rig()
@@ -185,6 +189,7 @@ def test_a_cancel_in_the_middle_of_a_tick(rig: RigMaker, monkeypatch: pytest.Mon
 # Faults
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("node", ["PlanArm", "PlanGripper", "Execute"])
 def test_unplugged_before_it_moves(rig: RigMaker, node: str) -> None:
     arm = rig()

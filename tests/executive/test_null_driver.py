@@ -51,6 +51,7 @@ def test_plan(trees: Path) -> None:
     assert "finger_1 = 1000 mm is outside its limits, 0 mm to 40 mm" in str(result.exception)
 
 
+@pytest.mark.slow
 def test_it_moves_on_the_virtual_port_and_the_recording_proves_it(trees: Path) -> None:
     with SimulatedArm(trees=trees, robot=Path(ARM)) as arm:
         outcome = arm.run(7)
@@ -78,6 +79,7 @@ def test_a_real_port_is_refused(trees: Path, command: list[str]) -> None:
     assert "names no driver, so nothing can be sent to the port /dev/ttyACM0" in words
 
 
+@pytest.mark.slow
 def test_doctor_says_so(trees: Path) -> None:
     arguments = ["doctor", "--robot", ARM, "--recordings", str(trees)]
     result = CliRunner().invoke(cli, arguments)
@@ -87,6 +89,7 @@ def test_doctor_says_so(trees: Path) -> None:
     assert "NO  port" in result.output
 
 
+@pytest.mark.slow
 def test_what_turns_without_end_is_moved_as_the_skill_does(tmp_path: Path) -> None:
     arm = ("--robot", str(DATA / "endless.toml"), "-o", str(tmp_path / "plan.png"))
     result = CliRunner().invoke(cli, ["plan", "turn=-170deg", "--start", "turn=3", *arm])

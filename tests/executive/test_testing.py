@@ -11,6 +11,7 @@ from executive.testing import SimulatedArm
 from tests.support.paths import EXAMPLES
 
 
+@pytest.mark.slow
 def test_a_task_and_its_functions() -> None:
     with SimulatedArm(trees=EXAMPLES, skills=EXAMPLES / "skills") as rehearsal:
         rehearsal.replace("measure", lambda samples, cancel: 0.75)

@@ -205,6 +205,7 @@ def test_subtrees_too_deep_in_each_other(shop: Shop) -> None:
         shop.build("- subtree: s0")
 
 
+@pytest.mark.slow
 def test_a_bomb_of_subtrees(shop: Shop) -> None:
     for number in range(7):
         many = ", ".join([f"subtree: s{number + 1}"] * 20)

@@ -44,6 +44,7 @@ def said(rig: Rig, name: str) -> list[str]:
     return [r.message for r in records if r.name == name and r.status in ("SUCCESS", "FAILURE")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [3, 4, 5, 6, 7, 8])
 def test_an_example(examples: Rig, number: int) -> None:
     (outcome,) = examples.run(number)
@@ -55,6 +56,7 @@ def test_an_example(examples: Rig, number: int) -> None:
     assert verification.holds, verification.text()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [3, 4, 5, 6, 7, 8])
 def test_an_example_is_the_same_with_every_file_and_value_in_its_place(
     examples: Rig, rig: RigMaker, tmp_path: Path, number: int

@@ -215,6 +215,7 @@ def _text(mistake: Mistake) -> str:
     return mistake.instead.text if mistake.instead else ""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("right", "wrong", "said", "instead"), MISTAKES, ids=range(len(MISTAKES)))
 def test_a_mistake_has_one_message(
     found: Found, right: str, wrong: str, said: str, instead: str
@@ -333,6 +334,7 @@ def of_cases(robot: Robot, tmp_path_factory: pytest.TempPathFactory) -> Found:
     return dict(zip(CASES, mistakes_of(robot, tmp_path_factory.mktemp("c"), files), strict=True))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_what_is_said_of_a_wrong_file(of_cases: Found, name: str) -> None:
     assert wrong_tasks.said(of_cases[name]) == CASES[name].said

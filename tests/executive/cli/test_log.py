@@ -27,6 +27,7 @@ def test_ls_lists_the_folder_in_which_it_is_typed_or_says_where_it_looked(
     assert CliRunner().invoke(cli, ["log", "show", "latest"]).exit_code == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("command", "last", "status"),
     [

@@ -73,6 +73,7 @@ def test_two_commands_from_a_makers_urdf_to_a_motion(folder: Path, file: str) ->
     assert verified.holds, verified.text()
 
 
+@pytest.mark.slow
 def test_a_task_of_a_new_arm_runs_without_a_board(folder: Path) -> None:
     assert armtree("new-arm", "arm.urdf").exit_code == 0
     assert armtree("new", "3", "wave", "--robot", "arm.toml").exit_code == 0
@@ -93,14 +94,16 @@ def test_what_was_guessed_is_said_and_can_be_given(folder: Path) -> None:
 
 @pytest.mark.slow
 def test_the_gripper_opens_and_closes(folder: Path) -> None:
+    short = '<limit lower="-0.02" upper="0.02" velocity="2" effort="1"/>'
+    (folder / "arm.urdf").write_text(urdf([*ARM[:2], f"{ARM[2]} {short}"]))
     said = armtree("new-arm", "arm.urdf").output
-    assert "open gripper 1000.0 mm, closed gripper -1000.0 mm, in trees/arm/poses.yaml" in said
+    assert "open gripper 20.0 mm, closed gripper -20.0 mm, in trees/arm/poses.yaml" in said
     poses = folder / "trees/arm/poses.yaml"
     assert (
         "# pads = { c = [0.0, 0.0, 0.0], b = [0.0, 0.0, 0.0] }" in (folder / "arm.toml").read_text()
     )
     assert "If `armtree move open` closes the\n# gripper, swap the two names." in poses.read_text()
-    for name, position in (("open", 1.0), ("closed", -1.0)):
+    for name, position in (("open", 0.02), ("closed", -0.02)):
         assert armtree("move", name, "--robot", "arm.toml").exit_code == 0
         where = json.loads(armtree("where", "--json", "--robot", "arm.toml").output)
         assert where["commanded"]["gripper"] == position

@@ -19,6 +19,7 @@ def folder(tmp_path: Path, picked: Path, monkeypatch: pytest.MonkeyPatch) -> Pat
     return picked.parent
 
 
+@pytest.mark.slow
 def test_a_pose_from_a_recording_to_a_task(folder: Path) -> None:
     status, out, error = type_command(folder, "pose", "save", "there")
     assert (status, error) == (0, "")

@@ -110,6 +110,7 @@ def test_new_writes_a_task_that_is_right(tmp_path: Path) -> None:
     assert "task 3 is in" in str(again.exception)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["seven_axes", "endless"])
 def test_new_writes_a_task_that_runs_on_any_arm(tmp_path: Path, name: str) -> None:
     robot = ("--robot", str(DATA / f"{name}.toml"), "--trees", str(tmp_path))

@@ -132,6 +132,7 @@ def unreset(robot: Robot) -> Robot:
     return dataclasses.replace(robot, serial=dataclasses.replace(robot.serial, resets=False))
 
 
+@pytest.mark.slow
 def test_a_pose_is_offered_and_confirmed(robot: Robot, rig: RigMaker, tmp_path: Path) -> None:
     arm = rig()
     (outcome,) = arm.run(1)

@@ -142,6 +142,7 @@ def test_a_pause_round_a_corner(rig: RigMaker, tasks: Path, together: str, numbe
     assert verification.holds, verification.text()
 
 
+@pytest.mark.slow
 def test_many_pauses(rig: RigMaker, tasks: Path) -> None:
     (tasks / "12_round.yaml").write_text(ROUND.replace("TOGETHER", "false"))
     straight, arm = rig(tasks), rig(tasks)

@@ -93,6 +93,7 @@ def test_the_rest_is_refused_if_the_arm_was_moved(rig: RigMaker, tasks: Path, ta
     assert refused(arm, task, lambda: push(arm)) == "plan.start_moved"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [1, 10, 30, 31])
 def test_a_replay_resumes_from_standstill(rig: RigMaker, tasks: Path, number: int) -> None:
     straight, arm = rig(tasks), rig(tasks)

@@ -80,6 +80,7 @@ def test_a_run_without_a_motion_needs_no_meshes(site: Path) -> None:
     assert verify(recording).holds
 
 
+@pytest.mark.slow
 def test_its_robot_is_written_for_viewers_and_commands(site: Path, tmp_path: Path) -> None:
     files = extract_robot(Recording(recorded(site)), tmp_path / "out")
     names = [path.name.partition("_")[2] for path in files[2:]]
@@ -88,6 +89,7 @@ def test_its_robot_is_written_for_viewers_and_commands(site: Path, tmp_path: Pat
     assert RobotModel(load_robot(files[0])).exact
 
 
+@pytest.mark.slow
 def test_meshes_that_are_only_drawn_are_left_out_first(
     site: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -97,6 +99,7 @@ def test_meshes_that_are_only_drawn_are_left_out_first(
     assert not any("shell" in name for name in Recording(recording).files)
 
 
+@pytest.mark.slow
 def test_meshes_that_are_too_large_are_not_attached_and_the_verification_says_so(
     site: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -135,6 +135,7 @@ def test_a_motion_that_jumps_is_refused(robot: Robot, jump: float, between: str)
     assert raised.value.code == "hw.too_fast"
 
 
+@pytest.mark.slow
 def test_a_motion_of_a_year_is_refused_before_it_is_sampled() -> None:
     sampled = []
 
@@ -231,6 +232,7 @@ def test_no_motion_and_no_stop_overruns_the_board(
         assert state.servos == held.servos
 
 
+@pytest.mark.slow
 @settings(max_examples=120, deadline=None)
 @given(
     st.sampled_from([STOCK, OURS]),

@@ -44,6 +44,7 @@ def play(rig: Rig, motion: Schedule, lateness: st.DataObject | None = None) -> N
     rig.wait(origin + motion.duration)
 
 
+@pytest.mark.slow
 @settings(max_examples=30)
 @given(FIRMWARES, st.lists(POSES, min_size=1, max_size=3), st.data())
 def test_every_motion_within_the_limits_is_sent_even_if_frames_are_late(

@@ -74,6 +74,7 @@ def test_the_example_runs_a_task_whose_recording_verifies(package: Path) -> None
     assert all(re.fullmatch("0xa5 02( [0-9a-f]{2}){5}", frame) for frame in frames)
 
 
+@pytest.mark.slow
 def test_a_driver_reads_its_own_keys(robot: Robot) -> None:
     text = robot.path.read_text().replace("sign = -1", "sign = 3")
     robot.path.write_text(text)

@@ -46,6 +46,7 @@ def test_a_frame_of_another_robot_has_no_step(count: int) -> None:
         pacing.step(frame([90] * count))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("joints", range(1, 7))
 @given(data=st.data())
 def test_a_hold_at_any_instant_loses_nothing(joints: int, data: st.DataObject) -> None:

@@ -37,6 +37,7 @@ def built(package: str, folder: Path, share: Path, includes: dict[str, Path]) ->
     return {each["type_name"]: each["hash_string"] for each in types}
 
 
+@pytest.mark.slow
 def test_ros_2_builds_our_types(tmp_path: Path) -> None:
     ours, theirs = tmp_path / "ours" / "msg", tmp_path / "theirs" / "msg"
     for each in (ours, theirs):

@@ -134,6 +134,7 @@ def test_a_recording_has_its_checksums(tmp_path: Path) -> None:
             list(read(path))
 
 
+@pytest.mark.slow
 def test_a_flipped_bit_in_a_journal_costs_what_follows_at_most(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -45,6 +45,7 @@ def test_the_recording_is_made_by_another_process(
     assert not being_written(summary.path)
 
 
+@pytest.mark.slow
 def test_many_at_once(tmp_path: Path, compaction: CompactionProcess) -> None:
     recorders = [recorded(tmp_path / f"{number}.mcap") for number in range(20)]
     threads = [threading.Thread(target=each.close, args=(compaction,)) for each in recorders]

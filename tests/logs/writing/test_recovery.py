@@ -108,6 +108,7 @@ def test_a_damaged_attachment_is_found_and_dropped(tmp_path: Path) -> None:
         assert "task.yaml" not in logs.Recording(path).files
 
 
+@pytest.mark.slow
 def test_every_flip_in_the_footer_is_damage(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     record(path, RUNS["ok"])

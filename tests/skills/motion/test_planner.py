@@ -234,6 +234,7 @@ def cut_off(robot: Robot, tmp_path: Path) -> Planner:
     return Planner(dataclasses.replace(robot, urdf=urdf, collision=rules, joints=(base, *stiff)))
 
 
+@pytest.mark.slow
 def test_no_path(cut_off: Planner, monkeypatch: pytest.MonkeyPatch) -> None:
     """The message says what was tried."""
     monkeypatch.setattr(rrt_connect, "_FIRST_SAMPLES", 10)
@@ -289,6 +290,7 @@ print(digest(planner.plan(SEARCHED)))
 """
 
 
+@pytest.mark.slow
 def test_same_query_same_bytes_in_another_process(planner: Planner, tmp_path: Path) -> None:
     here = digest(planner.plan(SEARCHED))
     assert digest(planner.plan(SEARCHED)) == here

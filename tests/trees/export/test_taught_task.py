@@ -19,6 +19,7 @@ LIFTED = HERE | {"joint_2": 0.0}
 CLOSED = LIFTED | {"joint_4": 0.0}
 
 
+@pytest.mark.slow
 def test_a_task_is_taught_and_runs(robot: Robot, tmp_path: Path) -> None:
     save_pose(robot, tmp_path, "lifted", {name: LIFTED[name] for name in list(LIFTED)[:3]})
     task = TaughtTask(robot, tmp_path, 5, "fetch")

@@ -206,6 +206,7 @@ YAMLISH = st.lists(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=500, deadline=None)
 @given(YAMLISH.map("".join))
 def test_what_looks_like_yaml_is_read_or_refused(text: str) -> None:

@@ -153,6 +153,7 @@ def test_all_mistakes_at_once_in_the_order_of_lines() -> None:
     assert len(lines) == 17  # each mistake with its line and a caret, one with a correction
 
 
+@pytest.mark.slow
 def test_very_many_mistakes_are_not_all_reported() -> None:
     text = f"{T}  sequence: [{', '.join(['[]'] * 1000)}]\n"
     with pytest.raises(FileError) as caught:

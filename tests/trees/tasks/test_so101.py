@@ -27,6 +27,7 @@ def test_a_task_succeeds(arm: SimulatedArm, task: str) -> None:
     assert arm.frames
 
 
+@pytest.mark.slow
 def test_a_run_is_verified_and_its_recording_is_small(arm: SimulatedArm) -> None:
     path = Path(arm.run("rest").recording)
     assert path.stat().st_size < 2**20
@@ -34,6 +35,7 @@ def test_a_run_is_verified_and_its_recording_is_small(arm: SimulatedArm) -> None
     assert verified.holds, verified.text()
 
 
+@pytest.mark.slow
 def test_a_recording_has_the_measured_motion_beside_the_commanded_one(arm: SimulatedArm) -> None:
     path = Path(arm.run("rest").recording)
     commanded, measured = table(path, "/joint_states"), table(path, "/joint_states/measured")

@@ -93,6 +93,7 @@ def test_acknowledgements_count_received_frames(
     assert acks.next_poll == math.inf
 
 
+@pytest.mark.slow
 def test_the_count_wraps() -> None:
     acks, total = booted(), 0
     for number in range(1, 0x10000 + 3):

@@ -36,6 +36,7 @@ class TestScs(DriverContract):
         self.robot_file = bus_arm(tmp_path, "scs")
 
 
+@pytest.mark.slow
 def test_the_servos_follow_a_motion(tmp_path: Path) -> None:
     with rig(tmp_path) as made:
         made.arm.activate()
@@ -65,6 +66,7 @@ def test_an_arm_starts_where_its_servos_are_and_does_not_jump(tmp_path: Path) ->
         assert all(state.torque.values())
 
 
+@pytest.mark.slow
 def test_what_the_servos_measure_is_the_state_of_the_arm(tmp_path: Path) -> None:
     with rig(tmp_path) as made:
         assert made.arm.measured is None
@@ -124,6 +126,7 @@ def test_a_pose_outside_the_limits_is_refused(tmp_path: Path) -> None:
             made.arm.activate()
 
 
+@pytest.mark.slow
 def test_lost_and_damaged_answers_are_asked_for_again(tmp_path: Path) -> None:
     faults = Fault("lose", 2, 2.0, 3), Fault("damage", 4, 3.0, 3)
     with rig(tmp_path, *faults) as made:
@@ -132,6 +135,7 @@ def test_lost_and_damaged_answers_are_asked_for_again(tmp_path: Path) -> None:
         assert not made.faults
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("fault", "error", "words"),
     [

@@ -45,6 +45,7 @@ def mesh(folder: Path, points: object, faces: object, size: float = 0.1) -> Mesh
     return Mesh(str(file), (size, size, size))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", [SHEET, TRIANGLE, rod(64), rod(300), rod(1000)])
 @pytest.mark.parametrize("height", [0.6, 0.15])
 def test_thin_and_round_bodies_are_checked_exactly(

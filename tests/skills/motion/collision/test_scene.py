@@ -84,6 +84,7 @@ def test_a_world_with_as_many_bodies_as_it_may_have(robot: Robot) -> None:
         planner.plan(dataclasses.replace(query, world=World((*cubes, hand))))
 
 
+@pytest.mark.slow
 def test_bodies_on_two_links_give_too_many_pairs(robot: Robot) -> None:
     bodies = [
         Body(f"b{i}", Sphere(0.001), link=("claw_support", "base_plate")[i % 2]) for i in range(900)
@@ -114,6 +115,7 @@ def test_mimic_joints_move_with_their_leader(checker: CollisionChecker) -> None:
     assert turned == pytest.approx([-0.7, 0.7])
 
 
+@pytest.mark.slow
 def test_no_pair_exceeds_its_bound_on_travel(robot: Robot) -> None:
     """Corners of the outer link in the frame of the inner one, for random moves of each joint."""
     model, random = PlanningScene(robot), np.random.default_rng(1)

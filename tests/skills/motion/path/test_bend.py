@@ -35,6 +35,7 @@ def planned(count: int) -> Iterator[Plan]:
             yield plan
 
 
+@pytest.mark.slow
 def test_bends_are_free_and_within_the_limits() -> None:
     checker, found = CollisionChecker(PlanningScene(ROBOT, POST)), 0
     for plan in planned(60):

@@ -194,6 +194,7 @@ def test_cancel_kills_the_process_and_the_next_job_succeeds(pool: Pool) -> None:
     assert len(running_job.results) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGABRT, signal.SIGSEGV])
 def test_a_worker_that_dies_affects_only_its_job(pool: Pool, how: signal.Signals) -> None:
     assert isinstance(ask(pool, PICK), Plan)
@@ -207,6 +208,7 @@ def test_a_worker_that_dies_affects_only_its_job(pool: Pool, how: signal.Signals
     assert isinstance(ask(pool, PICK), Plan)
 
 
+@pytest.mark.slow
 def test_a_worker_that_dies_while_idle_affects_no_job(pool: Pool) -> None:
     assert isinstance(ask(pool, PICK), Plan)
     worker = pid(pool)
@@ -215,6 +217,7 @@ def test_a_worker_that_dies_while_idle_affects_no_job(pool: Pool) -> None:
     assert isinstance(ask(pool, PICK), Plan)
 
 
+@pytest.mark.slow
 def test_a_worker_that_dies_while_idle_is_replaced(robot: Robot) -> None:
     pool = Pool(robot, 2, RealClock())
     pool.start()
@@ -247,6 +250,7 @@ def test_a_worker_that_hangs_is_killed(pool: Pool) -> None:
     assert not running(worker)
 
 
+@pytest.mark.slow
 def test_a_worker_that_is_stopped_while_idle_affects_no_job(pool: Pool) -> None:
     assert isinstance(ask(pool, BENT), Plan)
     worker = pid(pool)
@@ -273,6 +277,7 @@ class _Hungry:
         return bytearray, (8 * 2**30,)
 
 
+@pytest.mark.slow
 def test_a_worker_with_too_much_memory_affects_only_its_job(pool: Pool) -> None:
     died = ask(pool, dataclasses.replace(PICK, seed=cast("int", _Hungry())))
     assert isinstance(died, WorkerDied)
@@ -301,6 +306,7 @@ pool.close()
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("limit", "says"),
     [
@@ -343,6 +349,7 @@ def test_ctrl_c_does_not_reach_a_worker(pool: Pool) -> None:
     assert os.getsid(worker) != os.getsid(0)
 
 
+@pytest.mark.slow
 def test_an_unusable_model_is_reported(robot: Robot, tmp_path: Path) -> None:
     broken = tmp_path / "broken.urdf"
     broken.write_text("<robot name='x'><link name='a'/><link name='b'/></robot>")
@@ -356,6 +363,7 @@ def test_an_unusable_model_is_reported(robot: Robot, tmp_path: Path) -> None:
     pool.close()
 
 
+@pytest.mark.slow
 def test_close_cancels_all_and_leaves_nothing(robot: Robot) -> None:
     before = set(threading.enumerate())
     pool = Pool(robot, 2, RealClock())
@@ -373,6 +381,7 @@ def test_close_cancels_all_and_leaves_nothing(robot: Robot) -> None:
     assert isinstance(ask(pool, PICK), PlanCanceled)
 
 
+@pytest.mark.slow
 def test_simulated_time_stands_still_while_a_worker_plans(robot: Robot) -> None:
     clock = SimulatedClock()
     pool = Pool(robot, 1, clock)
@@ -408,6 +417,7 @@ os._exit(0)
 """
 
 
+@pytest.mark.slow
 def test_workers_end_with_their_parent() -> None:
     root = str(ROOT)
     with subprocess.Popen(
@@ -428,6 +438,7 @@ def _wait_for_end(watch: int) -> None:
     os.close(watch)
 
 
+@pytest.mark.slow
 def test_the_parent_loads_no_planning_library() -> None:
     heavy = {"pinocchio", "coal", "toppra", "scipy", "matplotlib"}
     code = f"import sys, skills.motion; print(sorted({heavy} & set(sys.modules)))"

@@ -68,6 +68,7 @@ print(CubicSpline([0, 1, 2], [0, 1, 4])(1.0))
 """
 
 
+@pytest.mark.slow
 def test_toppra_is_loaded_without_scipy_and_matplotlib() -> None:
     """A worker loads it before its first request. The two would take longer than all the rest."""
     root = str(ROOT)
@@ -188,6 +189,7 @@ def test_a_worker_that_closes_its_socket_is_replaced_at_once(
     worker.close()
 
 
+@pytest.mark.slow
 def test_a_worker_that_reads_nothing_is_killed(robot: Robot) -> None:
     """Sending a request of a megabyte ends at the request's timeout."""
     worker = WorkerProcess(robot)

@@ -6,7 +6,9 @@ import os
 import signal
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -30,6 +32,7 @@ SIZES = [(60, 12), (80, 24), (200, 50)]
 RED, YELLOW, CYAN, COLOURS = "31", "33", "36", {str(k) for k in range(30, 38)}
 
 
+@pytest.mark.slow
 def test_the_pictures() -> None:
     """After a wanted change: `python -m tests.support.generated.live_pictures`."""
     assert live_pictures.pictures() == live_pictures.TARGET.read_text()
@@ -77,6 +80,7 @@ def test_a_move_has_no_tree(task: int, nodes: int) -> None:
     assert len(state.nodes) == nodes
 
 
+@pytest.mark.slow
 def test_a_terminal_that_changes_its_size_shows_one_whole_picture() -> None:
     screen = Screen(80, 24)
     console = Console(file=Terminal(screen), width=80, height=24, force_terminal=True)
@@ -105,6 +109,7 @@ def test_a_terminal_that_changes_its_size_shows_one_whole_picture() -> None:
     assert [line.startswith("task 1 pick ") for line in screen.lines].count(True) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [(10, 2), (20, 4), (300, 6)])
 def test_a_tiny_terminal_does_not_scroll(size: tuple[int, int]) -> None:
     screen = Screen(*size)
@@ -155,6 +160,7 @@ def test_the_boot_of_a_server_is_shown_without_a_goal() -> None:
     assert screen.lines == [""]
 
 
+@pytest.mark.slow
 def test_the_angles_at_the_end_are_those_of_the_end_of_the_motion(tmp_path: Path) -> None:
     """The last frame is sent before the motion ends: both are 70 servo degrees."""
     task = "task: 70\nname: end\ndescription: End.\ntree:\n  subtree: move_joints\n"
@@ -172,10 +178,15 @@ def command(folder: Path, robot: Path, *tasks: str) -> list[str]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("size", SIZES)
-def test_a_run_in_a_terminal(tmp_path: Path, robot: Path, size: tuple[int, int]) -> None:
+def test_a_run_in_a_terminal(tmp_path: Path, robot: Path) -> None:
+    with ThreadPoolExecutor() as pool:  # each run takes the time of its motions
+        for _ in pool.map(partial(runs_in_a_terminal, tmp_path, robot), SIZES):
+            pass
+
+
+def runs_in_a_terminal(folder: Path, robot: Path, size: tuple[int, int]) -> None:
     screen = Screen(*size)
-    assert on_screen(command(tmp_path, robot, "1", "4"), screen, {}) == 0
+    assert on_screen(command(folder / str(size), robot, "1", "4"), screen, {}) == 0
     for task in "task 1 pick ", "task 4 pick_and_place ":  # each picture replaces the one before
         assert [line.startswith(task) for line in screen.lines].count(True) == 1
     assert [line.partition(" (")[0] for line in screen.lines if "SUCCEEDED" in line] == [

@@ -173,6 +173,7 @@ def test_a_reader_in_simulated_time_is_woken_for_every_line_at_its_time() -> Non
 # Damage --------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_damaged_and_split_frames_cause_no_angle_that_was_not_sent() -> None:
     damage, dice, made, now = Corruptions(CORRUPTIONS, seed=5), random.Random(6), board(), 0.1
     made.receive(b"bA01;", now)
