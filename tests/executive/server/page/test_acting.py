@@ -94,7 +94,7 @@ def test_the_arm_is_activated_from_the_page(open_page: Open, page_server: Served
     page_server.executive.arm_to("deactivate")
     tab = open_page()
     shows(tab, "#arm-note", "The arm is inactive, so goals fail.")
-    expect(tab, f"{task('0 home')} button").to_be_disabled()
+    expect(tab, f"{task('0 home')} button >> nth=0").to_be_disabled()
     shows(tab, "#opening", "Activating opens the port; the arm then")
     tab.click("#activate")
     shows(tab, "#arm-state", "^active$")
