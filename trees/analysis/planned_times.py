@@ -10,7 +10,6 @@ from skills.merged_motion import MergedMotion
 from skills.motion import Plan, Query, Result
 from trees.compile.compiler import CompiledTree
 from trees.compile.leaf import Leaf
-from trees.nodes.decorators import TimeoutKind
 
 from .predicted_motion import Motion
 
@@ -69,7 +68,7 @@ def _moving_below_timeouts(tree: CompiledTree) -> set[Behaviour]:
     return {
         below
         for node, control in tree.controls.items()
-        if isinstance(control.kind, TimeoutKind)
+        if control.kind.timed
         for below in node.iterate()
         if (leaf := tree.leaves.get(below)) and leaf.skill.moves
     }

@@ -13,7 +13,7 @@ from trees.declarations import ANY, Declaration, type_fits, words
 from trees.errors import Correction, Mistakes, Place
 from trees.nodes.kind import KINDS, Control, ControlNodeKind, Flow
 from trees.nodes.unknown import UnknownKind
-from trees.reading.document import REFUSED, Located, StandIn
+from trees.reading.document import REFUSED, Located, StandIn, nested
 from trees.reading.grammar import UNTYPED, Draft, TaskFile
 from trees.reading.library import Library
 from trees.reading.lines import replaced_block
@@ -500,7 +500,10 @@ class TreeCompiler:
             what: Name for a port in messages; empty to report nothing.
             scope: Scope of the values.
         """
+        given = self._outside(given, known, what) if what else given
         likely = corrections(given, known)
+        joints = {joint.name for joint in self._context.robot.joints} & given.keys() - known.keys()
+        likely = {port: name for port, name in likely.items() if port not in joints}
         unknown = given.keys() - known.keys() - likely.keys()
         missing = [port for port, each in known.items() if each.needed and port not in given]
         said = None
@@ -511,6 +514,9 @@ class TreeCompiler:
             if port not in known:
                 label, name = given[port].label, likely.get(port, "")
                 there = there_are(port, known, given)
+                if port in joints:
+                    inner = (each for each, kind in known.items() if kind.type == "positions")
+                    there = f"{port} is a joint; write it with its angle within {next(inner, '')}"
                 if what:
                     instead = label.replaced(port, name)
                     if name == said and self._edited(label):  # a text with a colon
@@ -522,6 +528,22 @@ class TreeCompiler:
                     self._assume_used((given[port],), scope)
         named = {likely.get(port, port): value for port, value in given.items()}
         return {port: value for port, value in named.items() if port in known}
+
+    def _outside(
+        self, given: Mapping[str, Value], known: Mapping[str, Declaration], what: str
+    ) -> dict[str, Value]:
+        """Return values by port, with those of ports that are written within another one."""
+        found = dict(given)
+        for port, value in given.items():
+            if not isinstance(value, Located):
+                continue
+            within = nested(value)
+            for name in (within.keys() & known.keys()) - given.keys():
+                self._wrong(within[name].label, f"{name} is a {what}; write it beside {port}")
+                found[name] = within[name]
+                rest = {each: item for each, item in within.items() if each not in known}
+                found[port] = replace(value, value=rest)
+        return found
 
     def _edited(self, place: Place) -> bool:
         """Return whether the layout of a line was corrected before it was read."""

@@ -34,6 +34,8 @@ def why_unknown(skill: str, skills: Collection[str], subtrees: Collection[str]) 
     begun = [name for name in subtrees if name.startswith(f"{skill}_")]
     if begun and skill:
         return f"no skill {skill}; subtrees that begin so are {', '.join(begun)}"
+    if skill.lower() in ("run", "goto", "call", "execute"):
+        return f"no skill {skill}; a task runs another one with task: 1, its number"
     if near := synonyms().get(skill):
         return f"no skill {skill}{did_you_mean(near)}"
     own = "; `armtree skills` lists them, and --skills DIR adds your own"

@@ -4,9 +4,9 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
-from trees.declarations import Declaration
+from trees.declarations import LIST, Declaration
 from trees.errors import Correction, Mistakes, Place
-from trees.reading.document import REFUSED, Located
+from trees.reading.document import REFUSED, Located, nested
 from trees.reading.lines import block, replaced_block
 from trees.reading.specs import Key, SkillNode, Value
 from trees.reading.values import fit
@@ -34,6 +34,8 @@ def by_port(
     outputs = declared.keys() - inputs if isinstance(given.get(""), Key) else ()
     ports = [port for port in inputs if declared[port].needed] or inputs or [*outputs]
     whole, named_ports = as_mapping(given), declared.keys() & given.keys()
+    if [*given] == ["x", "y", "z"]:
+        whole = replace(whole, value=[*nested(whole).values()])
     if "" not in given and (named_ports or len(ports) != 1 or not _fits(whole, declared[ports[0]])):
         return given
     value = given.get("", whole)
@@ -50,13 +52,20 @@ def by_port(
     if len(ports) != 1 or nothing:
         wrong(value.place, why)
         return {port: Located(value.place, REFUSED, value.label) for port in ports}
-    place = value.place
+    place, is_list = value.place, not isinstance(value, Key) and isinstance(value.value, list)
+    text = "" if isinstance(value, Key) else str(value.value)
+    pair = re.fullmatch(rf"{ports[0]} ?= ?(.+)", text)
+    if pair and isinstance(value, Located):
+        right = place.replaced(text, f"{{{ports[0]}: {pair[1]}}}")
+        wrong(place, f"a colon separates `{ports[0]}` from its value, not `=`", right)
+        return {ports[0]: replace(value, value=pair[1])}
     if "" in given:
         wrong(place, why, place.replaced(written, wanted))
         return {ports[0]: value}
     before = replace(value.label, column=value.label.column - 1)  # of the bracket, if there is one
     if lines := block(value.label):  # a mapping in lines of its own
-        right = replaced_block(value.label, [f"{ports[0]}:", *(f"  {line}" for line in lines)])
+        below = [f"{ports[0]}:", *(f"  {line}" for line in lines)]
+        right = replaced_block(value.label, [f"{ports[0]}: {written}"] if is_list else below)
     else:
         right = before.replaced(before.brackets, wanted)
     wrong(value.label, why, right)
@@ -107,7 +116,8 @@ def with_port(spec: SkillNode, port: str) -> Correction | None:
 
 def _fits(value: Located, wanted: Declaration) -> bool:
     """Return whether a mapping without references fits a declaration as it is."""
-    if wanted.type != "positions" or not value.value:
+    listed = isinstance(value.value, list) and wanted.type.startswith(LIST)
+    if not (wanted.type == "positions" or listed) or not value.value:
         return False
     mistakes = Mistakes()
     fit(value, wanted, {}, mistakes.add)

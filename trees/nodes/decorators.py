@@ -52,7 +52,7 @@ class TimeoutKind(ControlNodeKind):
     name = "timeout"
     options = {"after": duration("longest time that the child may take", least=0.001)}
     placeholders = {"after": math.inf}
-    may_halt = True
+    may_halt = timed = True
     node = Timeout
 
     def possible_outcomes(self, node: Node) -> PossibleOutcomes:

@@ -115,6 +115,7 @@ class ControlNodeKind(ABC):
         condition: Key of a second child that must be a condition; empty if there is none.
         only_asks: True if its child must be a condition.
         may_halt: True if it may halt children that still run.
+        timed: True if it fails when its child takes too long.
         lasting: True if it may take several ticks, although its children end at once.
         order: How its children follow each other.
         node: Class of its nodes, if these have one child. Its arguments are the name, the child,
@@ -130,6 +131,7 @@ class ControlNodeKind(ABC):
     condition: ClassVar[str] = ""
     only_asks: ClassVar[bool] = False
     may_halt: ClassVar[bool] = False
+    timed: ClassVar[bool] = False
     lasting: ClassVar[bool] = False
     order: ClassVar[Flow] = Flow.SEQUENCE
     node: ClassVar[Callable[..., Behaviour]]

@@ -221,6 +221,7 @@ class WaitForKind(ControlNodeKind):
     """Checks a condition until it holds."""
 
     name = "wait_for"
+    synonyms = ("wait_until", "until")
     options = {"every": duration("period of the checks", 0.1, least=0.01)}
     only_asks = True
     lasting = True

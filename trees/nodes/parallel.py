@@ -101,7 +101,9 @@ class ParallelKind(ControlNodeKind):
     def check(self, node: Node) -> None:
         """Report several children that move the arm."""
         if sum(child.moves() for child in node.below()) > 1:
-            node.wrong("only one node of a parallel may move the arm")
+            node.wrong(
+                "only one node of a parallel may move the arm; put its moves into a sequence"
+            )
 
     def possible_outcomes(self, node: Node) -> PossibleOutcomes:
         """Return the possible outcomes, and report a race that no child can win."""

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from hardware.suggestions import closest, corrections, did_you_mean, there_are
-from trees.declarations import LIST, TYPES, Declaration
+from trees.declarations import LIST, TYPES, UNITS, Declaration
 from trees.errors import Correction, FileError, Mistake, Mistakes
 
 from .document import Located, NotYaml, draft_document, names_within, nested
@@ -365,6 +365,8 @@ class _Parser:
                 text = texts[name]
                 why = f"{text} is a text; the value of the {key[:-1]} {name} is ${name}"
                 right = text.place.replaced(str(text.value), f"${name}")
+                if str(text.value).startswith("-"):
+                    right, why = None, f"{why}; it cannot be negated: declare another {key[:-1]}"
                 self.mistakes.add_last(text.place, why, right)
             elif name not in names and self.nodes.is_name(name):
                 self._wrong(place, f"{key}: nothing in the tree uses ${name}")
@@ -416,7 +418,8 @@ class _Parser:
         kind = value.value
         if isinstance(kind, str) and (kind in TYPES or (opaque and kind[:1].isupper())):
             return kind
-        near = closest(str(kind), TYPES)
+        units = (each for each, names in UNITS.items() if kind in names)
+        near = next(units, closest(str(kind), TYPES))
         why = f"{what}: no type {kind}; there are {_types()}{did_you_mean(near)}"
         self._wrong(value.place, why, value.place.replaced(str(kind), near))
         return UNTYPED

@@ -25,7 +25,8 @@ _FILES = {"subtree": ("with", "name"), "task": ("with", "name")}
 _IF = "there is no if: a selector runs its nodes until one succeeds; begin it with the "
 _ONE_CASE = f"{_IF}inverted condition"
 _TWO_CASES = f"{_IF}sequence of one case, which begins with the condition"
-_OTHER_WORDS = {"else": _TWO_CASES, "if": _ONE_CASE, "then": _ONE_CASE}
+_WHILE = "there is no do: a guard runs its node while a condition holds; write guard: for do:"
+_OTHER_WORDS = {"else": _TWO_CASES, "if": _ONE_CASE, "then": _ONE_CASE, "do": _WHILE}
 _AMOUNT = re.compile(r"[0-9.]+ ?([a-z]+)?")
 
 
@@ -141,7 +142,10 @@ class NodeParser:
         if self.is_name(value.value):
             return value.value
         rule = "a letter, then letters, digits, _ or -"
-        self._wrong(value.place, f"{what}: {value} is not a name ({rule})")
+        stem = str(value.value).removesuffix(".yaml")
+        why, near = f"{what}: {value} is not a name ({rule})", stem if self.is_name(stem) else ""
+        right = value.place.replaced(str(value.value), near)
+        self._wrong(value.place, f"{why}{did_you_mean(near)}", right)
         return ""
 
     def number(self, value: Located, what: str) -> int:

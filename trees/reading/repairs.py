@@ -277,6 +277,8 @@ _SLIPS = (
     (r"()(\()([^()]*)\)", r"{\3}", r"write braces, not parentheses"),
     (r"()(\()([^()]*)\)", r"[\3]", r"write brackets, not parentheses"),
     (r"^(\s*)(//)", r"\1#", r"a comment begins with #, not with //"),
+    (r"^(\s*)(/\*+ ?)(.*?)( ?\*/)?$", r"\1# \3", r"a comment begins with #, not with /*"),
+    (r"()(;)$", r"", r"leave out the `;`"),
     (r"()(;)", r",", r"a comma separates values, not `;`"),
     (r"(: *[-+]?\d+)(,)(?=\d)", r"\1.", r"a point begins the decimals, not a comma"),
     (rf"(: )({_TEXT}(,{_TEXT})+)(?=[,}}])", r'\1"\2"', r"a text with a comma needs quotes"),

@@ -15,6 +15,7 @@ from .document import REFUSED, Located, StandIn
 from .lines import as_mapping
 
 _NUMBER = r"([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)"
+_PRODUCT = re.compile(rf"([-+]?)(?:{_NUMBER}|pi) ?([*/]) ?(?:{_NUMBER}|pi)( ?[a-z]+)?")
 _QUANTITY = re.compile(rf"{_NUMBER} ?([A-Za-z\xb0]\S*)")
 _PYTHON: Mapping[str, tuple[type, ...]] = {
     "integer": (int,),
@@ -35,6 +36,8 @@ _CHOICES = {"equals": "==", "equal": "==", "is": "==", "not": "!=", "less": "<"}
 }
 _SIGNS = str.maketrans({",": ".", "\u2212": "-", "\u2013": "-"})
 _UNIT_NAMES = {"grad": "deg", "\xb0": "deg", "milli": "m", "centi": "c", "zenti": "c"}
+
+_HOME = "home"  # for `armtree home`, the robot file may say it
 
 _LONG, _LONGEST = 100.0, 1e6  # time without a unit that may be in milliseconds [s]
 
@@ -229,7 +232,7 @@ def _number(value: Located, kind: str, wrong: Wrong, finite: bool = True) -> flo
             return None
         number = float(found[1]) * UNITS[kind][found[2]]
     else:
-        near = str(plain).translate(_SIGNS)
+        near = _computed(str(plain)) or str(plain).translate(_SIGNS)
         if kind == "number" and (percent := re.fullmatch(rf"{_NUMBER} ?%", near)):
             near = f"{float(percent[1]) / 100:g}"
         amount = re.fullmatch(rf"{_NUMBER}( ?({'|'.join(UNITS.get(kind, ()))}))?", near)
@@ -239,6 +242,16 @@ def _number(value: Located, kind: str, wrong: Wrong, finite: bool = True) -> flo
         wrong(value.place, f"{value} is not finite")
         return None
     return number
+
+
+def _computed(text: str) -> str:
+    """Return the value of a product or quotient, such as `pi/4`, as text; "" for other texts."""
+    if not (found := _PRODUCT.fullmatch(text)):
+        return ""
+    first, other = (math.pi if each is None else float(each) for each in found.group(2, 4))
+    if found[3] == "/" and not other:
+        return ""
+    return f"{found[1]}{first * other if found[3] == '*' else first / other:.6g}{found[5] or ''}"
 
 
 def _unit(word: str, units: Iterable[str]) -> str:
@@ -259,9 +272,15 @@ def _positions(
         near = closest(value.value, poses)
         instead = value.place.replaced(value.value, near)
         there = f"no pose {value.value}; {there_are(value.value, poses)}"
+        if value.value == _HOME:
+            there += "; that of `armtree home` can be saved with `armtree pose save home`"
         wrong(value.place, there, instead)
         return None
     items = value.value if isinstance(value.value, list) else []
+    if items and all(str(item.value) in poses for item in items):
+        names = " and ".join(str(item.value) for item in items)
+        wrong(value.place, f"a node moves to one pose; write one node for each of {names}")
+        return None
     if items and all(isinstance(item.value, dict) for item in items):
         wrong(
             value.place,
@@ -275,18 +294,44 @@ def _positions(
     if not value.value:
         wrong(value.place, f"{value} names no joint")
         return None
-    for joint, item in value.value.items():
+    if _no_angles(value, value.value, poses, wrong):
+        return None
+    fitted = {
+        joint: _number(item, "angle", wrong, finite=False) for joint, item in value.value.items()
+    }
+    return {joint: REFUSED if number is None else number for joint, number in fitted.items()}
+
+
+def _no_angles(
+    value: Located,
+    joints: Mapping[str, Located],
+    poses: Mapping[str, Mapping[str, float]],
+    wrong: Wrong,
+) -> bool:
+    """Report changes or poses in place of angles; return whether there are any."""
+    if changes := _changes(joints):
+        why = "a += is not for task files: the subtree move_relative changes joints; write it with "
+        wrong(value.place, f"{why}by: {{{changes}}}")
+        return True
+    for joint, item in joints.items():
         pose = joint if item.value is None else item.value
         if isinstance(pose, str) and pose in poses:
             why = (
                 f"{pose} is a pose, not {'a joint' if pose == joint else 'an angle'}: write {pose}"
             )
             wrong(value.place, f"{why} alone", value.place.replaced(value.place.brackets, pose))
-            return None
-    fitted = {
-        joint: _number(item, "angle", wrong, finite=False) for joint, item in value.value.items()
+            return True
+    return False
+
+
+def _changes(joints: Mapping[str, Located]) -> str:
+    """Return changes of joints that are written as for `armtree move`; "" if there are none."""
+    changed = {
+        joint.rstrip("+ "): str(item.value).removeprefix("+=").strip()
+        for joint, item in joints.items()
+        if joint.endswith("+") or str(item.value).startswith("+=")
     }
-    return {joint: REFUSED if number is None else number for joint, number in fitted.items()}
+    return ", ".join(f"{joint}: {by}" for joint, by in changed.items())
 
 
 def _violation(fitted: Any, wanted: Declaration) -> str:

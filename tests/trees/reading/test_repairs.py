@@ -4,21 +4,14 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.generated.wrong_tasks import TASK
 from trees import FileError, Mistake
 from trees.errors import Correction
 from trees.reading.grammar import draft_poses, draft_task
 
 FILE = Path("20_m.yaml")
-RIGHT = """task: 20
-name: m
-description: One mistake.
-tree:
-  sequence:
-    - subtree: reach
-      with: {arm: upright, gripper: open}
-    - subtree: move_joints
-      with: {joints: {joint_1: 20 deg}}
-    - AddBox: {body: cube, size: [1 cm, 1 cm, 1 cm], position: [20 cm, 0, 5 cm]}
+RIGHT = f"""{TASK}\
+    - AddBox: {{body: cube, size: [1 cm, 1 cm, 1 cm], position: [20 cm, 0, 5 cm]}}
     - retry: CheckHardware
       attempts: 3
 """
