@@ -380,7 +380,7 @@ _ROWS = (
     _read_recording(
         "/series",
         "recorded_series",
-        "Return samples of the positions of a whole recording.",
+        "Return what plots show of a whole recording.",
         s.SERIES,
         points={
             "type": "integer",

@@ -403,7 +403,14 @@ _SAMPLES = _object(
         "positions": {"type": "object", "additionalProperties": array(_or_null(NUMBER))},
     }
 )
-SERIES = answer("Series", commanded=_SAMPLES, measured=_SAMPLES)
+SERIES = answer(
+    "Series",
+    commanded=_SAMPLES,
+    measured=_SAMPLES,
+    lateness=_object({"times_s": array(_CLOCK), "late_s": array(NUMBER)}),
+    velocity_limits=_BY_JOINT,
+    events={**array({"type": "object"}), "description": "Progress, and lines of the log."},
+)
 VERIFICATION = answer(
     "Verification",
     holds=BOOLEAN,

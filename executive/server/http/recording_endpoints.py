@@ -95,8 +95,9 @@ class RecordingEndpoints:
         return Response(text, media_type="application/json")
 
     async def recorded_series(self, name: str, points: int = POINTS) -> Json:
-        """Return samples of the positions of a whole recording."""
-        return (await asyncio.to_thread(self._recordings.timeline, name)).series(points)
+        """Return what plots show of a whole recording."""
+        timeline = await asyncio.to_thread(self._recordings.timeline, name)
+        return await asyncio.to_thread(timeline.series, points)
 
     async def recorded_robot(self, name: str) -> Json:
         """Describe the robot of a recording."""

@@ -5,10 +5,11 @@ it never loads a whole recording.
 """
 
 from bisect import bisect_right
-from collections.abc import Iterator, Mapping
+from collections import deque
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import takewhile
-from math import isfinite
+from math import isfinite, nan
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,8 @@ _ROUNDING = 1e-6  # of times that were added and subtracted [s]
 _EVENTS = 500  # a window ends with the chunk in which it reaches this number
 
 _COMMANDED, _MEASURED = "/joint_states", "/joint_states/measured"
-_SENT = ("/serial/tx", "/serial/timing", _COMMANDED)  # messages of a frame, in file order
+_TIMING, _PROGRESS, _LOG = "/serial/timing", "/progress", "/rosout"
+_SENT = ("/serial/tx", _TIMING, _COMMANDED)  # messages of a frame, in file order
 _GOAL, _RESULT, _TREE = "/goal", "/result", "/tree"
 _STATE = (logs.Transition, logs.Feedback, logs.Plan, logs.Schedule, logs.Measured)
 _STEPS = (logs.Goal, logs.NodeStatus, logs.Plan, logs.Schedule, logs.Result)
@@ -125,6 +127,26 @@ class _Samples:
                 self.rows.append(row)
 
 
+class _Thinned:
+    """Places of messages on a topic, at most `POINTS` of them, spread over the recording.
+
+    Args:
+        topic: The topic.
+        begin_ns, end_ns: What is covered [ns].
+    """
+
+    def __init__(self, topic: str, begin_ns: int, end_ns: int) -> None:
+        self._topic, self._next = topic, begin_ns
+        self._step = (end_ns - begin_ns) // POINTS
+        self.places: list[_Place] = []
+
+    def add(self, chunk: Chunk, opened: OpenChunk) -> None:
+        for entry in opened.entries(self._topic):
+            if entry[0] >= self._next and len(self.places) < POINTS:
+                self._next = entry[0] + self._step
+                self.places.append(_Place(chunk, self._topic, entry))
+
+
 class Timeline:
     """The events of a finished recording around any moment. Any thread may call.
 
@@ -150,6 +172,11 @@ class Timeline:
         self._goal_chunk = len(recording.chunks)
         self._commanded = _Samples(recording.begin_ns, recording.end_ns)
         self._measured = _Samples(recording.begin_ns, recording.end_ns)
+        self._timing = _Thinned(_TIMING, recording.begin_ns, recording.end_ns)
+        self._progress = _Thinned(_PROGRESS, recording.begin_ns, recording.end_ns)
+        self._lines = deque[_Place](maxlen=POINTS)
+        self._plan_topics = set(_topics(recording, (logs.Plan,)))
+        self._plans: dict[str, _Place] = {}  # one of each topic
         self.goal: logs.Goal | None = None
         self._read()
         self.began = self.goal.time if self.goal else self._time(recording.begin_ns)
@@ -199,15 +226,48 @@ class Timeline:
         }
 
     def series(self, points: int) -> Json:
-        """Return samples of the commanded and of the measured positions.
+        """Return what plots show of the whole run.
 
         Args:
             points: Largest number of samples, up to `POINTS`.
+
+        Returns:
+            `commanded` and `measured` positions, the `lateness` of frames, the
+            `velocity_limits` by joint, and as `events` the progress and the newest lines of the
+            log. Times of samples are from the beginning of the goal [s].
         """
         return {
             "commanded": self._sampled(self._commanded, points),
             "measured": self._sampled(self._measured, points),
+            "lateness": self._lateness(),
+            "velocity_limits": {
+                joint: limit
+                for plan in self._read_places(self._plans.values())
+                if isinstance(plan, logs.Plan)
+                for joint, limit in zip(plan.joints, plan.velocity_limits, strict=False)
+                if isfinite(limit)
+            },
+            "events": [
+                event_to_json(record)
+                for record in self._read_places((*self._progress.places, *self._lines))
+            ],
         }
+
+    def _lateness(self) -> Json:
+        messages = map(self._message, self._timing.places)
+        timings = [message.fields() for message in messages]
+        due = [each for each in timings if isfinite(each["time"] - (each["scheduled"] or nan))]
+        return {
+            "times_s": [each["time"] - self.began for each in due],
+            "late_s": [each["time"] - each["scheduled"] for each in due],
+        }
+
+    def _read_places(self, places: Iterable[_Place]) -> Iterator[logs.Record]:
+        for place in places:
+            yield from self._recording.grouped([self._message(place)])
+
+    def _message(self, place: _Place) -> logs.Message:
+        return self._recording.open(place.chunk).message(place.topic, place.entry)
 
     def _sampled(self, samples: _Samples, points: int) -> Json:
         step = max(1, -(-len(samples.rows) // points))
@@ -252,6 +312,16 @@ class Timeline:
             count += sum(map(opened.count, newest_of))
             self._commanded.add(_COMMANDED, opened)
             self._measured.add(_MEASURED, opened)
+            self._thin(chunk, opened)
+
+    def _thin(self, chunk: Chunk, opened: OpenChunk) -> None:
+        """Note what `series` returns of a chunk."""
+        self._timing.add(chunk, opened)
+        self._progress.add(chunk, opened)
+        self._lines += (_Place(chunk, _LOG, entry) for entry in opened.entries(_LOG))
+        for topic in self._plan_topics - self._plans.keys():
+            if entry := opened.newest(topic):
+                self._plans[topic] = _Place(chunk, topic, entry)
 
     def _state(self, window: _Window) -> Iterator[Json]:
         if self.goal and self._goal_chunk < window.first:
@@ -259,7 +329,7 @@ class Timeline:
         for node in window.nodes.values():
             yield node.to_json()
         for place in window.newest.values():
-            message = self._recording.open(place.chunk).message(place.topic, place.entry)
+            message = self._message(place)
             if place.topic == _COMMANDED:
                 # The last frame before the window may end in it.
                 rest = self._rest_of_frame(window.first)

@@ -67,3 +67,17 @@ def test_the_log_is_filtered_in_and_out(open_page: Open, page_server: Served) ->
     assert tab.inner_text("#plot-time") == before
     is_accessible(tab)
     executive.cancel(goal)
+
+
+def test_a_recorded_run_is_plotted_too(open_page: Open, page_server: Served) -> None:
+    executive = page_server.executive
+    move = Move(("joint_1=-60deg",))
+    executive.result(executive.send(move).identity)
+    tab = open_page()
+    shows(tab, "#shown", "recorded")
+    shows(tab, "#plot-joints", r"joint_1\s*-(59|60)\.\d deg")
+    shows(tab, "#phases", "executing")
+    late = "#plots figure:nth-child(3) canvas"
+    assert tab.locator(late).evaluate(
+        "each => new Set(each.getContext('2d').getImageData(60, 10, 300, 80).data).size > 2"
+    )

@@ -116,6 +116,11 @@ def test_samples_cover_the_whole_recording(run: Path, timeline: Timeline) -> Non
     values = {q for frame in frames for q in frame.positions}
     assert all(q in values for column in positions.values() for q in column)
     assert Timeline(run).series(50)["measured"]["times_s"] == []
+    whole = timeline.series(50)
+    assert len(whole["lateness"]["late_s"]) > 20
+    assert set(whole["velocity_limits"]) >= set(positions)
+    phases = [each["phase"] for each in whole["events"] if each["event"] == "feedback"]
+    assert {"planning", "executing"} <= set(phases)
 
 
 def test_what_cannot_be_read_by_its_index_says_so(run: Path, tmp_path: Path) -> None:

@@ -97,8 +97,6 @@ export class History {
   version = 0;
   /** @type {Schedule | null} that has not begun */
   #next = null;
-  /** True if the positions are those of `setSamples`. */
-  #sampled = false;
 
   /**
    * Take an event.
@@ -111,7 +109,6 @@ export class History {
         if (event.joints.length) this.#addFrame(event, time);
         break;
       case "measured":
-        if (this.#sampled) break;
         this.measured.add(time, event.joints, event.position);
         this.measuredVelocity.add(time, event.joints, event.velocity);
         break;
@@ -135,16 +132,20 @@ export class History {
   }
 
   /**
-   * Take samples of the positions over the whole run, instead of those in events.
-   * @param {Samples} commanded
-   * @param {Samples} measured
+   * Take what the server has sampled of a whole recording.
+   * @param {object} series
+   * @param {Samples} series.commanded
+   * @param {Samples} series.measured
+   * @param {{ times_s: number[], late_s: number[] }} series.lateness
+   * @param {Record<string, number>} series.velocity_limits
    */
-  setSamples(commanded, measured) {
+  setSeries({ commanded, measured, lateness, velocity_limits: limits }) {
     this.commanded.set(commanded);
     this.measured.set(measured);
     this.velocity.set(slopes(commanded));
     this.measuredVelocity.set(slopes(measured));
-    this.#sampled = true;
+    this.lateness.set({ times_s: lateness.times_s, positions: { frame: lateness.late_s } });
+    this.limits = new Map(Object.entries(limits));
   }
 
   /**
@@ -152,9 +153,8 @@ export class History {
    * @param {number} time
    */
   #addFrame(event, time) {
-    if (!this.#sampled) this.commanded.add(time, event.joints, event.positions);
+    this.commanded.add(time, event.joints, event.positions);
     if (event.scheduled_s === null) {
-      if (this.#sampled) return;
       // A stop: the rest of the motion is not played.
       this.velocity.cut(time);
       this.velocity.add(time, event.joints, event.joints.map(() => 0));
@@ -162,7 +162,7 @@ export class History {
     }
     const late = event.time_s - event.scheduled_s;
     this.lateness.add(time, ["frame"], [late]);
-    if (!this.#next || this.#sampled) return;
+    if (!this.#next) return;
     // A page that is opened during a motion does not see its first frames.
     const number = Math.max(0, this.#next.frames.indexOf(event.data));
     this.#addVelocities(this.#next, time - late - (this.#next.times[number] ?? 0));

@@ -68,7 +68,8 @@ export class RecordedRun extends EventTarget {
     made.duration = Math.max(...times) - made.#began;
     const end = made.#began + made.duration;
     const timed = events.map((event) => ({ time_s: end, ...event })); // the last state has no time
-    made.#take({ from_s: 0, to_s: made.duration, state: [], events: timed, previous_s: null, next_s: null });
+    made.#windows = [{ from_s: 0, to_s: made.duration, state: [], events: timed, previous_s: null, next_s: null }];
+    for (const event of timed) made.history.add(event, event.time_s - made.#began);
     made.seek(made.duration);
     return made;
   }
@@ -82,9 +83,10 @@ export class RecordedRun extends EventTarget {
     this.duration = about.duration_s;
     this.#began = about.began_s;
     const at = Math.min(time ?? this.duration, this.duration);
-    const [{ commanded, measured }] = await Promise.all([get(`${this.#path}/series`), this.#load(at)]);
-    this.#samples = commanded;
-    this.history.setSamples(commanded, measured);
+    const [series] = await Promise.all([get(`${this.#path}/series`), this.#load(at)]);
+    this.#samples = series.commanded;
+    this.history.setSeries(series);
+    for (const event of series.events) this.history.add(event, event.time_s - this.#began);
     this.seek(at);
   }
 
@@ -156,13 +158,8 @@ export class RecordedRun extends EventTarget {
 
   /** @param {number} time */
   async #load(time) {
-    this.#take(await get(`${this.#path}/events?at=${time}`));
-  }
-
-  /** @param {Window} window */
-  #take(window) {
+    const window = await get(`${this.#path}/events?at=${time}`);
     this.#windows = [...this.#windows.slice(1 - MOST_WINDOWS), window];
-    for (const event of [...window.state, ...window.events]) this.history.add(event, event.time_s - this.#began);
   }
 
   /** @param {Window} window */
