@@ -1,6 +1,7 @@
 """`armtree teleop`."""
 
 import sys
+from pathlib import Path
 from typing import Any
 
 import click
@@ -8,6 +9,7 @@ import click
 from .support.command_group import command
 from .support.names import complete_port
 from .support.options import run_options, source_options, speed_option
+from .support.settings import PATH
 
 
 @command()
@@ -18,10 +20,16 @@ from .support.options import run_options, source_options, speed_option
     shell_complete=complete_port,
     help="Port of the arm that you move by hand. It is of the same kind as the arm that follows.",
 )
+@click.option(
+    "--leader-robot",
+    metavar="FILE",
+    type=PATH,
+    help="Robot file of the leader, beside which its own calibration is. Default: --robot.",
+)
 @speed_option
 @source_options
 @run_options
-def teleop(leader: str, speed: float, **options: Any) -> None:
+def teleop(leader: str, leader_robot: Path | None, speed: float, **options: Any) -> None:
     """Move an arm by moving another one by hand.
 
     The leader loses its torque, so hold it. The arm at --port first moves to where the leader is,
@@ -41,4 +49,4 @@ def teleop(leader: str, speed: float, **options: Any) -> None:
     """  # noqa: D301
     from .teleoperation.run import run_teleop
 
-    sys.exit(run_teleop(leader, speed, options))
+    sys.exit(run_teleop(leader, leader_robot, speed, options))

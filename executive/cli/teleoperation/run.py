@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import click
@@ -15,16 +16,20 @@ from executive.cli.terminal.keyboard import key_by_key
 from executive.cli.terminal.streams import echo
 from executive.session import open_executive, port_line
 from executive.setup import Setup
+from hardware import load_robot
 
 from .leader import HandGuidedArm
 from .screen import TeleopScreen
 
 
-def run_teleop(port: str, speed: float, options: Mapping[str, Any]) -> int:
+def run_teleop(
+    port: str, leader_robot: Path | None, speed: float, options: Mapping[str, Any]
+) -> int:
     """Follow the arm at a port until a key or a signal ends it; print where both arms are then.
 
     Args:
         port: Port of the leader.
+        leader_robot: Robot file of the leader; None for that of the arm.
         speed: Share of the robot's speed.
         options: Fields of a `Setup`.
 
@@ -39,7 +44,7 @@ def run_teleop(port: str, speed: float, options: Mapping[str, Any]) -> int:
         raise click.UsageError("a leader needs a person at a terminal")
     raise_priority()
     setup = Setup(**options, single_user=True)
-    robot = setup.load_robot()
+    robot = load_robot(leader_robot) if leader_robot else setup.load_robot()
     leader, left = HandGuidedArm(robot, robot.link(port)), False
     with (
         Interrupts() as interrupts,

@@ -31,9 +31,12 @@ def buses() -> Iterator[tuple[BoardProcess, BoardProcess]]:
 
 
 @pytest.fixture
-def command(buses: tuple[BoardProcess, BoardProcess]) -> list[str]:
+def command(buses: tuple[BoardProcess, BoardProcess], tmp_path: Path) -> list[str]:
     arm, leader = buses
-    return ["teleop", "--robot", "so101", "--port", arm.port, "--leader", leader.port]
+    robot = tmp_path / "so101.toml"
+    text = SO101.path.read_text().replace("needs_calibration = true", "needs_calibration = false")
+    robot.write_text(text.replace('"so101.urdf"', f'"{SO101.urdf}"'))
+    return ["teleop", "--robot", str(robot), "--port", arm.port, "--leader", leader.port]
 
 
 def push(bus: BoardProcess, **joints: float) -> None:
