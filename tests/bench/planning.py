@@ -4,8 +4,9 @@ Our planner and all others that can be installed, each in its own environment, g
 in the same run: two straight motions and one around a block, on three simple axes; random pairs on
 the shipped arm, alone and near a post; random pairs among posts on six and seven axes. All keep the
 same margin, and one reference checker checks all motions every millisecond. Then ours only: motions
-with via points and the rest of stopped motions, checked the same way; growth of the cost, overhead
-of a worker, time to stop it, and memory leaks. `--quick` uses fewer queries.
+with via points and the rest of stopped motions, checked the same way; goals in a shelf, and
+MotionBenchMaker's problems, which are cloned beside the other planners' environments; growth of the
+cost, overhead of a worker, time to stop it, and memory leaks. `--quick` uses fewer queries.
 """
 
 import os
@@ -19,11 +20,12 @@ from pathlib import Path
 sys.path = [folder for folder in sys.path if Path(folder) != Path(__file__).parent]
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
+import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from hardware import load_robot
-from tests.bench.planners import mesh_arms
+from tests.bench.planners import clutter, mesh_arms, narrow
 from tests.bench.planners.compared_planners import PEERS, Score, installed, ours, peer
 from tests.bench.planners.continued_motions import score_continued
 from tests.bench.planners.growth import Growth, growths
@@ -115,7 +117,29 @@ def rows(
     yield Row(
         "mesh_past_deadline_ms", "ms", [x for arm in arms for x in mesh_arms.late(arm, count)]
     )
+    yield from narrow_rows(folder, 5 if quick else 30)
     yield Row("growth_10k_plans_mb", "MB", [growth_mb(robot, 1_000 if quick else 10_000)])
+
+
+def narrow_rows(folder: Path, count: int) -> Iterator[Row]:
+    """Yield the figures of goals in a shelf, each with a sample for each arm."""
+    scores = list(narrow.scores(folder, count))
+    yield Row("narrow_solved", "1", [len(score.spent) / score.queries for score in scores])
+    medians = [statistics.median(score.spent) for score in scores if score.spent]
+    yield Row("narrow_p50_ms", "ms", medians)
+
+
+def clutter_rows(problems: Path, folder: Path, count: int) -> Iterator[Row]:
+    """Yield the figures of MotionBenchMaker's problems, and of collision checks in its scenes."""
+    found = clutter.score(problems, count, folder)
+    yield Row("clutter_solved", "1", [len(found.spent) / found.queries])
+    yield Row("clutter_p50_ms", "ms", [float(np.percentile(found.spent, 50))])
+    yield Row("clutter_p95_ms", "ms", [float(np.percentile(found.spent, 95))])
+    yield Row("clutter_duration_s", "s", [statistics.fmean(found.durations)])
+    yield Row("clutter_colliding", "", [found.colliding])
+    rates = list(clutter.rates(problems, folder))
+    yield Row("configurations_per_s", "1/s", [ours for ours, _ in rates])
+    yield Row("coal_alone_per_s", "1/s", [coal for _, coal in rates])
 
 
 def draw(scores: Sequence[Score], growths: Sequence[Growth], file: Path) -> None:
@@ -185,6 +209,8 @@ def main() -> None:
             runs.append({**runs[0], **again})
         draw(scores, growing, given.plot)
         figures = list(rows(runs, given.quick, folder, overhead))
+        if scenes := clutter.checkout(given.environments, sys.stdout.write):
+            figures += clutter_rows(scenes, folder, 10 if given.quick else 100)
     figures += [Row(f"{g.what}_10x", "1", [g.spent[-1] / g.spent[0]]) for g in growing]
     show(figures, given.json)
     sys.stdout.write(f"{given.plot}\n")

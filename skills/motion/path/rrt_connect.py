@@ -21,6 +21,7 @@ _FIRST_SAMPLES = 1_000  # of the first search; each further one has as many more
 _MAX_SEARCHES = 5
 _RANGE = 0.7  # longest edge of a tree [rad]
 _POINTS = 6  # checked points of an edge
+_SPREAD = 0.25  # standard deviation of samples near a root, as a share of the joint's range
 
 
 def find_path(validator: MotionValidator, start: Array, goals: Array, seed: int) -> Array:
@@ -45,7 +46,8 @@ def find_path(validator: MotionValidator, start: Array, goals: Array, seed: int)
     for search in range(1, _MAX_SEARCHES + 1):
         random = np.random.default_rng((seed, search))
         trees = _Tree(validator, start[None, :]), _Tree(validator, goals)
-        samples = random.uniform(lower, upper, (search * _FIRST_SAMPLES, len(start)))
+        roots = [goals, start[None, :]]  # of the trees that the samples extend, in turn
+        samples = _samples(random, search * _FIRST_SAMPLES, roots, (lower, upper))
         drawn += len(samples)
         for number, sample in enumerate(samples):
             validator.deadline.check()
@@ -58,6 +60,21 @@ def find_path(validator: MotionValidator, start: Array, goals: Array, seed: int)
                 one, other = ways if here is trees[0] else ways[::-1]
                 return np.vstack((trees[0].points[one[::-1]], trees[1].points[other[1:]]))
     raise NoPath(drawn, _MAX_SEARCHES)
+
+
+def _samples(
+    random: np.random.Generator, count: int, roots: list[Array], bounds: tuple[Array, Array]
+) -> Array:
+    """Return samples (count, J) [rad]: two of four are uniform, two are near roots in turn.
+
+    Those near a root find the way out of a narrow place around it.
+    """
+    samples, spread = random.uniform(*bounds, (count, len(bounds[0]))), _SPREAD * np.ptp(bounds, 0)
+    for i, ends in enumerate(roots):
+        local = np.arange(i, count, 4)
+        near = ends[np.arange(len(local)) % len(ends)]
+        samples[local] = near + spread * random.normal(size=near.shape)
+    return np.clip(samples, *bounds)
 
 
 class _Tree:
