@@ -390,6 +390,12 @@ _ROWS = (
         },
     ),
     _read_recording("/robot", "recorded_robot", "Describe the robot of a recording.", s.ROBOT),
+    _read_recording(
+        "/nodes",
+        "recorded_nodes",
+        "List the nodes of a recorded task, with their lines in the recorded files.",
+        s.answer("RecordedNodes", nodes=s.array(s.NODE)),
+    ),
     _read(
         "/api/recordings/{name}/file",
         "recording_file",

@@ -13,7 +13,7 @@ import click
 from executive.api.codes import look_up
 
 from .support.command_group import command, diagnostics
-from .support.names import TASK, complete_node
+from .support.names import RECORDING, TASK, complete_node
 from .support.options import pose_option, robot_option, set_option
 from .support.settings import Whole, local_server, option
 from .terminal.streams import echo
@@ -126,19 +126,36 @@ def status(client: "Client", as_json: bool, robot: Path | None) -> None:
 
 
 @command()
+@click.argument("recording", required=False, type=RECORDING)
 @click.option("--print", "only_print", is_flag=True, help="Print the link, and open no browser.")
 @_with_client
-def view(client: "Client", as_json: bool, only_print: bool) -> None:
+def view(client: "Client", as_json: bool, recording: Path | None, only_print: bool) -> None:
     """Open the page of a server in a browser, signed in.
 
+    With RECORDING, show recordings without an arm and without a server, until Ctrl-C. RECORDING is
+    a file, `latest`, or a folder.
+
     The link works once. It is printed too, for a browser elsewhere.
-    """
+
+    \b
+    Examples:
+      armtree view
+      armtree view latest
+      armtree view recordings
+    """  # noqa: D301
     import webbrowser
 
-    link = client.page_link()
-    echo(json.dumps({"url": link}) if as_json else link)
-    if not (only_print or as_json):
-        webbrowser.open(link)
+    def show(link: str) -> None:
+        echo(json.dumps({"url": link}) if as_json else link)
+        if not (only_print or as_json):
+            webbrowser.open(link)
+
+    if recording is None:
+        show(client.page_link())
+        return
+    from .support.run_server import view_recordings
+
+    view_recordings(recording, show)
 
 
 @command()

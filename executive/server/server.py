@@ -6,21 +6,27 @@ import os
 import re
 import socket
 import threading
+from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Self
 
 import uvicorn
+from starlette.websockets import WebSocket
 
 from executive.api import PORT, token_file
+from executive.api.outcome import CancelCode, CancelResult
 from executive.api.strict_json import MAX_BYTES
 from executive.errors import AddressInUse, ServerError, TooFewFiles
 from executive.executive import Executive
 from executive.goals.questions import Questions, ignore
+from hardware import Clock
 from trees.live_library import LiveLibrary
 
 from .event_hub import EventHub
 from .http.app import App
 from .http.endpoints import Endpoints
+from .http.recording_endpoints import RecordingEndpoints
 from .limits.acceptor import Acceptor
 from .limits.cancel_thread import CancelThread
 from .limits.connections import MAX_HEAD, HttpConnection, SharedState, WebSocketConnection
@@ -133,15 +139,15 @@ class _Uvicorn(uvicorn.Server):
         await asyncio.sleep(0)  # runs the callbacks of closed connections
 
 
-class Server:
-    """The HTTP and rosbridge server of an executive.
+class HttpServer:
+    """A server of some endpoints, with its socket, its token and its thread.
 
-    It listens once it is created, and answers from `start` to `stop` or the end of its context.
+    It listens once it is created, and answers from `serve` to `stop` or the end of its context.
 
     Args:
-        executive: Runs the goals; its library is a `LiveLibrary`.
         listen: Where it listens, and for which clients.
-        questions: Open questions of tasks.
+        clock: Time source.
+        workers: Number of processes that this process starts.
 
     Attributes:
         url: URL of the server, for clients on this machine.
@@ -155,13 +161,11 @@ class Server:
         TooFewFiles: The limit of open files is too low.
     """
 
-    def __init__(self, executive: Executive, listen: ListenOptions, questions: Questions) -> None:
-        assert isinstance(executive.library, LiveLibrary)
+    def __init__(self, listen: ListenOptions, clock: Clock, workers: int = 0) -> None:
         listen.check()
         self._socket = _listen(listen.address, listen.port)
         self.port: int = self._socket.getsockname()[1]
-        self._executive, self._library = executive, executive.library
-        self._clock, self._options, self._questions = executive.clock, listen, questions
+        self._clock, self._options = clock, listen
         address = _LOOPBACK.get(listen.address, listen.address)
         host = next(iter(host_names((address,), self.port)))
         self.url, self.token = f"http://{host}", token_file.new_token()
@@ -173,10 +177,9 @@ class Server:
             self._socket.close()
             raise ServerError(f"cannot write the token file: {error}") from error
         self._loop = asyncio.new_event_loop()
-        self._hub = EventHub(self._loop)
         self._thread: threading.Thread | None = None
         try:
-            self._max_connections = max_connections(executive.setup.workers)
+            self._max_connections = max_connections(workers)
         except TooFewFiles:
             self.stop()
             raise
@@ -192,6 +195,59 @@ class Server:
         """Number of open connections."""
         return len(self._server.server_state.connections)
 
+    def serve(
+        self,
+        endpoints: RecordingEndpoints,
+        stop: Callable[[], asyncio.Future[CancelResult]],
+        rosbridge: Callable[[WebSocket], Awaitable[None]] | None = None,
+    ) -> None:
+        """Start to answer.
+
+        Args:
+            endpoints: Answer the requests.
+            stop: Stops the arm; called in the event loop.
+            rosbridge: Serves a WebSocket; None to serve none.
+        """
+        rules = self._options.rules(self.port, self.token)
+        app = App(endpoints, rules, self._clock, rosbridge)
+        queue = FairQueue(self._loop)
+        state = SharedState(queue, rules, self._max_connections, stop)
+        self._server = _Uvicorn(_config(app), state, self._socket)
+        self._thread = self._clock.spawn(self._run, "network")
+        self._server.ready.wait()
+
+    def stop(self) -> None:
+        """End all answers, and remove the token file; also if it never started."""
+        if self._thread:
+            self._loop.call_soon_threadsafe(self._server.ending.set)
+            self._thread.join()
+        self._socket.close()
+        self._loop.close()
+        token_file.remove(self.port, self._info)
+
+    def _run(self) -> None:
+        with asyncio.Runner(loop_factory=lambda: self._loop) as runner:
+            runner.run(self._server.serve([]))
+
+
+class Server(HttpServer):
+    """The HTTP and rosbridge server of an executive.
+
+    Args:
+        executive: Runs the goals; its library is a `LiveLibrary`.
+        listen: Where it listens, and for which clients.
+        questions: Open questions of tasks.
+
+    Raises:
+        ServerError, AddressInUse, TooFewFiles: As of `HttpServer`.
+    """
+
+    def __init__(self, executive: Executive, listen: ListenOptions, questions: Questions) -> None:
+        assert isinstance(executive.library, LiveLibrary)
+        super().__init__(listen, executive.clock, executive.setup.workers)
+        self._executive, self._library = executive, executive.library
+        self._questions, self._hub = questions, EventHub(self._loop)
+
     def start(self) -> None:
         """Start to answer."""
         self._unsubscribe = self._executive.subscribe(self._hub.publish)
@@ -201,31 +257,48 @@ class Server:
             self._executive, canceler, self._library, self._hub, self._questions, self.sign_in
         )
         bridge = Bridge(self._executive, canceler, self._hub)
-        serve_rosbridge = bridge.serve if self._options.rosbridge else None
-        rules = self._options.rules(self.port, self.token)
-        app = App(endpoints, rules, self._clock, serve_rosbridge)
-        queue = FairQueue(self._loop)
-        state = SharedState(queue, rules, self._max_connections, canceler.stop)
-        self._server = _Uvicorn(_config(app), state, self._socket)
-        self._thread = self._clock.spawn(self._run, "network")
-        self._server.ready.wait()
+        rosbridge = bridge.serve if self._options.rosbridge else None
+        self.serve(endpoints, canceler.stop, rosbridge)
 
     def stop(self) -> None:
         """End all answers and streams, and remove the token file; also if it never started."""
-        if self._thread:
+        started = self._thread is not None
+        if started:
             self._unsubscribe()
             self._questions.changed = ignore
             self._loop.call_soon_threadsafe(self._hub.end)
-            self._loop.call_soon_threadsafe(self._server.ending.set)
-            self._thread.join()
+        super().stop()
+        if started:
             self._canceler.close()
-        self._socket.close()
-        self._loop.close()
-        token_file.remove(self.port, self._info)
 
-    def _run(self) -> None:
-        with asyncio.Runner(loop_factory=lambda: self._loop) as runner:
-            runner.run(self._server.serve([]))
+
+class Viewer(HttpServer):
+    """Serves the page on the recordings of a folder, to this machine.
+
+    Args:
+        folder: The folder.
+        port: TCP port; 0 for any free one.
+        clock: Time source.
+
+    Raises:
+        ServerError, AddressInUse, TooFewFiles: As of `HttpServer`.
+    """
+
+    def __init__(self, folder: Path, port: int, clock: Clock) -> None:
+        super().__init__(ListenOptions(port=port), clock)
+        self._folder = folder
+
+    def start(self) -> None:
+        """Start to answer."""
+        clock = self._clock
+        utc = lambda: clock.epoch_ns() / 1e9 + clock.now()  # noqa: E731
+        self.serve(RecordingEndpoints(self._folder, self.sign_in, utc), self._refuse)
+
+    def _refuse(self) -> asyncio.Future[CancelResult]:
+        """Refuse a stop, because there is no arm."""
+        refused: asyncio.Future[CancelResult] = self._loop.create_future()
+        refused.set_result(CancelResult(CancelCode.REJECTED, ()))
+        return refused
 
 
 def _listen(address: str, port: int) -> socket.socket:

@@ -1,23 +1,25 @@
-"""`armtree serve`: an executive and its server, until a signal comes."""
+"""`armtree serve` and `armtree view RECORDING`: a server, until a signal comes."""
 
 import gc
 import logging
 import logging.handlers
 import queue
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
+from pathlib import Path
+from urllib.parse import urlencode
 
 from executive.api import PORT
-from executive.cli.terminal.streams import LogFormatter
+from executive.cli.terminal.streams import LogFormatter, echo
 from executive.errors import PoseUnconfirmed
 from executive.executive import Executive
 from executive.goals.questions import Questions
-from executive.server.server import ListenOptions, Server
+from executive.server.server import ListenOptions, Server, Viewer
 from executive.session import open_executive, port_line
 from executive.setup import Setup
 from hardware import HardwareError, RealClock, TransitionRefused
-from logs import LogError
+from logs import LogError, NoSuchRecording
 
 from .interrupts import Interrupts
 from .log_handler import recorded_log
@@ -60,6 +62,28 @@ def serve(setup: Setup, listen: ListenOptions) -> None:
                 interrupts.on_cancel(lambda: _leave(executive, interrupts))
                 interrupts.wait()
                 logger.info("Ending: the arm is stopped, goals are canceled")
+
+
+def view_recordings(path: Path, show: Callable[[str], None]) -> None:
+    """Serve the page until a signal comes.
+
+    Args:
+        path: A recording, or a folder of recordings.
+        show: Shows the link to the page.
+
+    Raises:
+        ServerError: The server cannot listen.
+        RecordingError: There is no such file.
+    """
+    folder, named = (path, {}) if path.is_dir() else (path.parent, {"recording": path.name})
+    if named and not path.is_file():
+        raise NoSuchRecording(folder, f"{path.name} does not exist")
+    with Interrupts("Ended at once.") as interrupts, Viewer(folder, 0, RealClock()) as viewer:
+        viewer.start()
+        interrupts.on_cancel(interrupts.end)
+        show(viewer.sign_in.link() + (f"&{urlencode(named)}" if named else ""))
+        echo("Recordings only, no arm. Ctrl-C ends this command.", err=True)
+        interrupts.wait()
 
 
 def _leave(executive: Executive, interrupts: Interrupts) -> None:

@@ -104,6 +104,10 @@ class RecordingEndpoints:
         scene = await asyncio.to_thread(self._recordings.scene, name)
         return await asyncio.to_thread(scene.description)
 
+    async def recorded_nodes(self, name: str) -> Json:
+        """List the nodes of a recorded task."""
+        return {"nodes": await asyncio.to_thread(self._recordings.nodes, name)}
+
     async def recording_file(self, _request: object, name: str) -> Response:
         """Return the file of a recording."""
         path = self._recordings.path(name)

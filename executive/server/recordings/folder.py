@@ -22,6 +22,7 @@ from logs.reading.find import by_name
 from logs.reading.indexed import IndexedRecording
 from logs.writing.retention import delete, pin, pinned, purge, restore
 
+from .recorded_nodes import recorded_nodes
 from .timeline import Timeline
 
 UNDO = 900.0  # a deleted recording can be restored for this time [s]
@@ -79,6 +80,7 @@ class RecordingFolder:
         self._verifying = threading.Lock()
         self._rows = _Cache[Json](MAX_FILES)
         self._timelines = _Cache[Timeline](_OPEN)
+        self._nodes = _Cache[list[Json]](_OPEN)
         self._scenes = _Cache[RobotScene](_OPEN)
 
     def rows(self, query: Query) -> list[Json]:
@@ -129,6 +131,23 @@ class RecordingFolder:
         path = self.path(name)
         make = lambda: RobotScene(restore_robot(IndexedRecording(path)))  # noqa: E731
         return self._scenes.get(_version(path), make)
+
+    def nodes(self, name: str) -> list[Json]:
+        """Return the nodes of a recorded task, as `recorded_nodes` does.
+
+        Raises:
+            NotFound, LogError, DescriptionError: As of `scene`.
+        """
+        path = self.path(name)
+
+        def make() -> list[Json]:
+            recording = IndexedRecording(path)
+            goal = _first(recording, "/goal", 1)
+            if isinstance(goal, logs.Goal) and goal.task != logs.MOVE:
+                return recorded_nodes(recording, goal.task)
+            return []
+
+        return self._nodes.get(_version(path), make)
 
     @property
     def scenes(self) -> list[RobotScene]:

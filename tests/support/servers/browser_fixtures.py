@@ -61,10 +61,11 @@ def open_page(browser: Any, page_server: Served) -> Iterator[Open]:
         tab = context.new_page()
         tab.on("pageerror", lambda error: problems.append(str(error)))
         tab.on("console", lambda line: note(line.text, line.type == "error"))
-        own = (page_server.server.url, "data:", "blob:")
+        address = link or page_server.server.sign_in.link()
+        own = (address.partition("#")[0].rstrip("/"), "data:", "blob:")
         tab.on("request", lambda asked: note(asked.url, not asked.url.startswith(own)))
         prepare(tab)
-        tab.goto(link or page_server.server.sign_in.link())
+        tab.goto(address)
         tab.problems = problems
         return tab
 

@@ -103,3 +103,11 @@ export async function request(path, options) {
   if (cause.code === "request.token" && token !== null) setToken(null);
   throw new Refused(response.status, cause);
 }
+
+/**
+ * Return where the server has a recording.
+ * @param {string} name
+ */
+export function pathOf(name) {
+  return `api/recordings/${encodeURIComponent(name)}`;
+}

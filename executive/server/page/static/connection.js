@@ -42,6 +42,8 @@ export class Connection extends EventTarget {
   alive = false;
   /** Why the server refuses to be watched; empty if it does not. */
   refusal = "";
+  /** False if the server has recordings and no arm. */
+  hasArm = true;
   /** True if too many other tabs have a stream. */
   crowded = false;
 
@@ -51,7 +53,11 @@ export class Connection extends EventTarget {
   #timer = 0;
 
   /** Begin to watch. */
-  start() {
+  async start() {
+    await get("api/health").then(
+      ({ arm }) => (this.hasArm = arm),
+      () => {}, // the first status says why
+    );
     document.addEventListener("visibilitychange", () => {
       if (document.hidden) this.#stream.abort();
       else this.refresh();
@@ -63,8 +69,10 @@ export class Connection extends EventTarget {
   async refresh() {
     clearTimeout(this.#timer);
     try {
-      const status = await get("api/status", AbortSignal.timeout(TIMEOUT));
+      const path = this.hasArm ? "api/status" : "api/health";
+      const status = await get(path, AbortSignal.timeout(TIMEOUT));
       this.#setAlive(true, "");
+      if (!this.hasArm) return this.#beginOnce();
       if (status.uptime_s < this.#uptime) checkSession();
       this.#uptime = status.uptime_s;
       this.dispatchEvent(new CustomEvent("status", { detail: status }));
@@ -73,8 +81,19 @@ export class Connection extends EventTarget {
       const refused = error instanceof Error && "status" in error;
       this.#setAlive(refused, refused ? error.message : "");
     }
+    this.#refreshLater();
+  }
+
+  #refreshLater() {
     clearTimeout(this.#timer);
     if (!document.hidden) this.#timer = setTimeout(() => this.refresh(), PERIOD);
+  }
+
+  /** Begin without a stream of events. */
+  #beginOnce() {
+    if (!this.#streaming) this.dispatchEvent(new Event("begin"));
+    this.#streaming = true;
+    this.#refreshLater();
   }
 
   /**

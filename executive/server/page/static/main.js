@@ -1,6 +1,6 @@
 /** Starts the page: connects the server's events to the model, and the model to the views. */
 
-import { get, session, signIn } from "./api.js";
+import { get, pathOf, session, signIn } from "./api.js";
 import { Connection } from "./connection.js";
 import { byId, oncePerFrame, setText } from "./dom.js";
 import { Cursor } from "./model/cursor.js";
@@ -28,6 +28,8 @@ const shown = new ShownRun();
 const cursor = new Cursor();
 /** @type {import("./connection.js").Status | null} */
 let status = null;
+/** @type {import("./arm/model.js").Robot | null} the robot of the server */
+let live = null;
 
 const drawStop = showStop(() => connection.alive || connection.heard === 0);
 const tree = new TreeView(shown);
@@ -60,15 +62,20 @@ const draw = oncePerFrame(() => {
   runs.draw(shown.recorded?.name ?? runs.recordingOf(shown.live));
   player.draw(runs.recordings);
   comparison.draw(shown, runs.recordings);
-  tasks.draw(runs.tasks, runs.goals, status);
-  move.draw(status);
-  poses.draw(status);
+  if (connection.hasArm) {
+    tasks.draw(runs.tasks, runs.goals, status);
+    move.draw(status);
+    poses.draw(status);
+  }
   plots.draw(shown.history);
   log.draw(shown.history);
 });
 
 connection.addEventListener("begin", async () => {
   questions.clear();
+  runs.hasArm = connection.hasArm;
+  document.body.classList.toggle("no-arm", !connection.hasArm);
+  byId("stop", HTMLElement).hidden = !connection.hasArm;
   await showRobot().catch((error) => setText(byId("no-3d", HTMLElement), `The robot is not shown: ${error.message}`));
   await runs.refresh();
   if (!shown.live.goalId && !shown.recorded) await openAddress();
@@ -88,7 +95,11 @@ connection.addEventListener("status", (event) => {
 });
 connection.addEventListener("change", draw);
 shown.addEventListener("change", () => cursor.extend(shown.length));
-shown.addEventListener("open", () => cursor.follow());
+shown.addEventListener("open", () => {
+  cursor.follow();
+  if (shown.recorded?.name) drawRobotOf(shown.recorded.name);
+  else if (live) drawRobot(live);
+});
 shown.addEventListener("change", draw);
 cursor.addEventListener("change", () => {
   shown.recorded?.seek(cursor.time);
@@ -116,14 +127,31 @@ document.addEventListener("click", (event) => {
 setInterval(draw, 1000); // the age of what is shown
 
 async function showRobot() {
+  if (!connection.hasArm) return; // each recording has its own
   const robot = await get("api/robot");
   setText(byId("robot", HTMLElement), robot.name);
   document.title = `${robot.name}, armtree`;
   setText(byId("opening", HTMLElement), `Activating opens the port; the arm then ${robot.opening}.`);
+  live = robot;
+  drawRobot(robot);
+  Promise.all([move.show(), poses.show(Object.keys(robot.groups))]).then(draw);
+}
+
+/**
+ * Draw another robot, unless it is the same.
+ * @param {import("./arm/model.js").Robot} robot
+ */
+function drawRobot(robot) {
   arm.show(robot, draw);
   plots.show(robot.joints, draw);
   for (const joint of robot.joints) comparison.units.set(joint.name, joint.unit);
-  Promise.all([move.show(), poses.show(Object.keys(robot.groups))]).then(draw);
+}
+
+/** @param {string} name of a recording */
+async function drawRobotOf(name) {
+  const robot = await get(`${pathOf(name)}/robot`).catch(() => live); // a recording may lack it
+  if (robot && shown.recorded?.name === name) drawRobot(robot);
+  if (robot && !connection.hasArm) setText(byId("robot", HTMLElement), robot.name);
 }
 
 /**

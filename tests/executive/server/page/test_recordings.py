@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from executive.api.move import Move
+from executive.server.server import Viewer
 from tests.support.recordings.finished import at_rest
 from tests.support.recordings.long_recording import write_long
 from tests.support.servers.browsing import Open, Tab, forget, is_accessible, shows
@@ -171,9 +172,31 @@ def test_what_is_done_with_a_recording(open_page: Open, page_server: Served) -> 
     shows(tab, "#player-note", "plan -> frames holds.*goal -> plan holds")
     tab.click("#delete")
     shows(tab, "#runs-note", "^Deleted task 0 home.*Undo$")
-    assert tab.is_hidden("#player")
+    tab.locator("#player").wait_for(state="hidden")
     assert not (folder / name).exists()
     is_accessible(tab)
     tab.click("#runs-note button")
     shows(tab, "#runs-note", "^Restored task 0 home")
     assert (folder / name).exists()
+
+
+def test_recordings_are_viewed_without_an_arm(open_page: Open, page_server: Served) -> None:
+    folder = run(page_server, 13)
+    newest = max(folder.glob("*Z-13.mcap"))
+    with Viewer(folder, 0, page_server.clock) as viewer:
+        viewer.start()
+        tab = open_page(f"{viewer.sign_in.link()}&recording={newest.name}&t=0")
+        shows(tab, "#shown", "^task 13 fail, recorded$")
+        shows(tab, "#robot", "arduinobot")
+        shows(tab, ".no-arm-only dd", "recordings only, no arm")
+        for part in ("#stop", "#port", "#tasks", "#move", "#pause", "#live"):
+            assert tab.is_hidden(part)
+        tab.locator("#arm canvas").wait_for()
+        is_accessible(tab)
+        tab.focus("#moment")
+        tab.keyboard.press("End")
+        shows(tab, "#failure", "fail failed.*13_fail.yaml:5")
+        tab.keyboard.press("Escape")  # stops nothing
+        shows(tab, "#session", "signed in")
+        assert not tab.is_disabled("#delete")
+        tab.context.close()

@@ -5,7 +5,7 @@
  * not here yet is asked for; until it comes, the arm is where samples of the whole run show it.
  */
 
-import { get } from "../api.js";
+import { get, pathOf } from "../api.js";
 import { History } from "./history.js";
 import { Run } from "./run.js";
 
@@ -54,7 +54,7 @@ export class RecordedRun extends EventTarget {
   constructor(name) {
     super();
     this.name = name;
-    this.#path = `api/recordings/${encodeURIComponent(name)}`;
+    this.#path = pathOf(name);
   }
 
   /**

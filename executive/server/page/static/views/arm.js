@@ -49,20 +49,39 @@ export class ArmView {
    * @param {() => void} changed called when there is something to draw
    */
   async show(robot, changed) {
-    if (this.#robot) return;
+    if (JSON.stringify(robot) === JSON.stringify(this.#robot)) return;
+    const first = this.#robot === null;
     this.#robot = robot;
+    if (first) await this.#begin(sizeOf(robot));
+    else if (!this.#three) return; // it comes with the first
+    this.#replace();
+    changed();
+  }
+
+  /**
+   * Load the libraries, and make the stage.
+   * @param {number} size of the robot [m]
+   */
+  async #begin(size) {
     // @ts-ignore: the bundle has the types of libraries.js
     const three = /** @type {import("../arm/model.js").Libraries} */ (await import("../libraries.js"));
     try {
-      this.#stage = new Stage(three, this.#box, sizeOf(robot));
+      this.#stage = new Stage(three, this.#box, size);
+      this.#three = three;
     } catch {
       setText(byId("no-3d", HTMLElement), "This browser shows no 3D, because WebGL is off.");
-      return;
     }
-    this.#three = three;
-    this.#model = new ArmModel(three, robot, () => this.#stage?.draw());
+  }
+
+  /** Put the robot on the stage, in place of an earlier one. */
+  #replace() {
+    if (!this.#stage || !this.#three || !this.#robot) return;
+    const before = [this.#model, this.#measured, this.#refused, this.#other];
+    for (const model of before) model?.root.removeFromParent();
+    this.#measured = this.#refused = this.#other = null;
+    this.#last = [];
+    this.#model = new ArmModel(this.#three, this.#robot, () => this.#stage?.draw());
     this.#stage.scene.add(this.#model.root);
-    changed();
   }
 
   /**

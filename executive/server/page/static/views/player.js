@@ -1,8 +1,7 @@
 /** The player of a recorded run: the moment that is shown, and what is done with the recording. */
 
-import { isSignedIn, post, request } from "../api.js";
+import { isSignedIn, pathOf, post, request } from "../api.js";
 import { byId, element, setAttribute, setText } from "../dom.js";
-import { pathOf } from "./runs.js";
 
 /** @typedef {import("../model/shown_run.js").ShownRun} ShownRun */
 /** @typedef {import("../model/cursor.js").Cursor} Cursor */

@@ -64,8 +64,9 @@ export class PlotsView {
    * @param {() => void} changed called when there is something to draw
    */
   async show(joints, changed) {
-    if (this.#joints.length) return;
-    this.#joints = joints.filter((each) => each.type !== "fixed" && !each.mimic);
+    const moved = joints.filter((each) => each.type !== "fixed" && !each.mimic);
+    if (JSON.stringify(moved) === JSON.stringify(this.#joints)) return;
+    this.#joints = moved;
     this.#keys.replaceChildren(...this.#joints.map((joint, index) => this.#key(joint, index)));
     // @ts-ignore: the bundle has the types of libraries.js
     this.#libraries = /** @type {Libraries} */ (await import("../libraries.js"));

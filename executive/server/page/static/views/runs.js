@@ -1,6 +1,6 @@
 /** The recordings: searched, filtered, opened; and the goals and tasks that the server knows. */
 
-import { get, isSignedIn, post } from "../api.js";
+import { get, isSignedIn, pathOf, post } from "../api.js";
 import { byId, element, setAttribute, setText } from "../dom.js";
 import { goalTitle } from "../model/run.js";
 import { stateWords } from "./header.js";
@@ -179,14 +179,6 @@ export class RunsView extends EventTarget {
     button.addEventListener("click", () => this.dispatchEvent(new CustomEvent("open", { detail: recording })));
     return element("li", {}, button);
   }
-}
-
-/**
- * Return where the server has a recording.
- * @param {string} name
- */
-export function pathOf(name) {
-  return `api/recordings/${encodeURIComponent(name)}`;
 }
 
 /**

@@ -44,7 +44,7 @@ export function showStop(isReachable) {
   window.addEventListener(
     "keydown",
     (event) => {
-      if (event.key !== "Escape" || event.repeat) return;
+      if (event.key !== "Escape" || event.repeat || button.hidden) return;
       event.preventDefault();
       stop();
     },
