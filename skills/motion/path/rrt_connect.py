@@ -101,8 +101,10 @@ class _Tree:
         return way
 
     def extend(self, target: Array) -> int | None:
-        """Add a point towards a target (J,) if the edge to it seems free; return its number."""
+        """Return the number of the target (J,) or of a new point towards it, None if not free."""
         near, begin, step, length = self._nearest(target)
+        if not length:
+            return near
         end = begin + step * min(1.0, _RANGE / length)
         return self._add(end, near) if self._validator.seems_free(begin, end) else None
 

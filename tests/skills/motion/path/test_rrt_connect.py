@@ -1,0 +1,58 @@
+"""The search: its edges are free, and equal seeds give equal paths."""
+
+from itertools import pairwise, product
+
+import numpy as np
+import pytest
+
+from hardware import RealClock, load_robot
+from skills.motion import Body, Box, World
+from skills.motion.arrays import Array
+from skills.motion.collision.checker import CollisionChecker
+from skills.motion.collision.scene import PlanningScene
+from skills.motion.deadline import Deadline
+from skills.motion.kinematics.joint_group import JointGroup
+from skills.motion.path.motion_validator import MotionValidator
+from skills.motion.path.rrt_connect import find_path
+
+ROBOT = load_robot()
+POST = World((Body("post", Box((0.03, 0.03, 0.3)), (0.115, 0.115, 0.15)),))
+
+
+@pytest.fixture(scope="module")
+def validator() -> MotionValidator:
+    scene, group = PlanningScene(ROBOT, POST), JointGroup(ROBOT, "arm")
+    margin = ROBOT.collision.margin
+    return MotionValidator(
+        checker=CollisionChecker(scene),
+        group=group,
+        start=np.zeros(len(ROBOT.actuated)),
+        lever_arms=scene.lever_arms[:, group.columns],
+        margin=margin,
+        guaranteed=0.5 * margin,
+        deadline=Deadline(RealClock(), 60.0),
+    )
+
+
+def corners(validator: MotionValidator) -> list[Array]:
+    """Free corners of the joint space: samples beyond the limits fall on these very points."""
+    sides = zip(validator.group.lower, validator.group.upper, strict=True)
+    points = [np.array(point) for point in product(*sides)]
+    return [point for point in points if validator.seems_free(point, point)]
+
+
+def test_the_search_between_corners_of_the_joint_space(validator: MotionValidator) -> None:
+    start, *goals = corners(validator)
+    assert goals
+    for seed in range(10):
+        path = find_path(validator, start, np.array(goals), seed)
+        assert (path[0] == start).all()
+        assert any((path[-1] == goal).all() for goal in goals)
+        assert all(validator.line_is_free(a, b) for a, b in pairwise(path))
+
+
+def test_equal_seeds_give_equal_paths(validator: MotionValidator) -> None:
+    start, goal, *_ = corners(validator)
+    paths = [find_path(validator, start, goal[None, :], seed) for seed in (1, 1, 2)]
+    assert np.array_equal(paths[0], paths[1])
+    assert not np.array_equal(paths[0], paths[2])
