@@ -102,6 +102,11 @@ shown.addEventListener("open", () => {
 });
 shown.addEventListener("change", draw);
 cursor.addEventListener("change", () => {
+  const { time, live } = cursor;
+  if (shown.isLive && !live) {
+    shown.rewind(); // which follows the end
+    return cursor.seek(time);
+  }
   shown.recorded?.seek(cursor.time);
   comparison.seek(cursor.time);
 });

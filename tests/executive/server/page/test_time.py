@@ -34,6 +34,9 @@ def test_a_run_is_plotted_at_one_time(open_page: Open, page_server: Served) -> N
     over.click(position={"x": 2, "y": 20})
     shows(tab, "#plot-time", r"^0\.\d\d s")
     shows(tab, "#plot-joints", r"joint_1\s*(0\.0 deg)?joint_2")
+    shows(tab, "#shown", "an earlier moment")
+    shows(tab, "#positions", r"joint_1\s*(unknown|0\.\d°)")  # 3D and tree are at that time, too
+    assert tab.locator("#tree [data-status=SUCCESS]").count() < tab.locator("#tree .row").count()
     with_all = over.evaluate("each => each.parentElement.querySelector('canvas').toDataURL()")
     tab.focus("#plot-joints input")
     tab.keyboard.press("Space")

@@ -50,24 +50,30 @@ export class RecordedRun extends EventTarget {
   #time = 0;
   #loading = false;
 
-  /** @param {string} name of the recording; empty for a dry run */
-  constructor(name) {
+  /**
+   * @param {string} name of the recording; empty if all events are here
+   * @param {string} [kind] what is shown
+   */
+  constructor(name, kind = "recorded") {
     super();
+    this.kind = kind;
     this.name = name;
     this.#path = pathOf(name);
   }
 
   /**
-   * Return a dry run, all of whose events are here.
-   * @param {any[]} events as a run would have them
+   * Return a run all of whose events are here.
+   * @param {any[]} events the goal first
+   * @param {string} kind what is shown
    */
-  static of(events) {
-    const made = new RecordedRun("");
+  static of(events, kind) {
+    const made = new RecordedRun("", kind);
     const times = events.map((event) => event.time_s ?? 0);
     made.#began = times[0];
     made.duration = Math.max(...times) - made.#began;
     const end = made.#began + made.duration;
     const timed = events.map((event) => ({ time_s: end, ...event })); // the last state has no time
+    timed.sort((one, other) => one.time_s - other.time_s); // a new stream repeats the current state
     made.#windows = [{ from_s: 0, to_s: made.duration, state: [], events: timed, previous_s: null, next_s: null }];
     for (const event of timed) made.history.add(event, event.time_s - made.#began);
     made.seek(made.duration);

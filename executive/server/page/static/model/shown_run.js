@@ -15,6 +15,10 @@ import { Run } from "./run.js";
  * @property {Record<string, string>} ports
  */
 
+const DRY_RUN = "dry run: nothing moves";
+const MOST_EVENTS = 20_000; // of the live run that are kept; then old frames are dropped
+const FREQUENT = new Set(["sent", "measured", "feedback", "log"]);
+
 /** Events: `open` when another run is shown, `change` then and when more is known of it. */
 export class ShownRun extends EventTarget {
   /** The run of the newest live events. */
@@ -29,6 +33,8 @@ export class ShownRun extends EventTarget {
   recorded = null;
   /** True to show the recorded run also when a goal begins. */
   #held = false;
+  /** @type {any[]} */
+  #liveEvents = [];
   #asked = "";
   /** @type {RecordedRun | null} what is being read; it is not shown if another run was asked for */
   #opening = null;
@@ -40,13 +46,12 @@ export class ShownRun extends EventTarget {
 
   /** @returns {boolean} True for a dry run, in which nothing moves */
   get planned() {
-    return this.recorded?.name === "";
+    return this.recorded?.kind === DRY_RUN;
   }
 
   /** @returns {string} which run is shown; empty for the live one */
   get label() {
-    if (this.isLive) return "";
-    return `${this.run.title}, ${this.planned ? "dry run: nothing moves" : "recorded"}`;
+    return this.recorded ? `${this.run.title}, ${this.recorded.kind}` : "";
   }
 
   /**
@@ -54,7 +59,9 @@ export class ShownRun extends EventTarget {
    * @param {any} event
    */
   update(event) {
-    if (this.live.update(event)) {
+    const begins = this.live.update(event);
+    this.#keep(event, begins);
+    if (begins) {
       this.#liveHistory = new History();
       if (!this.#held) return this.follow();
     }
@@ -91,7 +98,29 @@ export class ShownRun extends EventTarget {
   preview(events) {
     this.#opening = null;
     this.#held = false;
-    this.#showRecorded(RecordedRun.of(events));
+    this.#showRecorded(RecordedRun.of(events, DRY_RUN));
+  }
+
+  /** Show the live run so far, any moment of it, instead of what it does now. */
+  rewind() {
+    if (!this.live.goalId) return;
+    this.#held = false;
+    this.#showRecorded(RecordedRun.of(this.#liveEvents, "an earlier moment"));
+  }
+
+  /**
+   * Keep an event of the live run, for `rewind`.
+   * @param {any} event
+   * @param {boolean} begins True if it begins a run
+   */
+  #keep(event, begins) {
+    if (begins) this.#liveEvents = [];
+    else if (!this.live.goalId || event.event === "goal" || event.event === "received") return;
+    if (this.#liveEvents.length >= MOST_EVENTS) {
+      const older = this.#liveEvents.splice(0, MOST_EVENTS / 2);
+      this.#liveEvents.unshift(...older.filter((each) => !FREQUENT.has(each.event)));
+    }
+    this.#liveEvents.push(event);
   }
 
   /** @returns {number} the length of what is known of the run [s] */
