@@ -149,13 +149,10 @@ def repeatable_requests(
     geometry: pin.GeometryModel, data: pin.GeometryData
 ) -> list[coal.CollisionRequest]:
     """Return the request of each pair, set so that answers do not depend on earlier checks."""
-    requests = []
-    for k, pair in enumerate(geometry.collisionPairs):
-        shapes = [geometry.geometryObjects[i].geometry for i in (pair.first, pair.second)]
-        request = data.collisionRequests[k]
-        if any(isinstance(shape, coal.BVHModelBase) for shape in shapes):
-            request.gjk_initial_guess = coal.GJKInitialGuess.DefaultGuess
-        else:
-            request.gjk_initial_guess = coal.GJKInitialGuess.BoundingVolumeGuess
-        requests.append(request)
+    shapes, guess = geometry.geometryObjects, coal.GJKInitialGuess
+    meshed = [isinstance(shape.geometry, coal.BVHModelBase) for shape in shapes]
+    requests = list(data.collisionRequests)
+    for request, pair in zip(requests, geometry.collisionPairs, strict=True):
+        is_mesh = meshed[pair.first] or meshed[pair.second]
+        request.gjk_initial_guess = guess.DefaultGuess if is_mesh else guess.BoundingVolumeGuess
     return requests

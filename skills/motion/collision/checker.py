@@ -11,6 +11,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from skills.motion.arrays import Array, Mask
@@ -72,9 +73,19 @@ class CollisionChecker:
         self._broad = dict[tuple[bool, bool], BroadPhase]()
         self._narrow = dict[tuple[int, bool], NarrowPhase]()
         self._data = scene.kinematics.createData()
-        self._placed = scene.exact.createData()
-        self._containment = ContainmentChecker(scene, self._data, self._placed)
-        self._distances = SignedDistance(scene, self._data, self._placed, self._containment)
+
+    # Large worlds take milliseconds for each of these, and not every query needs them.
+    @cached_property
+    def _placed(self) -> pin.GeometryData:
+        return self.scene.exact.createData()
+
+    @cached_property
+    def _containment(self) -> ContainmentChecker:
+        return ContainmentChecker(self.scene, self._data, self._placed)
+
+    @cached_property
+    def _distances(self) -> SignedDistance:
+        return SignedDistance(self.scene, self._data, self._placed, self._containment)
 
     @cached_property
     def _touching(self) -> TouchingShapes:
@@ -131,7 +142,7 @@ class CollisionChecker:
             NotFinite: As `first_collision`.
         """
         hit = self.first_collision(configurations, margin)
-        if not self._containment:
+        if not (self.scene.volumes and self._containment):
             return hit
         before = enumerate(self._coordinates(configurations[:hit]))
         return next((i for i, q in before if self._containment.pairs(q)), hit)

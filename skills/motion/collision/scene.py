@@ -192,6 +192,11 @@ class PlanningScene:
         """Yield the pairs of shapes that must not touch."""
         joints = [shape.parentJoint for shape in geometry.geometryObjects]
         links = [self.link(geometry, i) for i in range(len(joints))]
+        may_touch = {
+            frozenset((body.name, other))
+            for body in self._bodies.values()
+            for other in body.touches
+        }
         for i, j in _pairs_that_may_move(joints, links):
             pair = frozenset((links[i], links[j]))
             if FLOOR in pair:
@@ -199,15 +204,8 @@ class PlanningScene:
                 checked = not (pair & rules.floor_ignores or static)
             else:  # shapes on one joint never move against each other
                 checked = joints[i] != joints[j] and pair not in rules.allowed
-            if checked and not self._may_touch(links[i], links[j]):
+            if checked and pair not in may_touch:
                 yield i, j
-
-    def _may_touch(self, first: str, second: str) -> bool:
-        """Return True if a body allows the contact."""
-        return any(
-            name in self._bodies and other in self._bodies[name].touches
-            for name, other in ((first, second), (second, first))
-        )
 
 
 def _pairs_that_may_move(joints: list[int], links: list[str]) -> Iterator[tuple[int, int]]:

@@ -53,6 +53,8 @@ def lever_arms(
         shape: The shape.
     """
     found, reach = LeverArms(), 0.0
+    if not joint:
+        return found
     points = np.zeros((0, 3)) if isinstance(shape.geometry, coal.Halfspace) else corners(shape)
     while joint:
         name = model.names[joint]
