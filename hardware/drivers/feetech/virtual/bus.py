@@ -98,6 +98,11 @@ class Bus:
             if each.servo == servo:
                 each.push(position)
 
+    def fail(self, now: float, fault: Fault) -> None:
+        """Begin a fault now."""
+        self._advance(now)
+        self._begin(fault)
+
     def connect(self, now: float, places: Sequence[int] | None = None) -> None:
         """Connect only the servos at these places of the chain, from 0; by default, all."""
         self._advance(now)

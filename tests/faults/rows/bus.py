@@ -1,0 +1,134 @@
+"""A bus with servos is not what the robot file says, or something happens to it during a motion."""
+
+import contextlib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from hardware import load_robot
+from hardware.description.calibration import CalibratedJoint, calibration_file, write_calibration
+from hardware.drivers.feetech.virtual.bus import Bus, Fault
+from hardware.drivers.virtual.board_process import BoardProcess
+from tests.faults.process import Command
+from tests.faults.row import TASKS, Scene, last_line, row
+from tests.support.arms.bus_arms import bus_arm
+
+ALWAYS = 1_000_000  # answers
+# Faults during a motion, and the codes with which it may end.
+SUDDEN = {
+    "vanish": {"hw.servo_silent"},
+    "impersonate": {"hw.servo_silent"},
+    "damage": {"hw.servo_silent"},
+    "block": {"hw.stalled", "hw.not_following", "hw.servo_fault"},
+    "brown_out": {"hw.servo_fault", "hw.voltage_low"},
+    "restart": {"hw.torque_lost", "hw.not_following"},
+}
+
+
+def wrong_ids(bus: Bus, _: Path) -> None:
+    for servo in bus.servos:
+        servo.put("id", servo.servo + 10)
+
+
+def damaged(bus: Bus, _: Path) -> None:
+    for servo in bus.servos:
+        bus.fail(0.0, Fault("damage", servo.servo, 0.0, ALWAYS))
+
+
+def low_voltage(bus: Bus, _: Path) -> None:
+    for servo in bus.servos:
+        servo.supply = 4.2
+
+
+def another_arm(_: Bus, file: Path) -> None:
+    wire = "sign = 1, offset_deg = 0, homing = 77 }"
+    joints = {
+        f"joint_{k}": CalibratedJoint(-80.0, 80.0, f"{{ id = {k}, {wire}", {}) for k in range(1, 5)
+    }
+    write_calibration(calibration_file(file), "arduinobot", "by a row", joints)
+
+
+def not_calibrated(_: Bus, file: Path) -> None:
+    file.write_text(f"needs_calibration = true\n{file.read_text()}")
+
+
+# Faults before the start: the code with which a run then ends, and what makes the bus wrong.
+WRONG: dict[str, tuple[str, Callable[[Bus, Path], object]]] = {
+    "none answers": ("hw.servo_missing", lambda bus, _: bus.connect(0.0, [])),
+    "1 of 4 answers": ("hw.servo_missing", lambda bus, _: bus.connect(0.0, [0])),
+    "wrong ids": ("hw.servo_missing", wrong_ids),
+    "one id twice": ("hw.servo_missing", lambda bus, _: bus.servos[1].put("id", 3)),
+    "damaged": ("hw.no_servos", damaged),
+    "impersonate": (
+        "hw.servo_missing",
+        lambda bus, _: bus.fail(0.0, Fault("impersonate", 1, 0.0, 2)),
+    ),
+    "low voltage": ("hw.voltage_low", low_voltage),
+    "outside": ("hw.pose_outside", lambda bus, _: bus.servos[0].push(4000)),
+    "another arm": ("hw.calibration_differs", another_arm),
+    "not calibrated": ("hw.not_calibrated", not_calibrated),
+}
+
+
+@contextlib.contextmanager
+def running(
+    folder: Path, change: Callable[[Bus, Path], object] | None = None
+) -> Iterator[tuple[Path, BoardProcess]]:
+    """A robot file, and the bus of its arm behind a port."""
+    file = bus_arm(folder)
+    model = load_robot(file).model()
+    assert isinstance(model, Bus)
+    if change:
+        change(model, file)
+    board = BoardProcess(model, 1_000_000)
+    board.state()  # it has started
+    try:
+        yield file, board
+    finally:
+        board.close()
+
+
+def run(scene: Scene, file: Path, board: BoardProcess) -> Command:
+    port = "--port", board.port, "--robot", file, "--trees", TASKS
+    return scene.armtree("run", "20", "--json", *port)
+
+
+@row(
+    "bus-wrong",
+    "a run on a bus without servos, with 1 of 4, wrong ids, one id twice, damaged answers, a servo"
+    " that answers for another, low voltage, a joint outside its limits, the calibration of another"
+    " arm or none",
+    "the run ends with the code of the cause; no servo gets torque, or moves",
+    times=10,
+)
+def wrong(scene: Scene) -> None:
+    for kind in scene.share(WRONG):
+        code, change = WRONG[kind]
+        with running(scene.folder, change) as (file, board):
+            before = board.state()
+            command = run(scene, file, board)
+            status, after = command.wait(), board.state()
+            ended = [each["code"] for each in command.events() if "code" in each]
+            scene.check(status in (3, 6), f"{kind}: exit status {status}")
+            scene.check(code in ended, f"{kind}: {ended}, {last_line(command)}")
+            scene.check(not any(after.torque.values()), f"{kind}: a servo has torque")
+            scene.check(after.positions == before.positions, f"{kind}: a servo has moved")
+
+
+@row(
+    "bus-fault",
+    "during a motion a servo vanishes, answers for another, sends damaged answers, is blocked,"
+    " has a low voltage, or restarts",
+    "the goal ends with the code of the cause; the servos hold where they are; nothing is sent"
+    " afterwards, and the recording says all of it",
+    times=6,
+)
+def sudden(scene: Scene) -> None:
+    for kind in scene.share(SUDDEN):
+        with running(scene.folder) as (file, board):
+            command = run(scene, file, board)
+            command.until_event("sent", scene.random.randint(5, 60))
+            board.call("fail", Fault(kind, 2, 0.0, 3 if kind == "impersonate" else ALWAYS))
+            scene.faulted(command, *SUDDEN[kind])
+            packets = board.state().packets
+            scene.check(board.state().packets == packets, "packets come after the end")
+    scene.verified()
