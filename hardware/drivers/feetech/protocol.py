@@ -174,7 +174,9 @@ class BusProtocol(BoardProtocol):
                 self._process(packet)
                 if self._waiting:
                     rest = max(_TIMES_SLOWEST * self._slowest, _LEAST_TIMEOUT)
-                    self.free_at = self.next_poll = now + min(rest, ANSWER_TIMEOUT)
+                    # Never later: a frame may be about to be sent on a line that was found free.
+                    self.free_at = min(self.free_at, now + rest)
+                    self.next_poll = min(self.next_poll, now + rest)
                 else:
                     self._slowest = max(now - self._begun, _REMEMBERED * self._slowest)
                     rests = self._holds and now > self._settles

@@ -92,3 +92,19 @@ def test_each_poll_is_at_the_time_it_was_called() -> None:
         assert late < session.next_poll < late + 1.0
     with pytest.raises(FrameLost):
         session.poll(6.0)
+
+
+def test_a_late_answer_does_not_keep_the_next_frame_from_the_line(tmp_path: Path) -> None:
+    """The streamer has found the line free, and is about to write."""
+    robot = load_robot(bus_arm(tmp_path))
+    session, bus = BoardSession(robot.protocol()), robot.model()
+    assert bus
+    bus.open(0.0)
+    for time in (1.0, 2.0):
+        bus.receive(session.poll(time), time)
+        session.receive(bus.read_output(time + 0.015), time + 0.015)
+    bus.receive(session.poll(3.0), 3.0)
+    answers = bus.read_output(3.05)
+    assert session.free_at < 3.05
+    session.receive(answers[: len(answers) // 2], 3.05)
+    assert session.free_at < 3.05
