@@ -21,6 +21,7 @@ CROWDED = {
     "skills/leaves": "one file per skill",
     "executive/cli": "one file per group of commands; their helpers are in support/ and terminal/",
     "tests": "one folder per room and per kind of test",
+    "tests/faults/rows": "one file per part that fails",
     "tests/executive/cli": "one file per group of commands, as the code",
 }
 SIBLINGS = 14  # about a dozen
