@@ -29,6 +29,7 @@ from .link.link import Link
 
 _SAMPLES = 50
 _RANGE = 10.0  # a joint without limits is tried from minus this to this [rad]
+_SWITCHED = 0.01  # largest change of a pose by switching the torque [rad]
 _PATIENCE = 10.0  # longest wait for a thread [s]
 
 
@@ -133,6 +134,40 @@ class DriverContract:
                 error = _raised(rig.activate)
                 assert isinstance(error, BoardError), f"activate raised {error!r}"
                 assert rig.arm.state is State.INACTIVE, f"the arm is {rig.arm.state.value}"
+
+    # Abilities -------------------------------------------------------------------------------
+
+    def test_torque_is_switched_off_and_on(self) -> None:
+        """With `Ability.TORQUE`. The arm holds its pose, and the next motion plays."""
+        if self.robot.can(Ability.TORQUE):
+            with self._rig() as rig:
+                rig.activate()
+                start = rig.arm.commanded
+                for on in (False, True):
+                    rig.arm.switch_torque(on)
+                    assert rig.arm.torque is on, f"switch_torque({on}) left it {rig.arm.torque}"
+                moved = math.dist(rig.arm.commanded, start)
+                assert moved < _SWITCHED, f"the arm is commanded {moved:g} rad from its pose"
+                assert rig.play(rig.goal(start)).state is PlaybackState.DONE
+                assert not rig.faults, f"the arm had the fault {rig.faults[0]}"
+
+    def test_servos_are_found_and_keep_what_is_written(self) -> None:
+        """With `Ability.IDENTIFY` and `Ability.LIMITS`."""
+        if self.robot.can(Ability.IDENTIFY):
+            model = self.robot.model()
+            assert model is not None, "this driver has no model, so its servos are not found"
+            clock, ids = SimulatedClock(), self.robot.servos.values()
+            with clock.working(), self.robot.servos_on(BoardLink(model, clock), clock) as bus:
+                found = bus.find(ids).servos
+                assert [*found] == [*ids], f"found {[*found]} of {[*ids]}"
+                assert bus.positions([*ids]) == {s: found[s].position for s in ids}
+                if self.robot.can(Ability.LIMITS):
+                    for servo, report in found.items():
+                        values = {name: report.kept[name] for name in ("least", "most")}
+                        values["least"] += 1
+                        bus.keep(servo, values)
+                    kept = {s: report.kept["least"] for s, report in bus.find(ids).servos.items()}
+                    assert kept == {s: found[s].kept["least"] + 1 for s in ids}
 
     @contextmanager
     def _rig(self, deaf: bool = False) -> Iterator["_Rig"]:

@@ -224,11 +224,14 @@ class Robot:
         Raises:
             NotAble: Its board cannot identify servos.
         """
-        driver = self._servo_driver
         if port == VIRTUAL:
-            return driver.servo_bus(self.firmware, self.link(port), clock)
+            return self.servos_on(self.link(port), clock)
         link = self.driver.link(self.actuated, self.firmware, baud, port)
-        return driver.servo_bus(self.firmware, link, clock)
+        return self.servos_on(link, clock)
+
+    def servos_on(self, link: Link, clock: Clock) -> ServoBus:
+        """Return the servos on a link that is not open. Raises what `servo_bus` raises."""
+        return self._servo_driver.servo_bus(self.firmware, link, clock)
 
     def calibrated(self, joint: Joint, kept: Mapping[str, int], turn: float) -> CalibratedJoint:
         """Return the calibration of a joint with this range.
