@@ -67,7 +67,7 @@ const draw = oncePerFrame(() => {
     move.draw(status);
     poses.draw(status);
   }
-  plots.draw(shown.history);
+  plots.draw(shown.history, shown.isLive && shown.live.active);
   log.draw(shown.history);
 });
 

@@ -136,10 +136,10 @@ export class ArmModel {
       opacity,
       transparent: opacity < 1,
       roughness: 0.75,
-      // The faint ghost of the measured arm is not seen where the arm is.
-      polygonOffset: this.#opacity < 0.5,
-      polygonOffsetFactor: 2,
-      polygonOffsetUnits: 2,
+      // Where it is where the arm is, a faint ghost is behind the arm, and a refused goal before it.
+      polygonOffset: this.#opacity < 1,
+      polygonOffsetFactor: this.#opacity < 0.5 ? 2 : -2,
+      polygonOffsetUnits: this.#opacity < 0.5 ? 2 : -2,
     });
     material.userData.color = material.color.clone();
     const known = this.#materials.get(shape.link) ?? [];

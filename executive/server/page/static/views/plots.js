@@ -37,6 +37,7 @@ export class PlotsView {
   #newest = null;
   /** @type {[number, number] | null} the times that are shown [s]; null for all */
   #range = null;
+  #grows = false;
   /** False while the user has scrolled the plots away; then they cost nothing. */
   #visible = false;
   #end = 1; // of the time that is shown, if no range is chosen [s]
@@ -50,7 +51,7 @@ export class PlotsView {
     this.#cursor = cursor;
     new IntersectionObserver((seen) => {
       this.#visible = seen.at(-1)?.isIntersecting ?? false;
-      if (this.#newest) this.draw(this.#newest);
+      if (this.#newest) this.draw(this.#newest, this.#grows);
     }).observe(byId("time-panel", HTMLElement));
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.#build());
     new ResizeObserver(() => this.#resize()).observe(this.#box);
@@ -73,19 +74,23 @@ export class PlotsView {
     changed();
   }
 
-  /** @param {History} history of the run that is shown */
-  draw(history) {
+  /**
+   * @param {History} history of the run that is shown
+   * @param {boolean} grows True while the run goes on
+   */
+  draw(history, grows) {
     this.#newest = history;
+    this.#grows = grows;
     if (!this.#libraries || !this.#visible) return;
     this.#drawCursor();
     const changed = history !== this.#history;
-    const now = `${versions(history)} ${this.#cursor.end}`;
+    const now = `${versions(history)} ${this.#cursor.end} ${grows}`;
     if (!changed && now === this.#drawn) return;
     const wait = this.#last + PERIOD - performance.now();
     if (!changed && wait > 0) {
       this.#timer ||= setTimeout(() => {
         this.#timer = 0;
-        if (this.#newest) this.draw(this.#newest);
+        if (this.#newest) this.draw(this.#newest, this.#grows);
       }, wait);
       return;
     }
@@ -196,9 +201,10 @@ export class PlotsView {
 
   /** @returns {[number, number]} the times that are shown */
   #shown() {
-    const { end, live } = this.#cursor;
+    const { end } = this.#cursor;
     // The axis of a run that goes on stays for a while, so that the lines do not creep.
-    if (!live || end > this.#end || end * GROWTH ** 2 < this.#end) this.#end = Math.max(live ? end * GROWTH : end, 1);
+    if (!this.#grows) this.#end = Math.max(end, 0.1);
+    else if (end > this.#end || end * GROWTH ** 2 < this.#end) this.#end = Math.max(end * GROWTH, 1);
     return this.#range ?? [0, this.#end];
   }
 
