@@ -82,11 +82,12 @@ class BroadPhase:
 
     def collisions(self, q: Array, stop: bool) -> Mask:
         """Return True for each row in collision; if `stop`, rows after the first may be False."""
-        rows, hits = max(1, self._max_pairs // max(1, len(self._pairs))), np.zeros(len(q), bool)
-        for pool, own in self._pools:
-            if not own.isdisjoint(self._pairs):
-                hits |= collide(pool, q, stop, rows, self._check)
-        return hits
+        rows = max(1, self._max_pairs // max(1, len(self._pairs)))
+        active = [pool for pool, own in self._pools if not own.isdisjoint(self._pairs)]
+        parts = [collide(pool, q, stop, rows, self._check) for pool in active]
+        if len(parts) == 1:
+            return parts[0]
+        return np.logical_or(*parts) if parts else np.zeros(len(q), bool)
 
     def close_pairs_at(self, q: Array) -> list[int]:
         """Return all pairs closer than the margin in one row (1, nq), which has at least one."""

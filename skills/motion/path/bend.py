@@ -21,6 +21,7 @@ _CANDIDATES = 128
 _GROUP_SIZE = 16  # candidates filtered in one call
 _MAX_TRIES = 10  # most bends that are checked completely
 _REACH = 2.0  # largest distance of candidates beyond the ends [rad]
+_SHARES = np.array([4.0, 2.0, 6.0, 1.0, 7.0, 3.0, 5.0]) / 8.0  # of a bend, checked first
 _LINE_SAMPLES = np.linspace(0.0, 1.0, 8)[1:-1, None]
 _BEND_SAMPLES = np.linspace(0.0, 1.0, 11)[1:-1, None, None]
 
@@ -46,7 +47,9 @@ def find_bend(validator: MotionValidator, ends: tuple[Array, Array]) -> tuple[Ar
         while len(left) and tries < _MAX_TRIES:
             waypoints, left, tries = np.array([ends[0], left[0], ends[1]]), left[1:], tries + 1
             curve = Curve.through(waypoints, norms(np.diff(waypoints, axis=0)).min(keepdims=True))
-            collision = validator.collision_on(curve)
+            collision = validator.sampled_collision(curve.positions(curve.length * _SHARES))
+            if collision is None:
+                collision = validator.collision_on(curve)
             if collision is None:
                 return waypoints, curve
             new = _close_pairs(validator, collision[None, :]) - ignored - pairs

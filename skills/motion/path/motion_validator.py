@@ -68,8 +68,12 @@ class MotionValidator:
 
     def seems_free(self, a: Array, b: Array) -> bool:
         """Return True if some points of a line (J,) [rad] keep the margin. It proves nothing."""
-        rows = self.full(a + _SAMPLES * (b - a))
-        return self.checker.first_collision(rows, self.margin) is None
+        return self.sampled_collision(a + _SAMPLES * (b - a)) is None
+
+    def sampled_collision(self, points: Array) -> Array | None:
+        """Return the first point that does not keep the margin (N, J) -> (J,) [rad], or None."""
+        hit = self.checker.first_collision(self.full(points), self.margin)
+        return None if hit is None else points[hit]
 
     def free_samples(self, a: Array, b: Array, count: int) -> int:
         """Return how many samples of a line keep the margin, before one that does not.
