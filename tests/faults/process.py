@@ -56,6 +56,7 @@ class Command:
         argv: Sequence[str | Path] = (ARMTREE,),
         stdin: int | None = subprocess.DEVNULL,
     ) -> None:
+        self.words = str(arguments[0])
         number = len(list(folder.glob("*.out")))
         self.output, self.errors = folder / f"{number}.out", folder / f"{number}.err"
         variables = {

@@ -92,6 +92,17 @@ class Scene:
         """Add a figure, in the unit of the row."""
         self.figures.append(value)
 
+    def ended(self, command: Command, *statuses: int, what: str = "") -> None:
+        """Wait for the end of a command, and check its exit status."""
+        known = command.wait() in statuses
+        said = f"exit status {command.wait()}, not {' or '.join(map(str, statuses))}"
+        self.check(known, f"{what or command.words}: {said}: {last_line(command)}")
+
+    def succeeds(self, server: Server, what: str, task: int = 21) -> None:
+        """Run a task on a server, and check that it succeeds."""
+        result = server.result(server.goal(task))
+        self.check(result["code"] == "ok", f"{what}: {result['code']}: {result['message']}")
+
     def share(self, kinds: Iterable[K]) -> list[K]:
         """The kinds that this injection tries: one, or more if there are more than injections.
 
@@ -103,9 +114,20 @@ class Scene:
         return [order[place % len(order)] for place in places]
 
     def board(self, firmware: str = "stock", boot_s: float = 0.1) -> Board:
-        """A board; in the end, what it read is compared with what was recorded."""
+        """A board, and for `armtree` a robot file that says so.
+
+        In the end, what it read is compared with what was recorded.
+        """
         self._boards.append(Board(self.folder, firmware, boot_s))
+        if firmware == "armtree":
+            self.robot({'firmware = "stock"': 'firmware = "armtree"'})
         return self._boards[-1]
+
+    def write(self, texts: Mapping[str, str]) -> None:
+        """Write files of its folder, by their names."""
+        for name, text in texts.items():
+            (self.folder / name).parent.mkdir(exist_ok=True)
+            (self.folder / name).write_text(text)
 
     def robot(self, text: Mapping[str, str] | None = None) -> Path:
         """The shipped robot file with the shortest wait for the boot, and these texts replaced."""
@@ -139,7 +161,7 @@ class Scene:
 
     def faulted(self, run: Command, *codes: str) -> float:
         """Check that a run ends with a hardware fault and sends nothing after it; when [s]."""
-        self.check(run.wait() == 6, f"exit status {run.wait()}, not 6")
+        self.ended(run, 6)
         (result,) = run.events("result")
         self.check(result["code"] in codes, f"the code is {result['code']}")
         failing = next(each for each in run.events("lifecycle") if each["label"] == "raise_error")
@@ -177,10 +199,16 @@ class Scene:
         """The recordings in its folder, oldest first."""
         return sorted(self.folder.glob("recordings/*.mcap"))
 
-    def verified(self) -> None:
-        """Every recording holds, or is what a crash leaves; run it after the commands ended."""
-        command = self.armtree("replay", "recordings", "--verify")
-        self.check(command.wait() == 0, f"replay --verify: {last_line(command)}")
+    def verified(self, *statuses: int) -> None:
+        """Every recording holds (0, the default), or is what a crash leaves (10).
+
+        Run it after the commands ended.
+        """
+        self.ended(self.armtree("replay", "recordings", "--verify"), *(statuses or (0,)))
+
+    def recovered(self, *statuses: int) -> None:
+        """`log recover` of all recordings ends with one of these: 0, or 10 if one was cut off."""
+        self.ended(self.armtree("log", "recover", *self.recordings()), *statuses)
 
     def no_traceback(self) -> None:
         for command in self._commands:

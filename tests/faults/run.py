@@ -213,6 +213,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     known = rows()
     if unknown := set(given.only) - {one.name for one in known}:
         parser.error(f"no row {', '.join(sorted(unknown))}; --list lists them")
+    if given.page and (given.only or given.times or given.quick):
+        parser.error("a page is of all rows; leave out --only, --times and --quick")
     if given.list:
         sys.stdout.writelines(f"{one.name:28}  {one.fault}\n" for one in known)
         return 0

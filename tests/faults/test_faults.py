@@ -12,7 +12,7 @@ import pytest
 from tests.faults.machine import Busy, Machine
 from tests.faults.process import until
 from tests.faults.row import Row, Scene, compare
-from tests.faults.run import found, rows
+from tests.faults.run import found, main, rows
 from tests.faults.soaking.figures import Sample, growth
 
 PROGRAM = Path(__file__).with_name("run.py")
@@ -69,6 +69,13 @@ def test_a_machine_is_measured() -> None:
     busy = machine.between(begin, math.inf)
     assert busy.slowdown >= 1.0
     assert machine.between(0.0, begin) == Busy(0.0, 1.0)
+
+
+@pytest.mark.parametrize("part", [["--only", "limits"], ["--times", "1"], ["--quick"]])
+def test_a_page_is_of_all_rows(tmp_path: Path, part: list[str]) -> None:
+    with pytest.raises(SystemExit):
+        main([*part, "--page", str(tmp_path / "page.md")])
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.slow

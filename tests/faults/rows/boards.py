@@ -2,17 +2,8 @@
 
 import time
 
-from tests.faults.board import Board
 from tests.faults.process import until
-from tests.faults.row import Scene, last_line, row
-
-OWN = {'firmware = "stock"': 'firmware = "armtree"'}
-
-
-def own_board(scene: Scene) -> Board:
-    """A board with the firmware of armtree, and a robot file that says so."""
-    scene.robot(OWN)
-    return scene.board("armtree")
+from tests.faults.row import Scene, row
 
 
 @row(
@@ -25,8 +16,8 @@ def own_board(scene: Scene) -> Board:
     times=4,
 )
 def garbage(scene: Scene) -> None:
-    firmware = scene.random.choice(["stock", "armtree"])
-    board = own_board(scene) if firmware == "armtree" else scene.board()
+    (firmware,) = scene.share(["stock", "armtree"])
+    board = scene.board(firmware)
     run = scene.moving(board, task="21", frames=(1, 3))
     before = run.memory()
     board.ask("garbage 300000")
@@ -41,7 +32,7 @@ def garbage(scene: Scene) -> None:
     if firmware == "armtree" and run.wait() == 6:
         scene.faulted(run, "hw.frame_lost")
     else:
-        scene.check(run.wait() == 0, f"exit status {run.wait()}: {last_line(run)}")
+        scene.ended(run, 0)
         scene.check(state["angles"] == [90, 90, 90, 0], f"it ends at {state['angles']}")
     scene.figure(most - before)
     scene.verified()
@@ -56,7 +47,7 @@ def garbage(scene: Scene) -> None:
     times=5,
 )
 def reset(scene: Scene) -> None:
-    board = own_board(scene)
+    board = scene.board("armtree")
     run = scene.moving(board, frames=(2, 60))
     pressed = board.ask("reset")["time"]
     scene.figure(1000 * (scene.faulted(run, "hw.board_reset", "hw.frame_lost") - pressed))
@@ -73,7 +64,7 @@ def reset_stock(scene: Scene) -> None:
     board = scene.board()
     run = scene.moving(board, task="21", frames=(2, 8))
     board.ask("reset")
-    scene.check(run.wait() == 0, f"exit status {run.wait()}: {last_line(run)}")
+    scene.ended(run, 0)
     scene.verified()
 
 
@@ -84,10 +75,11 @@ def reset_stock(scene: Scene) -> None:
     times=4,
 )
 def brown_out(scene: Scene) -> None:
-    board = own_board(scene)
+    board = scene.board("armtree")
     server = scene.serve("--activate", "--policy", "queue", board=board)
     goals = [server.goal(20), server.goal(21)]
-    until("the first frames", lambda: len(board.frames()) >= scene.random.randint(1, 40))
+    count = scene.random.randint(1, 40)
+    until("the first frames", lambda: len(board.frames()) >= count)
     for _ in range(scene.random.randint(2, 5)):
         board.ask("reset")
         time.sleep(scene.random.uniform(0.0, 0.3))  # noqa: TID251, random moments
@@ -101,8 +93,7 @@ def brown_out(scene: Scene) -> None:
     scene.check(server.state() == "inactive", f"then the arm is {server.state()}")
     scene.check(len(board.frames()) == frames, "a frame was sent without activation")
     server.post("/api/arm/activate")
-    result = server.result(server.goal(21))
-    scene.check(result["code"] == "ok", f"after the activation: {result['code']}")
+    scene.succeeds(server, "after the activation")
 
 
 @row(
@@ -115,7 +106,7 @@ def brown_out(scene: Scene) -> None:
     quick=1,
 )
 def damaged_byte(scene: Scene) -> None:
-    board = own_board(scene)
+    board = scene.board("armtree")
     run = scene.moving(board, frames=(2, 60))
     begin = board.ask(f"damage {scene.random.randrange(20)}")["time"]
     scene.figure(1000 * (scene.faulted(run, "hw.frame_lost") - begin))
@@ -131,7 +122,7 @@ def damaged_byte(scene: Scene) -> None:
     times=3,
 )
 def silence(scene: Scene) -> None:
-    board = own_board(scene)
+    board = scene.board("armtree")
     run = scene.moving(board, frames=(2, 60))
     begin = board.ask("mute")["time"]
     scene.figure(1000 * (scene.faulted(run, "hw.frame_lost") - begin))
@@ -146,24 +137,19 @@ def silence(scene: Scene) -> None:
     times=4,
 )
 def overload(scene: Scene) -> None:
-    folder = scene.folder / "trees"
-    folder.mkdir()
     moves = []
     for _ in range(3):
         joints = {"joint_1": 1.5, "joint_2": 0.5, "joint_3": 0.4}
         goal = {name: round(scene.random.uniform(-most, most), 3) for name, most in joints.items()}
         moves.append(f"    - subtree: move_joints\n      with: {{joints: {goal}}}")
     text = "task: 30\nname: far\ndescription: Move far.\ntree:\n  sequence:\n" + "\n".join(moves)
-    (folder / "30_far.yaml").write_text(text.replace("'", "") + "\n")
+    scene.write({"trees/30_far.yaml": text.replace("'", "") + "\n"})
     board = scene.board()
     run = scene.run("30", "--seed", str(scene.random.randint(1, 1000)), board=board)
-    run.wait()
-    result = run.events("result")[-1]
-    scene.check(result["code"] == "ok" or result["code"].startswith("plan."), last_line(run))
+    scene.ended(run, 0)
     state = until("it has read all", lambda: (s := board.ask("state"))["backlog"] == 0 and s)
     scene.check(state["lost"] == state["wrong"] == 0, f"the board lost bytes: {state}")
-    if frames := board.frames():
-        angles = [int(field[1:]) for field in frames[-1].data.decode().split(",")[:4]]
-        scene.check(state["angles"] == angles, f"it is at {state['angles']}, not at {angles}")
+    angles = [int(field[1:]) for field in board.frames()[-1].data.decode().split(",")[:4]]
+    scene.check(state["angles"] == angles, f"it is at {state['angles']}, not at {angles}")
     scene.injections = len(run.events("schedule"))
     scene.verified()

@@ -40,7 +40,7 @@ def token_address(scene: Scene) -> None:
             threading.Thread(target=listen, args=(each,), daemon=True).start()
         for host in ("localhost", "127.0.0.1"):
             status = scene.armtree("status", "--server", f"http://{host}:{port}")
-            scene.check(status.wait() == 0, f"{host}: exit status {status.wait()}")
+            scene.ended(status, 0, what=host)
         scene.check(not heads, "a command connected to another program")
         for host in ("[::1]", "127.0.0.2"):
             scene.armtree("cancel", "--server", f"http://{host}:{port}").wait()
@@ -138,7 +138,7 @@ def wrong_server(scene: Scene) -> None:
             until(f"the end of {words} at {name}", ended)
         scene.figure(time.monotonic() - command.started)
         what = f"{words} at {name}"
-        scene.check(command.wait() == 13, f"{what}: exit status {command.wait()}, not 13")
+        scene.ended(command, 13, what=what)
         said = command.errors.read_text().splitlines()
         scene.check(len(said) == 1 and "bug" not in said[0], f"{what}: it says {said}")
         scene.check(max(memory) < 200, f"{what}: {max(memory):.0f} MiB")
@@ -163,9 +163,7 @@ tree:
     times=2,
 )
 def escapes(scene: Scene) -> None:
-    trees = scene.folder / "trees"
-    trees.mkdir()
-    (trees / "60_evil.yaml").write_text(TASK)
+    scene.write({"trees/60_evil.yaml": TASK})
     server = scene.serve("--activate")
     fields = {"code": "goal.busy", "message": FORGED, "hint": FORGED, "node": EVIL}
     error = json.dumps({**fields, "joint": "", "value": None, "limit": None}).encode()

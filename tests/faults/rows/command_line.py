@@ -80,7 +80,7 @@ def endless_files(scene: Scene) -> None:
         scene.figure(time.monotonic() - begin)
         where = f"{what} {kind}"
         expected = 0 if what == "skills" else 3
-        scene.check(command.wait() == expected, f"{where}: {command.wait()}: {last_line(command)}")
+        scene.ended(command, expected, what=where)
         scene.check(path.name in command.text(), f"{where}: not named: {last_line(command)}")
         lines = len(command.text().splitlines())
         most_lines = {"task": 7, "skills": math.inf}.get(what, 5)  # a run also has a recording
@@ -154,13 +154,11 @@ def reader_ends(scene: Scene) -> None:
     command = scene.armtree(scene.random.choice(["tasks", "skills"]), argv=argv)
     # A command that has printed all before its reader ends has not noticed it.
     expected = (0, 141) if lines else (141,)
-    scene.check(
-        command.wait() in expected, f"after {lines} lines the exit status is {command.wait()}"
-    )
+    scene.ended(command, *expected, what=f"after {lines} lines")
     scene.check(not command.errors.read_text(), f"it prints {command.errors.read_text()!r}")
     board = scene.board()
     run = scene.run("21", board=board, argv=argv)
-    scene.check(run.wait() == 0, f"a run ends with {run.wait()}: {last_line(run)}")
+    scene.ended(run, 0)
     scene.verified()
 
 
@@ -181,7 +179,7 @@ def closed_streams(scene: Scene) -> None:
         leads = os.readlink(f"/proc/{run.pid}/fd/{number}")
         scene.check(leads == "/dev/null", f"{closed} closed: {number} leads to {leads}")
     run.signal(signal.SIGINT)
-    scene.check(run.wait() == 7, f"{closed}: exit status {run.wait()}: {last_line(run)}")
+    scene.ended(run, 7, what=f"{closed}")
     scene.check(len(board.frames()) * 20 == len(board.data()), f"{closed}: more than frames")
     scene.verified()
 
@@ -203,7 +201,7 @@ def closed_terminal(scene: Scene) -> None:
     moving(board, scene.random.randint(1, 12))
     close.touch()
     begin = time.monotonic()
-    scene.check(run.wait() == 7, f"exit status {run.wait()}: {last_line(run)}")
+    scene.ended(run, 7)
     scene.figure(time.monotonic() - begin)
     (recording,) = scene.recordings()
     *_, before, hold = frames_of(recording)
@@ -235,5 +233,5 @@ def two_ctrl_c(scene: Scene) -> None:
     run.signal(signal.SIGINT)
     time.sleep(scene.random.uniform(0.1, 0.5))  # noqa: TID251, a person needs some time
     begin = run.signal(signal.SIGINT)
-    scene.check(run.wait() == 130, f"exit status {run.wait()}: {last_line(run)}")
+    scene.ended(run, 130)
     scene.figure(time.monotonic() - begin)

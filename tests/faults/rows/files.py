@@ -39,7 +39,7 @@ def checked(scene: Scene, folder: Path) -> tuple[Command, float, float]:
         with contextlib.suppress(OSError, IndexError):  # it has just ended
             most = max(most, check.memory())
         time.sleep(0.01)  # noqa: TID251, it samples another process
-    scene.check(check.wait() == 3, f"{folder.name}: exit status {check.wait()}, not 3")
+    scene.ended(check, 3, what=folder.name)
     return check, time.monotonic() - begin, most
 
 
@@ -106,7 +106,7 @@ def bombs(scene: Scene) -> None:
         folder.mkdir()
         (folder / "30_x.yaml").write_text(BOMBS[name]())
         check, seconds, most = checked(scene, folder)
-        scene.check("30_x.yaml" in check.text(), f"{name}: {last_line(check)}")
+        scene.check("30_x.yaml:" in check.text(), f"{name}: {last_line(check)}")
         scene.figure(seconds)
         scene.check(10 < most < 400, f"{name}: {most:.0f} MiB of memory")
         scene.check(not (scene.folder / "pwned").exists(), "a file ran a program")

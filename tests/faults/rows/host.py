@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from tests.faults.process import ARMTREE, Command, kill, until
@@ -46,15 +47,18 @@ def no_burst(scene: Scene, run: Command) -> None:
 def clock(scene: Scene) -> None:
     board = scene.board()
     wall = WallClock(scene.folder)
-    wall.turn(0)
+    wall.turn(-86400)
     run = scene.run("20", board=board, environment=wall.environment)
     for _ in range(4):
         run.until_event("sent", len(run.events("sent")) + scene.random.randint(1, 5))
         wall.turn(scene.random.choice([-86400, -3600, -1, 1, 3600, 86400]))
     run.until_event("sent", len(run.events("sent")) + 3)
     run.signal(signal.SIGINT)
-    scene.check(run.wait() == 7, f"exit status {run.wait()}: {last_line(run)}")
+    scene.ended(run, 7)
     no_burst(scene, run)
+    yesterday = f"{datetime.now(UTC) - timedelta(days=1):%Y%m%d}"
+    (recording,) = scene.recordings()
+    scene.check(recording.name.startswith(yesterday), f"it did not see the clock: {recording.name}")
     for each in timed(run):
         scene.figure(1000 * (each["time_s"] - each["scheduled_s"]))
     scene.verified()
@@ -62,26 +66,28 @@ def clock(scene: Scene) -> None:
 
 @row(
     "starved",
-    "24 to 32 busy loops on all cores, while three tasks run with `nice -n 19`",
+    "24 to 32 busy loops on all cores, from the first motion on of a run with `nice -n 19`",
     "the tasks are done; late frames move the rest, and none are sent in a burst",
     times=3,
     alone=True,
 )
 def starved(scene: Scene) -> None:
     board = scene.board()
+    polite = "nice", "-n19", ARMTREE  # it asks for no higher priority then
+    run = scene.run("21", "21", board=board, argv=polite)
+    run.until_event("sent", scene.random.randint(1, 8))
     loops = [
         # Linux schedules sessions, so each loop gets as much as the command.
         subprocess.Popen([sys.executable, "-c", "while True: pass"], start_new_session=True)
         for _ in range(scene.random.randint(24, 32))
     ]
     try:
-        polite = "nice", "-n19", ARMTREE  # it asks for no higher priority then
-        run = scene.run("21", "21", "21", board=board, argv=polite)
-        scene.check(run.wait() == 0, f"exit status {run.wait()}: {last_line(run)}")
+        run.until_event("result", 2)
     finally:
         for loop in loops:
             loop.kill()
             loop.wait()
+    scene.ended(run, 0)
     no_burst(scene, run)
     late = [each["time_s"] - each["scheduled_s"] for each in timed(run)]
     scene.check(max(late) > 0.01, f"no frame was late: at most {1000 * max(late):.1f} ms")
@@ -103,7 +109,7 @@ def frozen(scene: Scene) -> None:
     time.sleep(scene.random.uniform(0.1, 2.0))  # noqa: TID251, so long it is stopped
     for pid in [run.pid, *run.family()]:
         kill(pid, signal.SIGCONT)
-    scene.check(run.wait() == 0, f"exit status {run.wait()}: {last_line(run)}")
+    scene.ended(run, 0)
     no_burst(scene, run)
     state = board.ask("state")
     scene.check(state["lost"] == state["wrong"] == 0, f"the board lost bytes: {state}")
@@ -163,10 +169,7 @@ def too_fast(scene: Scene) -> None:
         "skills/hurry.py": SKILL,
         "trees/30_hurry.yaml": TASK.format(joint=f"joint_{joint + 1}", goal=far, factor=factor),
     }
-    for name, text in texts.items():
-        (scene.folder / name).parent.mkdir()
-        (scene.folder / name).write_text(text)
-    scene.robot({'firmware = "stock"': f'firmware = "{firmware}"'})
+    scene.write(texts)
     run = scene.run("30", "--skills", scene.folder / "skills", board=scene.board(firmware))
     found = run.wait(), run.events("result")[-1]["code"]
     expected = [(6, "hw.joint_too_fast"), (6, "hw.too_fast")]
@@ -215,11 +218,7 @@ class Wrong(SerialServo):
 )
 def wrong_driver(scene: Scene) -> None:
     scene.robot({'driver = "serial_servo"': 'driver = "wrong"'})
-    info = scene.folder / "wrong_driver-1.0.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: wrong-driver\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text("[armtree.hardware]\nwrong = wrong_driver:Wrong\n")
-    board = scene.board()
+    board, info = scene.board(), "wrong_driver-1.0.dist-info"
     raised = ("KeyError(1)", "SystemExit", "MemoryError", "UnicodeError('\\n')")
     wrong = ["time.sleep(30)", *(f"raise {each}" for each in raised)]
     silent = ["raise ZeroDivisionError", "return b''", "return None"]
@@ -227,14 +226,19 @@ def wrong_driver(scene: Scene) -> None:
         [*(("write", each) for each in wrong), *(("read", each) for each in silent)]
     )
     after = scene.random.randint(1, 12) if call == "write" else 0
-    text = DRIVER.format(call=call, how=how, after=after)
-    (scene.folder / "wrong_driver.py").write_text(text)
+    scene.write(
+        {
+            f"{info}/METADATA": "Metadata-Version: 2.1\nName: wrong-driver\nVersion: 1.0\n",
+            f"{info}/entry_points.txt": "[armtree.hardware]\nwrong = wrong_driver:Wrong\n",
+            "wrong_driver.py": DRIVER.format(call=call, how=how, after=after),
+        }
+    )
     scene.unreceived = 1
     run = scene.run("20", board=board, environment={"PYTHONPATH": str(scene.folder)})
     if call == "read":
         run.until_event("lifecycle", 4)
         board.ask("send something to read")
-    scene.check(run.wait() == 6, f"{call}, {how}: exit status {run.wait()}: {last_line(run)}")
+    scene.ended(run, 6, what=f"{call}, {how}")
     (result,) = run.events("result")
     scene.check(result["code"].startswith("hw."), f"{call}, {how}: {result['code']}")
     most = after if call == "write" else 1
@@ -285,9 +289,7 @@ tree:
     times=3,
 )
 def stuck_skill(scene: Scene) -> None:
-    for name, text in (("skills/stuck.py", STUCK), ("trees/31_stuck.yaml", STUCK_TASK)):
-        (scene.folder / name).parent.mkdir()
-        (scene.folder / name).write_text(text)
+    scene.write({"skills/stuck.py": STUCK, "trees/31_stuck.yaml": STUCK_TASK})
     board = scene.board()
     server = scene.serve("--activate", "--skills", scene.folder / "skills", board=board)
     goal = server.goal(31)
@@ -341,9 +343,7 @@ class Stuck(Skill):
 )
 def stuck_validation(scene: Scene) -> None:
     task = "task: 31\nname: stuck\ndescription: Never return.\ntree: Stuck\n"
-    for name, text in (("skills/stuck.py", STUCK_VALIDATION), ("trees/31_stuck.yaml", task)):
-        (scene.folder / name).parent.mkdir()
-        (scene.folder / name).write_text(text)
+    scene.write({"skills/stuck.py": STUCK_VALIDATION, "trees/31_stuck.yaml": task})
     board = scene.board()
     server = scene.serve("--activate", "--skills", scene.folder / "skills", board=board)
     (scene.folder / "go").touch()
@@ -379,7 +379,7 @@ def frozen_server(scene: Scene) -> None:
     stopped = server.signal(signal.SIGSTOP)
     others = [scene.armtree(name, "--server", server.url) for name in ("status", "cancel")]
     for client in (*others, waiting):
-        scene.check(client.wait() == 13, f"exit status {client.wait()}: {last_line(client)}")
+        scene.ended(client, 13)
         scene.figure(time.monotonic() - stopped)
     kill(server.pid, signal.SIGCONT)
     scene.check(server.stop() < 10, "it does not go on")

@@ -40,7 +40,7 @@ def port_taken(scene: Scene) -> None:
     try:
         until("the board has booted", lambda: board.ask("state")["open"])
         run = scene.run("21", board=board)
-        scene.check(run.wait() == 9, f"exit status {run.wait()}, not 9")
+        scene.ended(run, 9)
     finally:
         os.close(other)
     result = run.events("result")[-1]
@@ -83,7 +83,6 @@ def two_runs(scene: Scene) -> None:
     times=4,
 )
 def port_shared(scene: Scene) -> None:
-    scene.robot({'firmware = "stock"': 'firmware = "armtree"'})
     board = scene.board("armtree")
     run = scene.moving(board, frames=(1, 60))
     scene.unrecorded, scene.unreceived = 1, 1
@@ -133,7 +132,7 @@ def not_a_port(scene: Scene) -> None:
     for kind in kinds:
         path = no_port(kind, scene.folder / f"port-{NO_PORTS.index(kind)}")
         run = scene.armtree(*("run", "21", "--port", path, "--robot", robot, "--trees", TASKS))
-        scene.check(run.wait() == 6, f"{kind}: exit status {run.wait()}, not 6")
+        scene.ended(run, 6, what=kind)
         scene.check(str(path) in run.text(), f"{kind}: {last_line(run)}")
         if kind in ("file", "hard link"):
             scene.check(path.read_text() == "precious", f"the {kind} was changed")
@@ -162,7 +161,7 @@ def dropped_arm(scene: Scene) -> None:
     scene.figure(time.monotonic() - dropped)
     scene.check(program.popen.poll() is None, "the program ended")
     run = scene.run("21", board=board)
-    scene.check(run.wait() == 0, f"the next run: {last_line(run)}")
+    scene.ended(run, 0, what="the next run")
     scene.verified()
 
 
@@ -173,8 +172,7 @@ def dropped_arm(scene: Scene) -> None:
     times=2,
 )
 def doctor(scene: Scene) -> None:
-    for kind in ("mute", "stock", "missing", "taken"):
-        scene.robot({'firmware = "stock"': 'firmware = "armtree"'})
+    for kind in ("mute", "stock", "missing", "taken"):  # the first one writes the robot file
         board = scene.board("stock" if kind == "stock" else "armtree")
         handle = os.open(board.port, os.O_RDWR | os.O_NOCTTY)
         if kind == "mute":
@@ -188,7 +186,7 @@ def doctor(scene: Scene) -> None:
         robot = scene.folder / "robot.toml"
         found = scene.armtree("doctor", "--open", "--port", board.port, "--robot", robot)
         wanted = 9 if kind == "taken" else 6
-        scene.check(found.wait() == wanted, f"{kind}: exit status {found.wait()}, not {wanted}")
+        scene.ended(found, wanted, what=kind)
         if kind == "taken":
             os.close(handle)
         scene.check(board.data() == b"", f"{kind}: something was sent")
@@ -220,7 +218,7 @@ def runtime_folder(scene: Scene) -> None:
     server = scene.armtree(
         *("serve", "--tcp-port", "0", "--port", "virtual"), environment=environment
     )
-    scene.check(server.wait() == 13, f"{kind}: exit status {server.wait()}, not 13")
+    scene.ended(server, 13, what=kind)
     scene.check(str(folder) in server.text(), f"{kind}: {last_line(server)}")
     scene.check(folder.lstat().st_mode == before.st_mode, f"{kind}: it was changed")
     there = [*other.iterdir(), *(folder.iterdir() if folder.is_dir() else ())]

@@ -62,8 +62,7 @@ def planner_lies(scene: Scene) -> None:
         scene.check(code == "plan.worker_died", f"{kind}: the code is {code}: {message}")
         scene.check("answered" in message, f"{kind}: the message is {message}")
         scene.check(len(board.frames()) == before, f"{kind}: frames were sent")
-        honest = server.result(server.goal(21))
-        scene.check(honest["code"] == "ok", f"after {kind}: {honest['code']}: {honest['message']}")
+        scene.succeeds(server, f"after {kind}")
 
 
 @row(
@@ -88,7 +87,7 @@ def slow_joint(scene: Scene) -> None:
 
     until("its end", ended)
     (result,) = run.events("result")
-    scene.check(run.wait() == 5, f"exit status {run.wait()}, not 5")
+    scene.ended(run, 5)
     scene.check(result["code"] == "plan.too_long", f"{result['code']}: {result['message']}")
     scene.check("the limit is 600 s" in result["message"], f"the message is {result['message']}")
     scene.check(not run.events("sent"), "frames were sent")
@@ -141,8 +140,7 @@ def planner_stopped(scene: Scene) -> None:
         code = server.result(goal)["code"]
         may = ("ok", "plan.timeout") if kind == "SIGSTOP" else ("ok", "plan.worker_died")
         scene.check(code in may, f"{kind}, {moment}: the goal ends {code}")
-        following = server.result(server.goal(21))
-        scene.check(following["code"] == "ok", f"{kind}, {moment}: then {following['message']}")
+        scene.succeeds(server, f"after {kind}, {moment}")
         scene.check(not Path(f"/proc/{planner}").exists(), f"{kind}, {moment}: it still exists")
 
 
@@ -231,17 +229,16 @@ tree:
     times=2,
 )
 def beside_obstacles(scene: Scene) -> None:
-    folder, numbers = scene.folder / "trees", range(30, 33)
-    folder.mkdir()
+    numbers = range(30, 33)
     for number in numbers:
         place = [-100.4, 155.9, 90.4]
         if number > 30:
             place = [round(each + scene.random.uniform(-2.0, 2.0), 1) for each in place]
         words = "[" + ", ".join(f"{each} mm" for each in place) + "]"
         text = BESIDE.format(number=number, place=words)
-        (folder / f"{number}_beside_{number}.yaml").write_text(text)
+        scene.write({f"trees/{number}_beside_{number}.yaml": text})
     run = scene.run(*map(str, numbers), board=scene.board())
-    scene.check(run.wait() == 0, f"exit status {run.wait()}: {last_line(run)}")
+    scene.ended(run, 0)
     codes = [each["code"] for each in run.events("result")]
     scene.check(codes == ["ok"] * len(numbers), f"the goals end {codes}")
     scene.injections = len(numbers)
@@ -273,7 +270,7 @@ print(*(getattr(each, "code", type(each).__name__) for each in answers))
 )
 def hand_built_queries(scene: Scene) -> None:
     program = scene.armtree("-c", HAND_BUILT, argv=[sys.executable])
-    scene.check(program.wait() == 0, f"exit status {program.wait()}: {last_line(program)}")
+    scene.ended(program, 0)
     found, wanted = program.output.read_text().split(), ["plan.bad_query"] * 8 + ["Plan"]
     scene.check(found == wanted, f"the answers are {found}")
     scene.injections = len(wanted)

@@ -42,7 +42,7 @@ def unplug_any_time(scene: Scene) -> None:
     time.sleep(scene.random.uniform(0.0, 4.0))  # noqa: TID251, a random moment
     scene.unreceived = 1
     gone = board.ask("unplug")["time"]
-    scene.check(run.wait() == 6, f"exit status {run.wait()}, not 6")
+    scene.ended(run, 6)
     code = run.events("result")[-1]["code"]
     scene.check(code in ("hw.port_lost", "hw.port_missing", "hw.link"), f"the code is {code}")
     # Before it looks for the port, the command loads its libraries.
@@ -74,8 +74,7 @@ def replug(scene: Scene) -> None:
     scene.check(now["resets"] == before, "the server opened the port by itself")
     server.post("/api/arm/configure")
     server.post("/api/arm/activate")
-    result = server.result(server.goal(21))
-    scene.check(result["code"] == "ok", f"after the activation: {result['code']}")
+    scene.succeeds(server, "after the activation")
     scene.check(board.ask("state")["angles"] == [90, 90, 90, 0], "the board is elsewhere")
 
 
@@ -157,7 +156,7 @@ def write_stuck(scene: Scene) -> None:
     until("a spoiled call", calls.calls)
     time.sleep(scene.random.uniform(0.0, 0.25))  # noqa: TID251, a random moment
     pressed = run.signal(signal.SIGINT)
-    scene.check(run.wait() in (6, 7), f"exit status {run.wait()}, not 6 or 7")
+    scene.ended(run, 6, 7)
     scene.figure(time.monotonic() - pressed)
     scene.verified()
 
@@ -190,7 +189,7 @@ def short_writes(scene: Scene) -> None:
     calls = WrongCalls(scene.folder, board.port)
     calls.start(f"short {scene.random.randint(1, 19)}")
     run = scene.run("21", board=board, environment=calls.environment)
-    scene.check(run.wait() == 0, f"exit status {run.wait()}, not 0")
+    scene.ended(run, 0)
     sent = len(run.events("sent"))
     scene.check(len(calls.calls()) > sent, f"{len(calls.calls())} calls for {sent} frames")
     state = board.ask("state")

@@ -44,7 +44,7 @@ def unpack(scene: Scene) -> None:
     ):
         begin = time.monotonic()
         done = scene.armtree(*command, limits=limits)
-        scene.check(done.wait() in (0, 3, 10, 12), f"{command}: {done.wait()}, {last_line(done)}")
+        scene.ended(done, 0, 3, 10, 12)
         for wrong in ("a bug in armtree", "Traceback", "MemoryError"):
             scene.check(wrong not in done.text(), f"{command}: {last_line(done)}")
         scene.figure(time.monotonic() - begin)
@@ -59,7 +59,7 @@ def unpack(scene: Scene) -> None:
 )
 def change(scene: Scene) -> None:
     run = scene.run("21")
-    scene.check(run.wait() == 0, f"exit status {run.wait()}, not 0")
+    scene.ended(run, 0)
     (path,) = scene.recordings()
     scene.verified()
     whole, records = path.read_bytes(), records_of(path)
@@ -78,7 +78,7 @@ def change(scene: Scene) -> None:
         rewritten(folder / f"{number}-{words}-{digests}.mcap", changed, digests)
     rewritten(folder / "no-digests.mcap", records)
     verify = scene.armtree("replay", "changed", "--verify", "--json")
-    scene.check(verify.wait() == 12, f"exit status {verify.wait()}, not 12")
+    scene.ended(verify, 12)
     found = [json.loads(line) for line in verify.output.read_text().splitlines()]
     scene.check(len(found) == len(list(folder.iterdir())), f"{len(found)} files were verified")
     for each in found:
@@ -103,7 +103,7 @@ def slow_disk(scene: Scene) -> None:
     calls.start(f"delay {scene.random.randint(100, 600)}")
     time.sleep(scene.random.uniform(0.5, 3.0))  # noqa: TID251, so long the disk is slow
     calls.stop()
-    scene.check(run.wait() == 0, f"exit status {run.wait()}: {last_line(run)}")
+    scene.ended(run, 0)
     lines = [str(each) for each in run.events("log")]
     words = [line for line in lines if "waited" in line and "a write to the disk took" in line]
     scene.check(words, f"the log does not name the disk: {lines}")
@@ -125,7 +125,8 @@ def stuck_disk(scene: Scene) -> None:
     options = ["--activate", "--policy", "queue", "--recording-timeout", "1"]
     server = scene.serve(*options, board=board, environment=calls.environment)
     first = server.goal(20)
-    until("the arm moves", lambda: len(board.frames()) > scene.random.randint(1, 8))
+    count = scene.random.randint(1, 8)
+    until("the arm moves", lambda: len(board.frames()) > count)
     second = server.goal(21)
     calls.start("delay 3000")
     begin = time.monotonic()
@@ -157,7 +158,7 @@ def deleted_folder(scene: Scene) -> None:
     run.until_event("sent", scene.random.randint(1, 8))
     begin = time.monotonic()
     shutil.rmtree(scene.folder / "recordings")
-    scene.check(run.wait() == 10, f"exit status {run.wait()}, not 10: {last_line(run)}")
+    scene.ended(run, 10)
     scene.figure(1000 * (board.frames()[-1].time - begin))
     results = run.events("result")
     codes = [each["code"] for each in results]
@@ -177,12 +178,11 @@ def lost_sync(scene: Scene) -> None:
     calls = WrongCalls(scene.folder, "-20.mcap", "sync")
     run = scene.moving(board, frames=(1, 8), calls=calls)
     calls.start("errno 5 once")
-    scene.check(run.wait() == 10, f"exit status {run.wait()}, not 10: {last_line(run)}")
+    scene.ended(run, 10)
     (result,) = run.events("result")
     scene.check(result["code"] == "log.incomplete", f"the goal ends {result['code']}")
     scene.check(run.events("sent")[-1]["hold"], "the last frame is not a hold")
-    verify = scene.armtree("replay", "recordings", "--verify")
-    scene.check(verify.wait() == 0, f"replay --verify: {last_line(verify)}")
+    scene.verified()
 
 
 @row(
@@ -196,15 +196,13 @@ def full_disk(scene: Scene) -> None:
     calls = WrongCalls(scene.folder, "-20.mcap")
     run = scene.moving(board, calls=calls)
     calls.start(f"errno {errno.ENOSPC}")
-    scene.check(run.wait() == 10, f"exit status {run.wait()}, not 10: {last_line(run)}")
+    scene.ended(run, 10)
     calls.stop()
     (result,) = run.events("result")
     scene.check(result["code"] in ("log.disk_full", "log.incomplete"), str(result))
     scene.unrecorded = 2  # the frame whose recording failed, and the hold
-    recover = scene.armtree("log", "recover", *scene.recordings())
-    scene.check(recover.wait() in (0, 10), f"log recover: {last_line(recover)}")
-    verify = scene.armtree("replay", "recordings", "--verify")
-    scene.check(verify.wait() == 10, f"replay --verify: {verify.wait()}, {last_line(verify)}")
+    scene.recovered(0, 10)
+    scene.verified(10)
 
 
 @row(
@@ -239,8 +237,6 @@ def kill_at_end(scene: Scene) -> None:
     run.signal(signal.SIGKILL)
     run.wait()
     (path,) = scene.recordings()
-    recover = scene.armtree("log", "recover", path)
-    scene.check(recover.wait() in (0, 10), f"log recover: {last_line(recover)}")
-    verify = scene.armtree("replay", "recordings", "--verify")
-    scene.check(verify.wait() in (0, 10), f"replay --verify: {last_line(verify)}")
+    scene.recovered(0, 10)
+    scene.verified(0, 10)
     scene.check(not list(path.parent.glob("*.part")), "a partial copy is left")

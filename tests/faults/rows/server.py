@@ -19,8 +19,8 @@ from tests.faults.row import Row, Scene, row
 
 HOSTILE = Path(__file__).parents[1] / "hostile.py"
 CLIENTS = 80
-GOALS = 25  # per flood
-STOPS = 4  # per goal: one in motion, and more while nothing moves
+GOALS = 20  # per flood
+STOPS = 5  # per goal: one in motion, and more while nothing moves
 
 
 def flood(kind: str, fault: str, stops: bool = False, quick: int = 0) -> Row:
@@ -38,7 +38,7 @@ def flood(kind: str, fault: str, stops: bool = False, quick: int = 0) -> Row:
         f"flood-{kind.replace(' ', '-')}",
         f"{CLIENTS} clients: {fault}",
         "from a stop of another client, or the first of such a flood, to its answer and to the"
-        " last frame on the wire; the arm is in motion at every fourth stop",
+        " last frame on the wire; the arm is in motion at every fifth stop",
         limit=50,
         worst=250,
         unit="ms",
@@ -142,7 +142,7 @@ def descriptors(scene: Scene) -> None:
     fewer = scene.armtree(
         *("serve", "--tcp-port", "0", "--port", "virtual"), limits={resource.RLIMIT_NOFILE: 20}
     )
-    scene.check(fewer.wait() == 13, f"with 20, exit status {fewer.wait()}")
+    scene.ended(fewer, 13, what="with 20")
     said = fewer.text().splitlines()
     scene.check(len(said) == 1 and "ulimit -n" in said[0], f"with 20, it says {said}")
     scene.verified()

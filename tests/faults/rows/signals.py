@@ -5,7 +5,7 @@ import time
 from itertools import pairwise
 
 from tests.faults.process import kill, until
-from tests.faults.row import Scene, last_line, row
+from tests.faults.row import Scene, row
 from tests.faults.wrong_calls import WrongCalls
 
 
@@ -23,7 +23,7 @@ def signals(scene: Scene) -> None:
     run = scene.moving(board)
     (which,) = scene.share([signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
     sent = run.signal(which)
-    scene.check(run.wait() == 7, f"{which.name}: exit status {run.wait()}, not 7")
+    scene.ended(run, 7, what=which.name)
     hold = run.events("sent")[-1]
     scene.check(hold["hold"], f"{which.name}: the last frame is not a hold")
     scene.figure(1000 * (hold["time_s"] - sent))
@@ -45,7 +45,7 @@ def signals_early(scene: Scene) -> None:
     which = scene.random.choice([signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
     sent = run.signal(which)
     allowed = (7, 130, 128 + which, -which)
-    scene.check(run.wait() in allowed, f"{which.name}: exit status {run.wait()}")
+    scene.ended(run, *allowed, what=which.name)
     scene.figure(time.monotonic() - sent)
     until("the end of its processes", lambda: not run.family())
 
@@ -77,8 +77,7 @@ def kill_server(scene: Scene) -> None:
     scene.check(board.ask("state")["resets"] == resets, "the port was opened")
     scene.check(len(board.frames()) == frames, "a frame was sent")
     other.post("/api/arm/activate")
-    result = other.result(other.goal(21))
-    scene.check(result["code"] == "ok", f"after the activation: {result['code']}")
+    scene.succeeds(other, "after the activation")
 
 
 @row(
@@ -90,6 +89,7 @@ def kill_server(scene: Scene) -> None:
 def kill_children(scene: Scene) -> None:
     board = scene.board()
     server = scene.serve("--activate", board=board)
+    scene.injections = 0
     for task in (21, 23, 23, 21):
         goal = server.goal(task)
         time.sleep(scene.random.uniform(0.0, 0.8))  # noqa: TID251, a random moment
@@ -98,12 +98,10 @@ def kill_children(scene: Scene) -> None:
             scene.injections += 1
         result = server.result(goal)
         scene.check(result["code"] in ("ok", "plan.worker_died"), f"a goal ends {result['code']}")
-    result = server.result(server.goal(21))
-    scene.check(result["code"] == "ok", f"the last goal ends {result['code']}")
+    scene.succeeds(server, "the last goal")
     server.signal(signal.SIGINT)
-    scene.check(server.wait() == 0, f"exit status {server.wait()}: {last_line(server)}")
-    recover = scene.armtree("log", "recover", *scene.recordings())
-    scene.check(recover.wait() == 0, f"log recover: {last_line(recover)}")
+    scene.ended(server, 0)
+    scene.recovered(0)
     scene.check(len(scene.recordings()) == 6, f"{len(scene.recordings())} recordings")
     scene.verified()
 

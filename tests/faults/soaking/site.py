@@ -55,8 +55,6 @@ class Site:
         shutil.copytree(_OWN_TASKS, folder / "trees", dirs_exist_ok=True)
         firmware = random.choice(["stock", "armtree"])
         self.policy = random.choice(["reject", "queue", "preempt"])
-        if firmware == "armtree":
-            self.scene.robot({'firmware = "stock"': 'firmware = "armtree"'})
         self.board: Board = self.scene.board(firmware)
         self.calls = WrongCalls(folder, "/dev/pts/")
         self.server: Server = self.scene.serve(
