@@ -15,6 +15,8 @@ from executive.testing import SimulatedArm
 from hardware import load_robot
 from logs import Recording, RecordingError
 from skills.motion.kinematics.robot_model import RobotModel
+from tests.hardware.description.test_calibration import calibrate
+from tests.support.arms.bus_arms import bus_arm
 from tests.support.paths import DATA
 
 TASK = """
@@ -110,3 +112,18 @@ def test_meshes_that_are_too_large_are_not_attached_and_the_verification_says_so
     assert f"cannot be verified: {why}" in verify(recording).error
     with pytest.raises(RecordingError, match="not attached"):
         extract_robot(Recording(recording), site)
+
+
+@pytest.mark.slow
+def test_a_calibration_is_recorded_with_the_robot(tmp_path: Path) -> None:
+    site = tmp_path / "site"
+    site.mkdir()
+    calibrate(bus_arm(site)).rename(site / "six_axes.calibration.toml")
+    (site / "arm.toml").rename(site / "six_axes.toml")
+    (site / "7_wave.yaml").write_text(TASK.replace("turn", "joint_1"))
+    calibrated = load_robot(site / "six_axes.toml")
+    recording = recorded(site)
+    assert verify(recording).holds
+    file, _, calibration = extract_robot(Recording(recording), tmp_path / "out")[:3]
+    assert calibration.name == "six_axes.calibration.toml"
+    assert load_robot(file).actuated == calibrated.actuated
