@@ -191,7 +191,7 @@ def _number(arm: "Robot", port: str) -> None:
             if len(found.servos) == 1 and not found.damaged:
                 break
             there = ", ".join(map(str, found.servos)) or "none"
-            echo(f"Not one servo alone answers (ids: {there}). Check the cable and the power")
+            echo(f"Exactly one servo must answer; ids that answer: {there}. Check cable and power")
         (now,) = found.servos
         _give_id(arm, port, baud, now, wanted)
 

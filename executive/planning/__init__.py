@@ -1,1 +1,1 @@
-"""`armtree plan`: goals from text, world files and drawings."""
+"""Before the arm moves: goals from text, the known motions of a task, dry runs, world files."""

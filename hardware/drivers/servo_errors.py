@@ -2,7 +2,7 @@
 
 BoardError
 ├── BoardSilent
-│   ├── NoServos              what answers on the port is no servo
+│   ├── NoServos              what answers on the port is not a servo
 │   └── ServoMissing          servos do not answer before the arm may move
 ├── ServoTwice                two servos have one id
 ├── ServoSilent               a servo stopped to answer
@@ -30,7 +30,7 @@ class NoServos(BoardSilent):
 
     def __init__(self, port: str, seconds: float, noise: int) -> None:
         advice = (
-            f"It received {noise} bytes that are no packets: the baud rate is wrong, another "
+            f"It received {noise} bytes that are not packets: the baud rate is wrong, another "
             f"device is on this port, or two servos have one id. {_DOCTOR}"
         )
         super().__init__(port, seconds, "the position of any servo", advice)

@@ -98,7 +98,7 @@ def _latest(folder: Path, task: str) -> Path:
     if not found:
         raise NoSuchRecording(folder, "no recording of a run is here")
     titles = ", ".join(goal_title(number) for number in sorted({number for _, number, _ in found}))
-    raise NoSuchRecording(folder, f"no recording here is of {task}; they are of {titles}")
+    raise NoSuchRecording(folder, f"no run of {task} is recorded here; there are runs of {titles}")
 
 
 def _is_task(task: str, number: int, path: Path) -> bool:

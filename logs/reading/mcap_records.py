@@ -20,11 +20,12 @@ _CRC_BYTES = 4
 # longest motion, 10 minutes, has about 10 MB.
 _CHUNK_LIMIT = 32 << 20
 
-# Most bytes that all chunks so far may unpack to: so many, and so many per byte of the file so far.
+# Most bytes that all chunks so far may unpack to: a constant, plus a number per byte of the file
+# so far.
 # A log line of 10 kB that is repeated all day compresses to a thousandth.
 _UNPACKED_LIMIT, _UNPACKED_PER_BYTE = 16 << 20, 1000
 
-# Most records in all chunks so far: so many, and one per byte of the file so far. Records that
+# Most records in all chunks so far: this number, plus one per byte of the file so far. Records that
 # differ only by their times and numbers take several bytes each.
 _RECORDS_LIMIT = 10_000
 
@@ -131,7 +132,7 @@ class _Body(BytesIO):
     """The bytes of a record; a length within it that exceeds it is an error."""
 
     def read(self, size: int | None = -1, /) -> bytes:
-        """Return exactly so many bytes."""
+        """Return exactly `size` bytes."""
         data = super().read(size)
         if len(data) != size:
             raise BadRecord(f"a record that ends after {len(data)} of {size} bytes")

@@ -123,7 +123,7 @@ def predict_motions(
     reach: Callable[[ToolQuery], Reached] | None = None,
     duration: Callable[[Leaf, Motion], float] | None = None,
 ) -> PredictedMotions:
-    """Predict the motions of a task, each in the world as the task has changed it by then.
+    """Predict the motions of a task, each in the world that the task has made before it.
 
     Args:
         tree: The compiled task.

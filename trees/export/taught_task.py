@@ -45,7 +45,7 @@ class Step:
 
 
 class TaughtTask:
-    """A task file that grows by a step at a time. It is written anew at every change.
+    """A task file that grows by one step at a time. Every change writes the whole file again.
 
     Args:
         robot: The robot.

@@ -102,7 +102,7 @@ def _words_of_goal(
 
 
 def target_argument(name: str, complete: Complete) -> Callable[[F], F]:
-    """Return a decorator that adds the words of a target; a negative number is no option.
+    """Return a decorator that adds the words of a target; a negative number is not an option.
 
     Args:
         name: Name of the parameter.

@@ -92,9 +92,9 @@ class Feetech:
             for limit in (joint.lower, joint.upper):
                 ticks = wires.ticks(wire, limit) if math.isfinite(limit) else -1
                 if not 0 <= ticks < series.ticks:
-                    where = f"the limit {joint.words(limit)} is no position of servo {wire.servo}"
+                    where = f"servo {wire.servo} cannot reach the limit {joint.words(limit)}"
                     turn = f"{series.turn:g} deg, with the middle at {joint.words(-wire.offset)}"
-                    table.fail(joint.name, f"{where}, which turns {turn}; narrow it in the URDF")
+                    table.fail(joint.name, f"{where}: it turns {turn}; narrow that in the URDF")
 
     def wire_format(self, joints: Sequence[Joint], firmware: Firmware) -> ServoFormat:
         """Return the wire format of a series."""

@@ -54,7 +54,7 @@ def convex_hull(shapes: Sequence[pin.GeometryObject]) -> coal.ConvexBase:
 class EnclosedVolume:
     """The volume inside a triangle mesh.
 
-    Few volumes are ever asked, so the triangles are read when one is.
+    Most volumes are never asked about a point, so the triangles are read at the first question.
 
     Args:
         mesh: The mesh.

@@ -151,7 +151,7 @@ def test_servos_get_their_ids_one_by_one(arm: Arm) -> None:
             if joint == 2:
                 arm.board.call("connect", [0, 1])
                 terminal.type("\r")
-                terminal.until("Not one servo alone answers (ids: 1, 2)")
+                terminal.until("Exactly one servo must answer; ids that answer: 1, 2")
             arm.board.call("connect", [place])
             terminal.type("\r")
             if joint == 3:

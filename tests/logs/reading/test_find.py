@@ -62,8 +62,8 @@ def test_a_path_is_itself(folder: Path) -> None:
     [
         ("20261121", f"2 recordings here begin with 20261121: {OLDEST}, 20261121T103156.123Z-0"),
         ("x", "no recording here begins with x; there are "),
-        ("latest:7", "no recording here is of 7; they are of move, task 0, task 1"),
-        ("latest:rest", "no recording here is of rest; they are of move, task 0, task 1"),
+        ("latest:7", "no run of 7 is recorded here; there are runs of move, task 0, task 1"),
+        ("latest:rest", "no run of rest is recorded here; there are runs of move, task 0, task 1"),
     ],
 )
 def test_a_wrong_name_is_reported_with_the_right_ones(folder: Path, given: str, why: str) -> None:
