@@ -57,12 +57,13 @@ add_completion_class(_Bash)
 
 
 @command()
-@click.argument("shell", type=click.Choice(list(_LOAD)))
+@click.argument("shell", metavar="SHELL", type=click.Choice(list(_LOAD)))
 @click.pass_context
 def completion(context: click.Context, shell: str) -> None:
     """Print the script with which a shell completes commands, options and names.
 
-    Names are those of tasks, poses, nodes, recordings and ports.
+    SHELL is bash, zsh or fish. Names are those of tasks, poses, nodes, robots, recordings and
+    ports.
 
     \b
     To install it, add the line of your shell to its file:

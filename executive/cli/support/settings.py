@@ -153,7 +153,7 @@ SETTINGS = {
     "server": Setting(
         type=Url(),
         metavar="URL",
-        help="Server. Default: the one on this machine.",
+        help="URL of the server. Default: the one on this machine.",
     ),
     "tcp_port": Setting(
         metavar="PORT",
