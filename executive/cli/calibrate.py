@@ -2,6 +2,8 @@
 
 import os
 import select
+import shlex
+import shutil
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime
@@ -91,7 +93,10 @@ def calibrate(
             for text in _table(calibrator.rows):
                 echo(text, whole=True)
             _finish(arm, calibrator, calibrator.kept(centre), "swept by hand")
-    echo("The servos have no torque. Next, type: armtree doctor --open, with the same options")
+    given = {"--robot": robot, "--port": port}
+    words = [word for name, value in given.items() if value for word in (name, str(value))]
+    echo("The servos have no torque. Next, type:")
+    echo(shlex.join(["armtree", "doctor", "--open", *words]), whole=True)
 
 
 def _confirm(question: str) -> None:
@@ -110,7 +115,8 @@ def _sweep(calibrator: "Calibrator") -> None:
             calibrator.read()
             rows = calibrator.rows
             title = "Turn every joint by hand from end to end, then press Enter. q leaves."
-            screen.draw([title, "", *_table(rows), "", note])
+            width = shutil.get_terminal_size().columns
+            screen.draw(line[:width] for line in (title, "", *_table(rows), "", note))
             ready, _, _ = select.select([keyboard], [], [], _PERIOD)
             for key in keys_in(os.read(keyboard, 100)) if ready else []:
                 if key == "q":
@@ -125,14 +131,14 @@ def _table(rows: "Sequence[Row]") -> Iterator[str]:
     """Yield the lines of the table of ranges."""
     from hardware.bring_up.calibrating import degrees
 
-    yield f"{'joint':<16}{'servo':>5}{'now':>7}{'least':>7}{'most':>7}{'range':>10}{'URDF':>10}"
+    yield f"{'joint':<14}{'servo':>5}{'now':>6}{'least':>7}{'most':>7}{'range':>9}{'URDF':>9}"
     for row in rows:
         expected = degrees(row.joint)
         note = "turn it" if not row.swept else f"{row.range / expected:.0%} of the URDF"
         note = "the seam is inside" if row.seam else note
         now = "-" if row.now is None else row.now
-        figures = f"{now:>7}{row.least:>7}{row.most:>7}{row.range:>6.0f} deg{expected:>6.0f} deg"
-        yield f"{row.joint.name:<16}{row.servo:>5}{figures}  {note}"
+        figures = f"{now:>6}{row.least:>7}{row.most:>7}{row.range:>5.0f} deg{expected:>5.0f} deg"
+        yield f"{row.joint.name:<14}{row.servo:>5}{figures}  {note}"
 
 
 def _finish(

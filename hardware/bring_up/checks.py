@@ -19,7 +19,7 @@ from hardware.errors import HardwareError, PoseOutsideLimits, SupplyTooLow
 from hardware.link.link import VIRTUAL
 from hardware.link.serial_ports import Check, serial_ports
 
-from .search import likely_cable, search_speeds
+from .search import find_servos, likely_cable, search_speeds
 
 _SEARCHED = range(30)  # ids, if a servo is missing
 
@@ -36,7 +36,7 @@ def check_bus(robot: Robot, port: str) -> Iterator[Check]:
         yield _adapter(port)
     try:
         with robot.servo_bus(port, baud, RealClock()) as bus:
-            found = bus.find(robot.servos.values())
+            found = find_servos(robot, bus)
         if len(found.servos) < len(robot.servos) and port != VIRTUAL:
             yield from _missing(robot, port, found)
             return

@@ -7,7 +7,20 @@ from hardware.description.robot import Robot
 from hardware.drivers.servo_bus import Found, ServoBus, ServoReport
 from hardware.drivers.servo_errors import NoServos, ServoMissing, ServoTwice
 
-_PATIENCE = 0.04  # for the answer of a servo, with tries [s]
+_ROUNDS = 4  # of questions to servos that should be there
+_PATIENCE = 0.2  # for the answer of a servo, in all rounds [s]
+
+
+def find_servos(robot: Robot, bus: ServoBus) -> Found:
+    """Return what answers on the open bus of an arm. A servo that does not is asked again."""
+    found = bus.find(robot.servos.values())
+    for _ in range(_ROUNDS - 1):
+        missing = [servo for servo in robot.servos.values() if servo not in found.servos]
+        if not missing or found.noise:
+            break
+        again = bus.find(missing)
+        found = Found({**found.servos, **again.servos}, again.damaged, again.noise)
+    return found
 
 
 def answering(robot: Robot, bus: ServoBus, port: str) -> dict[int, ServoReport]:
@@ -23,7 +36,7 @@ def answering(robot: Robot, bus: ServoBus, port: str) -> dict[int, ServoReport]:
         NoServos: Bytes come, but no packets.
         ServoMissing: A servo does not answer.
     """
-    found = bus.find(robot.servos.values())
+    found = find_servos(robot, bus)
     if found.damaged and found.servos:
         raise ServoTwice(found.damaged)
     if found.noise and not found.servos:

@@ -76,8 +76,8 @@ def test_an_arm_is_calibrated_and_restored(arm: Arm) -> None:
         shown = terminal.until("Not turned yet: joint_1, joint_2")
         for servo, ends in ENDS.items():
             arm.turn(terminal, servo, *ends)
-        shown = terminal.until("joint_4             4   2100   1200   2100")
-        assert "joint_1             1   3100   1000   3100   185 deg   180 deg  103% of" in shown
+        shown = terminal.until("joint_4           4  2100   1200   2100")
+        assert "joint_1           1  3100   1000   3100  185 deg  180 deg  103% of" in shown
         terminal.type("\r")
         shown = terminal.until("Write 8 values to the servos, and the file")
         assert "servo 1   joint_1          least        0 -> 1000" in shown

@@ -264,6 +264,27 @@ class _Ticking(RealClock):
         return float(self.looks)
 
 
+def test_a_weak_supply_limits_the_sum_of_the_accelerations_of_every_motion(robot: Robot) -> None:
+    """Of the group that moves, since the other may move at the same time; and after a pause."""
+    weak = dataclasses.replace(robot, acceleration_sum=0.5)
+    share = sum(j.acceleration for j in robot.actuated_in("arm"))
+    most = 0.5 * share / sum(j.acceleration for j in robot.actuated)
+    planner = Planner(weak)
+    for query in (arm(HOME, PICK), SEARCHED):
+        plan = planner.plan(query)
+        rest = planner.rest(Rest(plan, time := 0.5 * plan.duration, _at(plan, time)))
+        for each in (plan, rest):
+            times = np.arange(0.0, each.duration, 0.001)
+            assert abs(each.accelerations(times)).sum(axis=1).max() <= most * (1 + 1e-9)
+        assert plan.duration > 1.1 * Planner(robot).plan(query).duration
+
+
+def _at(plan: Plan, time: float) -> tuple[float, ...]:
+    start = np.array(plan.start)
+    start[: len(plan.joints)] = plan.sample([time])[0]
+    return tuple(start.tolist())
+
+
 def test_the_durations_of_the_stages_add_up(robot: Robot) -> None:
     """Also if a stage runs for each leg. The last reading is that of the deadline."""
     clock = _Ticking()
