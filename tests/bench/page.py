@@ -34,7 +34,8 @@ GOALS = 200
 # Notes when a message is on the screen: after the frame that follows the change.
 WATCH = """() => {
   window.seen = {};
-  new MutationObserver(() => {
+  window.watching?.disconnect();
+  window.watching = new MutationObserver(() => {
     const found = document.getElementById('running').textContent.match(/tick \\d+/g) ?? [];
     const more = [...document.querySelectorAll('#tree .message')].map((each) => each.textContent);
     for (const text of [...found, ...more.filter((each) => each.startsWith('tick'))])
@@ -44,7 +45,8 @@ WATCH = """() => {
           seen[text] = performance.timeOrigin + performance.now();
         }));
       }
-  }).observe(document.body, {subtree: true, childList: true, characterData: true});
+  });
+  watching.observe(document.body, {subtree: true, childList: true, characterData: true});
 }"""
 CLICK = """() => {
   const at = performance.timeOrigin + performance.now();
@@ -105,6 +107,8 @@ def pixels(tab: Any, served: Served, runs: int) -> list[float]:
     """Times from an event to the screen [ms]."""
     found = []
     for _ in range(runs):
+        served.executive.result(served.executive.send(11).identity)  # no tick is shown any more
+        tab.wait_for_timeout(500)
         watcher = Watcher(served)
         tab.evaluate(WATCH)
         served.executive.result(served.executive.send(TICKS).identity)

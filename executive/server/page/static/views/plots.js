@@ -42,6 +42,7 @@ export class PlotsView {
   #visible = false;
   #end = 1; // of the time that is shown, if no range is chosen [s]
   #drawn = "";
+  #second = 0; // whole seconds of the run when its phases were drawn
   #time = -1;
   #last = 0;
   #timer = 0;
@@ -84,7 +85,10 @@ export class PlotsView {
     if (!this.#libraries || !this.#visible) return;
     this.#drawCursor();
     const changed = history !== this.#history;
-    const now = `${versions(history)} ${this.#cursor.end} ${grows}`;
+    const second = Math.floor(this.#cursor.end);
+    if (second !== this.#second && !changed) this.#drawBand(history);
+    this.#second = second;
+    const now = `${versions(history)} ${this.#shown()}`;
     if (!changed && now === this.#drawn) return;
     const wait = this.#last + PERIOD - performance.now();
     if (!changed && wait > 0) {
