@@ -22,9 +22,10 @@ _TREE_PAIRS = 16  # with fewer, a tree of boxes is not faster
 class BroadPhase:
     """Checks of hulls, with their working memory.
 
-    A tree of axis-aligned boxes finds the hulls that are close to each other.
-    Pairs with a shape that has no such box are checked one after another: the floor is endless, and
-    a very thin body has a box without a volume. So are all pairs if there are very few.
+    A tree of axis-aligned boxes finds the hulls that are close to each other. Pairs with a shape
+    that has no such box are checked one after another: the floor is endless, and a very thin body
+    has a box without a volume. So are all pairs if few are checked at first, because a tree takes
+    time for every shape, checked or not.
 
     Args:
         scene: The scene.
@@ -38,7 +39,7 @@ class BroadPhase:
         self._check = check
         self._max_pairs = MAX_MESH_PAIRS if scene.volumes else MAX_PRIMITIVE_PAIRS
         boxed = _boxed_pairs(scene.hulls)
-        boxed = boxed if len(boxed) >= _TREE_PAIRS else frozenset()
+        boxed = boxed if len(boxed & pairs) >= _TREE_PAIRS else frozenset()
         every = frozenset(range(len(scene.hulls.collisionPairs)))
         kinds = pin.BroadPhaseManagerPool_DynamicAABBTreeCollisionManager, pin.GeometryPool
         self._pools, parts = [], dict[int, tuple[Any, ...]]()

@@ -58,17 +58,17 @@ def _queries(robot: Robot, count: int) -> Iterator[Query]:
     world = _shelf(center, size, _BOARD * reach)
     checker, arm = CollisionChecker(PlanningScene(robot, world)), len(robot.actuated_in("arm"))
     starts, goals, seed = list[Array](), list[Array](), 1
-    while len(goals) < count:
+    while min(len(starts), len(goals)) < count:
         seed += 1
         rows = _draws(robot, seed)
         offsets = _tips(robot, rows) - center
         inside = (abs(offsets) < 0.5 * size).all(axis=1)
         outside = offsets[:, 0] < -0.8 * size[0]
-        for found, chosen, most in ((goals, inside, count), (starts, outside, len(goals) + 1)):
+        for found, chosen in ((goals, inside), (starts, outside)):
             for row in rows[chosen]:
-                if len(found) < most and _is_free(checker, robot, row):
+                if len(found) < count and _is_free(checker, robot, row):
                     found.append(row)
-    for number, (start, goal) in enumerate(zip(starts, goals, strict=False)):
+    for number, (start, goal) in enumerate(zip(starts, goals, strict=True)):
         yield Query("arm", tuple(start), tuple(goal[:arm]), number, world=world)
 
 
