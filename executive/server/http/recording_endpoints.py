@@ -55,7 +55,10 @@ class RecordingEndpoints:
         return {"url": self._sign_in.link()}
 
     async def mesh(self, digest: str) -> bytes:
-        """Return a mesh of a robot that was described."""
+        """Return a mesh of a robot that was described, or of a body in a recording."""
+        for timeline in self._recordings.timelines:
+            if found := await asyncio.to_thread(timeline.mesh, digest):
+                return found
         for scene in self._recordings.scenes:
             try:
                 return await asyncio.to_thread(scene.mesh, digest)

@@ -150,6 +150,11 @@ class RecordingFolder:
         return self._nodes.get(_version(path), make)
 
     @property
+    def timelines(self) -> list[Timeline]:
+        """The recordings that were asked for last."""
+        return self._timelines.values()
+
+    @property
     def scenes(self) -> list[RobotScene]:
         """The robots that were asked for last."""
         return self._scenes.values()

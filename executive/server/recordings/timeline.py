@@ -225,6 +225,10 @@ class Timeline:
             "next_s": None if after >= len(self.steps) else self.steps[after],
         }
 
+    def mesh(self, name: str) -> bytes | None:
+        """Return a mesh of a body by its name in the record of a plan; None if there is none."""
+        return self._recording.files.get(name)
+
     def series(self, points: int) -> Json:
         """Return what plots show of the whole run.
 

@@ -10,6 +10,7 @@ from matplotlib.image import imread
 from numpy.typing import NDArray
 
 from executive.api.move import Move
+from tests.support.paths import ROOT
 from tests.support.servers.browsing import Open, Tab, is_accessible, shows
 from tests.support.servers.serving import Served
 
@@ -79,6 +80,41 @@ def test_pose_path_and_refused_plans_are_drawn(open_page: Open, page_server: Ser
     shows(tab, "#refused-note", "and the refused goal")
     until_seen(tab, lambda now: is_refused(now, above))  # the arm has not moved
     is_accessible(tab)
+
+
+def test_bodies_have_their_meshes_and_a_measured_pose_is_a_ghost(
+    open_page: Open, page_server: Served
+) -> None:
+    beam = ROOT / "tests" / "data" / "beam.stl"
+    (page_server.tasks / "41_beam.yaml").write_text(
+        "task: 41\nname: beam\ndescription: Add a beam, then move.\ntree:\n  sequence:\n"
+        f"    - AddMesh: {{body: beam, file: {beam}, position: [0.3, 0.3, 0.2]}}\n"
+        "    - subtree: move_joints\n      with: {joints: {joint_1: -20 deg}}\n"
+        "    - RemoveBody: {body: beam}\n"
+    )
+
+    def measure(route: Any) -> None:
+        status = route.fetch().json()
+        status["measured"] = {name: q - 0.5 for name, q in status["commanded"].items()}
+        route.fulfill(json=status)
+
+    tab = open_page()
+    tab.locator("#arm canvas").wait_for()
+    beam_task = "#tasks li:has(.name:text-is('41 beam'))"
+    tab.click(f"{beam_task} summary")
+    with tab.expect_response("**/api/meshes/*beam.stl") as asked:
+        tab.click(f"{beam_task} button:text-is('Dry run')")
+    assert asked.value.body() == beam.read_bytes()
+    page_server.executive.result(page_server.executive.send(41).identity)
+    tab.reload()  # it shows the recording, which has its own copy
+    with tab.expect_response("**/api/meshes/*beam.stl") as asked:
+        shows(tab, "#shown", "beam, recorded")
+    assert asked.value.body() == beam.read_bytes()
+    tab.click("#live")
+    before = until_seen(tab, is_drawn)
+    tab.route("**/api/status", measure)
+    shows(tab, "#measured-note", "and measured as a ghost")
+    until_seen(tab, lambda now: changed(before, now).sum() > 200)
 
 
 def test_a_mesh_that_is_not_one_leaves_the_rest(open_page: Open) -> None:
