@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import logs
 from hardware import (
     TRANSITIONS,
+    Ability,
     Arm,
     ArmEvent,
     Clock,
@@ -363,6 +364,25 @@ class Executive:
             if attached := archive_world(world)[1].get(name):
                 return unpack(attached)[1]
         return None
+
+    def switch_torque(self, on: bool) -> None:
+        """Switch the torque of the servos. Without it, a person moves the arm by hand.
+
+        The arm of a single user is activated first.
+
+        Raises:
+            HardwareError: The board cannot do this, the arm is not active, or it is outside its
+                limits, so that the torque stays off.
+            LogError: The disk has no room for a recording, so the arm is not activated.
+        """
+        self.robot.require(Ability.TORQUE)
+        if self.setup.single_user:
+            if self._arm.state is State.UNCONFIGURED:
+                self._pool.start()  # as a goal does that activates the arm
+                self.arm_to("configure")
+            if self._arm.state is State.INACTIVE:
+                self.arm_to("activate")
+        self._arm.switch_torque(on)
 
     def subscribe(self, callback: Callable[[Event], None]) -> Callable[[], None]:
         """Subscribe to all events: what is recorded, and every change of a goal.

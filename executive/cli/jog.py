@@ -45,7 +45,8 @@ def jog(server: str | None, speed: float, **options: Any) -> None:
 
     robot, folder = load_robot(options.pop("robot")), options["trees"] or Path("trees")
     commands = saving(robot, folder)
-    sys.exit(run_jog(find_server(server), {**options, "robot": robot}, speed, commands))
+    setup = {**options, "robot": robot}
+    sys.exit(run_jog(find_server(server), setup, speed, lambda _arm: commands))
 
 
 def saving(robot: "Robot", folder: Path) -> "dict[str, tuple[Command, Act]]":

@@ -21,6 +21,10 @@ if TYPE_CHECKING:
     from executive.api.events import Where
     from trees.export.taught_task import TaughtTask
 
+    from .support.run_jog import OwnArm
+    from .terminal.jog_model import Command
+    from .terminal.jog_screen import Act, JogArm
+
 
 @command()
 @click.argument("number", type=Whole(0, 2**31 - 1))
@@ -32,12 +36,17 @@ if TYPE_CHECKING:
 def teach(number: int, name: str, server: str | None, speed: float, **options: Any) -> None:
     """Teach a task: jog the arm from pose to pose, and take each as a step.
 
-    The keys are those of `armtree jog`, and three more:
+    The keys are those of `armtree jog`, and more:
 
     \b
       t  take this pose as a step
       w  add a wait, such as 500ms
       u  undo the last step
+      f  torque off, to move the arm by hand; or on again
+      r  record a path of the hand as a step; or end it
+
+    f and r need servos that measure, and an arm that is not a server's. A path is kept as the
+    fewest points that are within 1 degree and 2 mm of it.
 
     The file is written at every step, so Ctrl-C or a closed terminal loses nothing. It is an
     ordinary task file in --trees, by default ./trees. Edit it in any editor.
@@ -46,22 +55,33 @@ def teach(number: int, name: str, server: str | None, speed: float, **options: A
     Example:
       armtree teach 5 fetch
     """  # noqa: D301
-    from hardware import load_robot
+    from hardware import Ability, load_robot
     from trees.export.taught_task import TaughtTask
 
-    from .support.run_jog import run_jog
+    from .support.run_jog import OwnArm, run_jog
     from .support.server_requests import find_server
     from .terminal.jog_model import Command
 
     robot, folder = load_robot(options["robot"]), options["trees"] or Path("trees")
     task = TaughtTask(robot, folder, number, name)
     teaching = _Teaching(task)
-    commands = {
-        "t": (Command("take"), teaching.take),
-        "w": (Command("wait", "How long, such as 500ms"), teaching.wait),
-        "u": (Command("undo"), teaching.undo),
-        **saving(robot, folder),
-    }
+
+    def commands(arm: "JogArm") -> "dict[str, tuple[Command, Act]]":
+        by_hand: dict[str, tuple[Command, Act]] = {}
+        if isinstance(arm, OwnArm) and robot.can(Ability.TORQUE) and robot.can(Ability.MEASURE):
+            hand = _Hand(arm, task)
+            by_hand = {
+                "f": (Command("torque off, on"), hand.switch_torque),
+                "r": (Command("path"), hand.record),
+            }
+        return {
+            "t": (Command("take"), teaching.take),
+            "w": (Command("wait", "How long, such as 500ms"), teaching.wait),
+            "u": (Command("undo"), teaching.undo),
+            **by_hand,
+            **saving(robot, folder),
+        }
+
     setup = {**options, "robot": robot, "trees": folder}
     url = find_server(server)
     try:
@@ -129,3 +149,38 @@ class _Teaching:
 
     def _taken(self, words: str) -> str:
         return f"Step {len(self._task.steps)}: {words}"
+
+
+class _Hand:
+    """The keys for an arm that a person moves by hand."""
+
+    def __init__(self, arm: "OwnArm", task: "TaughtTask") -> None:
+        self._arm, self._task = arm, task
+        self._recording = False
+
+    def switch_torque(self, _where: "Where", _text: str) -> str:
+        """Hold the arm; or let it go, which a person must confirm."""
+        from .terminal.jog_screen import Question
+
+        if not self._arm.by_hand:
+            why = "The arm loses its torque and falls if nobody holds it."
+            raise Question(f"{why} Is it held?", self._release)
+        self._arm.switch_torque(on=True)
+        dropped = "; the path is dropped" if self._recording else ""
+        self._recording = False
+        return f"The arm holds{dropped}"
+
+    def _release(self) -> str:
+        self._arm.switch_torque(on=False)
+        return "Move the arm by hand. t takes a pose, r starts and ends a path, f holds the arm"
+
+    def record(self, _where: "Where", _text: str) -> str:
+        """Start a path; or end it, and take it as a step."""
+        if not self._arm.by_hand:
+            return "f switches the torque off, so that you can move the arm; then r records it"
+        self._recording = not self._recording
+        if self._recording:
+            self._arm.start_path()
+            return "Move the arm; r ends the path"
+        step = self._task.follow(self._arm.end_path())
+        return f"Step {len(self._task.steps)}: {step.words}" if step else "The arm has not moved"

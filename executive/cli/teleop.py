@@ -18,7 +18,7 @@ from .support.settings import PATH
     metavar="PORT",
     required=True,
     shell_complete=complete_port,
-    help="Port of the arm that you move by hand. It is of the same kind as the arm that follows.",
+    help="Port of the arm that you move by hand.",
 )
 @click.option(
     "--leader-robot",

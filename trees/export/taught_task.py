@@ -1,6 +1,6 @@
 """A task that is taught step by step. Its file holds all steps at any moment."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
@@ -17,6 +17,7 @@ from trees.reading.values import fit
 from .new_task import prepare_file
 from .saved_poses import written
 from .schema import NAME
+from .taught_path import Sample, simplify, split
 
 _HEAD = """\
 # yaml-language-server: $schema={schema}
@@ -26,6 +27,7 @@ description: Taught in {steps}.
 tree:
   sequence:
 """
+_MOVE = "    - subtree: move_joints\n      with: {{joints: {}}}\n"
 _SAME = 1e-3  # positions that differ by less are the same [rad], [m]
 
 
@@ -76,10 +78,58 @@ class TaughtTask:
         Args:
             positions: Position of every actuated joint [rad], [m].
         """
+        positions = self._within(positions)
+        words, nodes = self._moves(positions)
+        if not nodes:
+            return None
+        return self._add(Step(f"move to {', '.join(words)}", tuple(nodes), positions))
+
+    def follow(self, samples: Sequence[Sample]) -> Step | None:
+        """Add a path that a person moved the arm along, simplified to waypoints.
+
+        Args:
+            samples: Positions of every actuated joint along it [rad], [m].
+
+        Returns:
+            The step; None if the arm did not move.
+        """
+        samples = [self._within(sample) for sample in samples]
+        if not samples:
+            return None
+        joints = [joint.name for joint in self._robot.actuated_in("arm")]
+        gripper = [joint.name for joint in self._robot.actuated_in("gripper")]
+        nodes, points = self._moves(samples[0])[1], 0
+        for part, held in split(self._robot, samples, gripper):
+            waypoints = simplify(self._robot, part, joints)[1:]
+            if waypoints and len({tuple(each[name] for name in joints) for each in part}) > 1:
+                *via, end = (self._pose(each, joints) for each in waypoints)
+                listed = "".join(f"\n          - {each}" for each in via) or " []"
+                nodes.append(f"    - subtree: follow\n      with:\n        via:{listed}\n")
+                nodes[-1] += f"        arm: {end}\n"
+                points += len(waypoints)
+            if any(abs(q - part[0][name]) > _SAME for name, q in held.items()):
+                nodes.append(_MOVE.format(self._pose(held, gripper)))
+        if not nodes:
+            return None
+        return self._add(Step(f"path of {plural(points, 'point')}", tuple(nodes), samples[-1]))
+
+    def _within(self, positions: Mapping[str, float]) -> Mapping[str, float]:
+        """Return measured positions within the limits of the joints.
+
+        Raises:
+            FileError: The joints are those of another robot.
+        """
         names = [joint.name for joint in self._robot.actuated]
         if {*names} != positions.keys():
             why = f"names the joints {', '.join(names)}, but the arm has {', '.join(positions)}"
             raise FileError([Mistake(Place(self._robot.path, 0, 0), f"{why}; give --robot")])
+        return {
+            joint.name: min(max(positions[joint.name], joint.lower), joint.upper)
+            for joint in self._robot.actuated
+        }
+
+    def _moves(self, positions: Mapping[str, float]) -> tuple[list[str], list[str]]:
+        """Return the moves from the last pose to this one: targets for people, and nodes."""
         before = next((step.positions for step in reversed(self.steps) if step.positions), {})
         poses, _ = Library(self._folder, self._robot.name).poses()
         words, nodes = list[str](), list[str]()
@@ -88,17 +138,16 @@ class TaughtTask:
             target = {joint.name: positions[joint.name] for joint in joints}
             if not target or _same(target, {name: before.get(name) for name in target}):
                 continue
-            values = {joint.name: written(joint, target[joint.name]) for joint in joints}
-            full = f"{{{', '.join(f'{name}: {value}' for name, value in values.items())}}}"
             known = (name for name, pose in poses.items() if _same(target, pose))
-            nodes.append(
-                "    - subtree: move_joints\n"
-                f"      with: {{joints: {(pose := next(known, full))}}}\n"
-            )
+            nodes.append(_MOVE.format(pose := next(known, self._pose(target, [*target]))))
             words.append(pose.strip("{}"))
-        if not nodes:
-            return None
-        return self._add(Step(f"move to {', '.join(words)}", tuple(nodes), dict(positions)))
+        return words, nodes
+
+    def _pose(self, positions: Mapping[str, float], names: Sequence[str]) -> str:
+        """Return the positions of some joints, as they are written in a file."""
+        joints = (joint for joint in self._robot.actuated if joint.name in names)
+        values = (f"{joint.name}: {written(joint, positions[joint.name])}" for joint in joints)
+        return f"{{{', '.join(values)}}}"
 
     def wait(self, duration: str) -> Step:
         """Add a wait, such as `500 ms`; return it.

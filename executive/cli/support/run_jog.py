@@ -4,6 +4,7 @@ import signal
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 
 import click
@@ -21,8 +22,8 @@ from executive.errors import Refused, ServerUnreachable
 from executive.executive import Executive
 from executive.session import finish_recording, open_executive, port_line
 from executive.setup import Setup
-from hardware import HardwareError
-from logs import MOVE, Sent, Transition
+from hardware import HardwareError, NotActive
+from logs import MOVE, Measured, Sent, Transition
 from trees import TreeError
 
 from .interrupts import Interrupts
@@ -35,10 +36,15 @@ _CHANGES = (Sent, Transition)  # events after which the arm is elsewhere, or in 
 
 
 class OwnArm:
-    """An arm of this command."""
+    """An arm of this command.
+
+    Attributes:
+        by_hand: True while its servos have no torque.
+    """
 
     def __init__(self, executive: Executive) -> None:
-        self._executive = executive
+        self._executive, self.by_hand = executive, False
+        self._path: list[Mapping[str, float]] | None = None
 
     def move(self, move: Move, accepted: Callable[[], None]) -> Outcome:
         """Move, and wait for the end."""
@@ -53,21 +59,51 @@ class OwnArm:
         self._executive.cancel()
 
     def where(self) -> Where:
-        """Return where the arm is."""
-        return self._executive.where()
+        """Return where the arm is. While it is moved by hand, that is measured.
+
+        Raises:
+            NotActive: It has failed while it was moved by hand. Raised once.
+        """
+        where = self._executive.where()
+        if not self.by_hand:
+            return where
+        if not where.measured:
+            self.by_hand, fault = False, self._executive.status().fault
+            raise NotActive(f"The arm has no torque: hold it. {fault.message if fault else ''}")
+        there = Where.of(self._executive.robot, where.arm, where.measured)
+        return replace(there, measured=where.measured)
 
     def watch(self, changed: Callable[[], None]) -> None:
         """Call a function at every change."""
 
         def note(event: Event) -> None:
-            if isinstance(event, _CHANGES):
+            by_hand = self.by_hand and isinstance(event, Measured)
+            if by_hand and isinstance(event, Measured) and self._path is not None:
+                self._path.append(dict(zip(event.joints, event.position, strict=True)))
+            if by_hand or isinstance(event, _CHANGES):
                 changed()
 
         self._executive.subscribe(note)
 
+    def switch_torque(self, on: bool) -> None:
+        """Switch the torque of the servos, so that a person may move the arm."""
+        self._executive.switch_torque(on)
+        self.by_hand, self._path = not on, None
+
+    def start_path(self) -> None:
+        """Start to keep what is measured, from now on."""
+        self._path = [self.where().measured or {}]
+
+    def end_path(self) -> Sequence[Mapping[str, float]]:
+        """Return what was measured since the start of the path."""
+        path, self._path = self._path, None
+        return path or ()
+
 
 class _ServerArm:
-    """The arm of a server."""
+    """The arm of a server. It is never moved by hand."""
+
+    by_hand = False
 
     def __init__(self, client: Client) -> None:
         self._client = client
@@ -101,7 +137,7 @@ def run_jog(
     server: str | None,
     options: Mapping[str, Any],
     speed: float,
-    commands: Mapping[str, tuple[Command, Act]],
+    commands: Callable[[JogArm], Mapping[str, tuple[Command, Act]]],
     title: str = "armtree jog",
     steps: Callable[[], Sequence[str]] | None = None,
 ) -> int:
@@ -111,7 +147,7 @@ def run_jog(
         server: URL of the server; None for an arm of this command.
         options: Fields of a `Setup`.
         speed: Share of the robot's speed.
-        commands: Further commands, by key, each with its function.
+        commands: Returns further commands for the arm, by key, each with its function.
         title: Title of the screen.
         steps: Returns the steps that were taken, for people; None for a jog that takes none.
 
@@ -135,7 +171,7 @@ def run_jog(
         _arm(server, options) as (port, arm, note),
     ):
         assert keys is not None
-        screen = JogScreen(arm, commands, speed, note, title, steps, _SHOWN)
+        screen = JogScreen(arm, commands(arm), speed, note, title, steps, _SHOWN)
 
         def leave() -> None:
             nonlocal left
@@ -145,10 +181,12 @@ def run_jog(
         interrupts.on_cancel(leave)
         before = signal.signal(signal.SIGWINCH, lambda *_: screen.wake())
         try:
-            where = interrupts.run(lambda: screen.run(keys))
+            interrupts.run(lambda: screen.run(keys))
         finally:
             signal.signal(signal.SIGWINCH, before)
-        echo(f"{port}\nThe arm holds at {pose_words(where)}")
+            why = _hold(arm)
+        echo(port)
+        echo(why or f"The arm holds at {pose_words(arm.where())}")
     return INTERRUPTED_EXIT if left else 0
 
 
@@ -165,12 +203,18 @@ def _arm(server: str | None, options: Mapping[str, Any]) -> Iterator[tuple[str, 
     setup = Setup(**options, reload=True, single_user=True)
     with open_executive(setup, report=echo) as executive, recorded_log(executive):
         executive.start()
-        effect = executive.robot.open_effect
-        yield (
-            port_line(executive),
-            OwnArm(executive),
-            f"The first step opens the port; the arm {effect}",
-        )
+        effect, arm = executive.robot.open_effect, OwnArm(executive)
+        yield port_line(executive), arm, f"The first step opens the port; the arm {effect}"
+
+
+def _hold(arm: JogArm) -> str:
+    """Hold an arm that is moved by hand where it is. Return why it cannot, or ""."""
+    if isinstance(arm, OwnArm) and arm.by_hand:
+        try:
+            arm.switch_torque(on=True)
+        except HardwareError as error:
+            return f"The arm has no torque: hold it. {error}"
+    return ""
 
 
 def pose_words(where: Where) -> str:

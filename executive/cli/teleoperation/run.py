@@ -44,8 +44,14 @@ def run_teleop(
         raise click.UsageError("a leader needs a person at a terminal")
     raise_priority()
     setup = Setup(**options, single_user=True)
-    robot = load_robot(leader_robot) if leader_robot else setup.load_robot()
-    leader, left = HandGuidedArm(robot, robot.link(port)), False
+    robot = setup.load_robot()
+    leading = load_robot(leader_robot) if leader_robot else robot
+    joints, led = ([joint.name for joint in each.actuated] for each in (robot, leading))
+    if joints != led:
+        raise click.UsageError(
+            f"the leader has the joints {', '.join(led)}, and {robot.name} {', '.join(joints)}"
+        )
+    leader, left = HandGuidedArm(leading, leading.link(port)), False
     with (
         Interrupts() as interrupts,
         key_by_key() as keys,

@@ -16,6 +16,7 @@ from executive.api.events import Where
 from executive.api.move import Move
 from executive.api.outcome import Cause, Outcome, cause_of
 from executive.errors import ClientError, Refused, ServerLost, ServerUnreachable
+from hardware import NotActive
 from hardware.printable import printable
 
 from .full_screen import FullScreen
@@ -28,6 +29,10 @@ _RED, _PLAIN = "\x1b[31m", "\x1b[0m"
 
 class JogArm(Protocol):
     """An arm to jog. Its methods may be called from different threads."""
+
+    @property
+    def by_hand(self) -> bool:
+        """Whether the servos have no torque, so that a person moves the arm."""
 
     def move(self, move: Move, accepted: Callable[[], None]) -> Outcome:
         """Move, and wait for the end. Return the outcome of a move that is refused, too.
@@ -198,7 +203,7 @@ class JogScreen:
         match event:
             case None:
                 return
-            case Refused():  # a look or a stop; the answer to a move is its outcome
+            case Refused() | NotActive():  # a look or a stop; a move has an outcome
                 self._jog = self._jog.said(str(event), failed=True)
             case ClientError():
                 gone = isinstance(event, ServerUnreachable)
@@ -263,9 +268,10 @@ class JogScreen:
         width, rows = shutil.get_terminal_size()
         colored = "NO_COLOR" not in os.environ
         steps = self._steps() if self._steps else None
+        title = f"{self._title}   torque off" if self._arm.by_hand else self._title
         shown = [
             f"{_RED}{printable(line)}{_PLAIN}" if wrong and colored else printable(line)
-            for line, wrong in self._jog.lines(self._where, width, rows, self._title, steps)
+            for line, wrong in self._jog.lines(self._where, width, rows, title, steps)
         ]
         self._screen.draw(shown)
 

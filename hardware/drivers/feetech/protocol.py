@@ -29,11 +29,13 @@ from .wire_format import ServoFormat
 ANSWER_TIMEOUT = 0.02  # of the first answer to a request, and the longest of the rest [s]
 _LEAST_TIMEOUT = 0.003  # of the rest [s]
 _TIMES_SLOWEST = 2.0  # timeout of the rest over the time of the slowest of the last cycles
-_REMEMBERED = 0.95  # share of the slowest cycle that is remembered in the next one
+_HOST_LATE = 0.005  # a request that is later says nothing about the servos, but of the host [s]
+_REMEMBERED = 0.99  # share of the slowest cycle that is remembered in the next one
 _PERIOD = 0.02  # between requests without a frame, while the arm may move [s]
 _IDLE_PERIOD = 0.2  # between requests while nothing moves [s]
 _SETTLING = 1.0  # time after a frame while the arm may move [s]
 LOST_REQUESTS = 5  # requests in a row without the answer of a servo that are a fault
+_ALL_LOST = 10  # the same if none answers, because the host or the adapter may be busy
 _STATE_PERIOD = 0.2  # between requests that include the torque [s]
 _RAMP = 15  # parts in which torque rises, one in each period of frames
 
@@ -137,11 +139,13 @@ class BusProtocol(BoardProtocol):
         """
         if not self._waiting:
             self._begun = now
+        allowed = LOST_REQUESTS if self._answers else _ALL_LOST
         self._store_answers()
+        counts = now - self.next_poll < _HOST_LATE
         for servo in self._waiting:
             self.lost[servo] += 1
-            self._silent[servo] += 1
-            if self.boot_frame and self._silent[servo] >= LOST_REQUESTS:
+            self._silent[servo] += counts
+            if self.boot_frame and self._silent[servo] >= allowed:
                 raise ServoSilent(servo, self._joints[servo], self._silent[servo])
         self._waiting, self._answers, self._doubtful = set(self._joints), {}, set()
         self._received.clear()

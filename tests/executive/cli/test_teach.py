@@ -10,6 +10,7 @@ from executive.replay.verification import verify
 from executive.testing import SimulatedArm
 from hardware import load_robot
 from tests.end_to_end.test_command_line import robot
+from tests.support.arms.bus_arms import push, so101_bus, so101_file
 from tests.support.command_line.pseudo_terminal import ARMTREE, PseudoTerminal
 from tests.support.command_line.typed import typed
 from trees.export.taught_task import TaughtTask
@@ -137,6 +138,61 @@ def test_without_a_step_there_is_no_task(command: list[str], tmp_path: Path) -> 
         terminal.type("q")
         assert "No step was taken, so there is no new task" in terminal.end()[1]
     assert not list((tmp_path / "trees").glob("*.yaml"))
+
+
+def test_a_task_is_taught_by_hand_and_runs(tmp_path: Path) -> None:
+    words = ["teach", "5", "fetch", "--robot", str(so101_file(tmp_path))]
+    with so101_bus() as bus, PseudoTerminal(tmp_path, *words, "--port", bus.port) as terminal:
+        terminal.until("The first step opens the port")
+        terminal.type("r")
+        terminal.until("f switches the torque off")
+        terminal.type("f")
+        terminal.until("falls if nobody holds it. Is it held? y/n")
+        terminal.type("n")
+        terminal.until("Nothing has changed", "arm unconfigured")
+        terminal.type("fy")
+        terminal.until("torque off", "Move the arm by hand")
+        push(bus, shoulder_pan=30, gripper=20)
+        terminal.until("shoulder_pan        30.0 deg", "gripper             20.0 deg")
+        terminal.type("t")
+        terminal.until("Step 1: move to shoulder_pan: 29.971 deg")
+        terminal.type(RIGHT)
+        terminal.until("hw.torque_off")
+        terminal.type("r")
+        terminal.until("r ends the path")
+        for degrees in (10, -10, -30):
+            push(bus, shoulder_pan=degrees, shoulder_lift=-abs(degrees))
+            terminal.until(f"shoulder_pan    {degrees:8.1f} deg")
+        terminal.type("r")
+        terminal.until("Step 2: path of 3 points")
+        terminal.type("f")
+        terminal.until("The arm holds")
+        assert all(bus.state().torque.values())
+        terminal.type(RIGHT)
+        terminal.at_rest("shoulder_pan       -28.0 deg")
+        terminal.type("q")
+        status, printed = terminal.end()
+    assert status == 0
+    assert "has 2 steps (3 nodes). Next, type: armtree run 5 --robot " in printed
+    with SimulatedArm(tmp_path / "trees", robot=Path("so101")) as arm:
+        outcome = arm.run("fetch")
+        assert outcome.success, outcome.text()
+        assert verify(Path(outcome.recording)).holds
+
+
+def test_an_arm_that_is_moved_by_hand_holds_at_the_end(tmp_path: Path) -> None:
+    words = ["teach", "5", "fetch", "--robot", str(so101_file(tmp_path))]
+    with so101_bus() as bus, PseudoTerminal(tmp_path, *words, "--port", bus.port) as terminal:
+        terminal.until("The first step opens the port")
+        terminal.type("fy")
+        terminal.until("Move the arm by hand")
+        push(bus, shoulder_pan=30)
+        terminal.until("shoulder_pan        30.0 deg")
+        terminal.type("\x03")
+        status, printed = terminal.end()
+        assert status == 130
+        assert "The arm holds at shoulder_pan 30.0 deg" in printed
+        assert all(bus.state().torque.values())
 
 
 @pytest.mark.parametrize(

@@ -2,48 +2,32 @@
 
 import re
 from collections.abc import Iterator
-from contextlib import closing
 from pathlib import Path
 
 import pytest
 
 from executive.replay.verification import verify
-from hardware import load_robot
 from hardware.drivers.virtual.board_process import BoardProcess
 from logs import Recording, Sent
+from tests.support.arms.bus_arms import push, so101_bus, so101_file
 from tests.support.command_line.pseudo_terminal import PseudoTerminal
 
 pytestmark = pytest.mark.slow
 
-SO101 = load_robot(Path("so101"))
 FOLLOWS, HOLDS = "arm active, follows", "arm active, holds"
 
 
 @pytest.fixture
 def buses() -> Iterator[tuple[BoardProcess, BoardProcess]]:
     """The bus of the arm that follows, and that of the leader."""
-    model = SO101.model()
-    assert model
-    with closing(BoardProcess(model)) as arm, closing(BoardProcess(model)) as leader:
-        arm.state()
-        leader.state()
+    with so101_bus() as arm, so101_bus() as leader:
         yield arm, leader
 
 
 @pytest.fixture
 def command(buses: tuple[BoardProcess, BoardProcess], tmp_path: Path) -> list[str]:
-    arm, leader = buses
-    robot = tmp_path / "so101.toml"
-    text = SO101.path.read_text().replace("needs_calibration = true", "needs_calibration = false")
-    robot.write_text(text.replace('"so101.urdf"', f'"{SO101.urdf}"'))
-    return ["teleop", "--robot", str(robot), "--port", arm.port, "--leader", leader.port]
-
-
-def push(bus: BoardProcess, **joints: float) -> None:
-    """Moves joints by hand [deg]."""
-    ids = {name: number for number, name in enumerate((j.name for j in SO101.actuated), 1)}
-    for name, degrees in joints.items():
-        bus.call("push", ids[name], 2048 + round(degrees * 4096 / 360))
+    (arm, leader), robot = buses, str(so101_file(tmp_path))
+    return ["teleop", "--robot", robot, "--port", arm.port, "--leader", leader.port]
 
 
 def row(joint: str, leader: str, commanded: str) -> str:
@@ -128,3 +112,7 @@ def test_what_is_wrong_is_refused(command: list[str], tmp_path: Path) -> None:
     with PseudoTerminal(tmp_path, "teleop", "--leader", "virtual") as terminal:
         status, printed = terminal.end()
         assert (status, "hw.not_able" in printed) == (3, True)
+    other = ["--leader-robot", "arduinobot"]
+    with PseudoTerminal(tmp_path, *command, *other) as terminal:
+        status, printed = terminal.end()
+        assert (status, "has the joints joint_1" in printed) == (2, True)

@@ -1,8 +1,9 @@
-"""The Arduinobot with bus servos in place of its own."""
+"""Arms with bus servos: the Arduinobot with them in place of its own, and a hand for the SO-101."""
 
 import contextlib
 import re
 from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 from hardware import (
@@ -17,6 +18,7 @@ from hardware import (
     load_robot,
 )
 from hardware.drivers.feetech.virtual.bus import Bus, Fault
+from hardware.drivers.virtual.board_process import BoardProcess
 from tests.support.arms.hardware_rigs import motion
 
 _SERIAL = """[serial]
@@ -107,3 +109,29 @@ def rig(folder: Path, *faults: Fault, guards: str = "") -> Iterator[BusRig]:
     with made.clock.working(), made.arm:
         made.arm.configure()
         yield made
+
+
+def so101_file(folder: Path) -> Path:
+    """Writes a robot file of an SO-101 that needs no calibration, and returns it."""
+    shipped = load_robot(Path("so101"))
+    text = re.sub("needs_calibration = .*", "", shipped.path.read_text())
+    path = folder / "so101.toml"
+    path.write_text(text.replace('"so101.urdf"', f'"{shipped.urdf}"'))
+    return path
+
+
+@contextmanager
+def so101_bus() -> Iterator[BoardProcess]:
+    """The virtual bus of an SO-101, behind a pseudo-terminal."""
+    model = load_robot(Path("so101")).model()
+    assert model
+    with closing(BoardProcess(model, 1_000_000)) as bus:
+        bus.state()  # it has started
+        yield bus
+
+
+def push(bus: BoardProcess, **joints: float) -> None:
+    """Moves joints of an SO-101 by hand [deg]."""
+    names = [joint.name for joint in load_robot(Path("so101")).actuated]
+    for name, degrees in joints.items():
+        bus.call("push", names.index(name) + 1, 2048 + round(degrees * 4096 / 360))
