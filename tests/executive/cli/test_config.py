@@ -38,6 +38,7 @@ def shown(**environment: str) -> dict[str, tuple[Any, str]]:
     result = armtree("config", "--json", **environment)
     assert result.exit_code == 0, result.exception
     rows = [json.loads(line) for line in result.output.splitlines()]
+    assert all(row["about"] for row in rows)
     return {row["setting"]: (row["value"], row["source"]) for row in rows}
 
 
@@ -153,6 +154,7 @@ def test_what_is_wrong_in_a_file_follows_the_table(project: Path) -> None:
         result.output
     )
     assert all(f"\n{name}" in result.output for name in settings.SETTINGS if name != "port")
+    assert "Folder for recordings\n" in result.output
     assert isinstance(result.exception, BadConfiguration)
     said = str(result.exception).splitlines()
     assert [line.partition(": ")[0].rpartition(":")[2] for line in said] == ["2", "3", "4"]

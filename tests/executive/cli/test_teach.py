@@ -81,6 +81,7 @@ def test_a_task_is_taught_and_runs(command: list[str], tmp_path: Path, robot: Pa
         "trees/arduinobot/5_fetch.yaml has 3 steps (4 nodes). Next, type: armtree run 5 --robot"
         in printed
     )
+    assert " ".join(printed.split()).endswith("--port virtual")
     assert steps(tmp_path) == FIRST + WAIT + OPEN
     assert typed(tmp_path, "check", "--trees", str(tmp_path / "trees"))[0] == 0
     with SimulatedArm(tmp_path / "trees", robot=robot) as arm:
