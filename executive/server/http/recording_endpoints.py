@@ -7,6 +7,7 @@ from json import dumps
 from pathlib import Path
 from typing import Any
 
+from starlette.requests import Request
 from starlette.responses import FileResponse, Response
 
 from executive.api.operations import OPERATIONS
@@ -111,7 +112,7 @@ class RecordingEndpoints:
         """List the nodes of a recorded task."""
         return {"nodes": await asyncio.to_thread(self._recordings.nodes, name)}
 
-    async def recording_file(self, _request: object, name: str) -> Response:
+    async def recording_file(self, request: Request, name: str) -> Response:
         """Return the file of a recording."""
         path = self._recordings.path(name)
         return FileResponse(path, media_type="application/octet-stream", filename=name)
