@@ -36,13 +36,16 @@ def _task(text: str) -> int:
 def by_name(name: str) -> tuple[int, int] | None:
     """Return when a recording began, UTC [ns since 1970], and the number of its task or `MOVE`.
 
-    None if the file was renamed.
+    None if armtree made no such name.
     """
     found = _RUN.fullmatch(name)
     if not found:
         return None
     day, _, rest = found[1].partition(".")
-    began = datetime.strptime(day, "%Y%m%dT%H%M%S").replace(tzinfo=UTC)
+    try:
+        began = datetime.strptime(day, "%Y%m%dT%H%M%S").replace(tzinfo=UTC)
+    except ValueError:  # no such day
+        return None
     stamp_ns = (int(began.timestamp()) * 1000 + int(rest[:3])) * 10**6
     return stamp_ns, _task(found[2])
 

@@ -8,6 +8,9 @@ tree has 1,000 nodes. `*_p95`, `*_p99`: that share of the samples is at most as 
 `page_memory_mb`: memory of the page's code after garbage collection, before goals and after them.
 `server_cost_percent`: processor time of the server for one page that watches a motion at 10 frames
 a second, less that of a motion that nobody watches.
+`recording_open_s`: from the choice of a recording of 10^6 messages until its end is shown, by a
+server that has not read it before. `scrub_frame_ms`: time between two frames of the screen while
+its scrubber moves over all of it.
 """
 
 import re
@@ -25,9 +28,12 @@ import logs
 from executive.api.events import Event
 from executive.api.move import Move
 from tests.bench.table import Row, arguments, show
+from tests.support.recordings.finished import at_rest
+from tests.support.recordings.long_recording import write_long
 from tests.support.servers.serving import Served, serving
 
 TICKS, LARGE = 30, 31  # numbers of tasks
+MESSAGES = 1_000_000  # of a long recording
 STEPS = 50
 GOALS = 200
 
@@ -53,6 +59,33 @@ CLICK = """() => {
   document.getElementById('stop').click();
   return at;
 }"""
+
+
+# Moves the scrubber a little in every frame, and returns the times between frames [ms].
+SCRUB = """() => new Promise((done) => {
+  const moment = document.getElementById('moment');
+  const times = [];
+  let before = 0;
+  const next = (now) => {
+    if (before) times.push(now - before);
+    before = now;
+    if (times.length === 240) return done(times);
+    moment.value = Number(moment.max) * Math.abs(1 - times.length / 120);
+    moment.dispatchEvent(new Event('input'));
+    requestAnimationFrame(next);
+  };
+  requestAnimationFrame(next);
+})"""
+OPEN = """(name) => new Promise((done) => {
+  const begun = performance.now();
+  const look = () => {
+    const shown = document.getElementById('player-name').textContent;
+    if (shown === name) done(performance.now() - begun);
+    else requestAnimationFrame(look);
+  };
+  document.querySelector('#runs .run').click();
+  look();
+})"""
 
 
 def write_tasks(folder: Path) -> None:
@@ -158,6 +191,25 @@ def motion_cost(served: Served) -> float:
     return 100 * (time.process_time() - used) / (time.monotonic() - begun)
 
 
+def recordings(tab: Any, served: Served, runs: int) -> tuple[list[float], list[float]]:
+    """Times to open long recordings [s], and between frames while scrubbing [ms]."""
+    folder = served.folder / "recordings"
+    served.executive.result(served.executive.send(2).identity)
+    at_rest(folder)
+    opened, frames = [], []
+    for number in range(runs):
+        path = folder / f"209901{number + 10}T000000.000Z-2.mcap"
+        write_long(
+            max(folder.glob("2*-2.mcap"), key=lambda each: each.stat().st_mtime), path, MESSAGES
+        )
+        tab.fill("#runs-search", path.name)
+        tab.wait_for_function("() => document.querySelectorAll('#runs .run').length === 1")
+        opened.append(tab.evaluate(OPEN, path.name) / 1e3)
+        frames += tab.evaluate(SCRUB)
+        path.unlink()
+    return opened, frames
+
+
 def share(samples: Sequence[float], part: float) -> float:
     """The value that this part of the samples does not exceed."""
     return sorted(samples)[min(len(samples) - 1, int(part * len(samples)))]
@@ -181,6 +233,7 @@ def main(runs: int, file: Path | None) -> None:
         shown = pixels(tab, served, max(1, runs // 3))
         stopped = stops(tab, served, 3 * runs)
         before, after = memory(context, tab, served)
+        opened, frames = recordings(tab, served, max(1, runs // 5))
         browser.close()
     costs = [b - a for a, b in zip(sorted(alone), sorted(watched), strict=True)]
     rows = [
@@ -190,6 +243,9 @@ def main(runs: int, file: Path | None) -> None:
         Row("event_to_pixel_p95", "ms", [share(shown, 0.95)]),
         Row("stop_click_ms", "ms", stopped),
         Row("stop_click_p99", "ms", [share(stopped, 0.99)]),
+        Row("recording_open_s", "s", opened),
+        Row("scrub_frame_ms", "ms", frames),
+        Row("scrub_frame_p95", "ms", [share(frames, 0.95)]),
         Row("page_memory_mb", "MB", [before]),
         Row("page_memory_later_mb", "MB", [after]),
         Row("server_cost_percent", "%", costs),

@@ -90,7 +90,8 @@ def test_names_never_leave_the_folder(serve: Serve) -> None:
             assert served.ask("POST", f"/api/recordings/{quote(name)}/{act}")[0] in (404, 409, 422)
     assert (served.folder / "secret.mcap").read_bytes() == b"secret"
     (folder / "foreign.mcap").write_bytes(b"\x89MCAP0\r\nnothing")
-    assert [row["state"] for row in rows(served)] == ["UNFINISHED"]
+    (folder / "20990100T000000.000Z-2.mcap").write_bytes(b"no day 0")
+    assert [row["state"] for row in rows(served)] == ["UNFINISHED"] * 2
     assert served.ask("GET", "/api/recordings/foreign.mcap")[0] == 409
     assert served.ask("POST", "/api/recordings/foreign.mcap/delete")[0] == 409
 

@@ -108,6 +108,7 @@ export class ArmView {
    * @param {Run | null} run null for none
    */
   drawOther(run) {
+    setText(byId("other-note", HTMLElement), run?.positions ? ", and the other run as a ghost" : "");
     if (!this.#stage || !this.#three || !this.#robot) return;
     if (!run?.positions) {
       if (this.#other?.root.parent) this.#stage.draw();
