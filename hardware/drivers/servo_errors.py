@@ -121,7 +121,8 @@ class TorqueLost(BoardError):
         super().__init__(
             f"Servo {servo} of {joint} no longer holds, although its torque was switched on: "
             "gravity moves the joint. A dip of its supply restarts a servo, and another program "
-            "may switch it off. Support the arm, check the supply and its cables, then run again"
+            "may switch it off. Support the arm, check the supply and its cables, or limit "
+            "acceleration_sum in the robot file, then run again"
         )
 
 
