@@ -179,7 +179,8 @@ def read_lerobot(
     except OSError as error:
         raise DescriptionError(path, 0, f"cannot be read: {error.strerror}") from error
     except KeyError as error:
-        raise DescriptionError(path, 0, f"has no {error}; LeRobot names joints alike") from error
+        why = f"has no {error}; it must have the names of the joints in the URDF"
+        raise DescriptionError(path, 0, why) from error
     except (ValueError, TypeError, RecursionError) as error:
         raise DescriptionError(path, 0, f"is not a calibration by LeRobot: {error}") from error
 

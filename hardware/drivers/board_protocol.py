@@ -16,10 +16,10 @@ class BoardProtocol:
 
     Attributes:
         boot_frame: Frame of the pose that the board reported when it was ready, or None. The first
-            motion starts there. `torque_commands` sets it anew when it switches the torque on.
+            motion starts there. `torque_commands` sets it again when it switches the torque on.
         acknowledged: Number of frames that the board has received, or None if it does not report
             that.
-        measured: Last measurement; None before the first one. Each one is another object. Only a
+        measured: Last measurement; None before the first one. Each one is a new object. Only a
             board with `Ability.MEASURE` has any.
         free_at: Earliest time of the next frame [s]. Later than now if the line must stay free for
             an answer; the answer itself may make it free sooner.

@@ -460,7 +460,7 @@ class TreeCompiler:
             self._keys.written.setdefault(f"{scope.namespace}/{value.value}", kind)
 
     def _fixed(self, value: Value | None, scope: Scope, what: str) -> bool:
-        """Report a key that must not be written; return True if the value is one."""
+        """Report a key that must not be written; return whether the value is one."""
         if not isinstance(value, Key) or not (declared := scope.file.parameters.get(value.name)):
             return False
         if declared.type == UNTYPED or declared.output:

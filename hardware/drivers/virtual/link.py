@@ -47,7 +47,7 @@ class BoardLink(Generic[Model]):
                 why = f"Something went wrong while sending the message {what} to the port"
                 raise PortLost(self.port, f"{why} {self.port}")
             self.board.receive(data, self._clock.now())
-            self._changed.notify()  # a waiting `read` computes anew when an answer may come
+            self._changed.notify()  # a waiting `read` computes again when an answer may come
 
     def read(self) -> bytes:
         """Wait for bytes, and return them. No bytes mean that the link is closed.

@@ -194,7 +194,7 @@ class Picture:
         return _line(("━" * full, "cyan"), ("─" * (bar - full), "dim"), f"  {after}")
 
     def _booted(self) -> float | None:
-        """Return how long the board has booted [s]; None if it does not boot."""
+        """Return for how long the board has been booting [s]; None if it is not booting."""
         began = self.state.activated
         return None if began is None else max(0.0, self.now - began)
 
