@@ -81,7 +81,7 @@ def replug(scene: Scene) -> None:
 @row(
     "stalled-board",
     "the board reads nothing more, and the buffer of the kernel is full",
-    "the goal ends `hw.port_stalled` with exit status 6, 300 ms after the frame was due",
+    "the goal ends `hw.port_stalled` with exit status 6, at most 300 ms after the frame was due",
     limit=450,
     unit="ms",
     times=4,

@@ -71,6 +71,14 @@ def test_a_request_is_due_no_earlier_than_the_protocol_says(tmp_path: Path) -> N
     assert session.next_poll > due
 
 
+def test_commands_of_the_torque_are_those_of_the_protocol(tmp_path: Path) -> None:
+    protocol = load_robot(bus_arm(tmp_path)).protocol()
+    session = BoardSession(protocol)
+    on, off = protocol.torque_commands(True), protocol.torque_commands(False)
+    assert on != off
+    assert (session.torque_commands(True), session.torque_commands(False)) == (on, off)
+
+
 def test_after_all_answers_the_next_request_is_due_later_than_they_came(tmp_path: Path) -> None:
     robot = load_robot(bus_arm(tmp_path))
     session, bus = BoardSession(robot.protocol()), robot.model()
