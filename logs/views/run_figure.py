@@ -91,7 +91,8 @@ def draw(run: Timeline, output: Path, scenes: Sequence[Scene] = ()) -> None:
 def _figure(run: Timeline, scenes: Sequence[Scene]) -> Figure:
     groups = _by_group(run.traces)
     curves = [_CURVES + _CURVE * len(traces) for traces in groups.values()]
-    heights = [*curves, _RUG, _NODE * _tree_lines(run.rows), _BAND]
+    errors = [_CURVES] if any(trace.measured for trace in run.traces) else []
+    heights = [*curves, *errors, _RUG, _NODE * _tree_lines(run.rows), _BAND]
     cause = _cause(run)
     top = _TOP + _LINE * len(cause)
     tall = top + sum(heights) + _GAP * len(heights) + _BOTTOM + _SCENE * len(scenes)
@@ -100,6 +101,8 @@ def _figure(run: Timeline, scenes: Sequence[Scene]) -> Figure:
     colours = dict(zip((trace.joint for trace in run.traces), cycle(_LINES), strict=False))
     for panel, (group, traces) in zip(panels, groups.items(), strict=False):
         _draw_joints(panel, group, traces, colours)
+    if errors:
+        _draw_errors(panels[-4], run.traces, colours)
     _draw_frames(panels[-3], run)
     _draw_tree(panels[-2], run.rows)
     _draw_lifecycle(panels[-1], run)
@@ -167,13 +170,27 @@ def _draw_joints(panel: Axes, group: str, traces: Sequence[Trace], colours: dict
         angles = [degrees(position) for position in trace.positions]
         colour = colours[trace.joint]
         panel.step(trace.times, angles, where="post", color=colour, linewidth=1.1)
+        measured = [degrees(position) for position in trace.measured]
+        panel.plot(trace.measured_times, measured, ":", color=colour, linewidth=1.6, alpha=0.7)
     panel.margins(y=0.08)
     widen(panel)
     panel.yaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 3, 5, 10]))
     panel.grid(axis="y", color=_FAINT, linewidth=0.5)
     panel.set_axisbelow(True)
-    _name_row(panel, f"{group}\ncommanded\nangle [°]", sum(panel.get_ylim()) / 2, 0)
+    kinds = "commanded\nmeasured (dots)" if any(t.measured for t in traces) else "commanded"
+    _name_row(panel, f"{group}\n{kinds}\nangle [°]", sum(panel.get_ylim()) / 2, 0)
     _name_curves(panel, traces, colours)
+
+
+def _draw_errors(panel: Axes, traces: Sequence[Trace], colours: dict[str, str]) -> None:
+    for trace in traces:
+        errors = [degrees(error) for error in trace.errors]
+        panel.plot(trace.measured_times, errors, color=colours[trace.joint], linewidth=0.9)
+    panel.margins(y=0.08)
+    widen(panel)
+    panel.yaxis.set_major_locator(MaxNLocator(4))
+    panel.grid(axis="y", color=_FAINT, linewidth=0.5)
+    _name_row(panel, "measured minus\ncommanded [°]", sum(panel.get_ylim()) / 2, 0)
 
 
 def _name_curves(panel: Axes, traces: Sequence[Trace], colours: dict[str, str]) -> None:

@@ -1,5 +1,6 @@
 """A run as it is drawn: what happened when, in seconds since its goal."""
 
+from bisect import bisect_right
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from itertools import dropwhile
@@ -11,6 +12,7 @@ from logs.reading.tolerant_reader import TolerantReader
 from logs.records.records import (
     Feedback,
     Goal,
+    Measured,
     NodeStatus,
     Plan,
     Result,
@@ -47,12 +49,30 @@ class Row:
 
 @dataclass(frozen=True)
 class Trace:
-    """The commanded positions [rad] of one joint at `times` [s since the goal]."""
+    """The positions of one joint.
+
+    Attributes:
+        joint: Its name.
+        group: Its group.
+        times: When it was commanded [s since the goal].
+        positions: Commanded positions [rad].
+        measured_times: When it was measured [s since the goal]; empty if it was not.
+        measured: Measured positions [rad].
+    """
 
     joint: str
     group: str
     times: tuple[float, ...]
     positions: tuple[float, ...]
+    measured_times: tuple[float, ...] = ()
+    measured: tuple[float, ...] = ()
+
+    @property
+    def errors(self) -> list[float]:
+        """How far it was from its command at each measurement [rad]."""
+        commands = (bisect_right(self.times, time) - 1 for time in self.measured_times)
+        pairs = zip(commands, self.measured, strict=True)
+        return [q - self.positions[max(command, 0)] for command, q in pairs]
 
 
 @dataclass(frozen=True)
@@ -64,7 +84,7 @@ class Timeline:
         result: The goal's result; None if none was recorded.
         start: Start of the time axis [s].
         end: End of the time axis [s].
-        traces: Commanded positions, one trace per joint.
+        traces: Commanded positions, one trace per joint, and measured ones beside them.
         frames: Times at which frames were sent [s].
         holds: Times at which a stop repeated the last frame [s].
         rows: The tree, parents above their children.
@@ -123,6 +143,7 @@ class _Events:
     moved: bool = True  # since the last plan
     starts: dict[str, tuple[float, float]] = field(default_factory=dict)
     joints: dict[str, list[tuple[float, float]]] = field(default_factory=dict)
+    measured: dict[str, list[tuple[float, float]]] = field(default_factory=dict)
     sent: list[Sent] = field(default_factory=list)
     tree: dict[str, list[_Change]] = field(default_factory=dict)
     names: dict[str, str] = field(default_factory=dict)
@@ -141,8 +162,8 @@ class _Events:
                 self.faults, self.pauses, self.motions, self.moved = [], [], [], True
             case Result() if self.goal:
                 self.result = record
-            case Sent() if record.joints:
-                self._add_frame(record)
+            case Sent() | Measured() if record.joints:
+                self._add_positions(record)
             case Plan():
                 self._add_plan(record)
             case NodeStatus():
@@ -152,6 +173,13 @@ class _Events:
                 self._add_progress(record)
             case Transition():
                 self._add_transition(record, self.first)
+
+    def _add_positions(self, record: Sent | Measured) -> None:
+        if isinstance(record, Measured):
+            for joint, position in zip(record.joints, record.position, strict=True):
+                self.measured.setdefault(joint, []).append((record.time, position))
+            return
+        self._add_frame(record)
 
     def _add_frame(self, sent: Sent) -> None:
         self.moved = True
@@ -223,7 +251,17 @@ class _Events:
             times, positions = zip(*known, strict=True)
             since = (*map(self._since, times), end)
             group = groups.get(joint, "joints")
-            traces.append(Trace(joint, group, since, (*positions, positions[-1])))
+            measured = self.measured.get(joint, [])
+            traces.append(
+                Trace(
+                    joint,
+                    group,
+                    since,
+                    (*positions, positions[-1]),
+                    tuple(self._since(time) for time, _ in measured),
+                    tuple(position for _, position in measured),
+                )
+            )
         return traces
 
     def _marks(self) -> list[_Change]:

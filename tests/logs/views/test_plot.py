@@ -8,7 +8,7 @@ import matplotlib.image
 import numpy as np
 import pytest
 
-from logs import NodeStatus, Plan, RecordingError, Sent, plot
+from logs import Measured, NodeStatus, Plan, RecordingError, Sent, plot
 from logs.views.timeline import Timeline, timeline
 from tests.logs.test_run import ARM, GRIPPER, RUNS, frame, node, plan, record
 
@@ -32,6 +32,20 @@ def drawn(tmp_path: Path, records: list[Any], keep: int | None = None) -> tuple[
 def share(picture: Any, colour: tuple[int, int, int]) -> float:
     """Share of an image that has a colour."""
     return float((picture == np.array(colour, np.uint8)).all(axis=2).mean())
+
+
+def test_what_was_measured_is_drawn_beside_what_was_commanded(tmp_path: Path) -> None:
+    records = RUNS["ok"]
+    late = [
+        Measured(each.time + 0.05, each.joints, tuple(q + 0.1 for q in each.positions), *[()] * 4)
+        for each in records
+        if isinstance(each, Sent) and each.joints
+    ]
+    run, _ = drawn(tmp_path, sorted([*records, *late], key=lambda each: each.time))
+    trace = run.traces[0]
+    assert len(trace.measured) == len(run.frames)
+    assert trace.errors == pytest.approx([0.1] * len(run.frames))
+    assert trace.measured_times[0] == pytest.approx(run.frames[0] + 0.05)
 
 
 def test_a_run_that_ended_well(tmp_path: Path) -> None:
