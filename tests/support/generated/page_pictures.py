@@ -91,9 +91,10 @@ def main(folder: Path) -> None:
                     tab.locator("#tasks li").first.wait_for()
                     tab.wait_for_timeout(300)
                     act(tab)
-                    for place in ("#time-panel", "header"):  # plots are drawn when they are seen
-                        tab.locator(place).scroll_into_view_if_needed()
-                        tab.wait_for_timeout(100)
+                    # Plots are drawn when they are seen.
+                    tab.locator("#time-panel").scroll_into_view_if_needed()
+                    tab.wait_for_timeout(100)
+                    tab.evaluate("scrollTo(0, 0)")
                     picture = folder / f"{name}-{size}-{scheme}.png"
                     tab.screenshot(path=picture, full_page=True)
                     context.close()

@@ -137,4 +137,4 @@ def test_a_mesh_that_is_not_one_leaves_the_rest(open_page: Open) -> None:
     shows(tab, "#positions", "joint_1")
     tab.locator("#arm canvas").wait_for()
     until_seen(tab, is_drawn)
-    assert len(served) == 1
+    assert any(each.endswith("0" * 32) for each in served)

@@ -127,6 +127,7 @@ export class Run {
         break;
       case "plan":
         this.world = event.world;
+        this.positions ??= event.start;
         this.plans.delete(event.group);
         this.plans.set(event.group, event);
         break;
