@@ -384,7 +384,7 @@ def sync_reads(count: int) -> Row:
     ids, (first, size) = [1, 2, 3, 4, 5, 6], (STS.registers["position"].address, 2)
     model = load_robot(Path("so101")).model()
     assert model
-    with closing(BoardProcess(model, 1_000_000)) as bus:
+    with closing(BoardProcess(model)) as bus:
         bus.state()  # it has started
         link = SerialLink(bus.port, 1_000_000)
 
