@@ -108,7 +108,9 @@ def _tree(read: Words, relative: bool, speed: float) -> dict[str, object]:
     """Return the tree of a move. Without words to read, it follows the leader."""
     ports: dict[str, object] = {}
     if read == Words({}, {}):
-        return {"FollowLeader": {"speed": speed}}
+        from skills.leaves.follow_leader import FollowLeader
+
+        return {FollowLeader.__name__: {"speed": speed}}
     if read.point is not None:
         subtree, ports = "move_tool", {"point": list(read.point), "relative": relative}
     elif not read.changes:
