@@ -52,7 +52,6 @@ from .goals.mailbox import Mailbox
 from .goals.queue import GoalQueue
 from .goals.start_pose import StartPose
 from .goals.stop import GoalStopper
-from .planning.dry_run import DryRun, dry_run
 from .planning.move_task import move_text, read_move
 from .recording.archive import archive_world
 from .recording.recorded_link import RecordedLink
@@ -61,6 +60,8 @@ from .setup import Setup
 
 if TYPE_CHECKING:
     from trees.live_library import LiveLibrary
+
+    from .planning.dry_run import DryRun
 
 logger = logging.getLogger(__name__)
 
@@ -334,7 +335,7 @@ class Executive:
         getattr(self._arm, transition)()
         return self._arm.state
 
-    def dry_run(self, task: int, arguments: Mapping[str, str | Located]) -> DryRun:
+    def dry_run(self, task: int, arguments: Mapping[str, str | Located]) -> "DryRun":
         """Check a task and plan its motions from where the arm is. Nothing moves.
 
         Args:
@@ -345,6 +346,8 @@ class Executive:
             GoalUnderWay: Where the arm will be is not known.
             TreeError: There is no such task, or it is wrong.
         """
+        from .planning.dry_run import dry_run  # a run checks no file, and starts sooner
+
         if running := self._queue.running:
             raise GoalUnderWay(running.identity)
         library, _ = self.library.for_task(task)

@@ -25,7 +25,7 @@ pytestmark = pytest.mark.slow
 pytest_plugins = ["tests.support.servers.server_fixtures"]
 
 
-OTHERS = {"question_id": "01234567", "task": 0, "digest": "0" * 32}
+OTHERS = {"question_id": "01234567", "task": 0, "digest": "0" * 32, "name": "run.mcap"}
 
 
 def path_of(template: str, goal: str = GOAL, transition: str = "configure") -> str:

@@ -14,7 +14,7 @@ from executive.api.events import Event, Where
 from executive.api.move import Move
 from executive.cli.support import server_goals
 from executive.cli.terminal.live.live_view import LiveView
-from executive.errors import Refused, ServerUnreachable
+from executive.errors import ServerLost, ServerUnreachable
 from hardware import State, load_robot
 
 
@@ -51,7 +51,7 @@ def test_a_server_that_is_lost_during_a_move_leaves_the_pose_unknown(
     client: Any = MagicMock()
     client.events.return_value.__enter__.return_value = _failing(ServerUnreachable("http://a", "x"))
     monkeypatch.setattr(server_goals, "view_for", lambda *_: nullcontext(MagicMock()))
-    with pytest.raises(Refused, match=r"so the pose of the arm is not known now$") as error:
+    with pytest.raises(ServerLost, match=r"so the pose of the arm is not known now$") as error:
         server_goals.send_and_wait(client, Move(("home",)), (), False, False, False)
     assert error.value.code == "server.unreachable"
     assert error.value.hint.startswith("look at the arm, start the server again")
