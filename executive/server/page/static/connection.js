@@ -28,7 +28,6 @@ const MAX_STREAMS = 4; // over all tabs of a browser
  * @property {string} policy
  * @property {boolean} paused
  * @property {string[]} breakpoints
- * @property {number} uptime_s
  */
 
 /**
@@ -49,7 +48,6 @@ export class Connection extends EventTarget {
 
   #stream = new AbortController();
   #streaming = false;
-  #uptime = 0;
   #timer = 0;
 
   /** Begin to watch. */
@@ -73,8 +71,6 @@ export class Connection extends EventTarget {
       const status = await get(path, AbortSignal.timeout(TIMEOUT));
       this.#setAlive(true, "");
       if (!this.hasArm) return this.#beginOnce();
-      if (status.uptime_s < this.#uptime) checkSession();
-      this.#uptime = status.uptime_s;
       this.dispatchEvent(new CustomEvent("status", { detail: status }));
       if (!this.#streaming && !document.hidden) this.#follow();
     } catch (error) {
@@ -132,6 +128,7 @@ export class Connection extends EventTarget {
     this.#stream = new AbortController();
     try {
       const response = await request("api/events", { signal: this.#stream.signal });
+      checkSession(); // the server may be another one
       this.dispatchEvent(new Event("begin"));
       for await (const detail of readEvents(response))
         this.dispatchEvent(new CustomEvent("event", { detail }));

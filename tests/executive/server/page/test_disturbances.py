@@ -4,7 +4,6 @@ from typing import Any
 
 import pytest
 
-from tests.executive.server.page.test_tree import LARGE, write_tasks
 from tests.support.servers.browsing import Open, shows
 from tests.support.servers.serving import Serve, Served
 
@@ -41,20 +40,19 @@ def test_two_pages_show_and_do_the_same(open_page: Open, page_server: Served) ->
 
 
 def test_a_slow_and_a_hidden_tab_catch_up_and_stop(open_page: Open, page_server: Served) -> None:
-    write_tasks(page_server)
     tab = open_page()
     shows(tab, "#arm-state", "^active$")
     tab.evaluate(HIDE, True)
     while b"armtree_watchers 0.0" not in page_server.ask("GET", "/metrics")[1]:
         tab.wait_for_timeout(20)  # until it closes its stream
-    goal = page_server.executive.send(LARGE).identity
+    goal = page_server.executive.send(10).identity
     tab.evaluate(HIDE, False)
-    shows(tab, "#running", "^Wait$")
+    shows(tab, "#running", "^wait$")
     tab.context.new_cdp_session(tab).send("Emulation.setCPUThrottlingRate", {"rate": 6})
     page_server.executive.cancel()
     page_server.executive.result(goal)
-    page_server.executive.send(LARGE)
-    shows(tab, "#running", "^Wait$")
+    page_server.executive.send(10)
+    shows(tab, "#running", "^wait$")
     tab.keyboard.press("Escape")
     shows(tab, "#stop-note", "^stopped at")
     shows(tab, "#goal-state", "^canceled$")
