@@ -89,7 +89,11 @@ def calibrate(
         else:
             _confirm("The torque goes off, and gravity moves the arm. Do you hold it?")
             bus.release([*arm.servos.values()])
-            _sweep(calibrator)
+            try:
+                _sweep(calibrator)
+            except (KeyboardInterrupt, click.exceptions.Exit):
+                echo("Nothing was written. The servos have no torque: hold the arm.")
+                raise
             for text in _table(calibrator.rows):
                 echo(text, whole=True)
             _finish(arm, calibrator, calibrator.kept(centre), "swept by hand")
@@ -120,7 +124,7 @@ def _sweep(calibrator: "Calibrator") -> None:
             ready, _, _ = select.select([keyboard], [], [], _PERIOD)
             for key in keys_in(os.read(keyboard, 100)) if ready else []:
                 if key == "q":
-                    raise click.Abort
+                    raise click.exceptions.Exit
                 missing = [row.joint.name for row in rows if not row.swept]
                 if key == ENTER and not missing:
                     return

@@ -206,3 +206,18 @@ def test_whoever_does_not_hold_the_arm_calibrates_nothing(arm: Arm) -> None:
         terminal.type("n\r")
         assert terminal.end()[0] == 130
     assert all(arm.board.state().torque.values())
+
+
+@pytest.mark.parametrize(("key", "status"), [("q", 0), ("\x03", 130)])
+def test_whoever_leaves_learns_that_the_servos_have_no_torque(
+    arm: Arm, key: str, status: int
+) -> None:
+    with arm.calibrate() as terminal:
+        terminal.until("Do you hold it?")
+        terminal.type("y\r")
+        terminal.until("Turn every joint by hand")
+        terminal.type(key)
+        left = "Nothing was written. The servos have no torque: hold the arm."
+        ended, printed = terminal.end()
+        assert (ended, left in printed) == (status, True)
+    assert arm.kept() == [(0, 0, 4095)] * 4
