@@ -401,8 +401,8 @@ class Executive:
 
     def status(self) -> Status:
         """Return the status of the arm and the goals at this moment."""
-        running, failure, progress = self._queue.running, self._arm.failure, self._progress
-        if progress and not (running and progress.goal_id == running.identity):
+        goal, failure, progress = self._queue.current, self._arm.failure, self._progress
+        if progress and not (goal and progress.goal_id == goal.identity):
             progress = None
         return Status(
             arm=self._arm.state,
@@ -410,14 +410,14 @@ class Executive:
             port=self.port,
             commanded=self._commanded(),
             measured=self.where().measured,
-            goal=running.status if running else None,
+            goal=goal.status if goal else None,
             percentage=progress.percentage if progress else None,
             phase=progress.phase if progress else "",
             node=progress.node if progress else "",
             attempt=progress.attempt if progress else 1,
             waiting=self._queue.waiting,
             policy=self._queue.policy,
-            paused=running is not None and running.mailbox.paused,
+            paused=goal is not None and goal.mailbox.paused,
             breakpoints=tuple(sorted(self._breakpoints)),
             uptime=self.clock.now() - self._started,
         )

@@ -231,10 +231,17 @@ class GoalQueue:
         return running is not None and running.outcome is not None
 
     @property
-    def waiting(self) -> tuple[str, ...]:
-        """Identities of the waiting goals, the next one first."""
+    def current(self) -> Goal | None:
+        """The goal that runs, or is the next to run; None if there is none."""
         with self.signal:
-            return tuple(goal.identity for goal in self._waiting)
+            return self.running or next(iter(self._waiting), None)
+
+    @property
+    def waiting(self) -> tuple[str, ...]:
+        """Identities of the goals behind the current one, the next one first."""
+        with self.signal:
+            waiting = islice(self._waiting, 0 if self.running else 1, None)
+            return tuple(goal.identity for goal in waiting)
 
     def all(self, newest: int | None = None) -> tuple[GoalStatus, ...]:
         """Return all goals that are known, or the newest ones, in order of acceptance."""
@@ -262,7 +269,7 @@ class GoalQueue:
         if identity in self._goals:
             words = f"the goal {identity} exists already; give every goal its own identity"
             return cause_for(DUPLICATE, words)
-        busy = self.running or next(iter(self._waiting), None)
+        busy = self.current
         if busy and self.blocked:
             return cause_of(_blocked(busy))
         if invalid:  # checked first, because waiting would not help

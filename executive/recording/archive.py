@@ -7,6 +7,7 @@ recording restores both without any file of the machine it was made on.
 import json
 import re
 import tempfile
+import threading
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
@@ -23,6 +24,7 @@ from logs import Attachment, Recording, RecordingError, pack
 from skills.motion import World
 
 _NOTE = "robot"
+_making = threading.Lock()  # a cache may make a value twice
 MAX_MESHES = 2**26  # most bytes of the meshes of a robot in one recording
 
 
@@ -204,9 +206,16 @@ def _restored_mesh(name: str, files: Mapping[str, bytes]) -> Path | None:
     """Return a file with the content of an attachment, or None if there is none of that name."""
     if name not in files:
         return None
-    path = Path(_restored_files().name) / Path(name).name
-    path.write_bytes(files[name])
+    path = _restored_files() / Path(name).name
+    _write(path, files[name])
     return path
+
+
+def _write(path: Path, data: bytes) -> None:
+    """Write a file at once: other threads may restore it, and read it, at the same time."""
+    with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as part:
+        part.write(data)
+    Path(part.name).replace(path)
 
 
 @lru_cache(maxsize=8)
@@ -214,10 +223,10 @@ def _load(
     files: tuple[tuple[str, bytes], ...], firmware: str, meshes: tuple[tuple[str, Path], ...]
 ) -> Robot:
     named = (str(path).encode() for _, path in meshes)  # the name holds a digest
-    folder = Path(_restored_files().name) / _digest(*(data for _, data in files), *named)
+    folder = _restored_files() / _digest(*(data for _, data in files), *named)
     folder.mkdir(exist_ok=True)
     for name, data in files:
-        (folder / Path(name).name).write_bytes(data)
+        _write(folder / Path(name).name, data)
     file, urdf = (folder / Path(name).name for name, _ in files[:2])
     robot = load_robot(file, urdf)
     robot = replace(robot, meshes=dict(meshes))
@@ -246,9 +255,14 @@ def _same_type(value: Any, known: Any) -> bool:
     return isinstance(value, (int, float) if isinstance(known, float) else type(known))
 
 
-@cache
-def _restored_files() -> "tempfile.TemporaryDirectory[str]":
+def _restored_files() -> Path:
     """Folder for restored files; it is deleted when this process ends."""
+    with _making:
+        return Path(_folder().name)
+
+
+@cache
+def _folder() -> "tempfile.TemporaryDirectory[str]":
     return tempfile.TemporaryDirectory(prefix="armtree-")
 
 

@@ -27,8 +27,12 @@ _FOOTER = struct.Struct(f"<BQ{_FOOTER_CONTENT}s8s")  # with the magic after it
 
 
 @contextmanager
-def locked(recording: Path) -> Iterator[None]:
+def locked(recording: Path, shared: bool = False) -> Iterator[None]:
     """Hold the lock that the writer of a recording holds.
+
+    Args:
+        recording: The file.
+        shared: True if others may hold it in the same way at the same time.
 
     Raises:
         RecordingInUse: Another process or thread holds it.
@@ -40,7 +44,7 @@ def locked(recording: Path) -> Iterator[None]:
         reason = cause.strerror or str(cause)
         raise RecordingError(recording, f"cannot be read ({reason}); check the path") from cause
     try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.flock(handle, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
         yield
     except BlockingIOError as cause:
         raise RecordingInUse(recording) from cause
@@ -55,7 +59,7 @@ def being_written(path: Path) -> bool:
         RecordingError: The file does not exist.
     """
     try:
-        with locked(path):
+        with locked(path, shared=True):  # others may look at the same moment
             return False
     except RecordingInUse:
         return True

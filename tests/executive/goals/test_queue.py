@@ -222,6 +222,14 @@ def test_the_newest_results_are_those_of_the_goals_that_ended_last() -> None:
     assert table.goals.result(long, None).success
 
 
+def test_an_accepted_goal_is_the_current_one_before_it_runs() -> None:
+    table = Table(Policy.QUEUE)
+    first, second = (table.send().identity for _ in range(2))
+    assert table.goals.running is None
+    assert table.goals.current is not None
+    assert (table.goals.current.identity, table.goals.waiting) == (first, (second,))
+
+
 def test_a_waiting_goal_can_be_canceled_if_no_results_are_kept() -> None:
     table = Table(keep=0.0)
     goal = table.send().identity

@@ -134,7 +134,10 @@ class Model(RuleBasedStateMachine):
         self.forget()
         reported = [(s.identity, s.state, s.stamp_ns) for s in self.table.goals.all()]
         assert reported == [(name, goal.state, goal.stamp_ns) for name, goal in self.known.items()]
-        assert list(self.table.goals.waiting) == self.waiting
+        current, *behind = [self.running, *self.waiting] if self.running else [*self.waiting, ""]
+        found = self.table.goals.current
+        assert (found.identity if found else "") == current
+        assert list(self.table.goals.waiting) == [name for name in behind if name]
         running = self.table.goals.running
         assert (running.identity if running else "") == self.running
         for name, goal in self.known.items():

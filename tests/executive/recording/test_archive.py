@@ -2,6 +2,7 @@
 
 import shutil
 from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,7 @@ from executive.recording import archive
 from executive.recording.archive import extract_robot
 from executive.replay.verification import verify
 from executive.testing import SimulatedArm
-from hardware import load_robot
+from hardware import Robot, load_robot
 from logs import Recording, RecordingError
 from skills.motion.kinematics.robot_model import RobotModel
 from tests.hardware.description.test_calibration import calibrate
@@ -127,3 +128,15 @@ def test_a_calibration_is_recorded_with_the_robot(tmp_path: Path) -> None:
     file, _, calibration = extract_robot(Recording(recording), tmp_path / "out")[:3]
     assert calibration.name == "six_axes.calibration.toml"
     assert load_robot(file).actuated == calibrated.actuated
+
+
+def test_threads_restore_it_at_the_same_time(site: Path) -> None:
+    recording = Recording(recorded(site))
+
+    def restore(_: int) -> Robot:
+        archive._load.cache_clear()
+        return archive.restore_robot(recording)
+
+    with ThreadPoolExecutor(4) as threads:
+        names = [robot.name for robot in threads.map(restore, range(60))]
+    assert names == ["six_axes"] * 60

@@ -17,7 +17,7 @@ from mcap.writer import Writer
 import logs
 from logs import DiskFull, Recorder, RecordingInUse, compact, recover, recover_all
 from logs.folder import recording_path
-from logs.reading.file_state import is_complete, locked
+from logs.reading.file_state import being_written, is_complete, locked
 from logs.records.file_format import RECOVERED
 from logs.writing.compaction import part_of
 from logs.writing.journal import PieceWriter
@@ -247,6 +247,17 @@ def test_a_disk_too_full_for_the_copy_changes_nothing(
         recover(path)
     assert [file.name for file in tmp_path.iterdir()] == [path.name]
     assert path.read_bytes() == torn
+
+
+def test_those_who_look_whether_it_is_written_do_not_take_each_other_for_its_writer(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "run.mcap"
+    path.touch()
+    with locked(path, shared=True):
+        assert not being_written(path)
+    with locked(path):
+        assert being_written(path)
 
 
 def test_a_recording_being_written_stays(tmp_path: Path) -> None:
