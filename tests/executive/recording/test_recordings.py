@@ -181,7 +181,9 @@ def test_goals_wait_if_too_many_recordings_are_unfinished(
     third = arm.executive.result(sent[2])
     unfinished = [Path(arm.executive.result(goal).recording) for goal in sent[:3]]
     assert all(map(being_written, unfinished))
-    assert arm.executive.status().waiting == (sent[3],)
+    current = arm.executive.status().goal
+    assert current is not None
+    assert (current.identity, current.state) == (sent[3], GoalState.ACCEPTED)
     os.kill(pid, signal.SIGCONT)
     assert arm.executive.result(sent[3]).code == third.code == "goal.unknown_task"
     arm.executive.close()
