@@ -38,7 +38,7 @@ def test_stop_works_without_sign_in_and_says_when_it_is_done(
     )
     for keys in (["Tab", "Enter"], ["Escape"], []):  # STOP is the first in the order of tabs
         goal = page_server.executive.send(WAIT).identity
-        shows(tab, "#goal-state", "waiting")
+        shows(tab, "#running", "^wait$")
         tab.evaluate("said.length = 0")
         for key in keys:
             tab.keyboard.press(key)
