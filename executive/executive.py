@@ -348,8 +348,8 @@ class Executive:
         """
         from .planning.dry_run import dry_run  # a run checks no file, and starts sooner
 
-        if running := self._queue.running:
-            raise GoalUnderWay(running.identity)
+        if goal := self._queue.current:
+            raise GoalUnderWay(goal.identity)
         library, _ = self.library.for_task(task)
         commanded = self._commanded()
         start = tuple(commanded.values()) if commanded else self.robot.boot_pose

@@ -54,7 +54,7 @@ class Connection:
         on_receive: Callable[[], None],
         ready: Callable[[float], bool],
     ) -> None:
-        self._robot, self._link, self._clock = robot, TimedLink(link), clock
+        self._robot, self._link, self._clock = robot, TimedLink(link, clock), clock
         self._observe, self._start_pose = observe, start_pose
         self._on_fault, self._on_receive, self._ready = on_fault, on_receive, ready
         self._closed = self._last_words = False

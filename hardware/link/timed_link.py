@@ -1,12 +1,12 @@
 """A deadline for the calls of a link, which a driver or the kernel may not keep."""
 
 import threading
+from collections import deque
 from collections.abc import Callable
-from concurrent.futures import Future, wait
+from concurrent.futures import Future
 from functools import partial
-from queue import SimpleQueue
 
-from hardware.clock import RealClock
+from hardware.clock import Clock
 from hardware.errors import LinkError, PortStalled
 
 from .link import Link
@@ -25,11 +25,13 @@ class TimedLink:
 
     Args:
         link: The link of the driver.
+        clock: Time source. Simulated time stands still during a call that does not wait on it.
     """
 
-    def __init__(self, link: Link) -> None:
-        self._link = link
-        self._writes = SimpleQueue[_Call | None]()
+    def __init__(self, link: Link, clock: Clock) -> None:
+        self._link, self._clock = link, clock
+        self._signal = clock.signal()
+        self._writes = deque[_Call | None]()
         self._writer: threading.Thread | None = None
 
     @property
@@ -40,8 +42,8 @@ class TimedLink:
     def open(self) -> None:
         """Open the link. Raises what the driver raises."""
         self._link.open()
-        self._writes = SimpleQueue()
-        self._writer = RealClock().spawn(partial(_work, self._writes), "writer")
+        self._writes = deque()
+        self._writer = self._clock.spawn(partial(self._work, self._writes), "writer")
 
     def write(self, data: bytes) -> None:
         """Send bytes. Raises what the driver raises.
@@ -50,8 +52,8 @@ class TimedLink:
             PortStalled: The write of the driver does not return. The bytes may or may not arrive.
         """
         done = Future[None]()
-        self._writes.put((done, partial(self._link.write, data)))
-        if not _in_time(done, _WRITE_WAITS):
+        self._put((done, partial(self._link.write, data)))
+        if not self._in_time(done, _WRITE_WAITS):
             raise PortStalled(self.port, "A write to the port does not return")
 
     def read(self) -> bytes:
@@ -67,34 +69,48 @@ class TimedLink:
         Raises:
             LinkError: The close of the driver does not return.
         """
-        self._writes.put(None)
+        self._put(None)
         done = Future[None]()
         call = done, partial(self._link.close, discard)
-        closer = RealClock().spawn(partial(_run, *call), "closer")
-        if not _in_time(done, _CLOSE_WAITS):
+        closer = self._clock.spawn(partial(self._run, *call), "closer")
+        if not self._in_time(done, _CLOSE_WAITS):
             raise LinkError(self.port, f"the driver of {self.port} does not return")
         for thread in filter(None, (closer, self._writer)):
             thread.join(_WAIT)
 
+    def _put(self, call: _Call | None) -> None:
+        with self._signal:
+            self._writes.append(call)
+            self._signal.notify()
 
-def _in_time(done: Future[None], waits: int) -> bool:
-    """Wait for a call and raise what it raises. Return False if it does not return in time."""
-    if any(wait([done], _WAIT).done for _ in range(waits)):
-        done.result()
-        return True
-    done.cancel()  # if it has not begun
-    return False
+    def _in_time(self, done: Future[None], waits: int) -> bool:
+        """Wait for a call and raise what it raises. Return False if it does not return in time."""
+        with self._signal:
+            for _ in range(waits):
+                if not done.done():
+                    self._signal.wait(self._clock.now() + _WAIT)
+        if done.done():
+            done.result()
+            return True
+        done.cancel()  # if it has not begun
+        return False
 
+    def _work(self, calls: deque[_Call | None]) -> None:
+        while call := self._next(calls):
+            self._run(*call)
 
-def _work(calls: SimpleQueue[_Call | None]) -> None:
-    while call := calls.get():
-        _run(*call)
+    def _next(self, calls: deque[_Call | None]) -> _Call | None:
+        with self._signal:
+            while not calls:
+                self._signal.wait(None)
+            return calls.popleft()
 
-
-def _run(done: Future[None], call: Callable[[], None]) -> None:
-    if done.set_running_or_notify_cancel():
-        try:
-            call()
-            done.set_result(None)
-        except BaseException as error:  # the caller raises it
-            done.set_exception(error)
+    def _run(self, done: Future[None], call: Callable[[], None]) -> None:
+        if done.set_running_or_notify_cancel():
+            try:
+                call()
+                done.set_result(None)
+            except BaseException as error:  # the caller raises it
+                done.set_exception(error)
+        with self._signal:
+            self._signal.notify()

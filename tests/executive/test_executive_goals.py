@@ -11,7 +11,7 @@ from executive.api.events import Policy
 from executive.api.outcome import Acceptance, GoalState, GoalStatus
 from executive.cli.support.log_handler import LogHandler
 from executive.cli.support.run_server import prepare
-from executive.errors import ResultTimeout, UnknownGoal
+from executive.errors import GoalUnderWay, ResultTimeout, UnknownGoal
 from executive.replay.verification import verify
 from hardware import NotActive, State, TransitionRefused
 from hardware.errors import PortMissing
@@ -44,6 +44,13 @@ def test_an_arm_that_is_not_active_does_nothing(server: RigMaker) -> None:
     assert outcome.message == "the arm is unconfigured; configure and activate it first"
     assert "then `armtree arm activate`" in outcome.cause.hint
     assert arm.opened == 0
+
+
+def test_an_accepted_goal_that_does_not_run_yet_refuses_a_dry_run(rig: RigMaker) -> None:
+    arm = rig(single_user=False).executive  # its executor is not started
+    assert arm.send(1).accepted
+    with pytest.raises(GoalUnderWay):
+        arm.dry_run(1, {})
 
 
 def test_parameters_as_texts(server: RigMaker) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pytest
 from hypothesis import given, strategies as st
 
-from hardware import ArmEvent, FrameSent, NotActive
+from hardware import ArmEvent, FrameSent, NotActive, RealClock
 from hardware.drivers.arduino.firmware_profile import FIRMWARES
 from hardware.errors import DriverFailed, PortLost, PortStalled, StaleGeneration, WriteRefused
 from hardware.link.timed_link import TimedLink
@@ -184,7 +184,7 @@ def test_no_thread_waits_forever_for_a_write_that_does_not_return(
 ) -> None:
     monkeypatch.setattr("hardware.link.timed_link._WAIT", 0.002)
     rig, entered, leave = Rig(), threading.Event(), threading.Event()
-    rig.guard._link = timed = TimedLink(rig.link)
+    rig.guard._link = timed = TimedLink(rig.link, RealClock())
     timed.open()
     ends: list[Exception] = []
 

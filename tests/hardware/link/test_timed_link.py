@@ -6,10 +6,11 @@ from collections.abc import Iterator
 
 import pytest
 
-from hardware import LinkError, SerialLink
+from hardware import BoardLink, LinkError, RealClock, SerialLink, SimulatedClock, load_robot
 from hardware.errors import PortLost, PortStalled
 from hardware.link.timed_link import TimedLink
 from tests.support.arms.hardware_rigs import Pty, left, open_files, threads
+from tests.support.arms.virtual_boards import virtual_board
 
 FRAME = b"b090,s090,e090,g000,"
 
@@ -41,7 +42,7 @@ def test_a_driver_that_does_not_return_is_a_stalled_port_and_sends_nothing_later
 ) -> None:
     monkeypatch.setattr("hardware.link.timed_link._WAIT", 0.002)
     driver = Stuck()
-    link = TimedLink(driver)
+    link = TimedLink(driver, RealClock())
     link.open()
     for data in (b"first", b"second"):
         with pytest.raises(PortStalled, match="A write to the port does not return: the port can0"):
@@ -65,7 +66,7 @@ def test_what_the_driver_raises_is_raised_and_no_thread_is_left(
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
 
-    link = TimedLink(driver)
+    link = TimedLink(driver, RealClock())
     link.open()
     link.write(b"first")
     monkeypatch.setattr(driver, "write", interrupt)
@@ -76,6 +77,19 @@ def test_what_the_driver_raises_is_raised_and_no_thread_is_left(
     monkeypatch.setattr(driver, "close", interrupt)
     with pytest.raises(KeyboardInterrupt):
         link.close()
+
+
+def test_simulated_time_stands_still_during_a_write(monkeypatch: pytest.MonkeyPatch) -> None:
+    """So a machine that is busy, on which a write takes long, stalls no port of a simulation."""
+    monkeypatch.setattr("hardware.link.timed_link._WAIT", 1e-9)
+    clock = SimulatedClock()
+    link = TimedLink(BoardLink(virtual_board(load_robot()), clock), clock)
+    with clock.working():
+        link.open()
+        for _ in range(100):
+            link.write(FRAME)
+        link.close()
+    assert clock.now() == 0.0
 
 
 @pytest.fixture

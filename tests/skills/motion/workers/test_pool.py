@@ -89,6 +89,14 @@ def pid(pool: Pool) -> int:
     return process.pid
 
 
+def idle(pool: Pool) -> int:
+    """Return the pid of the worker, once its thread has answered and waits for the next job."""
+    nap = threading.Event()
+    while not pool._slots[0].idle:
+        nap.wait(0.001)
+    return pid(pool)
+
+
 def until_at_work(process: int) -> None:
     """Wait until a process has used 50 ms of processor time from now on."""
     nap, begun = threading.Event(), ticks(process)
@@ -211,7 +219,7 @@ def test_a_worker_that_dies_affects_only_its_job(pool: Pool, how: signal.Signals
 @pytest.mark.slow
 def test_a_worker_that_dies_while_idle_affects_no_job(pool: Pool) -> None:
     assert isinstance(ask(pool, PICK), Plan)
-    worker = pid(pool)
+    worker = idle(pool)
     os.kill(worker, signal.SIGKILL)
     os.waitid(os.P_PID, worker, os.WEXITED | os.WNOWAIT)
     assert isinstance(ask(pool, PICK), Plan)
@@ -253,7 +261,7 @@ def test_a_worker_that_hangs_is_killed(pool: Pool) -> None:
 @pytest.mark.slow
 def test_a_worker_that_is_stopped_while_idle_affects_no_job(pool: Pool) -> None:
     assert isinstance(ask(pool, BENT), Plan)
-    worker = pid(pool)
+    worker = idle(pool)
     os.kill(worker, signal.SIGSTOP)
     os.waitid(os.P_PID, worker, os.WSTOPPED | os.WNOWAIT)
     assert isinstance(ask(pool, PICK), Plan)
@@ -262,7 +270,7 @@ def test_a_worker_that_is_stopped_while_idle_affects_no_job(pool: Pool) -> None:
 
 def test_a_worker_that_was_stopped_and_continues_is_kept(pool: Pool) -> None:
     assert isinstance(ask(pool, PICK), Plan)
-    worker = pid(pool)
+    worker = idle(pool)
     os.kill(worker, signal.SIGSTOP)
     os.waitid(os.P_PID, worker, os.WSTOPPED | os.WNOWAIT)
     os.kill(worker, signal.SIGCONT)
