@@ -10,9 +10,9 @@ from typing import Any
 import click
 
 from executive.api.codes import INTERRUPTED_EXIT
-from executive.api.events import EVENTS, Event, Where
+from executive.api.events import EVENTS, STATUS, Event, Where
 from executive.api.move import Move
-from executive.api.outcome import GoalState, Outcome
+from executive.api.outcome import GoalState, GoalStatus, Outcome
 from executive.cli.terminal.jog_model import Command
 from executive.cli.terminal.jog_screen import Act, JogArm, JogScreen
 from executive.cli.terminal.keyboard import key_by_key
@@ -32,7 +32,10 @@ from .process import raise_priority
 
 # Errors of a command of a key; they do not end the jog.
 _SHOWN = (HardwareError, TreeError, click.ClickException)
-_CHANGES = (Sent, Transition)  # events after which the arm is elsewhere, or in another state
+# Events after which the arm is elsewhere, or in another state. The last setpoints of a motion may
+# give no other frame than before, so its end is one of them.
+_CHANGES = (Sent, Transition, GoalStatus)
+_KINDS = (STATUS, EVENTS[Sent], EVENTS[Transition])
 
 
 class OwnArm:
@@ -127,7 +130,7 @@ class _ServerArm:
 
     def watch(self, changed: Callable[[], None]) -> None:
         """Call a function at every change, until the server ends."""
-        with self._client.events(*(EVENTS[kind] for kind in _CHANGES)) as events:
+        with self._client.events(*_KINDS) as events:
             for _ in events:
                 changed()
         raise ServerUnreachable(self._client.url, "it has ended")

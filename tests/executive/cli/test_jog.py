@@ -141,6 +141,8 @@ def test_a_jog_on_a_server(serve: Serve, tmp_path: Path) -> None:
         client.result(goal)
         client.move(joint_1="-5 deg")
         terminal.until("joint_1             -5.0 deg")
+        client.move(joint_1="-5.3 deg")  # the frame of -5 deg
+        terminal.until("joint_1             -5.3 deg")
         client.arm("deactivate")
         terminal.until("arm inactive")
         terminal.type(RIGHT)
