@@ -126,7 +126,7 @@ class _Uvicorn(uvicorn.Server):
         )
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-        self._acceptor.close()
+        await self._acceptor.close()
         self._listener.close()
         for connection in tuple(self.server_state.connections):
             connection.shutdown()

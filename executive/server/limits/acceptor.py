@@ -57,14 +57,15 @@ class Acceptor:
         self._turn: asyncio.Handle | None = None  # serves the next one
         self._start()
 
-    def close(self) -> None:
-        """Accept no more, and close the connections that wait."""
+    async def close(self) -> None:
+        """Accept no more, close the connections that wait, and wait until the others are known."""
         if self._pause:
             self._pause.cancel()
         self._loop.remove_reader(self._listener)
         for connection in (*self._waiting, *self._stopping):
             self._leave(connection)
             connection.close()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
 
     def _start(self) -> None:
         self._loop.add_reader(self._listener, self._accept)

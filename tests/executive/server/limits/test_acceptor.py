@@ -9,11 +9,14 @@ import threading
 from collections.abc import Callable, Iterator
 from functools import partial
 from queue import SimpleQueue
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
 from executive.api.outcome import CancelResult
 from executive.server.limits import connections, descriptors
+from executive.server.limits.acceptor import Acceptor
 from executive.server.limits.cancel_thread import CancelThread
 from executive.server.limits.connections import HttpConnection
 from executive.server.limits.fair_queue import FairQueue
@@ -224,3 +227,31 @@ def test_a_client_does_not_time_out_while_its_data_waits_to_be_processed(
             assert late.wait(60)
         release()
         assert waiting.recv(9000).startswith(b"HTTP/1.1 200")
+
+
+def test_a_client_that_connects_while_the_server_ends_is_known() -> None:
+    """A connection that is not known would stay open."""
+    made: list[asyncio.BaseTransport] = []
+
+    class Protocol(asyncio.Protocol):
+        def connection_made(self, transport: asyncio.BaseTransport) -> None:
+            made.append(transport)
+
+    async def connect_and_end() -> None:
+        accepted = asyncio.Event()
+
+        def protocol() -> Any:
+            accepted.set()
+            return Protocol()
+
+        state: Any = SimpleNamespace(rules=None, max_connections=1, stop=None)
+        with socket.create_server(("127.0.0.1", 0)) as listener:
+            listener.setblocking(False)
+            acceptor = Acceptor(asyncio.get_running_loop(), listener, state, protocol)
+            with socket.create_connection(listener.getsockname()):
+                await accepted.wait()
+                assert not made
+                await acceptor.close()
+                made.pop().close()
+
+    asyncio.run(connect_and_end())

@@ -50,6 +50,19 @@ def test_stop_works_without_sign_in_and_says_when_it_is_done(
         shows(tab, "#goal-state", "^canceled$")
 
 
+def test_an_old_status_does_not_undo_the_end_of_a_goal(open_page: Open) -> None:
+    state = open_page().evaluate(
+        """import('/page/model/run.js').then(({Run}) => {
+          const run = new Run(), status = {goal_id: 'a', state: 'EXECUTING', result: null};
+          run.update({event: 'goal', goal_id: 'a', task: 1, name: 'pick', time_s: 1});
+          run.update({...status, event: 'status', state: 'CANCELED', result: {state: 'CANCELED'}});
+          run.updateGoal(status);
+          return [run.state, run.active];
+        })"""
+    )
+    assert state == ["CANCELED", False]
+
+
 def test_a_link_signs_in_once_and_a_reload_stays_signed_in(
     open_page: Open, page_server: Served
 ) -> None:

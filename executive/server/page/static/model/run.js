@@ -143,11 +143,12 @@ export class Run {
   }
 
   /**
-   * Take the state of a goal, if it is this one.
+   * Take the state of a goal, if it is this one. What has ended stays so: a status that was asked
+   * for before the end may come after it.
    * @param {Goal} goal
    */
   updateGoal(goal) {
-    if (goal.goal_id !== this.goalId) return;
+    if (goal.goal_id !== this.goalId || this.outcome) return;
     this.state = goal.state;
     this.outcome = goal.result;
     if (goal.result) this.phase = "";
