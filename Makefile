@@ -17,10 +17,14 @@ INSTALL := $(PIP) install --quiet --disable-pip-version-check
 COMPILE := uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header \
 	--no-emit-index-url --no-emit-find-links
 
-.PHONY: demo test quick lint types rooms damage faults soak mutation firmware page lock
+.PHONY: demo fleet test quick lint types rooms damage faults soak mutation firmware page lock
 
 demo: $(READY)
 	$(VENV)/bin/armtree run 0 1 2 0 --port virtual
+
+# What `armtree fleet` needs beside armtree itself.
+fleet: $(READY)
+	$(INSTALL) --require-hashes -r .ci/lock-fleet.txt
 
 test: lint types rooms $(PEERS) $(GROOT)
 	$(VENV)/bin/pytest
@@ -97,9 +101,10 @@ $(PAGE): executive/server/page/package-lock.json | $(PIP)
 $(GROOT): tests/peers/build_behaviortree tests/peers/behaviortree.cpp tests/peers/behaviortree.txt | $(PIP)
 	@command -v g++ >/dev/null || exit 0; tests/peers/build_behaviortree $(PIP) $(CURDIR)/$@
 
-# For maintainers, with uv: resolve all pins together, then write the two locks.
+# For maintainers, with uv: resolve all pins together, then write the locks.
 lock:
 	mkdir -p build
 	$(COMPILE) --upgrade pyproject.toml --group build --group dev -o build/lock.txt
 	$(COMPILE) -c build/lock.txt pyproject.toml --group build -o .ci/lock.txt
 	$(COMPILE) -c build/lock.txt --group dev -o .ci/lock-dev.txt
+	$(COMPILE) -c build/lock.txt --group fleet -o .ci/lock-fleet.txt
