@@ -49,10 +49,10 @@ from .goals.event_subscribers import EventSubscribers
 from .goals.executor import GoalExecutor
 from .goals.history import load_goal_history
 from .goals.mailbox import Mailbox
+from .goals.move_task import move_text, read_move
 from .goals.queue import GoalQueue
 from .goals.start_pose import StartPose
 from .goals.stop import GoalStopper
-from .planning.move_task import move_text, read_move
 from .recording.archive import archive_world
 from .recording.recorded_link import RecordedLink
 from .recording.recordings import Recordings
@@ -61,7 +61,7 @@ from .setup import Setup
 if TYPE_CHECKING:
     from trees.live_library import LiveLibrary
 
-    from .planning.dry_run import DryRun
+    from .preview.dry_run import DryRun
 
 logger = logging.getLogger(__name__)
 
@@ -346,7 +346,7 @@ class Executive:
             GoalUnderWay: Where the arm will be is not known.
             TreeError: There is no such task, or it is wrong.
         """
-        from .planning.dry_run import dry_run  # a run checks no file, and starts sooner
+        from .preview.dry_run import dry_run  # a run checks no file, and starts sooner
 
         if goal := self._queue.current:
             raise GoalUnderWay(goal.identity)

@@ -1,7 +1,12 @@
-"""Texts and bytes from outside, such as files, servers and boards, on a terminal or in a log."""
+"""Texts for people: numbers of things, and what comes from files, servers and boards."""
 
 _HEX = "0x"
 _SPACE = "\n\r\t"  # kept in a text
+
+
+def plural(count: int, what: str) -> str:
+    """Return a number of things, such as `1 file` or `2 files`."""
+    return f"{count} {what}{'' if count == 1 else 's'}"
 
 
 def printable(text: str) -> str:

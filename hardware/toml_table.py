@@ -11,7 +11,7 @@ from typing import Any, NoReturn
 
 from .errors import DescriptionError
 from .files import read_file
-from .suggestions import closest, did_you_mean, suggestion, there_are
+from .spelling import closest, did_you_mean, suggestion, there_are
 
 _HEADER = re.compile(r"\s*\[([\w.\-]+)\]\s*(?:#.*)?$")
 _MAX_BYTES = 256 * 1024

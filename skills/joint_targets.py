@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator, Mapping
 
 from hardware import BadPosition, Joint, Mimic, Robot, check_position
-from hardware.suggestions import corrections, suggestion
+from hardware.spelling import corrections, suggestion
 
 from .errors import BadTarget, OutOfBounds, SkillError, combine_errors, refuse
 from .ports import Positions

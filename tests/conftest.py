@@ -317,7 +317,7 @@ def plans(robot: Robot, shared_clock: SimulatedClock, shared_pool: Pool) -> tupl
 @pytest.fixture
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """`armtree plan` draws nothing, which takes it a second: for tests of its words."""
-    monkeypatch.setattr("executive.planning.explanation._draw", lambda *_: None)
+    monkeypatch.setattr("executive.preview.explanation._draw", lambda *_: None)
 
 
 @pytest.fixture

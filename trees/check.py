@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from hardware import Arm, RealClock, Robot
-from hardware.suggestions import closest, did_you_mean
+from hardware.spelling import closest, did_you_mean
 from skills import (
     BadTarget,
     Context,

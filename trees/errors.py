@@ -11,7 +11,7 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from hardware.suggestions import there_are
+from hardware.spelling import there_are
 
 SHIPPED_ROBOT = "arduinobot"  # name of the robot that the shipped tasks and examples are for
 EXAMPLES = Path(__file__).with_name("examples")  # folder with example tasks

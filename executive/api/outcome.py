@@ -11,7 +11,7 @@ from enum import Enum
 from typing import Any, TypeVar
 
 import logs
-from hardware.suggestions import plural
+from hardware.printable import plural
 
 from .codes import CANCELED, INTERNAL, OK, look_up
 

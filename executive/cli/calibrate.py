@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hardware.suggestions import plural
+from hardware.printable import plural
 
 from .support.command_group import command
 from .support.options import port_option, robot_option

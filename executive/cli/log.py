@@ -249,7 +249,7 @@ def plot(recordings: tuple[Path, ...], output: Path | None, as_json: bool) -> No
 
 def _scenes(recording: Path) -> "tuple[list[Scene], str]":
     """Return the scenes of a recording, and why they cannot be drawn, or ""."""
-    from executive.planning.motion_drawing import scenes_of
+    from executive.preview.motion_drawing import scenes_of
     from hardware import DescriptionError
     from logs import LogError
     from skills.motion import BadWorld

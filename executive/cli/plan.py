@@ -100,8 +100,8 @@ def plan(
       [{"name": "post", "box": {"size": [0.03, 0.03, 0.2]},
         "position": [0.115, 0.115, 0.1]}]
     """  # noqa: D301
-    from executive.planning.explanation import Explanation
-    from executive.planning.plan_request import PlanRequest
+    from executive.preview.explanation import Explanation
+    from executive.preview.plan_request import PlanRequest
 
     vectors = {"direction": direction, "offset": offset, "axis": axis}
     tool_inputs = {port: f"[{', '.join(words)}]" for port, words in vectors.items() if words}

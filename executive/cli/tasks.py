@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from hardware.printable import printable
-from hardware.suggestions import plural
+from hardware.printable import plural, printable
 
 from .support.command_group import command
 from .support.failures import plain_mistake, print_incomplete

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from hardware.suggestions import plural
+from hardware.printable import plural
 
 from .jog import saving
 from .support.command_group import command

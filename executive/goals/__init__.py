@@ -1,1 +1,1 @@
-"""Goals: states, queue, executor thread, run loop and outcome."""
+"""Goals: words, states, queue, executor thread, run loop and outcome."""

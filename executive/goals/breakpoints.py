@@ -6,7 +6,7 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from executive.errors import NoSuchNode
-from hardware.suggestions import suggestion
+from hardware.spelling import suggestion
 from trees.build import Tree
 from trees.compile.node_paths import paths
 

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 
 import logs
 from executive.errors import GoalError
-from executive.planning.move_task import draft_move
 from executive.recording.recordings import Recordings
 from hardware import ActivationStopped, HardwareError, State
 from skills import Context, SkillError
@@ -23,6 +22,7 @@ from trees.errors import BadArguments
 from .breakpoints import Breakpoints
 from .goal import Goal
 from .mailbox import Mailbox
+from .move_task import draft_move
 from .queue import GoalQueue
 from .run import Run, decide_outcome
 from .start_pose import StartPose

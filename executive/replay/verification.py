@@ -17,7 +17,7 @@ from pathlib import Path
 from executive.api.codes import DIFFERS
 from executive.recording.archive import restore_robot
 from hardware import HardwareError
-from hardware.suggestions import plural
+from hardware.printable import plural
 from logs import (
     Goal,
     LogError,

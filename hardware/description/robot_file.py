@@ -10,7 +10,7 @@ from hardware.drivers.null_driver import NO_BAUD, NO_FIRMWARE, NullDriver
 from hardware.errors import DescriptionError
 from hardware.joints import Joint
 from hardware.link.link import VIRTUAL
-from hardware.suggestions import choices, there_are
+from hardware.spelling import choices, there_are
 from hardware.toml_table import TomlTable
 
 from .calibration import calibration_file, is_robot_file, read_calibration

@@ -4,7 +4,7 @@ import re
 from datetime import UTC, datetime
 from pathlib import Path
 
-from hardware.suggestions import choices
+from hardware.spelling import choices
 from logs.errors import LogError, NoSuchRecording
 from logs.records.records import MOVE, goal_title
 

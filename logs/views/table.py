@@ -8,7 +8,7 @@ from math import nan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hardware.suggestions import closest
+from hardware.spelling import closest
 from logs.errors import RecordingError, RecordingTruncated
 from logs.reading.reader import Message, read
 from logs.reading.recording import Recording

@@ -8,7 +8,7 @@ from py_trees.common import Status
 from py_trees.ports import PortInformation
 
 from hardware import Robot
-from hardware.suggestions import suggestion
+from hardware.spelling import suggestion
 from skills.errors import BadTarget, SkillError, refuse
 from skills.joint_targets import check_complete, link_errors, missing_joint_errors
 from skills.motion.errors import MotionError

@@ -8,7 +8,7 @@ from py_trees.common import Status
 from py_trees.ports import PortInformation
 
 from hardware import BadPosition, Joint, Robot
-from hardware.suggestions import suggestion
+from hardware.spelling import suggestion
 from skills.base import Skill
 from skills.errors import BadTarget, OutOfBounds, SkillError, refuse
 from skills.joint_targets import (

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields
 from typing import Any
 
-from hardware.suggestions import suggestion
+from hardware.spelling import suggestion
 
 from .errors import BadWorld, shown
 from .validation import MAX_MAGNITUDE, MIN_SIZE

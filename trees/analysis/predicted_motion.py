@@ -8,7 +8,7 @@ from typing import Any
 from py_trees.behaviour import Behaviour
 
 from hardware import Joint, Robot
-from hardware.suggestions import closest
+from hardware.spelling import closest
 from skills import Positions, Skill, WorldChange
 from skills.motion import (
     EMPTY,

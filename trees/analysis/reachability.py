@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 from py_trees.behaviour import Behaviour
 
-from hardware.suggestions import there_are
+from hardware.spelling import there_are
 from trees.compile.compiler import CompiledTree
 from trees.compile.leaf import Leaf
 from trees.compile.port_types import known_skills

@@ -7,7 +7,7 @@ from typing import Any
 from py_trees.behaviour import Behaviour
 from py_trees.behaviours import Dummy
 
-from hardware.suggestions import closest, corrections, did_you_mean, there_are
+from hardware.spelling import closest, corrections, did_you_mean, there_are
 from skills import Context, Port, Skill
 from trees.declarations import ANY, Declaration, type_fits, words
 from trees.errors import Correction, Mistakes, Place

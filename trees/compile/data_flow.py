@@ -6,7 +6,7 @@ A key counts as written if every path through the tree to the node writes it.
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from hardware.suggestions import suggestion
+from hardware.spelling import suggestion
 from trees.declarations import type_fits, words
 from trees.errors import Mistakes
 from trees.reading.specs import Key

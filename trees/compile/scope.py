@@ -3,7 +3,7 @@
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
-from hardware.suggestions import closest, suggestion
+from hardware.spelling import closest, suggestion
 from trees.errors import Mistakes, Place
 from trees.reading.document import REFUSED, Located, StandIn
 from trees.reading.grammar import TaskFile

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from hardware.suggestions import closest, there_are
+from hardware.spelling import closest, there_are
 from trees.errors import FileError, Mistakes
 from trees.reading.grammar import TaskFile
 from trees.reading.library import Library, poses_of

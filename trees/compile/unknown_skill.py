@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Mapping
 
-from hardware.suggestions import closest, did_you_mean, there_are
+from hardware.spelling import closest, did_you_mean, there_are
 from skills import Skill
 from trees.nodes.kind import KINDS
 from trees.reading.document import Located

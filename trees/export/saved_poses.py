@@ -12,7 +12,7 @@ from ruamel.yaml.nodes import CollectionNode, Node
 from hardware import Robot
 from hardware.files import write_file
 from hardware.joints import Joint
-from hardware.suggestions import choices
+from hardware.spelling import choices
 from trees.declarations import UNITS
 from trees.errors import FileError, Mistake, Place
 from trees.reading.document import read_text

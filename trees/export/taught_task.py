@@ -7,7 +7,7 @@ from typing import NoReturn
 
 from hardware import Robot
 from hardware.files import write_file
-from hardware.suggestions import plural
+from hardware.printable import plural
 from trees.declarations import Declaration
 from trees.errors import BadArguments, FileError, Mistake, Place
 from trees.reading.grammar import parse_value

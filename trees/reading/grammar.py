@@ -11,7 +11,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar
 
-from hardware.suggestions import closest, corrections, did_you_mean, there_are
+from hardware.spelling import closest, corrections, did_you_mean, there_are
 from trees.declarations import LIST, TYPES, UNITS, Declaration
 from trees.errors import Correction, FileError, Mistake, Mistakes
 

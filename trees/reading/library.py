@@ -17,7 +17,7 @@ from importlib import resources
 from itertools import count
 from pathlib import Path
 
-from hardware.suggestions import there_are
+from hardware.spelling import there_are
 from trees.errors import SHIPPED_ROBOT, DuplicateTask, FileError, Mistake, Place, UnknownTask
 
 from .document import read_text

@@ -11,7 +11,7 @@ from functools import wraps
 from pathlib import Path
 from typing import TypeVar
 
-from hardware.suggestions import plural
+from hardware.printable import plural
 from trees.errors import Correction, FileError, Mistake, Place
 
 from .document import NotYaml, split_lines

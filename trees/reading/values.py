@@ -7,7 +7,8 @@ from dataclasses import replace
 from typing import Any
 
 from hardware.joints import DISPLAY_UNITS
-from hardware.suggestions import choices, closest, did_you_mean, plural, there_are
+from hardware.printable import plural
+from hardware.spelling import choices, closest, did_you_mean, there_are
 from trees.declarations import ANY, LIST, UNITS, Declaration, type_fits, words
 from trees.errors import Mistake
 

@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from executive.cli.terminal.streams import LogFormatter
-from hardware.suggestions import suggestion
+from hardware.spelling import suggestion
 
 SETTINGS_SECTION = "Settings, also in armtree.toml, or ARMTREE_SEED and so on"
 _OWN, _COMMON = "Options", "Options of every command"

@@ -10,7 +10,7 @@ import click
 from click.core import ParameterSource
 
 from executive.cli.terminal.streams import echo
-from hardware.suggestions import closest
+from hardware.spelling import closest
 
 from .names import Complete, complete_port, complete_robot
 from .settings import F, Finite, configured, option

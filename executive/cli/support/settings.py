@@ -320,7 +320,7 @@ def _upwards() -> Iterator[Path]:
 def _read(path: Path) -> tuple[dict[str, Configured], list[str]]:
     """Return the values of a file that are right, and what is wrong in it."""
     from hardware import DescriptionError
-    from hardware.suggestions import there_are
+    from hardware.spelling import there_are
     from hardware.toml_table import TomlTable  # only where there is a file
 
     values, wrong = dict[str, Configured](), list[str]()

@@ -7,7 +7,7 @@ import pytest
 from executive.api.events import Policy
 from executive.api.move import Move
 from executive.api.outcome import Outcome
-from tests.executive.planning.test_dry_run import COLLIDE
+from tests.executive.preview.test_dry_run import COLLIDE
 from tests.support.servers.browsing import Open, expect, forget, is_accessible, shows
 from tests.support.servers.serving import Serve, Served
 

@@ -8,7 +8,8 @@ from typing import Any
 
 from hardware import BadPosition, Robot
 from hardware.description.gripper import WIDTH
-from hardware.suggestions import choices, did_you_mean, plural
+from hardware.printable import plural
+from hardware.spelling import choices, did_you_mean
 from skills import (
     TOOL_PORTS,
     BadTarget,

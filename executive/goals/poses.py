@@ -6,7 +6,7 @@ from pathlib import Path
 from executive.api.events import Where
 from executive.api.move import HOME
 from hardware import NotActive, Robot
-from hardware.suggestions import choices
+from hardware.spelling import choices
 from skills import BadTarget
 from trees import FileError, Library, Mistake, Place
 from trees.export.saved_poses import save_pose

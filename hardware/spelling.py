@@ -1,4 +1,4 @@
-"""Words of messages: plurals, and suggestions for misspelt names ("did you mean ...?")."""
+"""Suggestions for misspelt names ("did you mean ...?"), and lists of the known ones."""
 
 from collections.abc import Collection, Iterable
 from itertools import groupby
@@ -6,11 +6,6 @@ from itertools import groupby
 _ALL = 8  # largest number of names that a message lists whatever the unknown word is
 _SHOWN = 5  # most names in a message if there are more
 _NEAR, _NEARER = 0.6, 0.71  # least similarity of a name that is listed, and that is suggested
-
-
-def plural(count: int, what: str) -> str:
-    """Return a number of things, such as `1 file` or `2 files`."""
-    return f"{count} {what}{'' if count == 1 else 's'}"
 
 
 def closest(word: str, known: Iterable[str], cutoff: float = _NEAR) -> str:

@@ -11,7 +11,7 @@ from PIL import Image
 
 import logs
 from executive.cli.main import cli
-from executive.planning.motion_drawing import POSES, scenes_of
+from executive.preview.motion_drawing import POSES, scenes_of
 from logs.views.motion_figure import MotionDrawing
 from logs.views.run_figure import Scene
 from tests.conftest import RigMaker

@@ -1,6 +1,6 @@
 """One place for "did you mean"."""
 
-from hardware.suggestions import choices, closest, corrections, suggestion, there_are
+from hardware.spelling import choices, closest, corrections, suggestion, there_are
 
 
 def test_the_most_similar_name_is_suggested() -> None:

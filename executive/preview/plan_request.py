@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
+from executive.goals.goal_words import TASK, Poses, is_point, read_value, read_words
 from hardware import Robot
 from skills import (
     TOOL_PORTS,
@@ -20,7 +21,6 @@ from trees import Library
 from trees.check import check_task
 from trees.compile.port_types import declaration
 
-from .goal_words import TASK, Poses, is_point, read_value, read_words
 from .task_motions import Motion, task_motions
 
 _PORTS = {name: declaration(port) for name, port in TOOL_PORTS.items()}

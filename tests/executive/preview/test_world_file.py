@@ -12,7 +12,7 @@ from click.testing import CliRunner, Result
 from executive.api.codes import look_up
 from executive.cli.main import cli
 from executive.errors import BadWorldFile
-from executive.planning.world_file import read_world
+from executive.preview.world_file import read_world
 from skills.motion import Body, Box, Shape, Sphere
 from tests.support.paths import ROOT
 
