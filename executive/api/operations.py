@@ -91,43 +91,31 @@ _change = partial(Operation, "POST", Access.CHANGE)
 _stop = partial(Operation, "POST", Access.STOP)
 
 _GOAL = {"goal_id": s.GOAL_ID}
-_TIMEOUT = {
-    "type": "number",
-    "minimum": 0,
-    "maximum": 3600,
-    "description": "Longest time to wait [s].",
-}
-_LIMIT = {
-    "type": "integer",
-    "minimum": 1,
-    "maximum": s.MAX_LISTED,
-    "description": f"Most goals to list; default {s.MAX_LISTED}.",
-}
+_TIMEOUT = s.described(s.number(0, 3600), "Longest time to wait [s].")
+_LIMIT = s.described(s.integer(1, s.MAX_LISTED), f"Most goals to list; default {s.MAX_LISTED}.")
 _KIND = "|".join(sorted(KINDS))
-_KINDS = {
-    "title": f"a list of {_KIND.replace('|', ', ')}, separated by commas",
-    "type": "string",
-    "pattern": f"^({_KIND})(,({_KIND}))*$",
-    "maxLength": 200,
-    "description": "Kinds of events to send, such as `goal,status`; default all.",
-}
-_TRANSITION = {"type": "string", "enum": list(TRANSITIONS)}
+_KINDS = s.described(
+    s.text(
+        f"^({_KIND})(,({_KIND}))*$",
+        200,
+        f"a list of {_KIND.replace('|', ', ')}, separated by commas",
+    ),
+    "Kinds of events to send, such as `goal,status`; default all.",
+)
+_TRANSITION = s.choice(TRANSITIONS)
 _PAUSE_ERRORS = ("goal.unknown", "goal.not_executing")
 _RESUME_ERRORS = (*_PAUSE_ERRORS, "goal.not_paused")
 
 _ACCEPTED = s.answer("Accepted", goal_id=s.GOAL_ID, stamp_ns=s.COUNT)
 _NEW_GOAL = {
-    "goal_id": {**s.GOAL_ID, "description": "Id of the new goal; default a random one."},
-    "deadman": {
-        **s.BOOLEAN,
-        "description": "True to cancel the goal when its hold ends; hold it first.",
-    },
+    "goal_id": s.described(s.GOAL_ID, "Id of the new goal; default a random one."),
+    "deadman": s.described(s.BOOLEAN, "True to cancel the goal when its hold ends; hold it first."),
 }
 
 _change_goal = partial(_change, answer=s.GOAL, parameters=_GOAL, body=s.EMPTY)
 
 _RECORDING = {"name": s.RECORDING_NAME}
-_TASK = {"type": "integer", "minimum": -1, "maximum": 2**31 - 1, "description": "Task; -1: moves."}
+_TASK = s.described(s.integer(-1, 2**31 - 1), "Task; -1: moves.")
 
 
 def _read_recording(
@@ -204,10 +192,9 @@ _ROWS = (
         s.answer("Goals", goals=s.array(s.GOAL)),
         {
             "limit": _LIMIT,
-            "before": {
-                **s.STAMP,
-                "description": "List only goals accepted before this time [ns since 1970].",
-            },
+            "before": s.described(
+                s.STAMP, "List only goals accepted before this time [ns since 1970]."
+            ),
         },
     ),
     _change(
@@ -226,10 +213,9 @@ _ROWS = (
         s.answer(
             "DryRun",
             events=s.array({"type": "object"}),
-            unknown={
-                **s.array(s.TEXT),
-                "description": "A message for each motion that is known only in a run.",
-            },
+            unknown=s.described(
+                s.array(s.TEXT), "A message for each motion that is known only in a run."
+            ),
         ),
         body=s.body("task", task=s.TASK_OR_NAME, arguments=s.ARGUMENTS),
         errors=("goal", "file"),
@@ -242,7 +228,7 @@ _ROWS = (
         body=s.body(
             "to",
             to=s.TARGET,
-            relative={**s.BOOLEAN, "description": "True if the target is a change; default false."},
+            relative=s.described(s.BOOLEAN, "True if the target is a change; default false."),
             speed=s.SPEED,
             **_NEW_GOAL,
         ),
@@ -259,7 +245,7 @@ _ROWS = (
             "name",
             name=s.words("Name of the pose."),
             group=s.words("Joints to save: a group of the robot, or `all`; default `arm`."),
-            replace={**s.BOOLEAN, "description": "True to replace a pose; default false."},
+            replace=s.described(s.BOOLEAN, "True to replace a pose; default false."),
         ),
         errors=("goal", "file", "hw"),
     ),
@@ -302,7 +288,7 @@ _ROWS = (
         "Cancel the named goals, or all, and stop the arm.",
         s.CANCELED,
         body=s.body(
-            goal_id={**s.GOAL_ID, "description": "Cancel this goal, whatever `stamp_ns` is."},
+            goal_id=s.described(s.GOAL_ID, "Cancel this goal, whatever `stamp_ns` is."),
             stamp_ns=s.UNTIL,
         ),
     ),
@@ -335,7 +321,7 @@ _ROWS = (
         body=s.body(
             "node",
             node=s.words("Path of the node, such as `pick/Execute`."),
-            on={**s.BOOLEAN, "description": "False to clear the breakpoint; default true."},
+            on=s.described(s.BOOLEAN, "False to clear the breakpoint; default true."),
         ),
         errors=("goal.no_such_node", "goal.too_many_breakpoints", "file"),
     ),
@@ -362,10 +348,10 @@ _ROWS = (
         {
             "search": {"type": "string", "maxLength": 200, "description": "Text to find."},
             "task": _TASK,
-            "state": {"type": "string", "enum": ["SUCCEEDED", "CANCELED", "ABORTED", "UNFINISHED"]},
-            "since": {**s.STAMP, "description": "Earliest beginning [ns since 1970]."},
-            "until": {**s.STAMP, "description": "Latest beginning [ns since 1970]."},
-            "before": {**s.RECORDING_NAME, "description": "List only those with smaller names."},
+            "state": s.choice(["SUCCEEDED", "CANCELED", "ABORTED", "UNFINISHED"]),
+            "since": s.described(s.STAMP, "Earliest beginning [ns since 1970]."),
+            "until": s.described(s.STAMP, "Latest beginning [ns since 1970]."),
+            "before": s.described(s.RECORDING_NAME, "List only those with smaller names."),
             "limit": _LIMIT,
         },
     ),
@@ -375,19 +361,14 @@ _ROWS = (
         "recorded_events",
         "Return the recorded events around a moment, with the state before them.",
         s.WINDOW,
-        at={**s.MOMENT, "description": "The moment, from the beginning of the goal [s]."},
+        at=s.described(s.MOMENT, "The moment, from the beginning of the goal [s]."),
     ),
     _read_recording(
         "/series",
         "recorded_series",
         "Return what plots show of a whole recording.",
         s.SERIES,
-        points={
-            "type": "integer",
-            "minimum": 1,
-            "maximum": 2000,
-            "description": "Most samples; default 2000.",
-        },
+        points=s.described(s.integer(1, 2000), "Most samples; default 2000."),
     ),
     _read_recording("/robot", "recorded_robot", "Describe the robot of a recording.", s.ROBOT),
     _read_recording(
@@ -415,7 +396,7 @@ _ROWS = (
         "pin_recording",
         "Protect a recording from deletion, or no longer.",
         s.RECORDING,
-        on={**s.BOOLEAN, "description": "False to allow deletion; default true."},
+        on=s.described(s.BOOLEAN, "False to allow deletion; default true."),
     ),
     _change_recording(
         "/delete",

@@ -1,6 +1,6 @@
 """JSON Schemas of what the server accepts and answers."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -56,9 +56,40 @@ def answer(name: str, /, **properties: Any) -> Component:
     return Component(name, _object(properties))
 
 
-def array(items: Any) -> dict[str, Any]:
-    """Return the schema of a list."""
-    return {"type": "array", "items": items}
+def described(schema: Any, description: str) -> dict[str, Any]:
+    """Return a schema with a description."""
+    return {**schema, "description": description}
+
+
+def array(items: Any, **limits: int) -> dict[str, Any]:
+    """Return the schema of a list, with further keys."""
+    return {"type": "array", "items": items, **limits}
+
+
+def integer(least: int, most: int) -> dict[str, Any]:
+    """Return the schema of a whole number."""
+    return {"type": "integer", "minimum": least, "maximum": most}
+
+
+def number(least: float, most: float) -> dict[str, Any]:
+    """Return the schema of a number."""
+    return {"type": "number", "minimum": least, "maximum": most}
+
+
+def choice(values: Iterable[Any], kind: str = "string") -> dict[str, Any]:
+    """Return the schema of one of some values."""
+    return {"type": kind, "enum": list(values)}
+
+
+def text(pattern: str, most: int, title: str = "", **limits: int) -> dict[str, Any]:
+    """Return the schema of a text that matches a pattern and has at most so many characters."""
+    schema = {"type": "string", "pattern": pattern, "maxLength": most, **limits}
+    return {"title": title, **schema} if title else schema
+
+
+def by_name(values: Any) -> dict[str, Any]:
+    """Return the schema of an object whose keys are names."""
+    return {"type": "object", "additionalProperties": values}
 
 
 def _object(properties: Mapping[str, Any]) -> dict[str, Any]:
@@ -82,69 +113,41 @@ TEXT = {"type": "string"}
 NUMBER = {"type": "number"}
 COUNT = {"type": "integer", "minimum": 0}
 BOOLEAN = {"type": "boolean"}
-_TYPES: dict[Any, Any] = {
-    str: TEXT,
-    int: COUNT,
-    float: NUMBER,
-    float | None: _or_null(NUMBER),
-}
+_TYPES: dict[Any, Any] = {str: TEXT, int: COUNT, float: NUMBER, float | None: _or_null(NUMBER)}
 
-GOAL_ID = {
-    "title": "32 lower-case hexadecimal digits",
-    "type": "string",
-    "pattern": "^[0-9a-f]{32}$",
-    "maxLength": 32,
-    "minLength": 32,
-}
-QUESTION_ID = {"type": "string", "pattern": "^[0-9a-f]{8}$", "maxLength": 8, "minLength": 8}
-STAMP = {"type": "integer", "minimum": 0, "maximum": 2**63 - 1}
-ARM_STATE = {"type": "string", "enum": [state.value for state in State]}
+GOAL_ID = text("^[0-9a-f]{32}$", 32, "32 lower-case hexadecimal digits", minLength=32)
+QUESTION_ID = text("^[0-9a-f]{8}$", 8, minLength=8)
+STAMP = integer(0, 2**63 - 1)
+ARM_STATE = choice(state.value for state in State)
 
 # Requests
 
 EMPTY = body()
-UNTIL = {**STAMP, "description": "Cancel every goal accepted at or before this time [ns]."}
-TASK_NUMBER = {
-    "type": "integer",
-    "minimum": 0,
-    "maximum": 2**31 - 1,
-    "description": "Number of the task.",
-}
+UNTIL = described(STAMP, "Cancel every goal accepted at or before this time [ns].")
+TASK_NUMBER = described(integer(0, 2**31 - 1), "Number of the task.")
 TASK_OR_NAME = {
     "title": "the number or the name of a task",
-    "anyOf": [
-        TASK_NUMBER,
-        {"type": "string", "pattern": "^[A-Za-z][A-Za-z0-9_-]*$", "maxLength": 250},
-    ],
+    "anyOf": [TASK_NUMBER, text("^[A-Za-z][A-Za-z0-9_-]*$", 250)],
     "description": "Number or name of the task.",
 }
 ARGUMENTS = {
-    "type": "object",
+    **by_name({"type": ["string", "number", "boolean", "array", "object"]}),
     "maxProperties": 64,
-    "additionalProperties": {"type": ["string", "number", "boolean", "array", "object"]},
     "description": "Values of the task's parameters. A text is read as in a task file.",
 }
-TARGET = {
-    "type": "array",
-    "minItems": 1,
-    "maxItems": 64,
-    "items": {"anyOf": [{"type": "string", "maxLength": 64, "minLength": 1}, NUMBER]},
-    "description": "Words of `armtree move`: `joint_1=70deg`, `width=20mm` (gripper), poses, or "
-    "x, y, z of the tool [m].",
-}
-SPEED = {
-    "type": "number",
-    "minimum": 0.01,
-    "maximum": 1,
-    "description": "Share of the robot's speed; default 1.",
-}
-MOMENT = {"type": "number", "minimum": 0, "maximum": 1e9}
-START_POSE = {
-    "type": "string",
-    "enum": ["boot", "last"],
-    "description": "Pose of the arm when it is activated and its board does not reset: "
-    "that of the robot file, or the last commanded pose.",
-}
+_WORD = {"type": "string", "maxLength": 64, "minLength": 1}
+TARGET = described(
+    array({"anyOf": [_WORD, NUMBER]}, minItems=1, maxItems=64),
+    "Words of `armtree move`: `joint_1=70deg`, `width=20mm` (gripper), poses, or x, y, z of the "
+    "tool [m].",
+)
+SPEED = described(number(0.01, 1), "Share of the robot's speed; default 1.")
+MOMENT = number(0, 1e9)
+START_POSE = described(
+    choice(["boot", "last"]),
+    "Pose of the arm when it is activated and its board does not reset: that of the robot file, or "
+    "the last commanded pose.",
+)
 
 
 def words(description: str) -> Schema:
@@ -158,22 +161,19 @@ ERROR = answer(
     "Error",
     **_plain_fields(Cause)
     | {
-        "code": {**TEXT, "description": "Stable name; executive/README.md lists all."},
-        "node": {**TEXT, "description": "Path in the tree; empty if the cause is outside it."},
-        "value": {**_or_null(NUMBER), "description": "The wrong value [rad], [m] or [s]."},
-        "limit": {**_or_null(NUMBER), "description": "The limit of the value, in the same unit."},
+        "code": described(TEXT, "Stable name; executive/README.md lists all."),
+        "node": described(TEXT, "Path in the tree; empty if the cause is outside it."),
+        "value": described(_or_null(NUMBER), "The wrong value [rad], [m] or [s]."),
+        "limit": described(_or_null(NUMBER), "The limit of the value, in the same unit."),
     },
 )
-_ANY_TASK = {
-    "type": "integer",
-    "minimum": -(2**31),
-    "maximum": 2**31 - 1,
-    "description": "Number in the request; clients of rosbridge may send any int32.",
-}
+_ANY_TASK = described(
+    integer(-(2**31), 2**31 - 1), "Number in the request; clients of rosbridge may send any int32."
+)
 RESULT = answer(
     "Result",
     goal_id=GOAL_ID,
-    state={"type": "string", "enum": ["SUCCEEDED", "CANCELED", "ABORTED"]},
+    state=choice(["SUCCEEDED", "CANCELED", "ABORTED"]),
     success=BOOLEAN,
     cause=_or_null(ERROR),
     **_plain_fields(Outcome) | {"task": _ANY_TASK},
@@ -182,142 +182,128 @@ GOAL = answer(
     "Goal",
     goal_id=GOAL_ID,
     task=_ANY_TASK,
-    state={"type": "string", "enum": [state.name for state in GoalState]},
+    state=choice(state.name for state in GoalState),
     stamp_ns=COUNT,
     result=_or_null(RESULT),
 )
 CANCELED = answer(
     "Canceled",
-    return_code={
-        "type": "integer",
-        "enum": [code.value for code in CancelCode],
-        "description": "As in action_msgs/srv/CancelGoal: 0 none, 1 rejected, 2 unknown goal, "
-        "3 goal has ended.",
-    },
+    return_code=described(
+        choice((code.value for code in CancelCode), "integer"),
+        "As in action_msgs/srv/CancelGoal: 0 none, 1 rejected, 2 unknown goal, 3 goal has ended.",
+    ),
     goals=array(GOAL_ID),
 )
-_BY_JOINT = {"type": "object", "additionalProperties": NUMBER}
+
+_BY_JOINT = by_name(NUMBER)
+_VECTOR = array(NUMBER, minItems=3, maxItems=3)
 POSE = answer(
     "Pose",
     pose=TEXT,
     positions=_BY_JOINT,
-    source={**TEXT, "description": "`FILE:LINE`, or that it ships."},
+    source=described(TEXT, "`FILE:LINE`, or that it ships."),
 )
 STATUS = answer(
     "Status",
     arm=ARM_STATE,
-    fault={
-        **_or_null(ERROR),
-        "description": "The fault that deactivated the arm; null after the next activation.",
-    },
+    fault=described(
+        _or_null(ERROR), "The fault that deactivated the arm; null after the next activation."
+    ),
     port=TEXT,
     commanded=_or_null(_BY_JOINT),
     measured=_or_null(_BY_JOINT),
     goal=_or_null(GOAL),
-    percentage=_or_null({"type": "integer", "minimum": 0, "maximum": 100}),
+    percentage=_or_null(integer(0, 100)),
     phase=TEXT,
     node=TEXT,
     attempt=COUNT,
     waiting=array(GOAL_ID),
-    policy={"type": "string", "enum": [policy.value for policy in Policy]},
+    policy=choice(policy.value for policy in Policy),
     paused=BOOLEAN,
     breakpoints=array(TEXT),
     uptime_s=NUMBER,
 )
-_VECTOR = {**array(NUMBER), "minItems": 3, "maxItems": 3}
-DIGEST = {
-    "title": "the digest of a mesh",
-    "type": "string",
-    "pattern": "^([0-9a-f]{32}|[0-9a-f]{12}_[^/]+)$",
-    "maxLength": 250,
-    "description": "Digest of a mesh of the robot, or `path` of a body's mesh in a plan.",
-}
+DIGEST = described(
+    text("^([0-9a-f]{32}|[0-9a-f]{12}_[^/]+)$", 250, "the digest of a mesh"),
+    "Digest of a mesh of the robot, or `path` of a body's mesh in a plan.",
+)
+_JOINT = _object(
+    {
+        "name": TEXT,
+        "type": choice(["revolute", "continuous", "prismatic", "fixed"]),
+        "unit": choice(DISPLAY_UNITS),
+        "parent": TEXT,
+        "child": TEXT,
+        "xyz": _VECTOR,
+        "rpy": _VECTOR,
+        "axis": _VECTOR,
+        "mimic": {
+            "type": ["array", "null"],
+            "description": "The joint that it follows, the factor, and the offset.",
+        },
+    }
+)
+_SHAPE = _object(
+    {
+        "link": TEXT,
+        "kind": choice(["box", "sphere", "cylinder", "mesh"]),
+        "sizes": described(
+            array(NUMBER), "x, y, z; radius; or radius and length [m]; scale of a mesh."
+        ),
+        "mesh": described(TEXT, "Digest for `/api/meshes`; empty for no mesh."),
+        "xyz": _VECTOR,
+        "rpy": _VECTOR,
+        "color": _or_null(array(NUMBER, minItems=4, maxItems=4)),
+    }
+)
 ROBOT = answer(
     "Robot",
     name=TEXT,
-    opening={**TEXT, "description": "What the arm does when its port is opened."},
+    opening=described(TEXT, "What the arm does when its port is opened."),
     links=array(TEXT),
-    joints=array(
-        _object(
-            {
-                "name": TEXT,
-                "type": {
-                    "type": "string",
-                    "enum": ["revolute", "continuous", "prismatic", "fixed"],
-                },
-                "unit": {"type": "string", "enum": list(DISPLAY_UNITS)},
-                "parent": TEXT,
-                "child": TEXT,
-                "xyz": _VECTOR,
-                "rpy": _VECTOR,
-                "axis": _VECTOR,
-                "mimic": {
-                    "type": ["array", "null"],
-                    "description": "The joint that it follows, the factor, and the offset.",
-                },
-            }
-        )
-    ),
-    shapes=array(
-        _object(
-            {
-                "link": TEXT,
-                "kind": {"type": "string", "enum": ["box", "sphere", "cylinder", "mesh"]},
-                "sizes": {
-                    **array(NUMBER),
-                    "description": "x, y, z; radius; or radius and length [m]; scale of a mesh.",
-                },
-                "mesh": {**TEXT, "description": "Digest for `/api/meshes`; empty for no mesh."},
-                "xyz": _VECTOR,
-                "rpy": _VECTOR,
-                "color": _or_null({**array(NUMBER), "minItems": 4, "maxItems": 4}),
-            }
-        )
-    ),
-    groups={
-        "type": "object",
-        "additionalProperties": array(TEXT),
-        "description": "Actuated joints of each group.",
-    },
+    joints=array(_JOINT),
+    shapes=array(_SHAPE),
+    groups=described(by_name(array(TEXT)), "Actuated joints of each group."),
     tool=_or_null(_object({"link": TEXT, "offset": _VECTOR})),
 )
 WHERE = answer(
     "Where",
     arm=ARM_STATE,
-    units={
-        "type": "object",
-        "additionalProperties": {"type": "string", "enum": list(DISPLAY_UNITS)},
-        "description": "Unit of the position of each joint.",
-    },
-    limits={
-        "type": "object",
-        "additionalProperties": _or_null({**array(NUMBER), "minItems": 2, "maxItems": 2}),
-        "description": "Smallest and largest position of each joint; null if it has no limits.",
-    },
+    units=described(by_name(choice(DISPLAY_UNITS)), "Unit of the position of each joint."),
+    limits=described(
+        by_name(_or_null(array(NUMBER, minItems=2, maxItems=2))),
+        "Smallest and largest position of each joint; null if it has no limits.",
+    ),
     boot_wait_s=NUMBER,
-    commanded={
-        **_or_null(_BY_JOINT),
-        "description": "Commanded position by joint; null if the arm is not active.",
-    },
-    measured={
-        **_or_null(_BY_JOINT),
-        "description": "Measured position by joint; null if the board measures none.",
-    },
-    measured_velocity={**_or_null(_BY_JOINT), "description": "Measured velocity by joint."},
-    measured_effort={
-        **_or_null(_BY_JOINT),
-        "description": "Measured part of the largest torque of the servo, -1 to 1, by joint.",
-    },
-    temperature={**_or_null(_BY_JOINT), "description": "Temperature of the servo [C], by joint."},
-    voltage={**_or_null(_BY_JOINT), "description": "Voltage of its supply [V], by joint."},
-    tool={
-        **_or_null({**array(NUMBER), "minItems": 3, "maxItems": 3}),
-        "description": "x, y, z of the tool at the commanded position [m].",
-    },
-    width={
-        **_or_null(NUMBER),
-        "description": "Distance between the fingers at the commanded position [m].",
-    },
+    commanded=described(
+        _or_null(_BY_JOINT), "Commanded position by joint; null if the arm is not active."
+    ),
+    measured=described(
+        _or_null(_BY_JOINT), "Measured position by joint; null if the board measures none."
+    ),
+    measured_velocity=described(_or_null(_BY_JOINT), "Measured velocity by joint."),
+    measured_effort=described(
+        _or_null(_BY_JOINT),
+        "Measured part of the largest torque of the servo, -1 to 1, by joint.",
+    ),
+    temperature=described(_or_null(_BY_JOINT), "Temperature of the servo [C], by joint."),
+    voltage=described(_or_null(_BY_JOINT), "Voltage of its supply [V], by joint."),
+    tool=described(_or_null(_VECTOR), "x, y, z of the tool at the commanded position [m]."),
+    width=described(
+        _or_null(NUMBER), "Distance between the fingers at the commanded position [m]."
+    ),
+)
+_INPUT = _object(
+    {
+        "type": TEXT,
+        "unit": described(TEXT, "Unit of the limits; may be empty."),
+        "needed": BOOLEAN,
+        "default": described(TEXT, "As in a task file; empty for none."),
+        "least": _or_null(NUMBER),
+        "most": _or_null(NUMBER),
+        "choices": array(TEXT),
+        "description": TEXT,
+    }
 )
 TASK = answer(
     "Task",
@@ -325,22 +311,8 @@ TASK = answer(
     name=TEXT,
     description=TEXT,
     source=TEXT,
-    parameters={"type": "object", "additionalProperties": TEXT},
-    inputs={
-        "type": "object",
-        "additionalProperties": _object(
-            {
-                "type": TEXT,
-                "unit": {**TEXT, "description": "Unit of the limits; may be empty."},
-                "needed": BOOLEAN,
-                "default": {**TEXT, "description": "As in a task file; empty for none."},
-                "least": _or_null(NUMBER),
-                "most": _or_null(NUMBER),
-                "choices": array(TEXT),
-                "description": TEXT,
-            }
-        ),
-    },
+    parameters=by_name(TEXT),
+    inputs=by_name(_INPUT),
     wrong=TEXT,
 )
 NODE = _object(
@@ -349,33 +321,26 @@ NODE = _object(
         "kind": TEXT,
         "file": TEXT,
         "line": COUNT,
-        "called_at": {
-            **TEXT,
-            "description": "`FILE:LINE` that refers to it, if it is the root of a subtree.",
-        },
-        "ports": {"type": "object", "additionalProperties": TEXT},
+        "called_at": described(
+            TEXT, "`FILE:LINE` that refers to it, if it is the root of a subtree."
+        ),
+        "ports": by_name(TEXT),
     }
 )
 QUESTION = _object({"question_id": QUESTION_ID, "text": TEXT, "choices": array(TEXT)})
-RECORDING_NAME = {
-    "title": "the name of a recording",
-    "type": "string",
-    "pattern": r"^[^/\\\x00-\x1f.][^/\\\x00-\x1f]*\.mcap$",
-    "maxLength": 255,
-}
-_CLOCK = {**NUMBER, "description": "From the beginning of the goal [s]."}
+RECORDING_NAME = text(r"^[^/\\\x00-\x1f.][^/\\\x00-\x1f]*\.mcap$", 255, "the name of a recording")
+_CLOCK = described(NUMBER, "From the beginning of the goal [s].")
 RECORDING = answer(
     "Recording",
     name=RECORDING_NAME,
     bytes=COUNT,
-    stamp_ns={**COUNT, "description": "When it began, UTC [ns since 1970]."},
+    stamp_ns=described(COUNT, "When it began, UTC [ns since 1970]."),
     task=_or_null(_ANY_TASK),
     title=TEXT,
-    state={
-        "type": "string",
-        "enum": ["SUCCEEDED", "CANCELED", "ABORTED", "UNFINISHED", ""],
-        "description": "`UNFINISHED` if it is being written or was cut off; empty if unknown.",
-    },
+    state=described(
+        choice(["SUCCEEDED", "CANCELED", "ABORTED", "UNFINISHED", ""]),
+        "`UNFINISHED` if it is being written or was cut off; empty if unknown.",
+    ),
     code=TEXT,
     message=TEXT,
     duration_s=_or_null(NUMBER),
@@ -384,7 +349,7 @@ RECORDING = answer(
 TIMELINE = answer(
     "Timeline",
     name=RECORDING_NAME,
-    began_s={**NUMBER, "description": "When the goal began, as in `time_s` of events."},
+    began_s=described(NUMBER, "When the goal began, as in `time_s` of events."),
     duration_s=NUMBER,
 )
 _EVENT = {"type": "object", "required": ["event", "time_s"]}
@@ -392,31 +357,21 @@ WINDOW = answer(
     "Window",
     from_s=_CLOCK,
     to_s=_CLOCK,
-    state={**array(_EVENT), "description": "Events that give the state before the window."},
+    state=described(array(_EVENT), "Events that give the state before the window."),
     events=array(_EVENT),
-    previous_s=_or_null({**_CLOCK, "description": "Last step of the run before the window."}),
-    next_s=_or_null({**_CLOCK, "description": "First step of the run after the window."}),
+    previous_s=_or_null(described(_CLOCK, "Last step of the run before the window.")),
+    next_s=_or_null(described(_CLOCK, "First step of the run after the window.")),
 )
-_SAMPLES = _object(
-    {
-        "times_s": array(_CLOCK),
-        "positions": {"type": "object", "additionalProperties": array(_or_null(NUMBER))},
-    }
-)
+_SAMPLES = _object({"times_s": array(_CLOCK), "positions": by_name(array(_or_null(NUMBER)))})
 SERIES = answer(
     "Series",
     commanded=_SAMPLES,
     measured=_SAMPLES,
     lateness=_object({"times_s": array(_CLOCK), "late_s": array(NUMBER)}),
     velocity_limits=_BY_JOINT,
-    events={**array({"type": "object"}), "description": "Progress, and lines of the log."},
+    events=described(array({"type": "object"}), "Progress, and lines of the log."),
 )
+_VERDICT = _object({"question": TEXT, "holds": BOOLEAN, "words": TEXT, "source": TEXT})
 VERIFICATION = answer(
-    "Verification",
-    holds=BOOLEAN,
-    error=TEXT,
-    code=TEXT,
-    verdicts=array(
-        _object({"question": TEXT, "holds": BOOLEAN, "words": TEXT, "source": TEXT}),
-    ),
+    "Verification", holds=BOOLEAN, error=TEXT, code=TEXT, verdicts=array(_VERDICT)
 )
