@@ -1,13 +1,9 @@
 """The full-screen view of an arm that follows another one, which a person moves by hand."""
 
 import math
-import os
-import select
-import shutil
-import sys
 import threading
 from collections.abc import Iterator, Mapping
-from contextlib import suppress
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from enum import Enum
 from textwrap import wrap
@@ -17,13 +13,10 @@ from executive.api.codes import CANCELED, OK
 from executive.api.events import Where
 from executive.api.move import LEADER, Move
 from executive.api.outcome import Outcome
-from executive.cli.terminal.full_screen import FullScreen
-from executive.cli.terminal.jog_screen import JogArm
-from executive.cli.terminal.keyboard import keys_in
-from executive.cli.terminal.streams import LastingStream
+from executive.cli.terminal.jog_screen import JogArm, outcome_words
+from executive.cli.terminal.key_screen import KeyScreen
 from hardware import HardwareError
 from hardware.joints import DISPLAY_UNITS
-from hardware.printable import printable
 from skills import Blocked
 
 _REDRAW = 0.1  # [s]
@@ -121,7 +114,7 @@ class View:
                 return "space hold   q leave"
 
 
-class TeleopScreen:
+class TeleopScreen(KeyScreen):
     """Has an arm follow a leader, until a key or a signal ends it.
 
     Args:
@@ -131,20 +124,17 @@ class TeleopScreen:
     """
 
     def __init__(self, arm: JogArm, leader: HandGuided, speed: float) -> None:
+        super().__init__(_REDRAW)
         self._arm, self._leader, self._speed = arm, leader, speed
-        self._reader, self._writer = os.pipe()
-        os.set_blocking(self._writer, False)
-        self._left = threading.Event()
-        self._screen = FullScreen(LastingStream(sys.stdout))
-        self._lock = threading.Lock()  # held to change the view and the thread
+        self._lock = threading.Lock()  # held to change the view
         question = "The leader loses its torque and falls if nobody holds it. Is it held? y/n"
         self._view = View(Phase.ASKS, None, arm.where(), message=question)
-        self._thread: threading.Thread | None = None
+        self._worker = ThreadPoolExecutor(1, "teleop")
+        self._following: Future[None] | None = None
 
     def leave(self) -> None:
         """Stop the arm, and end. Any thread may call."""
-        self._left.set()
-        self._wake()
+        self.end()
         self._hold()
 
     def run(self, keys: int) -> Where:
@@ -153,38 +143,23 @@ class TeleopScreen:
         Args:
             keys: File handle of the keyboard, which is read key by key.
         """
-        try:
-            with self._screen:
-                while not self._left.is_set():
-                    self._look()
-                    self._draw()
-                    self._wait(keys)
-        finally:
-            self._left.set()
-            self._hold()
-            if self._thread:
-                self._thread.join()
+        with self._worker:
+            try:
+                self.show(keys)
+            finally:
+                self.end()
+                self._hold()
         return self._arm.where()
 
-    def _wait(self, keys: int) -> None:
-        ready, _, _ = select.select([keys, self._reader], [], [], _REDRAW)
-        if self._reader in ready:
-            os.read(self._reader, 4096)
-        if keys not in ready:
-            return
-        try:
-            data = os.read(keys, 4096)
-        except OSError:  # the terminal is closed
-            data = b""
-        if not data:
-            self._left.set()
-        for key in keys_in(data):
-            self._press(key)
+    def lines(self, width: int, rows: int) -> Iterator[tuple[str, bool]]:
+        """Return the lines of the screen, each with whether it belongs to an error."""
+        return self._view.lines(width, rows)
 
-    def _press(self, key: str) -> None:
+    def press(self, key: str) -> None:
+        """Do what a key asks for."""
         phase = self._view.phase
         if key == "q" or (key == "n" and phase is Phase.ASKS):
-            self._left.set()
+            self.end()
         elif key == "y" and phase is Phase.ASKS:
             self._release()
         elif key == " " and phase in (Phase.APPROACHES, Phase.FOLLOWS):
@@ -201,12 +176,11 @@ class TeleopScreen:
         self._start()
 
     def _start(self) -> None:
-        if self._thread:
-            self._thread.join()
+        if self._following:
+            self._following.result()  # it clears what is set here
         self._show(Phase.APPROACHES, "")
         self._leader.following = True
-        self._thread = threading.Thread(target=self._follow, name="teleop", daemon=True)
-        self._thread.start()
+        self._following = self._worker.submit(self._follow)
 
     def _hold(self) -> None:
         """End the following, or stop the move to the leader."""
@@ -224,10 +198,9 @@ class TeleopScreen:
             self._show(Phase.HOLDS, *_words(outcome))
         except HardwareError as error:  # of the leader
             self._show(Phase.LOST, str(error), failed=True)
-        except Exception as error:
-            self._show(Phase.HOLDS, str(error), failed=True)
-        self._leader.following = False
-        self._wake()
+        finally:
+            self._leader.following = False
+            self.wake()
 
     def _approach(self) -> Outcome | None:
         """Move to where the leader is, if that is far. Return the outcome; None without a move."""
@@ -243,8 +216,10 @@ class TeleopScreen:
         if not self._leader.following:  # stopped before there was anything to stop
             self._arm.stop()
 
-    def _look(self) -> None:
+    def update(self) -> None:
         """Take where both arms are into the view."""
+        if self._following and self._following.done():
+            self._following.result()  # raises what nothing expects
         where, blocked = self._arm.where(), self._leader.blocked
         try:
             leader = dict(zip(where.units, self._leader.where(), strict=True))
@@ -261,19 +236,6 @@ class TeleopScreen:
         with self._lock:
             self._view = replace(self._view, phase=phase, message=message, failed=failed)
 
-    def _wake(self) -> None:
-        """Draw the screen again. Any thread may call."""
-        with suppress(BlockingIOError):  # it will be drawn anyway
-            os.write(self._writer, b"\0")
-
-    def _draw(self) -> None:
-        width, rows = shutil.get_terminal_size()
-        colored = "NO_COLOR" not in os.environ
-        self._screen.draw(
-            f"\x1b[31m{printable(line)}\x1b[m" if wrong and colored else printable(line)
-            for line, wrong in self._view.lines(width, rows)
-        )
-
 
 def _nothing() -> None:
     """Do nothing."""
@@ -281,10 +243,7 @@ def _nothing() -> None:
 
 def _words(outcome: Outcome | None) -> tuple[str, bool]:
     """Return the message for the end of a goal, and whether it is an error."""
-    if outcome is None or outcome.code in (OK, CANCELED) or outcome.cause is None:
-        return "", False
-    hint = f" -> {outcome.hint}" if outcome.hint else ""
-    return f"{outcome.code}: {outcome.cause.message}{hint}", True
+    return outcome_words(outcome) if outcome and outcome.code != CANCELED else ("", False)
 
 
 def _shown(positions: Mapping[str, float] | None, name: str, unit: str) -> str:

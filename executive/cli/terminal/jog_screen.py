@@ -1,11 +1,7 @@
 """The full-screen view of a jog: keys in, moves out, and the arm on the screen."""
 
-import os
-import select
-import shutil
-import sys
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from queue import SimpleQueue
@@ -17,14 +13,9 @@ from executive.api.move import Move
 from executive.api.outcome import Cause, Outcome, cause_of
 from executive.errors import ClientError, Refused, ServerLost, ServerUnreachable
 from hardware import NotActive
-from hardware.printable import printable
 
-from .full_screen import FullScreen
 from .jog_model import Action, Call, Command, Go, Jog, Leave, Stop, Yes
-from .keyboard import keys_in
-from .streams import LastingStream
-
-_RED, _PLAIN = "\x1b[31m", "\x1b[0m"
+from .key_screen import KeyScreen
 
 
 class JogArm(Protocol):
@@ -86,10 +77,10 @@ class _Ended:
     where: Where
 
 
-_Event = _Ended | Where | Exception | None  # None only wakes the screen
+_Event = _Ended | Where | Exception
 
 
-class JogScreen:
+class JogScreen(KeyScreen):
     """Jogs an arm by keys, until a key or a signal ends it.
 
     Args:
@@ -112,15 +103,14 @@ class JogScreen:
         steps: Callable[[], Sequence[str]] | None,
         known: tuple[type[Exception], ...],
     ) -> None:
+        super().__init__()
         self._arm, self._acts, self._known = arm, commands, known
         self._title, self._steps = title, steps
         self._where = arm.where()
         titles = {key: command for key, (command, _) in commands.items()}
         self._jog = Jog.start(self._where, titles, speed, note)
         self._events: SimpleQueue[_Event] = SimpleQueue()
-        self._reader, self._writer = os.pipe()
-        self._left = threading.Event()
-        self._screen = FullScreen(LastingStream(sys.stdout))
+        self._worker = ThreadPoolExecutor(1, "jog")
         self._moves: Future[None] | None = None
         self._stops = 0  # number of stops
         self._changed, self._looking = threading.Event(), threading.Lock()
@@ -129,13 +119,8 @@ class JogScreen:
 
     def leave(self) -> None:
         """Stop the arm, and end the jog. Any thread may call."""
-        self._left.set()
-        self.wake()
+        self.end()
         self._stop()
-
-    def wake(self) -> None:
-        """Draw the screen again. Any thread may call."""
-        self._post(None)
 
     def run(self, keys: int) -> Where:
         """Jog until a key or `leave` ends it; return where the arm is then.
@@ -148,14 +133,11 @@ class JogScreen:
         """
         for each in (self._watch, self._follow):
             threading.Thread(target=each, name="jog positions", daemon=True).start()
-        with ThreadPoolExecutor(1, "jog") as worker:
+        with self._worker:
             try:
-                with self._screen:
-                    while not self._left.is_set():
-                        self._draw()
-                        self._wait(keys, worker)
+                self.show(keys)
             finally:
-                self._left.set()
+                self.end()
                 if self._moves and not self._moves.done():
                     self._stop()
         if self._lost:
@@ -170,7 +152,7 @@ class JogScreen:
 
     def _follow(self) -> None:
         """Look where the arm is after every change. Changes during a look need only one more."""
-        while self._changed.wait() and not self._left.is_set():
+        while self._changed.wait() and not self._ended.is_set():
             self._changed.clear()
             try:
                 self._look(lambda where: where)
@@ -182,27 +164,24 @@ class JogScreen:
         with self._looking:
             self._post(event(self._arm.where()))
 
-    def _wait(self, keys: int, worker: ThreadPoolExecutor) -> None:
-        """Wait for keys and for the end of a move."""
-        ready, _, _ = select.select([keys, self._reader], [], [])
-        if self._reader in ready:
-            os.read(self._reader, 1)
-            self._end(self._events.get(), worker)
-        if keys in ready:
-            try:
-                data = os.read(keys, 4096)
-            except OSError:  # the terminal is closed
-                data = b""
-            if not data:
-                self._left.set()
-            for key in keys_in(data):
-                self._jog, action = self._jog.press(key)
-                self._do(action, worker)
+    def update(self) -> None:
+        """Take where the arm is, and how moves have ended, into the view."""
+        while not self._events.empty():
+            self._take(self._events.get())
 
-    def _end(self, event: _Event, worker: ThreadPoolExecutor) -> None:
+    def press(self, key: str) -> None:
+        """Do what a key asks for."""
+        self._jog, action = self._jog.press(key)
+        self._do(action)
+
+    def lines(self, width: int, rows: int) -> Iterator[tuple[str, bool]]:
+        """Return the lines of the screen, each with whether it belongs to an error."""
+        steps = self._steps() if self._steps else None
+        title = f"{self._title}   torque off" if self._arm.by_hand else self._title
+        return self._jog.lines(self._where, width, rows, title, steps)
+
+    def _take(self, event: _Event) -> None:
         match event:
-            case None:
-                return
             case Refused() | NotActive():  # a look or a stop; a move has an outcome
                 self._jog = self._jog.said(str(event), failed=True)
             case ClientError():
@@ -216,17 +195,17 @@ class JogScreen:
                 self._where = event
             case _Ended(outcome, where):
                 self._where = where
-                self._jog, action = self._jog.ended(*_words(outcome))
-                self._do(action, worker)
+                self._jog, action = self._jog.ended(*outcome_words(outcome))
+                self._do(action)
 
-    def _do(self, action: Action | None, worker: ThreadPoolExecutor) -> None:
+    def _do(self, action: Action | None) -> None:
         match action:
             case Go(move=move):
-                self._moves = worker.submit(self._move, move, self._stops)
+                self._moves = self._worker.submit(self._move, move, self._stops)
             case Stop():
                 threading.Thread(target=self._stop, name="stop", daemon=True).start()
             case Leave():
-                self._left.set()
+                self.end()
             case Call(key, text):
                 self._act(lambda: self._acts[key][1](self._where, text))
             case Yes():
@@ -262,21 +241,10 @@ class JogScreen:
 
     def _post(self, event: _Event) -> None:
         self._events.put(event)
-        os.write(self._writer, b"\0")
-
-    def _draw(self) -> None:
-        width, rows = shutil.get_terminal_size()
-        colored = "NO_COLOR" not in os.environ
-        steps = self._steps() if self._steps else None
-        title = f"{self._title}   torque off" if self._arm.by_hand else self._title
-        shown = [
-            f"{_RED}{printable(line)}{_PLAIN}" if wrong and colored else printable(line)
-            for line, wrong in self._jog.lines(self._where, width, rows, title, steps)
-        ]
-        self._screen.draw(shown)
+        self.wake()
 
 
-def _words(outcome: Outcome) -> tuple[str, bool]:
+def outcome_words(outcome: Outcome) -> tuple[str, bool]:
     """Return the message for the end of a move, and whether it is an error."""
     if outcome.code == OK:
         return "", False

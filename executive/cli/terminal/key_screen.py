@@ -1,0 +1,89 @@
+"""A full-screen view that keys and other threads change."""
+
+import os
+import select
+import shutil
+import sys
+import threading
+from abc import ABC, abstractmethod
+from collections.abc import Iterable
+from contextlib import suppress
+
+from hardware.printable import printable
+
+from .full_screen import FullScreen
+from .keyboard import keys_in
+from .streams import LastingStream
+
+_RED, _PLAIN = "\x1b[31m", "\x1b[0m"
+
+
+class KeyScreen(ABC):
+    """Draws lines and reads keys, until it is ended or the terminal is closed.
+
+    Args:
+        every: Longest time between two drawings [s]; None to draw only after a key or `wake`.
+    """
+
+    def __init__(self, every: float | None = None) -> None:
+        self._every = every
+        self._reader, self._writer = os.pipe()
+        os.set_blocking(self._writer, False)
+        self._ended = threading.Event()
+
+    @abstractmethod
+    def update(self) -> None:
+        """Take what has happened into the view. Called before every drawing."""
+
+    @abstractmethod
+    def lines(self, width: int, rows: int) -> Iterable[tuple[str, bool]]:
+        """Return the lines of the screen, each with whether it belongs to an error.
+
+        Args:
+            width: Number of columns.
+            rows: Number of lines.
+        """
+
+    @abstractmethod
+    def press(self, key: str) -> None:
+        """Do what a key asks for."""
+
+    def wake(self) -> None:
+        """Draw the screen again. Any thread may call."""
+        with suppress(BlockingIOError):  # it will be drawn anyway
+            os.write(self._writer, b"\0")
+
+    def end(self) -> None:
+        """End the view. Any thread may call."""
+        self._ended.set()
+        self.wake()
+
+    def show(self, keys: int) -> None:
+        """Draw and read keys until the view is ended.
+
+        Args:
+            keys: File handle of the keyboard, which is read key by key.
+        """
+        colored = "NO_COLOR" not in os.environ
+        with FullScreen(LastingStream(sys.stdout)) as screen:
+            while not self._ended.is_set():
+                self.update()
+                screen.draw(
+                    f"{_RED}{printable(line)}{_PLAIN}" if wrong and colored else printable(line)
+                    for line, wrong in self.lines(*shutil.get_terminal_size())
+                )
+                for key in self._pressed(keys):
+                    self.press(key)
+
+    def _pressed(self, keys: int) -> list[str]:
+        """Wait for keys, for `wake`, or until it is time to draw; return the pressed keys."""
+        ready, _, _ = select.select([keys, self._reader], [], [], self._every)
+        if self._reader in ready:
+            os.read(self._reader, 4096)
+        if keys not in ready:
+            return []
+        with suppress(OSError):  # the terminal is closed
+            if data := os.read(keys, 4096):
+                return keys_in(data)
+        self.end()
+        return []
