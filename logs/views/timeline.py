@@ -25,6 +25,7 @@ _INVALID = "INVALID"
 _FAULT = "errorprocessing"
 _CANCEL = "cancel"  # begins the phases of a cancel
 _PAUSED = "paused"  # a phase, and its mark
+_DEEPEST = 200  # a node in more nodes is refused; another program wrote it
 
 _Change = tuple[float, str]  # when a state began [s], and the state
 
@@ -40,11 +41,12 @@ class Span:
 
 @dataclass(frozen=True)
 class Row:
-    """The states of one node of the tree, `depth` levels below the root."""
+    """The states of one node of the tree, `depth` levels below the root, and its last message."""
 
     name: str
     depth: int
     spans: tuple[Span, ...]
+    message: str = ""
 
 
 @dataclass(frozen=True)
@@ -110,7 +112,8 @@ def timeline(path: Path) -> Timeline:
     """Read a run; if a file holds several goals, the last one.
 
     Raises:
-        RecordingError: The file cannot be read. A cut file can: see `Timeline.complete`.
+        RecordingError: The file cannot be read, or its tree is too deep. A cut file can be read:
+            see `Timeline.complete`.
     """
     events = _Events()
     try:
@@ -120,6 +123,8 @@ def timeline(path: Path) -> Timeline:
             raise
         return events.timeline(complete=False)
     for record in recording.records():
+        if isinstance(record, NodeStatus) and record.path.count("/") > _DEEPEST:
+            raise RecordingError(path, f"its tree is deeper than {_DEEPEST} nodes")
         events.add(record)
     return events.timeline(recording.complete)
 
@@ -147,6 +152,7 @@ class _Events:
     sent: list[Sent] = field(default_factory=list)
     tree: dict[str, list[_Change]] = field(default_factory=dict)
     names: dict[str, str] = field(default_factory=dict)
+    messages: dict[str, str] = field(default_factory=dict)
     lifecycle: list[_Change] = field(default_factory=list)
     canceled: float | None = None
     pauses: list[_Change] = field(default_factory=list)
@@ -168,6 +174,7 @@ class _Events:
                 self._add_plan(record)
             case NodeStatus():
                 self.names[record.path] = record.name
+                self.messages[record.path] = record.message or self.messages.get(record.path, "")
                 self.tree.setdefault(record.path, []).append((record.time, record.status))
             case Feedback():
                 self._add_progress(record)
@@ -179,16 +186,13 @@ class _Events:
             for joint, position in zip(record.joints, record.position, strict=True):
                 self.measured.setdefault(joint, []).append((record.time, position))
             return
-        self._add_frame(record)
-
-    def _add_frame(self, sent: Sent) -> None:
         self.moved = True
-        self.sent.append(sent)
-        for joint, position in zip(sent.joints, sent.positions, strict=True):
+        self.sent.append(record)
+        for joint, position in zip(record.joints, record.positions, strict=True):
             known = self.joints.setdefault(joint, [])
             if not known and joint in self.starts:
                 known.append(self.starts[joint])
-            known.append((sent.time, position))
+            known.append((record.time, position))
 
     def _add_plan(self, plan: Plan) -> None:
         if self.moved:
@@ -240,8 +244,8 @@ class _Events:
         return tuple(map(Span, states, starts, [*starts[1:], end]))
 
     def _row(self, path: str, end: float) -> Row:
-        depth = len(_parts(path)) - 1
-        return Row(self.names[path], depth, self._spans(_begun(self.tree[path]), end))
+        spans = self._spans(_begun(self.tree[path]), end)
+        return Row(self.names[path], len(_parts(path)) - 1, spans, self.messages[path])
 
     def _traces(self, end: float) -> list[Trace]:
         plans = [plan for motion in self.motions for plan in motion.values()]
