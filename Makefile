@@ -17,7 +17,7 @@ INSTALL := $(PIP) install --quiet --disable-pip-version-check
 COMPILE := uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header \
 	--no-emit-index-url --no-emit-find-links
 
-.PHONY: demo fleet test quick lint types rooms damage faults soak mutation firmware page lock
+.PHONY: demo fleet mcp test quick lint types rooms damage faults soak mutation firmware page lock
 
 demo: $(READY)
 	$(VENV)/bin/armtree run 0 1 2 0 --port virtual
@@ -25,6 +25,10 @@ demo: $(READY)
 # What `armtree fleet` needs beside armtree itself.
 fleet: $(READY)
 	$(INSTALL) --require-hashes -r .ci/lock-fleet.txt
+
+# What `armtree mcp` needs beside armtree itself.
+mcp: $(READY)
+	$(INSTALL) --require-hashes -r .ci/lock-mcp.txt
 
 test: lint types rooms $(PEERS) $(GROOT)
 	$(VENV)/bin/pytest
@@ -108,3 +112,4 @@ lock:
 	$(COMPILE) -c build/lock.txt pyproject.toml --group build -o .ci/lock.txt
 	$(COMPILE) -c build/lock.txt --group dev -o .ci/lock-dev.txt
 	$(COMPILE) -c build/lock.txt --group fleet -o .ci/lock-fleet.txt
+	$(COMPILE) -c build/lock.txt --group mcp -o .ci/lock-mcp.txt

@@ -105,7 +105,9 @@ def test_the_robot_page_lists_every_key() -> None:
     assert {key for key in keys if not re.search(rf"`[^`]*\b{key}\b[^`]*`", page)} == set()
 
 
-@pytest.mark.parametrize(("name", "least"), [("lock", 30), ("lock-dev", 15), ("lock-fleet", 3)])
+@pytest.mark.parametrize(
+    ("name", "least"), [("lock", 30), ("lock-dev", 15), ("lock-fleet", 3), ("lock-mcp", 15)]
+)
 def test_a_lock_names_no_host_and_hashes_everything(name: str, least: int) -> None:
     lock = (ROOT / ".ci" / f"{name}.txt").read_text()
     assert "://" not in lock
