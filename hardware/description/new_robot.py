@@ -113,14 +113,14 @@ def draft_robot(
         raise UrdfUnusable(path, [UrdfError(why)])
     mistakes, names = list(urdf.mistakes()), tuple(gripper or ())
     is_tree = not mistakes
+    mistakes += _joint_mistakes(urdf)
     mistakes += urdf.shape_mistakes(largest)
     mistakes += mesh_mistakes(path, (name for name, used in urdf.meshes().items() if name and used))
+    mistakes += _gripper_mistakes(gripper or (), urdf)
+    if tool is not None and urdf.links and tool not in urdf.links:
+        there = ", ".join(urdf.links)
+        mistakes.append(UrdfError(f"there is no link {tool} for the tool; give {there}"))
     if is_tree:
-        mistakes += _joint_mistakes(urdf)
-        mistakes += _gripper_mistakes(gripper or (), urdf)
-        if tool is not None and tool not in urdf.links:
-            there = ", ".join(urdf.links)
-            mistakes.append(UrdfError(f"there is no link {tool} for the tool; give {there}"))
         try:
             names = guess_gripper(urdf) if gripper is None else names
         except UrdfError as error:
@@ -216,7 +216,7 @@ def _rounded(value: float, lower: float, upper: float) -> float:
 
 def _joint_mistakes(urdf: Urdf) -> Iterator[UrdfError]:
     moving = urdf.moving
-    leaders = [joint.name for joint in moving.values() if joint.mimic is None]
+    leaders = [j.name for j in urdf.joints if j.type != "fixed" and j.mimic is None]
     for name, joint in moving.items():
         if not joint.velocity:
             why = f"joint {name}: its velocity limit is 0, so it cannot move"
@@ -232,11 +232,11 @@ def _joint_mistakes(urdf: Urdf) -> Iterator[UrdfError]:
 def _gripper_mistakes(gripper: Sequence[str], urdf: Urdf) -> Iterator[UrdfError]:
     """Yield what is wrong with the joints of a gripper that a user named."""
     independent = [joint.name for joint in urdf.moving.values() if joint.mimic is None]
-    for name in gripper:
+    for name in gripper if independent else ():
         if name not in independent:
             there = ", ".join(independent)
             yield UrdfError(f"{name} does not move by itself; --gripper is one of {there}")
-    if gripper and set(independent) <= set(gripper):
+    if independent and set(independent) <= set(gripper):
         yield UrdfError("all joints are in the gripper; leave at least one for the arm")
 
 

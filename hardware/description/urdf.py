@@ -13,7 +13,7 @@ from copy import deepcopy
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import NoReturn, Self
+from typing import Self
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
@@ -148,7 +148,7 @@ class Urdf:
     @cached_property
     def joints(self) -> tuple[UrdfJoint, ...]:
         """All joints, in the order of the file."""
-        return tuple(map(_joint, self._root.findall("joint")))
+        return tuple(_joint(each, []) for each in self._root.findall("joint"))
 
     @cached_property
     def moving(self) -> dict[str, UrdfJoint]:
@@ -180,10 +180,9 @@ class Urdf:
                 yield UrdfError(f"{why}; it must be {', '.join(_MOVING)} or fixed")
         yield from _tree_mistakes(joints, self.links)
         for joint in known:
-            try:
-                _joint(joint)
-            except UrdfError as error:
-                yield error
+            wrong: list[str] = []
+            _joint(joint, wrong)
+            yield from (UrdfError(f"joint {joint.get('name', '')}: {each}") for each in wrong)
 
     def shape_mistakes(self, largest: float) -> Iterator[UrdfError]:
         """Yield everything that is wrong with collision shapes.
@@ -193,10 +192,8 @@ class Urdf:
         """
         for link in self._root.findall("link"):
             for collision in link.findall("collision"):
-                try:
-                    _check_collision(link.get("name", ""), collision, largest)
-                except UrdfError as error:
-                    yield error
+                wrong = _collision_mistakes(link.get("name", ""), collision, largest)
+                yield from map(UrdfError, wrong)
 
     def collision_shapes(self) -> dict[str, int]:
         """Return the number of collision shapes of each link."""
@@ -317,66 +314,65 @@ def _link(joint: Element, tag: str) -> str:
     return "" if element is None else element.get("link", "")
 
 
-def _joint(element: Element) -> UrdfJoint:
+def _joint(element: Element, wrong: list[str]) -> UrdfJoint:
+    """Return a joint; append everything that is wrong with it, for which the joint has 0 or nan."""
     name, kind = element.get("name", ""), element.get("type", "")
-    try:
-        xyz, rpy = _origin(element)
-        lower, upper, velocity = _limits(kind, element.find("limit"))
-        mimic = element.find("mimic")
-        return UrdfJoint(
-            name=name,
-            type=kind,
-            parent=_link(element, "parent"),
-            child=_link(element, "child"),
-            xyz=xyz,
-            rpy=rpy,
-            axis=_axis(element) if kind in _MOVING else (1.0, 0.0, 0.0),
-            lower=lower,
-            upper=upper,
-            velocity=velocity,
-            mimic=None if mimic is None or kind not in _MOVING else _mimic(name, mimic),
-        )
-    except ValueError as error:
-        raise UrdfError(f"joint {name}: {error}") from error
+    xyz, rpy = _origin(element, wrong)
+    lower, upper, velocity = _limits(kind, element.find("limit"), wrong)
+    mimic = element.find("mimic")
+    return UrdfJoint(
+        name=name,
+        type=kind,
+        parent=_link(element, "parent"),
+        child=_link(element, "child"),
+        xyz=xyz,
+        rpy=rpy,
+        axis=_axis(element, wrong) if kind in _MOVING else (1.0, 0.0, 0.0),
+        lower=lower,
+        upper=upper,
+        velocity=velocity,
+        mimic=None if mimic is None or kind not in _MOVING else _mimic(name, mimic, wrong),
+    )
 
 
-def _origin(joint: Element) -> tuple[Vector, Vector]:
+def _origin(joint: Element, wrong: list[str]) -> tuple[Vector, Vector]:
     """Return the position [m] and rotation [rad] of a joint in its parent."""
     found: tuple[Vector, Vector] | None = None
     for origin in joint.findall("origin"):
         xyz, rpy = (
-            _vector(origin, key, f"three finite numbers [{unit}], such as 0 0 0.1")
+            _vector(origin, key, f"three finite numbers [{unit}], such as 0 0 0.1", wrong)
             for key, unit in (("xyz", "m"), ("rpy", "rad"))
         )
         found = found or (xyz, rpy)
     return found or ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
-def _vector(origin: Element, key: str, wanted: str) -> Vector:
+def _vector(origin: Element, key: str, wanted: str, wrong: list[str]) -> Vector:
     numbers = _numbers(origin.get(key, "0 0 0"))
     if len(numbers) != 3:
-        _reject(f"its {origin.tag}", origin, key, wanted)
+        wrong.append(_mistake(f"its {origin.tag}", origin, key, wanted))
+        return 0.0, 0.0, 0.0
     x, y, z = numbers
     return x, y, z
 
 
-def _limits(kind: str, limit: Element | None) -> tuple[float, float, float]:
+def _limits(kind: str, limit: Element | None, wrong: list[str]) -> tuple[float, float, float]:
     """Return lower and upper position, and velocity; infinite if the URDF omits one."""
     bounded, unit = kind in ("revolute", "prismatic"), _unit(kind)
     if limit is None:
         if bounded:
-            raise ValueError("it has no limit; give one with its lower, upper, velocity and effort")
+            wrong.append("it has no limit; give one with its lower, upper, velocity and effort")
         return -math.inf, math.inf, math.inf
     number, above = "a finite number", "a finite number of at least 0"
     default = None if bounded else "0"
-    lower = _number(limit, "lower", f"{number} [{unit}]", default=default)
-    upper = _number(limit, "upper", f"{number} [{unit}]", default=default)
-    velocity = _number(limit, "velocity", f"{above} [{unit}/s]", least=0.0)
-    _number(limit, "effort", above, least=0.0)
+    lower = _number(limit, "lower", f"{number} [{unit}]", wrong, default=default)
+    upper = _number(limit, "upper", f"{number} [{unit}]", wrong, default=default)
+    velocity = _number(limit, "velocity", f"{above} [{unit}/s]", wrong, least=0.0)
+    _number(limit, "effort", above, wrong, least=0.0)
     if not bounded:
         return -math.inf, math.inf, velocity
-    if not lower <= upper:
-        raise ValueError(f"lower {lower:g} is above upper {upper:g}")
+    if lower > upper:
+        wrong.append(f"lower {lower:g} is above upper {upper:g}")
     return lower, upper, velocity
 
 
@@ -384,34 +380,41 @@ def _unit(kind: str) -> str:
     return "m" if kind == "prismatic" else "rad"
 
 
-def _axis(joint: Element) -> Vector:
+def _axis(joint: Element, wrong: list[str]) -> Vector:
     axis = joint.find("axis")
     text = "1 0 0" if axis is None else axis.get("xyz", "1 0 0")
     numbers = _numbers(text)
     if len(numbers) != 3 or not _SHORTEST_AXIS <= math.hypot(*numbers) <= 1.0 / _SHORTEST_AXIS:
         wanted = "give x, y, z of a vector with a length, such as 0 0 1"
-        raise ValueError(f"its axis is {reprlib.repr(text)}; {wanted}")
+        wrong.append(f"its axis is {reprlib.repr(text)}; {wanted}")
+        return 0.0, 0.0, 0.0
     x, y, z = numbers
     return x, y, z
 
 
-def _mimic(name: str, element: Element) -> Mimic:
+def _mimic(name: str, element: Element, wrong: list[str]) -> Mimic:
     leader = element.get("joint", "")
     if not leader:
-        _reject("its mimic", element, "joint", "the name of the joint to follow")
+        wrong.append(_mistake("its mimic", element, "joint", "the name of the joint to follow"))
     if leader == name:
-        raise ValueError("it mimics itself; let it mimic another joint, or none")
-    multiplier = _number(element, "multiplier", "a finite number", default="1")
-    offset = _number(element, "offset", "a finite number", default="0")
+        wrong.append("it mimics itself; let it mimic another joint, or none")
+    multiplier = _number(element, "multiplier", "a finite number", wrong, default="1")
+    offset = _number(element, "offset", "a finite number", wrong, default="0")
     return Mimic(leader, multiplier, offset)
 
 
 def _number(
-    element: Element, key: str, wanted: str, least: float = -math.inf, default: str | None = None
+    element: Element,
+    key: str,
+    wanted: str,
+    wrong: list[str],
+    least: float = -math.inf,
+    default: str | None = None,
 ) -> float:
     text = element.get(key, default)
     if text is None or not _NUMBER.fullmatch(text) or not least <= float(text) < math.inf:
-        _reject(f"its {element.tag}", element, key, wanted)
+        wrong.append(_mistake(f"its {element.tag}", element, key, wanted))
+        return math.nan
     return float(text)
 
 
@@ -422,37 +425,36 @@ _SIZES = {"box": {"size": 3}, "sphere": {"radius": 1}, "cylinder": {"radius": 1,
 _SHAPES = (*_SIZES, "mesh")
 
 
-def _check_collision(link: str, collision: Element, largest: float) -> None:
+def _collision_mistakes(link: str, collision: Element, largest: float) -> Iterator[str]:
     for origin in collision.findall("origin"):
         for key in ("xyz", "rpy"):
             numbers = _numbers(origin.get(key, "0 0 0"))
             if len(numbers) != 3 or max(map(abs, numbers)) > largest:
                 wanted = f"three numbers from {-largest:g} to {largest:g}"
-                _reject(f"an origin of {link}", origin, key, wanted)
+                yield _mistake(f"an origin of {link}", origin, key, wanted)
     shapes = collision.findall("geometry/*")
     if len(shapes) != 1:
-        raise UrdfError(
-            f"a collision of {link} has {len(shapes)} shapes; give each collision one shape"
-        )
-    _check_shape(link, shapes[0], largest)
+        yield f"a collision of {link} has {len(shapes)} shapes; give each collision one shape"
+    for shape in shapes:
+        yield from _shape_mistakes(link, shape, largest)
 
 
-def _check_shape(link: str, shape: Element, largest: float) -> None:
+def _shape_mistakes(link: str, shape: Element, largest: float) -> Iterator[str]:
     where = f"the {shape.tag} of {link}"
     if shape.tag not in _SHAPES:
-        raise UrdfError(f"{link} has a {shape.tag}; give one of {', '.join(_SHAPES)}")
+        yield f"{link} has a {shape.tag}; give one of {', '.join(_SHAPES)}"
     for key, count in _SIZES.get(shape.tag, {}).items():
         numbers = _numbers(shape.get(key, ""))
         if len(numbers) != count or not all(0.0 < number <= largest for number in numbers):
             wanted = "a number" if count == 1 else "three numbers"
-            _reject(where, shape, key, f"{wanted} above 0, up to {largest:g} m")
+            yield _mistake(where, shape, key, f"{wanted} above 0, up to {largest:g} m")
     if shape.tag == "mesh":
         if not shape.get("filename"):
-            _reject(where, shape, "filename", "that of a file")
+            yield _mistake(where, shape, "filename", "that of a file")
         scale = _numbers(shape.get("scale", "1 1 1"))  # a negative scale mirrors the mesh
         if len(scale) != 3 or not all(0.0 < abs(number) <= largest for number in scale):
             wanted = f"three numbers other than 0, from {-largest:g} to {largest:g}"
-            _reject(where, shape, "scale", wanted)
+            yield _mistake(where, shape, "scale", wanted)
 
 
 # Visible shapes ----------------------------------------------------------------------------------
@@ -462,10 +464,9 @@ def _shape(
     link: str, element: Element, colors: Mapping[str, tuple[float, ...] | None]
 ) -> Shape | None:
     """Return a shape, or None if it is invalid."""
-    try:
-        _check_collision(link, element, math.inf)
-        xyz, rpy = _origin(element)
-    except ValueError:
+    wrong = list(_collision_mistakes(link, element, math.inf))
+    xyz, rpy = _origin(element, wrong)
+    if wrong:
         return None
     shape, material = element.find("geometry/*"), element.find("material")
     assert shape is not None
@@ -495,7 +496,7 @@ def _numbers(text: str) -> list[float]:
     return numbers if len(numbers) == len(words) and all(map(math.isfinite, numbers)) else []
 
 
-def _reject(where: str, element: Element, key: str, wanted: str) -> NoReturn:
+def _mistake(where: str, element: Element, key: str, wanted: str) -> str:
     value = element.get(key)
     what = "is missing" if value is None else f"is {reprlib.repr(value)}"
-    raise UrdfError(f"the {key} of {where} {what}; give {wanted}")
+    return f"the {key} of {where} {what}; give {wanted}"

@@ -114,17 +114,27 @@ def test_names_that_toml_must_quote(tmp_path: Path) -> None:
 def test_everything_that_is_wrong_is_reported_at_once(tmp_path: Path) -> None:
     shapes = '<collision><geometry><mesh filename="package://p/m.stl"/></geometry></collision>'
     shapes += '<collision><geometry><box size="0 1 1"/></geometry></collision>'
-    joints = [ARM[0].replace("revolute", "screw"), "a -> b: prismatic lift <limit/>"]
+    shapes = shapes.replace("<geometry><box", '<origin rpy="0"/><geometry><box')
+    limit = '<limit lower="0" velocity="0" effort="1"/><axis xyz="0 0 0"/>'
+    joints = [ARM[0].replace("revolute", "screw"), f"a -> b: prismatic lift {limit}"]
     with pytest.raises(UrdfUnusable) as caught:
-        draft_robot(written(tmp_path, urdf(joints, shapes)), LARGEST)
+        draft_robot(written(tmp_path, urdf(joints, shapes)), LARGEST, ["left"], "hand")
     words = str(caught.value).splitlines()
-    assert words[0].endswith("arm.urdf: 6 mistakes")
-    assert words[1].startswith("joint shoulder is screw; it must be revolute")
-    assert words[2].startswith("joint lift: the lower of its limit is missing; give a finite")
-    assert [line.partition("; give")[0] for line in words[3:6]] == [
-        f"the size of the box of {link} is '0 1 1'" for link in ("base", "a", "b")
+    assert words[0].endswith("arm.urdf: 13 mistakes")
+    assert [line.partition(";")[0] for line in words[1:]] == [
+        "joint shoulder is screw",
+        "joint lift: the upper of its limit is missing",
+        "joint lift: its axis is '0 0 0'",
+        "joint lift: its velocity limit is 0, so it cannot move",
+        *(
+            f"the {what} of {link} is {value}"
+            for link in ("base", "a", "b")
+            for what, value in (("rpy of an origin", "'0'"), ("size of the box", "'0 1 1'"))
+        ),
+        "the mesh package://p/m.stl is not found",
+        "left does not move by itself",
+        "there is no link hand for the tool",
     ]
-    assert words[6].startswith("the mesh package://p/m.stl is not found; put the folder p")
 
 
 WRONG = {
