@@ -149,6 +149,12 @@ class KeptPool(SharedPool):
 
 
 @pytest.fixture(scope="session", autouse=True)
+def own_servers(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """No command of a test finds the server of another process, which may hold its arm."""
+    os.environ["XDG_RUNTIME_DIR"] = str(tmp_path_factory.mktemp("runtime"))
+
+
+@pytest.fixture(scope="session", autouse=True)
 def planner_of_checks() -> Iterator[None]:
     """All checks of files for the shipped robot use one planner: a new one takes half a second."""
     robot = load_robot(None)

@@ -15,6 +15,7 @@ import click
 from hardware.printable import plural
 
 from .support.command_group import command
+from .support.failures import Refusal
 from .support.options import port_option, robot_option
 from .support.settings import PATH
 from .terminal.full_screen import FullScreen
@@ -114,7 +115,7 @@ def _sweep(calibrator: "Calibrator") -> None:
     note = ""
     with key_by_key() as keyboard, FullScreen(sys.stdout) as screen:
         if keyboard is None:
-            raise click.UsageError("needs a terminal: it shows a table and reads keys")
+            raise Refusal("needs a terminal: it shows a table and reads keys")
         while True:
             calibrator.read()
             rows = calibrator.rows

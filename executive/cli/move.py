@@ -12,6 +12,7 @@ import click
 from executive.api.codes import look_up
 
 from .support.command_group import command, diagnostics
+from .support.failures import Refusal
 from .support.names import complete_pose
 from .support.options import (
     recordings_option,
@@ -141,7 +142,7 @@ def find_arm(server: str | None, robot: Path | None, recordings: Path) -> "tuple
     """Return where the arm is, and who says so: a server, or else the newest recording with a pose.
 
     Raises:
-        UsageError: Several servers run on this machine, or the server has another robot.
+        Refusal: Several servers run on this machine, or the server has another robot.
         ClientError: The server does not answer; or there is none, and no such recording.
     """
     from executive.client.synchronous import Client
@@ -159,7 +160,7 @@ def pose_of(robot: "Robot", where: "Where", joints: "Iterable[Joint]") -> dict[s
 
     Raises:
         NotActive: The arm is not active.
-        UsageError: It is another arm than the robot.
+        Refusal: It is another arm than the robot.
     """
     from hardware import NotActive
 
@@ -167,7 +168,7 @@ def pose_of(robot: "Robot", where: "Where", joints: "Iterable[Joint]") -> dict[s
         raise NotActive("The pose of an inactive arm is not known; activate it, or move it first")
     if where.units.keys() != {joint.name for joint in robot.actuated}:
         why = f"the server has another arm than {robot.name}; give its robot file with --robot"
-        raise click.UsageError(why)
+        raise Refusal(why)
     return {joint.name: where.commanded[joint.name] for joint in joints}
 
 

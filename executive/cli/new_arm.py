@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from .support.command_group import command
+from .support.failures import Refusal
 from .support.names import first_motion
 from .support.options import own_trees_option
 from .support.settings import PATH
@@ -94,10 +95,10 @@ def new_arm(
         robot = draft_robot(urdf, MAX_MAGNITUDE, joints, tool)
     except UrdfUnusable as error:
         if wrong:
-            raise click.UsageError(f"{wrong}\n{error}") from error
+            raise Refusal(f"{wrong}\n{error}") from error
         raise
     if wrong:
-        raise click.UsageError(wrong)
+        raise Refusal(wrong)
     assert robot.tool
     if tool is None and sys.stdin.isatty():
         links = click.Choice(robot.links)

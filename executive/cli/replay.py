@@ -10,7 +10,7 @@ import click
 from executive.api.codes import DIFFERS, look_up
 
 from .support.command_group import command, diagnostics
-from .support.failures import print_incomplete
+from .support.failures import Refusal, print_incomplete
 from .support.names import RECORDING, complete_port
 from .support.settings import ABOVE_0, AT_LEAST_0, Whole, option
 from .terminal.streams import echo
@@ -153,10 +153,10 @@ def files_of(path: Path) -> list[Path]:
     """Return a recording, or all recordings of a folder.
 
     Raises:
-        click.UsageError: The folder has no recordings.
+        Refusal: The folder has no recordings.
     """
     if not path.is_dir():
         return [path]
     if found := sorted(path.glob("*.mcap")):
         return found
-    raise click.UsageError(f"{path}: there are no recordings here")
+    raise Refusal(f"{path}: there are no recordings here")

@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from executive.cli.terminal.streams import LogFormatter
-from hardware.spelling import suggestion
+from hardware.spelling import did_you_mean, suggestion
 
 SETTINGS_SECTION = "Settings, also in armtree.toml, or ARMTREE_SEED and so on"
 _OWN, _COMMON = "Options", "Options of every command"
@@ -138,7 +138,10 @@ class CommandGroup(click.Group):
             names = self.list_commands(ctx)  # click knows only those that are imported
             if args[0] in names or args[0].startswith("-"):
                 raise
-            why = f"No such command {args[0]!r}{suggestion(args[0], names)}"
+            near = suggestion(args[0], names)
+            if ctx.parent and "show" in names:  # such as `armtree log latest`
+                near = near or did_you_mean(f"{ctx.command_path} show {args[0]}")
+            why = f"No such command {args[0]!r}{near}"
             raise click.UsageError(why, ctx) from error
 
     def _sections(self) -> Mapping[str, Iterable[str]]:

@@ -18,6 +18,12 @@ if TYPE_CHECKING:
     from trees import Mistake
 
 
+class Refusal(click.ClickException):
+    """A command that cannot be executed here and now, although it is spelt correctly."""
+
+    exit_code = 2
+
+
 def print_error(error: Exception) -> int:
     """Print an error with its code and hint to standard error. Return the exit status.
 

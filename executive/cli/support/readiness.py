@@ -75,8 +75,8 @@ def _pose(robot: Robot, port: str) -> Check:
     if not _resets(robot, port):
         what = "nothing resets the board: a run needs --pose"
         return Check("pose", True, what)
-    frame = robot.wire_format.encode(robot.boot_pose)
-    return Check("pose", True, f"after a reset the board is at {frame}")
+    pose = {joint.name: joint.boot for joint in robot.actuated}
+    return Check("pose", True, f"after a reset the arm is at {robot.words(pose)}")
 
 
 def _boot_wait(robot: Robot) -> Check:

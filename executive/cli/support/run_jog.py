@@ -26,6 +26,7 @@ from hardware import HardwareError, NotActive
 from logs import MOVE, Measured, Sent, Transition
 from trees import TreeError
 
+from .failures import Refusal
 from .interrupts import Interrupts
 from .log_handler import recorded_log
 from .process import raise_priority
@@ -158,13 +159,11 @@ def run_jog(
         The exit status.
 
     Raises:
-        UsageError: There is no terminal.
+        Refusal: There is no terminal.
         ClientError: The server is gone.
     """
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
-        raise click.UsageError(
-            "a jog needs a terminal; `armtree move --by joint_1=5deg` does without"
-        )
+        raise Refusal("a jog needs a terminal; `armtree move --by joint_1=5deg` does without")
     raise_priority()
     left = False
     # Keys that are typed while the arm stops and the recording is closed are not for the shell.

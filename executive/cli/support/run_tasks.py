@@ -6,6 +6,9 @@ from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
 
+import click
+from click.core import ParameterSource
+
 import logs
 from executive.api import token_file
 from executive.api.codes import OK
@@ -26,6 +29,7 @@ from hardware.link.serial_ports import owner_of
 from trees import Located, TreeError
 from trees.compile.arguments import read_arguments
 
+from .failures import Refusal
 from .interrupts import CANCELING, Interrupts
 from .log_handler import recorded_log
 from .process import raise_priority
@@ -51,6 +55,9 @@ def execute(
 
     Returns:
         The outcomes of the tasks that ran, at least one.
+
+    Raises:
+        Refusal: A server holds the arm, and the user has not asked for another one by --port.
     """
     raise_priority()
     with Interrupts() as interrupts, view_for(as_json, verbose) as view, ExitStack() as stack:
@@ -70,11 +77,11 @@ def execute(
             return [outcome]
         view.put(executive.where())
         view.put(port_line(executive))
-        if known and executive.port == VIRTUAL:
+        source = click.get_current_context().get_parameter_source("port")
+        if known and executive.port == VIRTUAL and source is not ParameterSource.COMMANDLINE:
             for server in token_file.running():
-                if there := _on_server(server, executive, number_of(tasks[0]), settings):
-                    other = f"this is not the arm of the server {server.url}"
-                    view.put(f"Note: {other}; for that, {there}")
+                if held := _held_by(server, executive, number_of(tasks[0]), settings):
+                    raise Refusal(f"{held}; or give --port virtual, for an arm of this command")
         sequence = TaskSequence(executive)
 
         def cancel() -> None:
@@ -102,19 +109,18 @@ def _report(view: View, executive: Executive, settings: Sequence[str], outcome: 
     """Report an outcome; if a server has the arm, with the command that sends the task to it."""
     cause = outcome.cause
     if cause and cause.code == PortBusy.code and (server := _server_with(executive.port)):
-        there = _on_server(server, executive, outcome.task, settings)
-        without = f"without this task; end it, or serve this task: {server.url}"
-        hint = f"an armtree server has the arm{f'; {there}' if there else f', {without}'}"
+        hint = _held_by(server, executive, outcome.task, settings) or cause.hint
         outcome = replace(outcome, cause=replace(cause, hint=hint))
     view.put(outcome)
 
 
-def _on_server(
+def _held_by(
     server: token_file.ServerInfo, executive: Executive, task: int, settings: Sequence[str]
 ) -> str:
-    """Return what to type, so that a server runs a task or a move; empty if it cannot.
+    """Return that a server has the arm, and what to type, so that it runs a task or a move.
 
-    It cannot if it does not answer, holds another robot, or has no such task of the same name.
+    Returns:
+        The words; empty if the server does not answer, or holds another robot.
     """
     from executive.client.synchronous import Client  # only where a server runs
 
@@ -124,15 +130,18 @@ def _on_server(
     try:
         with Client(server.url) as client:
             there = {(each.number, each.name) for each in client.tasks()} | {(logs.MOVE, None)}
-            if (task, name) not in there or not holds(client.robot(), executive.robot):
+            if not holds(client.robot(), executive.robot):
                 return ""
     except ClientError:
         return ""
+    if (task, name) not in there:
+        way = f"end it, or serve this task: {server.url}"
+        return f"an armtree server has the arm, without this task; {way}"
     words = ["--server", server.url]
     if task != logs.MOVE:
         parameters = [word for setting in settings for word in ("--set", setting)]
         words = ["armtree", "send", str(task), "--wait", *parameters, *words]
-    return f"give {shlex.join(words)}"
+    return f"an armtree server has the arm; give {shlex.join(words)}"
 
 
 def _server_with(port: str) -> token_file.ServerInfo | None:

@@ -20,7 +20,7 @@ from executive.client.synchronous import Client
 from executive.errors import ClientError
 from logs import goal_title
 
-from .failures import print_error
+from .failures import Refusal, print_error
 from .settings import configured, environment_name, local_server
 
 if TYPE_CHECKING:
@@ -34,23 +34,28 @@ def find_server(server: str | None) -> str | None:
     """Return the URL of the server that holds the arm, or None for an arm of this command.
 
     It is the server that the command names, else the one that runs on this machine, unless the
-    command names a port.
+    command names a port, or a robot without a driver that this server does not hold.
 
     Raises:
-        UsageError: Several servers run on this machine, or the server holds another robot than the
+        Refusal: Several servers run on this machine, or the server holds another robot than the
             one that the user names.
         ClientError: The user names a robot, and the server does not answer.
     """
-    context = click.get_current_context()
+    context, named = click.get_current_context(), server
     if not server:
         if context.get_parameter_source("port") is ParameterSource.COMMANDLINE:
             return None
         found = [info.url for info in token_file.running()]
         if len(found) > 1:
-            raise click.UsageError(f"several servers run; give --server URL: {', '.join(found)}")
+            raise Refusal(f"several servers run; give --server URL: {', '.join(found)}")
         server = found[0] if found else None
     if server and (given := context.params.get("robot")):
+        from hardware import load_robot  # a stop does not need it
+
         with Client(server) as client:
+            robot = load_robot(given)
+            if not (named or robot.has_driver or holds(client.robot(), robot)):
+                return None  # it moves on the port virtual only
             check_robot(client, given)
     return server
 
@@ -63,7 +68,7 @@ def check_robot(client: Client, given: Path | None) -> None:
         given: Robot file of an option or setting; None if the user names none.
 
     Raises:
-        UsageError: It holds another robot.
+        Refusal: It holds another robot.
         ClientError: The server does not answer.
     """
     if given is None:
@@ -84,7 +89,7 @@ def check_robot(client: Client, given: Path | None) -> None:
     if "port" in context.params:
         ways += ", or use an arm of this command: --port PORT, or --port virtual"
     why = f"the server {client.url} holds {held['name']}{other}, but {by} names {robot.name}"
-    raise click.UsageError(f"{why}. {ways}")
+    raise Refusal(f"{why}. {ways}")
 
 
 def holds(held: Mapping[str, Any], robot: "Robot") -> bool:
@@ -139,7 +144,7 @@ def answer_question(client: Client, words: Sequence[str], as_json: bool) -> str:
         The answer that the server accepted, or the list of questions.
 
     Raises:
-        UsageError: An id is needed, or no question is open.
+        Refusal: An id is needed, or no question is open.
         ClientError: The server cannot be reached, or rejects the answer.
     """
     open_questions = client.questions()
@@ -153,7 +158,7 @@ def answer_question(client: Client, words: Sequence[str], as_json: bool) -> str:
         question = open_questions[0].question_id
     else:
         listed = "; ".join(map(str, open_questions))
-        raise click.UsageError(f"give an id: {listed}" if listed else _NO_QUESTION)
+        raise Refusal(f"give an id: {listed}" if listed else _NO_QUESTION)
     accepted = client.answer(question, " ".join(words))
     return json.dumps({"question_id": question, "answer": accepted}) if as_json else accepted
 

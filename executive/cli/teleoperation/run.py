@@ -5,9 +5,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import click
-
 from executive.api.codes import INTERRUPTED_EXIT
+from executive.cli.support.failures import Refusal
 from executive.cli.support.interrupts import Interrupts
 from executive.cli.support.log_handler import recorded_log
 from executive.cli.support.process import raise_priority
@@ -37,18 +36,18 @@ def run_teleop(
         The exit status.
 
     Raises:
-        UsageError: There is no terminal.
+        Refusal: There is no terminal, or the leader has other joints.
         HardwareError: The leader cannot be opened, or the robot is of another kind.
     """
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
-        raise click.UsageError("a leader needs a person at a terminal")
+        raise Refusal("a leader needs a person at a terminal")
     raise_priority()
     setup = Setup(**options, single_user=True)
     robot = setup.load_robot()
     leading = load_robot(leader_robot) if leader_robot else robot
     joints, led = ([joint.name for joint in each.actuated] for each in (robot, leading))
     if joints != led:
-        raise click.UsageError(
+        raise Refusal(
             f"the leader has the joints {', '.join(led)}, and {robot.name} {', '.join(joints)}"
         )
     leader, left = HandGuidedArm(leading, leading.link(port)), False

@@ -19,6 +19,7 @@ _UP, _DOWN = "tool up", "tool down"  # z of the tool
 _MESSAGE = 4  # the share of the lines that a message has at most is 1 in this number
 _LISTED = 34  # least columns of the axes, if a list is beside them
 _NAMED = 16  # least columns of a name
+_STEP = 24  # least columns of a step
 _ABOUT = "Of the keys pressed during a move, the last one waits; letters act when the arm is still"
 _HARD = "\xa0"  # a space at which no line is broken
 
@@ -273,8 +274,8 @@ class Jog:
         most = max(rows - len(tail) - 1, 1)
         body = list(self._listed(where, most))
         if steps is not None:
-            beside = list(_last(steps, most))
             listed = max(_LISTED, *map(len, body))
+            beside = _last(steps, most, width - listed - 3)
             body += [""] * (len(beside) - len(body))
             beside += [""] * (len(body) - len(beside))
             body = [f"{axis:<{listed}} | {step}" for axis, step in zip(body, beside, strict=True)]
@@ -404,11 +405,10 @@ class Jog:
         return replace(self, typed=self.typed + more), None
 
 
-def _last(steps: Sequence[str], most: int) -> Iterator[str]:
+def _last(steps: Sequence[str], most: int, width: int) -> list[str]:
     """Return the last steps with their numbers, in at most that many lines."""
     if not steps:
-        yield "no step yet; t takes one"
-        return
-    first = max(len(steps) - most, 0)
-    for number, step in enumerate(steps[first:], first + 1):
-        yield f"{number} {step}"
+        return ["no step yet; t takes one"]
+    numbered = [f"{number} {step}" for number, step in enumerate(steps, 1)][-most:]
+    width = max(width, _STEP)
+    return [line for step in numbered for line in wrap(step, width, subsequent_indent="  ")][-most:]

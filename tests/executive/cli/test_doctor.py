@@ -93,7 +93,8 @@ def test_what_stands_in_the_environment_need_not_be_typed(tmp_path: Path, robot:
     [
         (
             "stock",
-            "after a reset the board is at b090,s090,e090,g000,",
+            "after a reset the arm is at "
+            "joint_1 0.0 deg, joint_2 0.0 deg, joint_3 0.0 deg, joint_4 0.0 deg",
             "it resets the board, and the arm moves to its boot pose",
         ),
         (

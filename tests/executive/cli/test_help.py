@@ -96,7 +96,12 @@ def test_the_log_is_printed_wherever_verbose_is(
 
 @pytest.mark.parametrize(
     ("words", "near"),
-    [("mvoe", "; did you mean move?"), ("pose sve", "; did you mean save?"), ("xyz", "")],
+    [
+        ("mvoe", "; did you mean move?"),
+        ("pose sve", "; did you mean save?"),
+        ("log latest", "; did you mean armtree log show latest?"),
+        ("xyz", ""),
+    ],
 )
 def test_a_misspelt_command_is_corrected(words: str, near: str, tmp_path: Path) -> None:
     """A command that is not imported yet is suggested, too."""

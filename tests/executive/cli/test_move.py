@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from tests.support.command_line.typed import typed as type_command
+from tests.support.paths import DATA
 from tests.support.servers.serving import Serve, Served, Typed
 
 pytest_plugins = ["tests.support.servers.server_fixtures"]
@@ -149,6 +150,7 @@ def test_a_server_with_another_robot_than_the_named_one_is_refused(
         status, out, error = type_command(folder, *words, *named)
         assert (status, out) == (2, "")
         said = " ".join(error.split())
+        assert said.startswith("Error: the server ")  # without the usage: it is spelt correctly
         assert f"the server {url} holds arduinobot, but --robot names so101" in said
         assert "armtree serve --robot so101" in said
         assert ("--port virtual" in said) == (words in moves)
@@ -160,6 +162,10 @@ def test_a_server_with_another_robot_than_the_named_one_is_refused(
     assert "armtree.toml:1 names so101" in " ".join(type_command(folder, "home")[2].split())
     assert served.executive.where() == frames
     assert type_command(folder, "where", "--robot", "arduinobot")[0] == 0
+    # An arm without a driver can only be virtual, so it is certainly not the arm of the server.
+    status, out, _ = type_command(folder, "move", "axis_9=1", "--robot", str(DATA / "endless.toml"))
+    assert status == 4
+    assert "Port virtual: the robot file names no driver" in out
 
 
 def test_a_stop_says_that_it_stopped_the_server_of_somebody_else(

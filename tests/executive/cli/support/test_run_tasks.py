@@ -1,4 +1,4 @@
-"""What `armtree run` says of the servers of this machine."""
+"""A run beside a server of this machine."""
 
 from pathlib import Path
 
@@ -10,21 +10,22 @@ pytest_plugins = ["tests.support.servers.server_fixtures"]
 OTHER = "task: 11\nname: other\ndescription: Do nothing.\ntree:\n  Succeed: {}\n"
 
 
-def test_a_virtual_run_offers_the_server_only_what_it_has(serve: Serve, tmp_path: Path) -> None:
-    """The unknown parameter ends each run before the board boots."""
+def test_a_run_on_the_arm_of_a_server_offers_to_send(serve: Serve, tmp_path: Path) -> None:
+    """The unknown parameter ends the other runs before the board boots."""
     served, mine = serve(active=False), tmp_path / "mine"
     mine.mkdir()
     (mine / "11_other.yaml").write_text(OTHER)
 
-    def note(*words: str) -> str:
-        out = typed(tmp_path, "run", *words, "--set", "x=1", "--port", "virtual")[1]
-        return next((line for line in out.splitlines() if line.startswith("Note")), "")
+    def refusal(*words: str) -> str:
+        return typed(tmp_path, "run", *words, "--set", "x=1")[2]
 
     url, trees = served.server.url, ("--trees", str(served.tasks))
-    assert note("11", *trees) == (
-        f"Note: this is not the arm of the server {url}; for that, give armtree send 11 --wait "
-        f"--set x=1 --server {url}"
+    own = "or give --port virtual, for an arm of this command\n"
+    held = "Error: an armtree server has the arm"
+    assert refusal("11", *trees) == (
+        f"{held}; give armtree send 11 --wait --set x=1 --server {url}; {own}"
     )
-    assert note("99", *trees) == ""
-    assert note("11", "--trees", str(mine)) == ""
-    assert note("1", "--robot", "so101") == ""
+    without = f"{held}, without this task; end it, or serve this task: {url}; {own}"
+    assert refusal("99", *trees) == refusal("11", "--trees", str(mine)) == without
+    assert refusal("11", *trees, "--port", "virtual") == ""
+    assert refusal("1", "--robot", "so101") == ""

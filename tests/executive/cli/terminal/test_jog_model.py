@@ -224,3 +224,19 @@ def test_the_last_steps_are_beside_the_joints(size: tuple[int, int]) -> None:
     assert any(line.endswith("| 30 wait 30 s") for line in shown)
     assert len(shown) <= size[1]
     assert shown[1].startswith(">  1 base                28.6 deg  | ")
+    long = drawn(begun(), *size, ["move to joint_1: 10 deg, joint_2: -20.5 deg, joint_3: 3 deg"])
+    words = " ".join(line.partition("| ")[2].strip() for line in long if " | " in line)
+    assert words.split() == [
+        "1",
+        "move",
+        "to",
+        "joint_1:",
+        "10",
+        "deg,",
+        "joint_2:",
+        "-20.5",
+        "deg,",
+        "joint_3:",
+        "3",
+        "deg",
+    ]
