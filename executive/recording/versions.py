@@ -11,7 +11,7 @@ from types import ModuleType
 import hardware
 import skills.motion
 
-_PLANNING = ("numpy", "pin", "coal", "toppra")
+_PLANNING = ("numpy", "pin", "coal")
 _SCHEDULING = (
     "arm/schedule.py",
     "drivers/firmware_profile.py",

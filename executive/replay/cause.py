@@ -17,7 +17,7 @@ from trees.nodes import KINDS
 from .recorded_run import RecordedRun
 
 # Entries of `versions` that affect plans.
-PLANNING = ("planner", "numpy", "pin", "coal", "toppra", "python", "machine", "system")
+PLANNING = ("planner", "numpy", "pin", "coal", "python", "machine", "system")
 
 
 def source(recording: Recording, entries: Collection[str]) -> str:

@@ -8,6 +8,8 @@ from skills.motion.arrays import Array
 from skills.motion.trajectory.curve import Curve
 from skills.motion.trajectory.time_law import TimeLaw
 
+from .reachability import time_section
+
 
 def time_curve(curve: Curve, velocity: Array, acceleration: Array) -> TimeLaw | None:
     """Return the time law of a curve, at rest at both ends and at its stops.
@@ -18,7 +20,7 @@ def time_curve(curve: Curve, velocity: Array, acceleration: Array) -> TimeLaw | 
         acceleration: Acceleration limits (J,) [rad/s2].
 
     Returns:
-        The time law, or None if TOPP-RA fails. That happens on blends only, never on lines.
+        The time law, or None if it would have to stop between. That happens on blends only.
     """
     if not curve.length:
         return TimeLaw.standstill()
@@ -38,8 +40,6 @@ def _time_section(
     inside = [place for place in curve.breaks.tolist() if begin < place < end]
     piece = np.searchsorted(curve.breaks, begin, side="right") - 1
     if inside or curve.quadratic[piece].any():
-        from .toppra_timing import time_section  # loads TOPP-RA
-
         return time_section(curve, np.array([begin, *inside, end]), velocity, acceleration)
     return TimeLaw.trapezoidal(
         begin, end, *_limits_along(curve.linear[piece], velocity, acceleration)

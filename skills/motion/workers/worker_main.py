@@ -15,7 +15,6 @@ from hardware import RealClock
 from skills.motion.errors import MotionError
 from skills.motion.planner import Planner
 from skills.motion.query import Request, Result
-from skills.motion.timing import toppra_timing as toppra_timing  # load it before the first goal
 
 from .memory import limit_memory
 from .messages import encode, receive, send

@@ -153,7 +153,7 @@ def test_other_paths_are_tried_if_one_cannot_be_timed(
     planner: Planner, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """If the bend fails, a path is searched; if that fails, the motion stops at each corner."""
-    monkeypatch.setattr("skills.motion.timing.toppra_timing.time_section", lambda *_: None)
+    monkeypatch.setattr("skills.motion.timing.time_parameterization.time_section", lambda *_: None)
     plan = planner.plan(DETOUR)
     assert {"bend", "search", "blend"} <= plan.milliseconds.keys()
     assert len(plan.curve.stops) == len(plan.waypoints) - 2 > 0

@@ -6,8 +6,8 @@ from hypothesis import given, settings, strategies as st
 from numpy.typing import NDArray
 
 from skills.motion.arrays import norms
+from skills.motion.timing.reachability import time_section
 from skills.motion.timing.time_parameterization import line_duration, time_curve
-from skills.motion.timing.toppra_timing import time_section
 from skills.motion.trajectory.curve import Curve
 from skills.motion.trajectory.time_law import TimeLaw
 
@@ -53,7 +53,7 @@ def test_straight_durations(goal: list[float], duration: float) -> None:
     acceleration=st.floats(0.1, 10.0),
 )
 @settings(max_examples=60, deadline=None)
-def test_the_trapezoidal_profile_is_toppras_optimum(
+def test_the_trapezoidal_profile_is_the_optimum(
     goal: list[float], velocity: float, acceleration: float
 ) -> None:
     curve, limits = line(goal), (velocity * ONES, acceleration * ONES)

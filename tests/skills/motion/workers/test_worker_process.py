@@ -5,7 +5,6 @@ import os
 import pickle
 import signal
 import struct
-import subprocess
 import sys
 from pathlib import Path
 
@@ -16,7 +15,6 @@ from hardware import Robot, load_robot
 from skills.motion import Plan, PlanTimeout, Query, Reached, Verify, WorkerDied
 from skills.motion.planner import Planner
 from skills.motion.workers.worker_process import WorkerProcess
-from tests.support.paths import ROOT
 
 PICK = Query("arm", (0.0, 0.0, 0.0, 0.0), (-1.4, -0.6, -0.07))
 
@@ -55,25 +53,6 @@ def test_a_worker_that_hangs_in_its_first_request_is_killed(
     assert isinstance(worker.call(dataclasses.replace(PICK, timeout=0.05)), PlanTimeout)
     assert not worker.alive
     worker.close()
-
-
-LOADS = """
-import sys, skills.motion.planner
-wanted = {"scipy.interpolate", "scipy.sparse", "matplotlib", "toppra"}
-print(sorted(wanted & set(sys.modules)))
-import skills.motion.workers.worker_main
-print(sorted(wanted & set(sys.modules)))
-from scipy.interpolate import CubicSpline
-print(CubicSpline([0, 1, 2], [0, 1, 4])(1.0))
-"""
-
-
-@pytest.mark.slow
-def test_toppra_is_loaded_without_scipy_and_matplotlib() -> None:
-    """A worker loads it before its first request. The two would take longer than all the rest."""
-    root = str(ROOT)
-    out = subprocess.run([sys.executable, "-c", LOADS], cwd=root, capture_output=True, check=True)
-    assert out.stdout.decode() == "[]\n['toppra']\n1.0\n"
 
 
 def framed(body: bytes, more: int = 0) -> bytes:

@@ -1,0 +1,208 @@
+"""TOPP-RA: the fastest time law of a curve, by reachability analysis.
+
+Hung Pham and Quang-Cuong Pham, "A new approach to time-optimal path parameterization based on
+reachability analysis", IEEE Transactions on Robotics 34 (2018). With x = (ds/dt)^2 and u = d2s/dt2,
+the acceleration of a joint is q' u + q'' x. The grid contains every break of the curve, and u is
+constant between two grid points. There q' and x are linear in s and q'' is constant, so the
+acceleration is linear in s: an interval keeps the limit if both its ends keep it, both with the q''
+of that interval. The speed q' sqrt(x) can be higher between two grid points than at both. Where it
+then exceeds its limit, the bounds on x are lowered, and the problem is solved again. Finally the
+whole motion is slowed by what is left.
+
+With y, the x at the upper end of an interval, u = (y - x) / (2 step). Every limit is then a strip
+|a x + b y| <= c, and all pairs (x, y) that keep the limits of an interval are a convex polygon with
+the corner (0, 0). Two passes solve the problem exactly. Backward: the largest x from which a stop
+at the end can be reached. Forward: the largest y that can be reached below these bounds. The
+smallest x is always 0, because standing still keeps every limit. Only the smallest of a few lines
+is taken at each grid point of a pass; the rest is computed for all intervals at once.
+"""
+
+import numpy as np
+
+from skills.motion.arrays import Array
+from skills.motion.trajectory.curve import Curve
+from skills.motion.trajectory.time_law import TimeLaw
+
+_INTERVALS = 40  # approximate number of grid intervals per section
+_MIN_INTERVALS = 6  # least number of grid intervals per piece
+_MAX_SPEED = 1e3  # bound on ds/dt where all joints stand still, at the tip of a cusp [1/s]
+_NEGLIGIBLE = 1e-12  # share of the other coefficient of a strip
+_MAX_STEPS = 100  # of Newton's method, which takes two or three
+_MAX_SOLUTIONS = 4  # with lower and lower bounds where a speed exceeded its limit
+_SLIGHTLY = 1.0001  # a speed beyond its limit by this factor is not worth another solution
+
+
+def time_section(
+    curve: Curve, breaks: Array, velocity: Array, acceleration: Array
+) -> TimeLaw | None:
+    """Return the fastest time law between two stops of a curve.
+
+    Args:
+        curve: The path.
+        breaks: Its breaks from one stop to the next, both included (M + 1,).
+        velocity: Velocity limits (J,) [rad/s].
+        acceleration: Acceleration limits (J,) [rad/s2].
+
+    Returns:
+        The time law, or None if the motion would have to stop in between.
+    """
+    grid = _grid(curve, breaks, velocity, acceleration)
+    polygons = _Polygons(curve, grid, acceleration)
+    most = _max_squares(*curve.intervals(grid)[:2], velocity)
+    for _ in range(_MAX_SOLUTIONS):
+        squares = polygons.solve(most)
+        if not np.all(squares[1:] + squares[:-1] > 0.0):  # also if one is NaN
+            return None
+        law = _time_law(grid, np.sqrt(squares))
+        fast = _speed_ratios(curve, law, velocity)
+        if fast.max() <= _SLIGHTLY:
+            break
+        around = np.maximum([*fast, 1.0], [1.0, *fast])  # of the intervals at each grid point
+        most = np.where(around > 1.0, np.minimum(most, squares / np.square(around)), most)
+    hard = law.acceleration_ratios(curve, acceleration).max()
+    return law.slowed(max(1.0, float(fast.max()), float(np.sqrt(hard))))
+
+
+class _Polygons:
+    """All (x, y) that keep the acceleration limits, for each interval of a grid.
+
+    Args:
+        curve: The path.
+        grid: Ends of the intervals (K + 1,).
+        acceleration: Acceleration limits (J,) [rad/s2].
+    """
+
+    def __init__(self, curve: Curve, grid: Array, acceleration: Array) -> None:
+        lower, upper, second = curve.intervals(grid)
+        double = 2.0 * np.diff(grid)[:, None]
+        # The limits at the lower end of each interval, and those at its upper end.
+        a = np.hstack((double * second - lower, -upper))
+        b = np.hstack((lower, upper + double * second))
+        c = double * np.hstack((acceleration, acceleration))
+        x_slopes, self._x_widths = _strips(a, b, c)
+        self._y_slopes, self._y_widths = _strips(b, a, c)
+        self._x_lines = list(zip(x_slopes.tolist(), self._x_widths.tolist(), strict=True))
+        self._y_lines = list(zip(self._y_slopes.tolist(), self._y_widths.tolist(), strict=True))
+
+    def solve(self, most: Array) -> Array:
+        """Return the largest x at the grid points, from rest to rest (K + 1,).
+
+        Args:
+            most: Bounds on x (K + 1,).
+        """
+        top_x, top_y = self._vertices(most)
+        highest = [0.0]
+        for lines, x, y in zip(self._x_lines[::-1], top_x[::-1], top_y[::-1], strict=True):
+            above = highest[-1]
+            highest.append(x if above >= y else max(0.0, min(x, _lowest(lines, above))))
+        reached = [0.0]
+        for lines, top in zip(self._y_lines, highest[-2::-1], strict=True):
+            reached.append(max(0.0, min(top, _lowest(lines, reached[-1]))))
+        return np.array(reached)
+
+    def _vertices(self, most: Array) -> tuple[list[float], list[float]]:
+        """Return the largest x of each polygon, and the least y there, (K,) each.
+
+        The range of y at an x has an upper end that is concave in x, and a lower end that is
+        convex. Newton's method goes to the x at which the two meet, from above.
+        """
+        rows, zeros = np.arange(len(most) - 1), np.zeros((len(most) - 1, 1))
+        slopes = np.hstack((self._y_slopes, zeros))
+        above = np.hstack((self._y_widths, most[1:, None]))
+        below = np.hstack((-self._y_widths, zeros))
+        # A strip in which y is negligible bounds x alone.
+        alone = np.where(np.isinf(self._y_widths), self._x_widths, np.inf).min(axis=1)
+        x = np.minimum(most[:-1], alone)
+        for _ in range(_MAX_STEPS):
+            tops, bottoms = above - slopes * x[:, None], below - slopes * x[:, None]
+            top, bottom = tops.argmin(axis=1), bottoms.argmax(axis=1)
+            steeper = slopes[rows, top] - slopes[rows, bottom]
+            apart = (tops[rows, top] < bottoms[rows, bottom]) & (steeper > 0.0)
+            if not apart.any():
+                break
+            meet = (above[rows, top] - below[rows, bottom]) / np.where(apart, steeper, 1.0)
+            smaller = np.where(apart, np.minimum(meet, x), x)
+            if np.array_equal(smaller, x):
+                break
+            x = smaller
+        y = (below - slopes * x[:, None]).max(axis=1)
+        return x.tolist(), y.tolist()
+
+
+def _lowest(lines: tuple[list[float], list[float]], place: float) -> float:
+    """Return the least value of lines at a place, given by their slopes and widths."""
+    return min([width - slope * place for slope, width in zip(*lines, strict=True)])
+
+
+def _strips(a: Array, b: Array, c: Array) -> tuple[Array, Array]:
+    """Return slopes and widths so that |a x + b y| <= c is |x + slope * y| <= width (K, N).
+
+    Where x is negligible, the width is infinite.
+    """
+    used = abs(a) > _NEGLIGIBLE * abs(b)
+    divisor = np.where(used, a, 1.0)
+    with np.errstate(over="ignore"):
+        return np.where(used, b / divisor, 0.0), np.where(used, c / abs(divisor), np.inf)
+
+
+def _max_squares(lower: Array, upper: Array, velocity: Array) -> Array:
+    """Return the largest x at each grid point, from the intervals on both sides (K + 1,)."""
+    steepest = np.vstack((abs(lower), np.zeros_like(lower[:1])))
+    steepest[1:] = np.maximum(steepest[1:], abs(upper))
+    with np.errstate(divide="ignore", over="ignore"):  # a joint at rest limits nothing
+        speeds = np.min(velocity / steepest, axis=1)
+    squares: Array = np.minimum(speeds, _MAX_SPEED) ** 2
+    return squares
+
+
+def _grid(curve: Curve, breaks: Array, velocity: Array, acceleration: Array) -> Array:
+    """Return the grid: all breaks, even points between, and the ends of the first and last ramp.
+
+    The latter make the time law exact on the lines at both ends.
+    """
+    even = _even_grid(breaks)
+    lower, upper, second = curve.intervals(breaks)
+    with np.errstate(divide="ignore", over="ignore"):
+        speeds = [np.min(velocity / abs(slope)) for slope in (lower[0], upper[-1])]
+        pushes = [np.min(acceleration / abs(slope)) for slope in (lower[0], upper[-1])]
+    first, last = 0.5 * np.square(speeds) / pushes
+    extra = [breaks[0] + first] if first < breaks[1] - breaks[0] and not second[0].any() else []
+    if last < breaks[-1] - breaks[-2] and not second[-1].any():
+        extra.append(breaks[-1] - last)
+    apart = [s for s in extra if abs(even - s).min() > 1e-6 * (breaks[-1] - breaks[0])]
+    return np.sort(np.append(even, apart))
+
+
+def _even_grid(breaks: Array) -> Array:
+    lengths = np.diff(breaks)
+    shares = np.rint(_INTERVALS * lengths / lengths.sum())
+    counts = np.maximum(_MIN_INTERVALS, shares).astype(int)
+    ends = np.concatenate(([0], np.cumsum(counts)))
+    return np.interp(np.arange(ends[-1] + 1), ends, breaks)
+
+
+def _time_law(grid: Array, speeds: Array) -> TimeLaw:
+    steps = np.diff(grid)
+    times = np.concatenate(([0.0], np.cumsum(2.0 * steps / (speeds[1:] + speeds[:-1]))))
+    accelerations = np.append(np.diff(speeds * speeds) / (2.0 * steps), 0.0)
+    return TimeLaw(times, grid, speeds, accelerations)
+
+
+def _speed_ratios(curve: Curve, law: TimeLaw, velocity: Array) -> Array:
+    """Return the largest joint speed in each interval, as a share of its limit (K,).
+
+    Within an interval its square is p(s)^2 x(s), with p and x linear in s. Its maximum is at an
+    end, or where 2 p' x + p x' = 0.
+    """
+    p0, _, p1 = curve.intervals(law.positions)
+    squares, steps = np.square(law.speeds)[:, None], np.diff(law.positions)[:, None]
+    x0, x1 = squares[:-1], np.diff(squares, axis=0) / steps
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        turn = -(2.0 * p1 * x0 + p0 * x1) / (3.0 * p1 * x1)
+        turn = np.where(np.isfinite(turn), turn, 0.0)
+    speeds = [
+        abs(p0 + u * p1) * np.sqrt(np.maximum(0.0, x0 + u * x1)) / velocity
+        for u in (0.0 * steps, np.clip(turn, 0.0, steps), steps)
+    ]
+    ratios: Array = np.max(speeds, axis=(0, 2))
+    return ratios
