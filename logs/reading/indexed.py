@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 from logs.errors import RecordingError, RecordingInUse
 
 from .file_state import being_written
-from .mcap_records import HEAD, BadRecord, Decoder
+from .mcap_records import HEAD, BadRecord, Decoder, damage
 from .reader import Message
 from .recording import Recording
 
@@ -107,35 +108,36 @@ class IndexedRecording(Recording):
         Raises:
             RecordingError: The chunk is damaged.
         """
-        try:
-            with self.path.open("rb") as stream:
-                body = _record(stream, chunk.offset, _CHUNK)
-                tables = {topic: _table(stream, at) for topic, at in chunk.indexes.items()}
+        decoder = decoder or Decoder()
+        with self.decoding(), self.path.open("rb") as stream:
+            body = _record(stream, chunk.offset, _CHUNK)
+            tables = {topic: _table(stream, at) for topic, at in chunk.indexes.items()}
             place = chunk.offset + HEAD.size + len(body)
-            decoder = decoder or Decoder()
             return OpenChunk(self, tables, decoder, decoder.unpacked_chunk(body, place), place)
-        except Exception as cause:
-            raise self.damaged(cause) from cause
 
     def with_topic(self, topics: Collection[str]) -> tuple[Chunk, ...]:
         """Return the chunks with a message on one of these topics."""
         return tuple(each for each in self.chunks if not each.indexes.keys().isdisjoint(topics))
 
-    def damaged(self, cause: Exception) -> RecordingError:
-        """Return the error of a damaged chunk. Damaged bytes make the decoder raise anything."""
-        if isinstance(cause, RecordingError):
-            return cause
-        return RecordingError(self.path, f"is damaged ({cause}); type armtree log recover")
+    @contextmanager
+    def decoding(self) -> Iterator[None]:
+        """Name the file in errors of damaged bytes.
+
+        Raises:
+            RecordingError: There was one, or the file cannot be read.
+        """
+        try:
+            yield
+        except damage(OSError) as cause:
+            what = f"is damaged ({cause}); type armtree log recover"
+            raise RecordingError(self.path, what) from cause
 
     def _decoded(self, offsets: Collection[int], opcode: int) -> Iterator[Any]:
         decoder = Decoder()
-        try:
-            with self.path.open("rb") as stream:
-                for at in offsets:
-                    body = _record(stream, at, opcode)
-                    yield from decoder.records(opcode, body, at)
-        except Exception as cause:
-            raise self.damaged(cause) from cause
+        with self.decoding(), self.path.open("rb") as stream:
+            for at in offsets:
+                body = _record(stream, at, opcode)
+                yield from decoder.records(opcode, body, at)
 
     def _read_summary(self) -> "Summary":
         from mcap.reader import make_reader
@@ -145,7 +147,7 @@ class IndexedRecording(Recording):
         try:
             with self.path.open("rb") as stream:
                 summary = make_reader(stream).get_summary()
-        except Exception:  # as for `damaged`
+        except damage(OSError):
             summary = None
         if summary is None or not summary.chunk_indexes:
             raise RecordingError(self.path, "has no index; type armtree log recover")
@@ -198,10 +200,8 @@ class OpenChunk:
             RecordingError: The chunk is damaged.
         """
         recording = self._recording
-        try:
+        with recording.decoding():
             found = self._decoder.message_at(self._data, entry[1], self._place)
-        except Exception as cause:
-            raise recording.damaged(cause) from cause
         return Message(topic, found.log_time, recording.types[topic], found.data, recording.path)
 
     def messages(self, topics: Collection[str]) -> list[Message]:

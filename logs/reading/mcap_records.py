@@ -4,8 +4,9 @@ The mcap library unpacks what a chunk claims to hold, and reads as many bytes as
 """
 
 from collections.abc import Callable, Iterator
+from functools import cache
 from io import BytesIO
-from struct import Struct
+from struct import Struct, error
 from typing import TYPE_CHECKING, Any
 from zlib import crc32
 
@@ -37,6 +38,16 @@ class BadRecord(Exception):
     """The bytes are not a valid record."""
 
 
+@cache
+def damage(*more: type[Exception]) -> tuple[type[Exception], ...]:
+    """Return the errors of damaged bytes, those of texts and of packed data, and some more."""
+    from mcap.exceptions import McapError
+    from zstandard import ZstdError
+
+    unpacking = ZstdError, RuntimeError, MemoryError, KeyError  # lz4, and an unknown compression
+    return BadRecord, McapError, error, ValueError, ArithmeticError, *unpacking, *more
+
+
 class Decoder:
     """Decodes the records of one file, in file order."""
 
@@ -65,8 +76,7 @@ class Decoder:
             place: Where it ends in the file [bytes].
 
         Raises:
-            BadRecord: The record is invalid, or unpacks to too much.
-            Exception: Any other, from the decoders of text and of compressed data.
+            BadRecord: The record is invalid, or unpacks to too much; or another error of `damage`.
         """
         if opcode == _CHUNK:
             yield from self._in_chunk(self.unpacked_chunk(body, place), place)

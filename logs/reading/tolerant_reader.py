@@ -15,7 +15,7 @@ from zlib import crc32
 from logs.errors import RecordingError
 from logs.records.file_format import MAGIC, is_journal, valid_size
 
-from .mcap_records import HEAD, Decoder
+from .mcap_records import HEAD, Decoder, damage
 
 if TYPE_CHECKING:
     from mcap.records import Footer
@@ -66,11 +66,7 @@ class TolerantReader:
             end = valid_size(stream) if is_journal(stream) else sys.maxsize
             try:
                 yield from self._valid_records(stream, end)
-            except OSError:
-                raise
-            except Exception:
-                # Damaged bytes make the decoder raise anything:
-                # McapError, struct.error, ValueError, ZstdError, MemoryError and more.
+            except damage():
                 return
             finally:
                 if stream.tell() >= end:
