@@ -1,6 +1,6 @@
 """Converts events of the arm and of skills to records."""
 
-from dataclasses import asdict
+from dataclasses import fields
 
 import numpy as np
 
@@ -37,7 +37,9 @@ def arm_record(event: ArmEvent, robot: Robot) -> logs.Record:
             return logs.Received(event.time, event.data)
         case Measured():
             names = tuple(joint.name for joint in robot.actuated)
-            return logs.Measured(event.time, names, **asdict(event.measurement))
+            there = event.measurement
+            values = {field.name: getattr(there, field.name) for field in fields(there)}
+            return logs.Measured(event.time, names, **values)
         case StateChanged():
             return logs.Transition(event.time, event.label, event.start.value, event.goal.value)
         case Faulted():

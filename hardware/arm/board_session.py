@@ -80,10 +80,22 @@ class BoardSession:
             self.sent += 1
             self._protocol.note_sent(frame, now)
 
-    def receive(self, data: bytes, now: float) -> None:
-        """Process received bytes. Raises what the protocol raises."""
+    def receive(self, data: bytes, now: float) -> bool:
+        """Process received bytes. Raises what the protocol raises.
+
+        Returns:
+            Whether something changed that a thread may wait for.
+        """
         with self._lock:
+            before = self._awaited
             self._protocol.receive(data, now)
+            return self._awaited != before
+
+    @property
+    def _awaited(self) -> tuple[object, ...]:
+        protocol = self._protocol
+        free = protocol.free_at, protocol.next_poll
+        return protocol.boot_frame, protocol.acknowledged, protocol.measured, *free
 
     def poll(self, now: float) -> bytes:
         """Return a request to send now, or no bytes. Raises what the protocol raises."""

@@ -234,7 +234,7 @@ class Connection:
                     raise EOFError(f"its read ended while the port {self._link.port} was open")
                 self._observe(BytesReceived(self._clock.now(), data))
                 before = self.session.measured
-                self.session.receive(data, self._clock.now())
+                changed = self.session.receive(data, self._clock.now())
                 if (measured := self.session.measured) and measured is not before:
                     now = self._clock.now()
                     self._observe(Measured(now, measured))
@@ -242,9 +242,10 @@ class Connection:
                         holds = self.guard.torque  # else a person moves it, and it commands nothing
                         commanded = self.guard.commanded if holds else measured.position
                         self._measured_guard.check(commanded, measured, now)
-                if self.streamer:
+                if changed and self.streamer:
                     self.streamer.on_received()
-                self._on_receive()
+                if changed:
+                    self._on_receive()
         except BaseException as error:  # a driver may raise any exception
             self._fault(error)
 

@@ -159,12 +159,14 @@ class Streamer:
             return self._playback
 
     def on_received(self) -> None:
-        """Process new acknowledgements."""
+        """Process what the board has sent, such as new acknowledgements."""
         with self._signal:
-            if playback := self._playback:
+            playback = self._playback
+            before = playback.arrived if playback else 0
+            if playback:
                 playback.note_acknowledged(self._session.acknowledged)
             self._signal.notify()
-        if playback:
+        if playback and playback.arrived != before:
             playback.notify()
 
     def wait_until_acknowledged(self) -> None:

@@ -298,11 +298,15 @@ class WriteGuard:
     def _send(self, frame: Frame, positions: tuple[float, ...], scheduled: float | None) -> None:
         began = self._clock.now()
         self._hold_due = scheduled is not None
+        due = self._session.next_poll <= began
         self._session.note_sent(frame, began)
-        self._put(frame.data)
+        request = b"" if due else self._session.poll(began)  # that the frame made due
+        self._put(frame.data + request)
         self._pacing.note_sent(frame, self._clock.now())  # after the write, which may have waited
         self._last_frame = frame
         self._outbox.put(FrameSent(began, frame.data, positions, scheduled))
+        if request:
+            self._outbox.put(CommandSent(began, request, request=True))
 
     def _send_command(self, data: bytes, request: bool = False) -> None:
         if data:

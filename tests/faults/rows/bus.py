@@ -115,7 +115,7 @@ def wrong(scene: Scene) -> None:
 
 
 @row(
-    "bus-fault",
+    "bus-fault-port",
     "during a motion a servo vanishes, answers for another, sends damaged answers, is blocked,"
     " has a low voltage, or restarts",
     "the goal ends with the code of the cause; the servos hold where they are; nothing is sent"

@@ -188,7 +188,7 @@ class Bus:
             case Instruction.PING, 0:
                 self._answer(named, [b""] * len(named), time)
             case Instruction.READ, 2 if packet.servo != BROADCAST:
-                self._answer(named, [_part(each, *parameters) for each in named], time)
+                self._answer(named, [each.read(*parameters) for each in named], time)
             case Instruction.WRITE, count if count:
                 for servo in named:
                     servo.write(parameters[0], parameters[1:])
@@ -204,7 +204,7 @@ class Bus:
             case Instruction.SYNC_READ, count if count > 2:
                 address, size, *ids = parameters
                 asked = [each for servo in ids for each in self.servos if each.servo == servo]
-                self._answer(asked, [_part(each, address, size) for each in asked], time)
+                self._answer(asked, [each.read(address, size) for each in asked], time)
 
     def _answer(self, servos: Sequence[Servo], values: Sequence[bytes], time: float) -> None:
         """Put answers on the line, one after another."""
@@ -222,10 +222,6 @@ class Bus:
             if sum(each.servo == number for each in self.servos) > 1:
                 data = _damaged(data)  # both answer at the same time
             self._leaving.append((end, data))
-
-
-def _part(servo: Servo, address: int, count: int) -> bytes:
-    return bytes(servo.memory[address : address + count]).ljust(count, b"\0")
 
 
 def _damaged(data: bytes) -> bytes:

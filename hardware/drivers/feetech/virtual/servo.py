@@ -1,6 +1,7 @@
 """A model of one servo: memory, motion, load and temperature."""
 
 import math
+from dataclasses import dataclass
 
 from hardware.drivers.feetech.registers import MEMORY, Series
 
@@ -13,6 +14,39 @@ _AMBIENT, _HEAT, _COOLING = 25.0, 50.0, 300.0  # [C], rise at full load [C], tim
 _STALL_CURRENT = 2.7  # at full load [A]
 _STALL_TIME = 0.5  # of a blocked servo until it reports an overload [s]
 _CURRENT_UNIT = 0.0065  # [A]
+
+# Registers that decide how it moves; a series may lack the last two.
+_LIMITED = ("goal_position", "min_angle", "max_angle")
+_STEERING = {
+    *_LIMITED,
+    *("torque_enable", "dead_zone_cw", "dead_zone_ccw", "goal_speed", "max_torque"),
+    *("min_voltage", "max_voltage", "max_temperature", "acceleration", "torque_limit"),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class _Settings:
+    """What its memory says of its motion, in the units of `Servo`.
+
+    Attributes:
+        torque: Whether it holds.
+        goal: Where it moves to, within its limits [ticks].
+        zones: Its dead zones below and above the goal [ticks].
+        speed: Largest speed [ticks/s].
+        acceleration: Largest acceleration [ticks/s2].
+        effort: Largest torque, as a part of what the series has.
+        voltages: Smallest and largest voltage [0.1 V].
+        hottest: Largest temperature [C].
+    """
+
+    torque: bool
+    goal: int
+    zones: tuple[int, int]
+    speed: float
+    acceleration: float
+    effort: float
+    voltages: tuple[int, int]
+    hottest: int
 
 
 class Servo:
@@ -28,7 +62,6 @@ class Servo:
         gravity: Load that holds the arm where it is heaviest, as a part of the largest torque.
 
     Attributes:
-        memory: Its memory.
         blocked: Whether something keeps it from moving.
         supply: Voltage of its supply without a load [V].
         ambient: Temperature around it [C].
@@ -36,7 +69,9 @@ class Servo:
 
     def __init__(self, series: Series, servo: int, position: int, gravity: float = 0.0) -> None:
         self.series, self._gravity = series, gravity
-        self.memory = bytearray(MEMORY)
+        self._memory, self._id = bytearray(MEMORY), series.registers["id"].address
+        self._reports = series.blocks[2][0]  # first address of what it measures
+        self._settings: _Settings | None = None  # as its memory is now; None if not read yet
         self.blocked, self.supply, self.ambient = False, _SUPPLY, _AMBIENT
         self._position, self._speed, self._load = float(position), 0.0, 0.0
         self._temperature, self._now = _AMBIENT, 0.0
@@ -45,8 +80,7 @@ class Servo:
             self.put(name, register.initial)
         self.put("id", servo)
         self.put("goal_position", position)
-        self._saved = bytes(self.memory[: series.blocks[1][0]])
-        self._report()
+        self._saved = bytes(self._memory[: series.blocks[1][0]])
 
     @property
     def kept(self) -> dict[str, int]:
@@ -57,7 +91,7 @@ class Servo:
     @property
     def servo(self) -> int:
         """Its id."""
-        return self.get("id")
+        return self._memory[self._id]
 
     @property
     def position(self) -> float:
@@ -71,73 +105,105 @@ class Servo:
 
     def get(self, name: str) -> int:
         """Return the value of a register."""
-        return self.series.unpack(name, self.memory)
+        if self.series.registers[name].address >= self._reports:
+            self._report()
+        return self.series.unpack(name, self._memory)
 
     def put(self, name: str, value: int) -> None:
         """Set a register, also one that no packet can write."""
+        self._settings = None
+        self._store(name, value)
+
+    def _store(self, name: str, value: int) -> None:
         address = self.series.registers[name].address
         data = self.series.pack(name, value)
-        self.memory[address : address + len(data)] = data
+        self._memory[address : address + len(data)] = data
+
+    def read(self, address: int, count: int) -> bytes:
+        """Return bytes of its memory; 0 where it has none."""
+        self._report()
+        return bytes(self._memory[address : address + count]).ljust(count, b"\0")
 
     def write(self, address: int, values: bytes) -> None:
         """Write to the memory, as a packet does. What the servo reports cannot be written."""
-        reports = self.series.registers["position"].address
-        values, before = values[: max(0, reports - address)], self._homing
-        locked = self.get("lock")
-        self.memory[address : address + len(values)] = values
+        values, before = values[: max(0, self._reports - address)], self._homing
+        locked, self._settings = self.get("lock"), None
+        self._memory[address : address + len(values)] = values
         if not locked:  # what is written to a locked memory is lost with the power
-            self._saved = bytes(self.memory[: self.series.blocks[1][0]])
+            self._saved = bytes(self._memory[: self.series.blocks[1][0]])
         self._position = (self._position + before - self._homing) % self.series.ticks
+        self._forget_stall()
 
     def restart(self) -> None:
         """Lose the power for a moment: what it keeps remains, and the torque is off."""
-        self.memory[: len(self._saved)] = self._saved
+        self._memory[: len(self._saved)] = self._saved
         for name, register in self.series.registers.items():
-            if len(self._saved) <= register.address < self.series.blocks[2][0]:
+            if len(self._saved) <= register.address < self._reports:
                 self.put(name, register.initial)
         self.put("goal_position", round(self._position))
         self._speed = 0.0
-        self._report()
+        self._forget_stall()
+
+    def _forget_stall(self) -> None:
+        """Drop the overload of a servo without torque."""
+        if not self.get("torque_enable"):
+            self._stalled = 0.0
 
     def push(self, position: float) -> None:
         """Move it by hand [ticks]. It gives way only without torque."""
         if not self.get("torque_enable"):
             self._position = position % self.series.ticks
-            self._report()
 
     def advance(self, now: float) -> None:
         """Move until a time [s], which never decreases."""
         while now - self._now >= _STEP:
-            if self._resting():
+            if self._speed == 0.0 and not self._wants():
+                self._load = self._held()
                 self._warm(now - self._now)
                 self._now = now
             else:
                 self._warm(_STEP)
                 self._move()
                 self._now += _STEP
-        self._report()
 
-    def _resting(self) -> bool:
-        return self._speed == 0.0 and not self._wants()
+    def _set(self) -> _Settings:
+        """Return what its memory says of its motion."""
+        if self._settings is None:
+            present = {
+                name: self.series.unpack(name, self._memory)
+                for name in _STEERING & self.series.registers.keys()
+            }
+            goal, low, high = (present[name] for name in _LIMITED)
+            if low or high:  # both are 0 for many turns
+                goal = min(max(goal, low), high)
+            units = present.get("acceleration", 0)
+            self._settings = _Settings(
+                torque=bool(present["torque_enable"]),
+                goal=goal,
+                zones=(present["dead_zone_cw"], present["dead_zone_ccw"]),
+                speed=present["goal_speed"] or _TOP_SPEED,
+                acceleration=units * _ACCELERATION or _TOP_ACCELERATION,
+                effort=min(present["max_torque"], present.get("torque_limit", 1000)) / 1000,
+                voltages=(present["min_voltage"], present["max_voltage"]),
+                hottest=present["max_temperature"],
+            )
+        return self._settings
 
     def _wants(self) -> float:
         """Return how far it wants to move [ticks]; 0 inside its dead zone, or without torque."""
-        if not self.get("torque_enable") or self.get("status"):
+        settings = self._set()
+        if not settings.torque or self._errors():
             return 0.0
-        goal = self.get("goal_position")
-        if self.get("min_angle") or self.get("max_angle"):  # both are 0 for many turns
-            goal = min(max(goal, self.get("min_angle")), self.get("max_angle"))
-        ahead = goal - self._position
-        zone = self.get("dead_zone_cw" if ahead > 0 else "dead_zone_ccw")
+        ahead = settings.goal - self._position
+        zone = settings.zones[ahead <= 0]
         return ahead if abs(ahead) > zone or self._speed else 0.0
 
     def _move(self) -> None:
-        ahead = self._wants()
-        top = self.get("goal_speed") or _TOP_SPEED
-        units = self.get("acceleration") if "acceleration" in self.series.registers else 0
-        most = units * _ACCELERATION or _TOP_ACCELERATION
+        settings, ahead = self._set(), self._wants()
+        most = settings.acceleration
         brake = math.sqrt(2 * most * abs(ahead))  # the speed from which it can still stop there
-        wanted = math.copysign(min(top, brake, abs(ahead) / _STEP), ahead) if ahead else 0.0
+        top = min(settings.speed, brake, abs(ahead) / _STEP)
+        wanted = math.copysign(top, ahead) if ahead else 0.0
         change = min(max(wanted - self._speed, -most * _STEP), most * _STEP)
         self._speed = 0.0 if self.blocked else self._speed + change
         self._position += self._speed * _STEP
@@ -146,41 +212,43 @@ class Servo:
         accelerating = 0.3 * change / (most * _STEP)
         self._load = self._held() + accelerating
         if self.blocked and ahead:
-            self._load = math.copysign(self._most_torque(), ahead)
+            self._load = math.copysign(settings.effort, ahead)
             self._stalled += _STEP
-
-    def _most_torque(self) -> float:
-        """Return its largest torque, as a part of what the series has."""
-        registers = {"max_torque", "torque_limit"} & self.series.registers.keys()
-        return min(map(self.get, registers)) / 1000
 
     def _held(self) -> float:
         """Return the load that gravity makes, as a part of the largest torque."""
         angle = math.radians((self._position / self.series.ticks - 0.5) * self.series.turn)
-        return self._gravity * math.cos(angle) if self.get("torque_enable") else 0.0
+        return self._gravity * math.cos(angle) if self._set().torque else 0.0
 
     def _warm(self, seconds: float) -> None:
         """Warm up or cool down towards the temperature that the load makes."""
-        if self._resting():
-            self._load = self._held()
         goal = self.ambient + _HEAT * self._load**2
         self._temperature += (goal - self._temperature) * -math.expm1(-seconds / _COOLING)
 
+    @property
+    def _voltage(self) -> int:
+        """Voltage of its supply under its load [0.1 V]."""
+        return round(max(self.supply - _SAG * abs(self._load), 0.0) * 10)
+
+    def _errors(self) -> int:
+        """Return the bits of the errors that it reports."""
+        settings = self._set()
+        low, high = settings.voltages
+        errors = 0x01 * (not low <= self._voltage <= high)
+        errors |= 0x04 * (round(self._temperature) > settings.hottest)
+        return errors | 0x20 * (self._stalled > _STALL_TIME)
+
     def _report(self) -> None:
         """Write what it measures to its memory."""
-        voltage = self.supply - _SAG * abs(self._load)
-        self.put("position", round(self._position))
-        self.put("speed", round(self._speed))
-        self.put("load", round(min(max(self._load, -1.0), 1.0) * 1000))
-        self.put("voltage", round(max(voltage, 0.0) * 10))
-        self.put("temperature", round(self._temperature))
-        self.put("moving", int(self._speed != 0.0))
-        if "current" in self.series.registers:
-            self.put("current", round(self._load * _STALL_CURRENT / _CURRENT_UNIT))
-        low, high = self.get("min_voltage"), self.get("max_voltage")
-        status = 0x01 * (not low <= self.get("voltage") <= high)
-        status |= 0x04 * (self.get("temperature") > self.get("max_temperature"))
-        if not self.get("torque_enable"):
-            self._stalled = 0.0
-        status |= 0x20 * (self._stalled > _STALL_TIME)
-        self.put("status", status)
+        values = {
+            "position": round(self._position),
+            "speed": round(self._speed),
+            "load": round(min(max(self._load, -1.0), 1.0) * 1000),
+            "voltage": self._voltage,
+            "temperature": round(self._temperature),
+            "status": self._errors(),
+            "moving": int(self._speed != 0.0),
+            "current": round(self._load * _STALL_CURRENT / _CURRENT_UNIT),
+        }
+        for name in values.keys() & self.series.registers.keys():
+            self._store(name, values[name])

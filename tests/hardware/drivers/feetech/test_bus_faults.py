@@ -1,6 +1,5 @@
 """What is wrong on a bus has a code, a cause and a way out, and nothing moves."""
 
-import random
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,7 +10,6 @@ from hardware.drivers.feetech.packets import Instruction, take_packets
 from hardware.drivers.feetech.virtual.bus import Bus, Fault
 from hardware.errors import SupplyTooLow
 from tests.support.arms.bus_arms import BusRig, rig
-from tests.support.arms.hardware_rigs import PICK
 
 LAST = 10_000  # more answers than there are
 
@@ -88,43 +86,6 @@ def test_a_low_voltage_stops_the_arm(tmp_path: Path) -> None:
             made.arm.activate()
         assert made.arm.state is State.INACTIVE
         assert set(codes(made)) == {Instruction.SYNC_READ}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("kind", "value", "expected"),
-    [
-        ("vanish", 1, {"hw.servo_silent"}),
-        ("renumber", 9, {"hw.servo_silent"}),
-        ("impersonate", 3, {"hw.servo_silent"}),
-        ("lose", LAST, {"hw.servo_silent"}),
-        ("damage", LAST, {"hw.servo_silent"}),
-        ("block", 1, {"hw.stalled", "hw.servo_fault", "hw.not_arrived"}),
-        ("brown_out", 1, {"hw.servo_fault", "hw.voltage_low"}),
-        ("restart", 1, {"hw.torque_lost", "hw.not_following"}),
-    ],
-)
-def test_no_command_is_wrong_after_a_fault_at_any_time(
-    tmp_path: Path, kind: str, value: int, expected: set[str]
-) -> None:
-    """The servos are held where they are, once, and then nothing is sent."""
-    dice = random.Random(kind)
-    for servo in (1, 2, 4) * 3:
-        fault = Fault(kind, servo, dice.uniform(0.5, 3.0), value)
-        with rig(tmp_path, fault) as made:
-            made.arm.activate()
-            error = made.play(PICK if servo != 4 else (*PICK[:3], -1.0), 3.0) or made.faulted()
-            assert error.code in expected
-            if made.arm.state is State.ACTIVE:
-                continue  # it only did not arrive
-            count = len(codes(made))
-            positions = dict(made.bus.state(made.clock.now()).positions)
-            for each in made.bus.servos:
-                goal = each.get("goal_position")
-                assert goal == pytest.approx(positions[each.servo], abs=40), (fault, each.servo)
-            made.wait(1.0)
-            assert len(codes(made)) == count
-            assert made.arm.state is State.UNCONFIGURED
 
 
 def test_a_pose_outside_the_calibrated_range_is_refused(tmp_path: Path) -> None:

@@ -2,11 +2,14 @@
 
 import logging
 import math
+from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from hardware import (
+    BoardLink,
     CommandSent,
     DescriptionError,
     FrameSent,
@@ -15,6 +18,7 @@ from hardware import (
     State,
     load_robot,
 )
+from hardware.arm.streamer import Streamer
 from hardware.drivers.feetech.packets import Instruction, Packet, take_packets
 from hardware.drivers.feetech.virtual.bus import Fault
 from hardware.drivers.servo_errors import ServoFault, ServoMissing, ServoSilent
@@ -232,3 +236,30 @@ def test_wrong_wires_are_refused(tmp_path: Path, old: str, new: str, why: str) -
     path.write_text(path.read_text().replace(old, new, 1))
     with pytest.raises(DescriptionError, match=why):
         load_robot(path)
+
+
+def test_a_cycle_is_one_write_and_wakes_the_streamer_twice(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """At the first answer, whose request has a new timeout, and at the last one."""
+    counts = Counter[str]()
+    for kind, name in ((BoardLink, "write"), (BoardLink, "read"), (Streamer, "on_received")):
+        monkeypatch.setattr(kind, name, counted(counts, name, getattr(kind, name)))
+    with rig(tmp_path) as made:
+        made.arm.activate()
+        counts.clear()
+        made.events.clear()
+        assert made.play(PICK, 2.0) is None
+        frames = sum(isinstance(event, FrameSent) for event in made.events)
+    assert counts["write"] <= 1.1 * frames
+    assert counts["on_received"] <= 2.2 * frames < counts["read"]
+
+
+def counted(
+    counts: Counter[str], name: str, function: Callable[..., object]
+) -> Callable[..., object]:
+    def call(*arguments: object) -> object:
+        counts[name] += 1
+        return function(*arguments)
+
+    return call
