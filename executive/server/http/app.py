@@ -1,6 +1,7 @@
 """The ASGI application: checks each request against its row of `operations`, then answers it."""
 
 import asyncio
+import gzip
 import logging
 import re
 from collections.abc import Awaitable, Callable, Iterator, Sequence
@@ -52,6 +53,8 @@ MAX_STREAMS = 40  # requests that may last as long as their client stays
 # Requests per second and burst, by whether they contain the token. Stops are not counted.
 RATE_LIMITS = {True: (200.0, 1000.0), False: (50.0, 100.0)}
 ANONYMOUS_BYTES = 1024  # longest body of a cancel without the token
+
+_COMPRESSED = 2000  # bytes from which an answer is compressed
 
 _URL = re.compile(r"(?i:http)://(?P<authority>[^/]*)(?P<path>/.*)?", re.DOTALL)
 _INTEGER = re.compile(r"-?[0-9]{1,20}")
@@ -149,10 +152,10 @@ class App:
                         answer(request, **given) if operation.streams else answer(**given)
                     )
                 if isinstance(value, Response):
-                    return value
+                    return _compressed(request, value)
                 if operation.answer is None:
                     return Response(value, operation.status, media_type=operation.media)
-                return JSONResponse(value, operation.status)
+                return _compressed(request, JSONResponse(value, operation.status))
             except (ClientDisconnect, asyncio.CancelledError):  # or the server ends
                 return Response()
             except RequestError as error:
@@ -217,6 +220,17 @@ class _Arguments:
             name: _checked(self._parameters[name], _value(text, schemas[name]["type"]), name)
             for name, text in texts.items()
         }
+
+
+def _compressed(request: Request, response: Response) -> Response:
+    """Return a response; JSON is compressed if that is worth it and the client takes it."""
+    takes = "gzip" in request.headers.get("accept-encoding", "")
+    is_json = response.media_type == JSONResponse.media_type
+    if not (takes and is_json and len(response.body) >= _COMPRESSED):
+        return response
+    headers = {"content-encoding": "gzip", "vary": "accept-encoding"}
+    data = gzip.compress(response.body, 1, mtime=0)
+    return Response(data, response.status_code, headers, response.media_type)
 
 
 def _take_authority(scope: Scope) -> str | None:

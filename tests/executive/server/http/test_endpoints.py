@@ -1,5 +1,6 @@
 """The endpoints of the HTTP interface, over a real socket."""
 
+import gzip
 import http.client
 import json
 import threading
@@ -301,6 +302,19 @@ def test_every_operation_is_answered_and_described(serve: Serve) -> None:
     assert paths == {(each.path, each.method.lower()) for each in OPERATIONS.values()}
     assert document["openapi"] == "3.1.0"
     assert json.dumps(document)
+
+
+def test_a_long_answer_is_compressed_for_clients_that_take_it(serve: Serve) -> None:
+    served = serve()
+    answers = {}
+    for encoding in ("identity", "gzip"):
+        connection = http.client.HTTPConnection("127.0.0.1", served.server.port)
+        connection.request("GET", "/api/robot", headers={"accept-encoding": encoding})
+        response = connection.getresponse()
+        answers[response.getheader("content-encoding")] = response.read()
+        connection.close()
+    assert len(answers["gzip"]) < len(answers[None]) / 2
+    assert gzip.decompress(answers["gzip"]) == answers[None]
 
 
 def test_a_held_goal_is_canceled_when_its_hold_ends(serve: Serve) -> None:
