@@ -47,7 +47,7 @@ tree:
                 wrist_flex: 60 deg, wrist_roll: -20 deg}
           gripper: {gripper: 10 deg}
 """
-LATEST = 4.0  # after the port is opened, of a fault [s]
+LATEST = 2.5  # after the port is opened, of a fault [s]
 PATIENCE = 10.0  # until a fault is reported [s]
 AFTERWARDS = 1.0  # while nothing may be sent after a fault [s]
 NEAR = 34  # 3 degrees, which a servo may be off where it is held [ticks]
