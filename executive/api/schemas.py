@@ -351,6 +351,7 @@ TIMELINE = answer(
     name=RECORDING_NAME,
     began_s=described(NUMBER, "When the goal began, as in `time_s` of events."),
     duration_s=NUMBER,
+    ended={**BOOLEAN, "description": "False if the end of the run is not in the recording."},
 )
 _EVENT = {"type": "object", "required": ["event", "time_s"]}
 WINDOW = answer(

@@ -52,8 +52,9 @@ class Decoder:
     """Decodes the records of one file, in file order."""
 
     def __init__(self) -> None:
-        from mcap import records as mcap
+        from mcap import data_stream, records as mcap
 
+        self._stream = data_stream.ReadDataStream
         self._kinds: dict[int, Callable[[Any], Any]] = {
             0x01: mcap.Header.read,
             0x02: mcap.Footer.read,
@@ -108,13 +109,11 @@ class Decoder:
         return message
 
     def _decoded(self, opcode: int, body: bytes) -> Any:
-        from mcap.data_stream import ReadDataStream
-
         if opcode == _MESSAGE:
             channel, sequence, time, published = _MESSAGE_HEAD.unpack_from(body)
             data = body[_MESSAGE_HEAD.size :]
             return self._message(channel, time, data, published, sequence)
-        return self._kinds[opcode](ReadDataStream(_Body(body)))
+        return self._kinds[opcode](self._stream(_Body(body)))
 
     def _in_chunk(self, data: bytes, place: int) -> Iterator[Any]:
         at = 0

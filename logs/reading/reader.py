@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from mcap.records import Attachment, Channel, Metadata
 
 _JSON = "std_msgs/msg/String"
+_TEXT_HEAD, _LITTLE_ENDIAN = 8, b"\0\1\0\0"  # bytes before a text in CDR, and their first four
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,13 +60,24 @@ class Message:
         if self.type != _JSON:
             raise TypeError(f"{self.topic} carries {self.type}, not JSON: use .data")
         try:
-            fields = json.loads(self.data.data)
+            text = _plain_text(self.cdr)
+            fields = json.loads(self.data.data if text is None else text)
         except (ValueError, RecursionError) as cause:
             what = f"a message on {self.topic} is not JSON, or too deep ({cause})"
             raise RecordingError(self.path, what) from cause
         if not isinstance(fields, dict):
             raise RecordingError(self.path, f"a message on {self.topic} is not a JSON object")
         return fields
+
+
+def _plain_text(cdr: bytes) -> str | None:
+    """Return the text in a `std_msgs/msg/String` as armtree writes it; None for any other bytes.
+
+    rosbags takes many times as long.
+    """
+    head = _LITTLE_ENDIAN + (len(cdr) - _TEXT_HEAD).to_bytes(4, "little", signed=True)
+    plain = cdr[:_TEXT_HEAD] == head and not cdr[-1]
+    return cdr[_TEXT_HEAD:-1].decode() if plain else None
 
 
 def read(path: Path | str, topics: Collection[str] | None = None) -> Iterator[Message]:

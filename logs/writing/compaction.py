@@ -78,7 +78,7 @@ def rewrite(journal: Path) -> Summary:
     records = TolerantReader(journal)
     new = part_of(journal)
     try:
-        messages = _write(records, new)
+        messages = write_finished(records, new)
         torn = records.torn
         _check(new, messages)
         damaged = _keep(journal) if torn else None
@@ -123,7 +123,8 @@ def _copy(recording: Path, kept: Path) -> None:
     shutil.copystat(recording, kept)
 
 
-def _write(records: TolerantReader, new: Path) -> int:
+def write_finished(records: TolerantReader, new: Path) -> int:
+    """Write a finished recording of these records; return the number of messages."""
     from mcap.records import Metadata
     from mcap.writer import Writer
 

@@ -1,13 +1,15 @@
 """Finishes recordings that a crash left unfinished."""
 
+import os
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
 from logs.errors import LogError, RecordingInUse
 from logs.reading.file_state import is_complete, is_ours, locked
+from logs.reading.tolerant_reader import TolerantReader
 
-from .compaction import Summary, part_of, rewrite
+from .compaction import Summary, part_of, rewrite, write_finished
 
 
 def recover(recording: Path) -> Summary | None:
@@ -26,6 +28,26 @@ def recover(recording: Path) -> Summary | None:
     complete = is_complete(recording, every_byte=True)
     _remove_part(part_of(recording))
     return None if complete else _finished(recording)
+
+
+def copy_valid(recording: Path, copy: Path) -> int:
+    """Write a finished recording of what is valid in a file, which may be being written.
+
+    Returns:
+        The number of messages.
+
+    Raises:
+        RecordingError: The file cannot be read.
+        OSError: The copy cannot be written.
+    """
+    records = TolerantReader(recording)
+    part = part_of(copy)
+    try:
+        messages = write_finished(records, part)
+        os.replace(part, copy)
+    finally:
+        part.unlink(missing_ok=True)
+    return messages
 
 
 def recover_all(folder: Path) -> Iterator[Summary | LogError | OSError]:

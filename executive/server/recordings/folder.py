@@ -2,10 +2,13 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
+import weakref
 from collections import OrderedDict
 from collections.abc import Callable, Hashable, Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -18,14 +21,17 @@ from executive.errors import NotFound, TooMuch
 from executive.recording.archive import restore_robot
 from executive.recording.recordings import is_server_recording
 from executive.server.page.robot import RobotScene
+from logs.reading.file_state import is_complete
 from logs.reading.find import by_name
 from logs.reading.indexed import IndexedRecording
+from logs.writing.recovery import copy_valid
 from logs.writing.retention import delete, pin, pinned, purge, restore
 
 from .recorded_nodes import recorded_nodes
 from .timeline import Timeline
 
 UNDO = 900.0  # a deleted recording can be restored for this time [s]
+COPY_AGE = 30.0  # a copy of a recording that is being written is made again after this time [s]
 VERIFY_TIMEOUT = 120.0  # longest time that a verification may take [s]
 MAX_FILES = 100_000  # of a folder that are listed
 _OPEN = 4  # timelines and robots in memory
@@ -82,6 +88,8 @@ class RecordingFolder:
         self._timelines = _Cache[Timeline](_OPEN)
         self._nodes = _Cache[list[Json]](_OPEN)
         self._scenes = _Cache[RobotScene](_OPEN)
+        self._copies, self._copying = Path(tempfile.mkdtemp(prefix="armtree-")), threading.Lock()
+        weakref.finalize(self, shutil.rmtree, self._copies, ignore_errors=True)
 
     def rows(self, query: Query) -> list[Json]:
         """Return the recordings of a query, the newest name first."""
@@ -117,7 +125,7 @@ class RecordingFolder:
             NotFound: There is no such recording.
             LogError: It cannot be read.
         """
-        path = self.path(name)
+        path = self._readable(name)
         return self._timelines.get(_version(path), lambda: Timeline(path))
 
     def scene(self, name: str) -> RobotScene:
@@ -128,7 +136,7 @@ class RecordingFolder:
             LogError: It does not hold its robot.
             DescriptionError: The robot is invalid.
         """
-        path = self.path(name)
+        path = self._readable(name)
         make = lambda: RobotScene(restore_robot(IndexedRecording(path)))  # noqa: E731
         return self._scenes.get(_version(path), make)
 
@@ -138,7 +146,7 @@ class RecordingFolder:
         Raises:
             NotFound, LogError, DescriptionError: As of `scene`.
         """
-        path = self.path(name)
+        path = self._readable(name)
 
         def make() -> list[Json]:
             recording = IndexedRecording(path)
@@ -210,6 +218,25 @@ class RecordingFolder:
             raise NotFound(f"{name} is not the name of a recording")
         restore(self._folder / name)
         return self._row(self._folder / name)
+
+    def _readable(self, name: str) -> Path:
+        """Return a recording with an index: the file itself, or a copy of what is valid in it.
+
+        Raises:
+            NotFound: There is no such recording.
+            RecordingError: It cannot be read.
+        """
+        path, copy = self.path(name), self._copies / name
+        if is_complete(path, every_byte=False):
+            return path
+        with self._copying, _changing(copy):
+            age = path.stat().st_mtime - copy.stat().st_mtime if copy.exists() else COPY_AGE
+            if age >= COPY_AGE:
+                logs.Recording(path)  # is one
+                if not copy_valid(path, copy):
+                    copy.unlink()
+                    raise logs.RecordingError(path, "holds no message of a run")
+        return copy
 
     def _names(self) -> list[str]:
         if not self._folder.is_dir():

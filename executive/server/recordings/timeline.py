@@ -6,12 +6,12 @@ it never loads a whole recording.
 
 from bisect import bisect_right
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
-from itertools import takewhile
-from math import isfinite, nan
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from itertools import groupby, takewhile
+from math import isfinite
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import logs
 from executive.api.events import EVENTS, STATUS, QuestionStatus, event_to_json
@@ -19,6 +19,8 @@ from executive.api.outcome import GoalState, GoalStatus, Outcome
 from logs.reading.indexed import Chunk, Entry, IndexedRecording, OpenChunk
 from logs.reading.mcap_records import Decoder
 from logs.reading.recording import topic_filter
+
+from .node_state import NodeState
 
 POINTS = 2000  # most samples of the positions over the whole recording
 _ROUNDING = 1e-6  # of times that were added and subtracted [s]
@@ -36,43 +38,9 @@ _SENT_AS_EVENTS = (
 )
 
 Json = dict[str, Any]
-
-
-@dataclass(frozen=True, slots=True)
-class NodeState:
-    """What the events of a node so far amount to.
-
-    Attributes:
-        record: The last one.
-        halted: True if it was interrupted: `INVALID` after `RUNNING`.
-        began, ended: Time of its last start and end [s]; None if there is none.
-        starts: Number of starts.
-    """
-
-    record: logs.NodeStatus
-    halted: bool = False
-    began: float | None = None
-    ended: float | None = None
-    starts: int = 0
-
-    def after(self, record: logs.NodeStatus) -> "NodeState":
-        """Return the state after another event of the node."""
-        ran, time = self.record.status == "RUNNING", record.time
-        known = self.began if record.status == "RUNNING" else self.ended
-        if time == known:  # a repeated event
-            return replace(self, record=record, halted=record.status == "INVALID" and ran)
-        if record.status == "RUNNING":
-            return NodeState(record, False, time, None, self.starts + 1)
-        if record.status == "INVALID" and not ran:
-            return replace(self, record=record, halted=False)
-        started = (self.began, self.starts) if ran else (time, self.starts + 1)
-        return NodeState(record, record.status == "INVALID", started[0], time, started[1])
-
-    def to_json(self) -> Json:
-        """Return the event that gives a node this state at once."""
-        known = {"began_s": self.began, "ended_s": self.ended, "starts": self.starts}
-        status = {"status": "HALTED"} if self.halted else {}
-        return {**event_to_json(self.record), **status, **known}
+T = TypeVar("T")
+_Sample = tuple[float, dict[str, float]]  # time [s], and positions by joint
+_Node = tuple[NodeState, logs.Message]  # and its last message
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,64 +59,44 @@ class _Window:
     Attributes:
         begin: When it begins [s].
         first: Number of its first chunk.
-        nodes: State of the nodes before it, by path.
+        nodes: State of the nodes before it, each with its last message, by path.
         newest: Newest message before it, by topic.
     """
 
     begin: float
     first: int
-    nodes: Mapping[str, NodeState]
+    nodes: Mapping[str, _Node]
     newest: Mapping[str, _Place]
 
 
-class _Samples:
-    """Positions by joint, sampled at most `POINTS` times.
-
-    Args:
-        begin_ns, end_ns: What is sampled [ns].
-    """
-
-    def __init__(self, begin_ns: int, end_ns: int) -> None:
-        self._begin, self._step = begin_ns, max(1, (end_ns - begin_ns) // POINTS)
-        self._next = begin_ns
-        self.times: list[int] = []
-        self.rows: list[dict[str, float]] = []
-
-    def add(self, topic: str, opened: OpenChunk) -> None:
-        for entry in opened.entries(topic):
-            time, _ = entry
-            if time < self._next or len(self.rows) > POINTS:
-                continue
-            steps = (time - self._begin) // self._step
-            self._next = self._begin + (steps + 1) * self._step
-            row = _positions(opened.message(topic, entry))
-            if all(map(isfinite, row.values())):
-                self.times.append(time)
-                self.rows.append(row)
-
-
-class _Thinned:
-    """Places of messages on a topic, at most `POINTS` of them, spread over the recording.
+class _Thinned(Generic[T]):
+    """Values of messages on a topic, at most `POINTS` of them, spread over the recording.
 
     Args:
         topic: The topic.
-        begin_ns, end_ns: What is covered [ns].
+        recording: The recording.
+        decode: Returns the value of a message; None to leave it out.
     """
 
-    def __init__(self, topic: str, begin_ns: int, end_ns: int) -> None:
-        self._topic, self._next = topic, begin_ns
-        self._step = (end_ns - begin_ns) // POINTS
-        self.places: list[_Place] = []
+    def __init__(
+        self, topic: str, recording: IndexedRecording, decode: Callable[[logs.Message], T | None]
+    ) -> None:
+        self._topic, self._decode = topic, decode
+        self._next = recording.begin_ns
+        self._step = (recording.end_ns - recording.begin_ns) // POINTS
+        self.values: list[T] = []
 
-    def add(self, chunk: Chunk, opened: OpenChunk) -> None:
+    def add(self, opened: OpenChunk) -> None:
+        """Take the messages of the next chunk."""
         for entry in opened.entries(self._topic):
-            if entry[0] >= self._next and len(self.places) < POINTS:
+            if entry[0] >= self._next and len(self.values) < POINTS:
                 self._next = entry[0] + self._step
-                self.places.append(_Place(chunk, self._topic, entry))
+                value = self._decode(opened.message(self._topic, entry))
+                self.values += [] if value is None else [value]
 
 
 class Timeline:
-    """The events of a finished recording around any moment. Any thread may call.
+    """The events of a recording with an index, around any moment. Any thread may call.
 
     Args:
         path: The recording.
@@ -170,10 +118,10 @@ class Timeline:
         self._windows: list[_Window] = []
         self.steps: list[float] = []
         self._goal_chunk = len(recording.chunks)
-        self._commanded = _Samples(recording.begin_ns, recording.end_ns)
-        self._measured = _Samples(recording.begin_ns, recording.end_ns)
-        self._timing = _Thinned(_TIMING, recording.begin_ns, recording.end_ns)
-        self._progress = _Thinned(_PROGRESS, recording.begin_ns, recording.end_ns)
+        self._commanded = _Thinned(_COMMANDED, recording, self._sample)
+        self._measured = _Thinned(_MEASURED, recording, self._sample)
+        self._timing = _Thinned(_TIMING, recording, _lateness)
+        self._progress: _Thinned[logs.Record] = _Thinned(_PROGRESS, recording, self._record_of)
         self._lines = deque[_Place](maxlen=POINTS)
         self._plan_topics = set(_topics(recording, (logs.Plan,)))
         self._plans: dict[str, _Place] = {}  # one of each topic
@@ -189,6 +137,7 @@ class Timeline:
             "name": self._recording.path.name,
             "began_s": self.began,
             "duration_s": self.duration,
+            "ended": bool(self._recording.with_topic((_RESULT,))),
         }
 
     def events(self, at: float) -> Json:
@@ -243,7 +192,10 @@ class Timeline:
         return {
             "commanded": self._sampled(self._commanded, points),
             "measured": self._sampled(self._measured, points),
-            "lateness": self._lateness(),
+            "lateness": {
+                "times_s": [time - self.began for time, _ in self._timing.values],
+                "late_s": [late for _, late in self._timing.values],
+            },
             "velocity_limits": {
                 joint: limit
                 for plan in self._read_places(self._plans.values())
@@ -253,33 +205,33 @@ class Timeline:
             },
             "events": [
                 event_to_json(record)
-                for record in self._read_places((*self._progress.places, *self._lines))
+                for record in (*self._progress.values, *self._read_places(self._lines))
             ],
         }
 
-    def _lateness(self) -> Json:
-        messages = map(self._message, self._timing.places)
-        timings = [message.fields() for message in messages]
-        due = [each for each in timings if isfinite(each["time"] - (each["scheduled"] or nan))]
-        return {
-            "times_s": [each["time"] - self.began for each in due],
-            "late_s": [each["time"] - each["scheduled"] for each in due],
-        }
-
     def _read_places(self, places: Iterable[_Place]) -> Iterator[logs.Record]:
-        for place in places:
-            yield from self._recording.grouped([self._message(place)])
+        for chunk, group in groupby(places, lambda place: place.chunk):
+            opened = self._recording.open(chunk)
+            for place in group:
+                yield self._recording.record([opened.message(place.topic, place.entry)])
 
     def _message(self, place: _Place) -> logs.Message:
         return self._recording.open(place.chunk).message(place.topic, place.entry)
 
-    def _sampled(self, samples: _Samples, points: int) -> Json:
-        step = max(1, -(-len(samples.rows) // points))
-        rows = samples.rows[::step]
-        joints = list(dict.fromkeys(joint for row in rows for joint in row))
+    def _record_of(self, message: logs.Message) -> logs.Record:
+        return self._recording.record([message])
+
+    def _sample(self, message: logs.Message) -> _Sample | None:
+        row = _positions(message)
+        return (self._time(message.time_ns), row) if all(map(isfinite, row.values())) else None
+
+    def _sampled(self, samples: _Thinned[_Sample], points: int) -> Json:
+        step = max(1, -(-len(samples.values) // points))
+        found = samples.values[::step]
+        joints = list(dict.fromkeys(joint for _, row in found for joint in row))
         return {
-            "times_s": [self._time(each) - self.began for each in samples.times[::step]],
-            "positions": {joint: [row.get(joint) for row in rows] for joint in joints},
+            "times_s": [time - self.began for time, _ in found],
+            "positions": {joint: [row.get(joint) for _, row in found] for joint in joints},
         }
 
     def _time(self, time_ns: int) -> float:
@@ -289,7 +241,7 @@ class Timeline:
         recording, decoder = self._recording, Decoder()
         newest_of = [*_topics(recording, _STATE), _COMMANDED]
         steps_of = _topics(recording, _STEPS)
-        nodes: dict[str, NodeState] = {}
+        nodes: dict[str, _Node] = {}
         newest: dict[str, _Place] = {}
         count = 0
         for chunk in recording.chunks:
@@ -299,14 +251,13 @@ class Timeline:
                 )
                 count = 0
             opened = recording.open(chunk, decoder)
-            for record in recording.grouped(opened.messages((_GOAL, _TREE))):
-                if isinstance(record, logs.NodeStatus):
-                    before = nodes.get(record.path)
-                    before = before or NodeState(replace(record, status=""))
-                    nodes[record.path] = before.after(record)
-                    count += 1
-                elif self.goal is None and isinstance(record, logs.Goal):
-                    self.goal, self._goal_chunk = record, chunk.number
+            for message in opened.messages((_TREE,)):
+                path, status, time = self._change(message)
+                before = nodes[path][0] if path in nodes else NodeState()
+                nodes[path] = before.after(status, time), message
+                count += 1
+            if self.goal is None:
+                self._find_goal(chunk, opened)
             for topic in steps_of:
                 self.steps += (self._time(time) for time, _ in opened.entries(topic))
             for topic in newest_of:
@@ -314,14 +265,28 @@ class Timeline:
                     newest.pop(topic, None)  # plans count in the order of their last messages
                     newest[topic] = _Place(chunk, topic, entry)
             count += sum(map(opened.count, newest_of))
-            self._commanded.add(_COMMANDED, opened)
-            self._measured.add(_MEASURED, opened)
             self._thin(chunk, opened)
+
+    def _change(self, message: logs.Message) -> tuple[str, str, float]:
+        """Return path, status and time [s] in a message on the tree, many times as fast as all."""
+        fields = message.fields()
+        path, status, time = fields.get("path"), fields.get("status"), fields.get("time")
+        if isinstance(path, str) and isinstance(status, str) and isinstance(time, float):
+            return path, status, time
+        record = self._recording.record([message])
+        assert isinstance(record, logs.NodeStatus)
+        return record.path, record.status, record.time
+
+    def _find_goal(self, chunk: Chunk, opened: OpenChunk) -> None:
+        for message in opened.messages((_GOAL,))[:1]:
+            goal = self._recording.record([message])
+            if isinstance(goal, logs.Goal):
+                self.goal, self._goal_chunk = goal, chunk.number
 
     def _thin(self, chunk: Chunk, opened: OpenChunk) -> None:
         """Note what `series` returns of a chunk."""
-        self._timing.add(chunk, opened)
-        self._progress.add(chunk, opened)
+        for samples in (self._commanded, self._measured, self._timing, self._progress):
+            samples.add(opened)
         self._lines += (_Place(chunk, _LOG, entry) for entry in opened.entries(_LOG))
         for topic in self._plan_topics - self._plans.keys():
             if entry := opened.newest(topic):
@@ -330,8 +295,9 @@ class Timeline:
     def _state(self, window: _Window) -> Iterator[Json]:
         if self.goal and self._goal_chunk < window.first:
             yield event_to_json(self.goal)
-        for node in window.nodes.values():
-            yield node.to_json()
+        for node, message in window.nodes.values():
+            event = event_to_json(self._record_of(message)) | {"status": node.status}
+            yield event | {"began_s": node.began, "ended_s": node.ended, "starts": node.starts}
         for place in window.newest.values():
             message = self._message(place)
             if place.topic == _COMMANDED:
@@ -388,6 +354,15 @@ def _continues(message: logs.Message) -> bool:
 def _topics(recording: IndexedRecording, kinds: tuple[type, ...]) -> list[str]:
     """Return the topics of a recording with records of these types."""
     return list(filter(topic_filter(kinds), recording.types))
+
+
+def _lateness(message: logs.Message) -> tuple[float, float] | None:
+    """Return when a frame was sent [s], and how late [s]; None if it was not due at a time."""
+    timing = message.fields()
+    time, due = timing.get("time"), timing.get("scheduled")
+    if not (isinstance(time, float) and isinstance(due, float) and isfinite(time - due)):
+        return None
+    return time, time - due
 
 
 def _positions(message: logs.Message) -> dict[str, float]:

@@ -101,6 +101,7 @@ shown.addEventListener("open", () => {
   else if (live) drawRobot(live);
 });
 shown.addEventListener("change", draw);
+shown.addEventListener("error", (event) => player.say(/** @type {CustomEvent} */ (event).detail));
 cursor.addEventListener("change", () => {
   const { time, live } = cursor;
   if (shown.isLive && !live) {

@@ -7,7 +7,7 @@ import pytest
 
 from executive.server.recordings import folder as folder_of_recordings
 from executive.server.recordings.folder import RecordingFolder
-from tests.support.recordings.finished import at_rest
+from tests.support.recordings.finished import at_rest, rest
 from tests.support.servers.serving import Serve, Served
 
 pytest_plugins = ["tests.support.servers.server_fixtures"]
@@ -94,6 +94,37 @@ def test_names_never_leave_the_folder(serve: Serve) -> None:
     assert [row["state"] for row in rows(served)] == ["UNFINISHED"] * 2
     assert served.ask("GET", "/api/recordings/foreign.mcap")[0] == 409
     assert served.ask("POST", "/api/recordings/foreign.mcap/delete")[0] == 409
+
+
+def test_what_is_there_of_an_unfinished_recording_is_shown(serve: Serve) -> None:
+    served = serve()
+    goal = served.executive.send(10).identity  # it waits for an hour
+    while served.executive.status().node != "wait":
+        rest(served.clock, 0.01)
+    (row,) = rows(served)
+    path = f"/api/recordings/{row['name']}"
+    assert (row["state"], row["code"]) == ("UNFINISHED", "log.in_use")
+    assert served.ask("GET", path)[1]["ended"] is False
+    window = served.ask("GET", f"{path}/events?at=1000")[1]
+    nodes = {each["path"]: each for each in window["events"] if each["event"] == "node"}
+    assert nodes["wait"]["status"] == "RUNNING"
+    assert served.ask("GET", f"{path}/nodes")[1]["nodes"][0]["file"].endswith("10_wait.yaml")
+    assert served.ask("GET", f"{path}/robot")[1]["name"] == "arduinobot"
+    content = (served.folder / "recordings" / row["name"]).read_bytes()
+    served.executive.cancel()
+    served.executive.result(goal)
+    at_rest(served.folder / "recordings")
+    assert served.ask("GET", path)[1]["ended"] is True
+    killed = served.folder / "recordings" / "20990101T000000.000Z-10.mcap"
+    killed.write_bytes(content[:-20])  # as after kill -9
+    assert served.ask("GET", f"/api/recordings/{killed.name}")[1]["ended"] is False
+    assert killed.read_bytes() == content[:-20]
+    empty = killed.with_name("20990102T000000.000Z-10.mcap")
+    for data in (b"", content[:10], content[:2000]):
+        empty.write_bytes(data)
+        status, error = served.ask("GET", f"/api/recordings/{empty.name}")
+        assert (status, error["code"]) == (409, "log.unreadable")
+        assert error["message"].startswith(f"{empty}: ")
 
 
 @pytest.mark.slow

@@ -88,6 +88,7 @@ export class RecordedRun extends EventTarget {
     const about = await get(this.#path);
     this.duration = about.duration_s;
     this.#began = about.began_s;
+    if (!about.ended) this.kind = "recorded, without its end";
     const at = Math.min(time ?? this.duration, this.duration);
     const [series] = await Promise.all([get(`${this.#path}/series`), this.#load(at)]);
     this.#samples = series.commanded;

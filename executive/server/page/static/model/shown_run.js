@@ -19,7 +19,10 @@ const DRY_RUN = "dry run: nothing moves";
 const MOST_EVENTS = 20_000; // of the live run that are kept; then old frames are dropped
 const FREQUENT = new Set(["sent", "measured", "feedback", "log"]);
 
-/** Events: `open` when another run is shown, `change` then and when more is known of it. */
+/**
+ * Events: `open` when another run is shown, `change` then and when more is known of it, `error` when
+ * no more of it can be read.
+ */
 export class ShownRun extends EventTarget {
   /** The run of the newest live events. */
   live = new Run();
@@ -131,6 +134,10 @@ export class ShownRun extends EventTarget {
   /** @param {RecordedRun} recorded */
   #showRecorded(recorded) {
     recorded.addEventListener("change", () => this.dispatchEvent(new Event("change")));
+    recorded.addEventListener("error", (event) => {
+      const { detail } = /** @type {CustomEvent} */ (event);
+      this.dispatchEvent(new CustomEvent("error", { detail }));
+    });
     this.recorded = recorded;
     this.#show(recorded.run, recorded.history);
   }

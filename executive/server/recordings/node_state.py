@@ -1,0 +1,34 @@
+"""What the recorded changes of a node amount to."""
+
+from dataclasses import dataclass
+
+RUNNING, INVALID = "RUNNING", "INVALID"
+HALTED = "HALTED"  # INVALID after RUNNING
+
+
+@dataclass(frozen=True, slots=True)
+class NodeState:
+    """State of a node after some of its changes.
+
+    Attributes:
+        status: Last status; `HALTED` if it was interrupted.
+        began, ended: Time of its last start and end [s]; None if there is none.
+        starts: Number of starts.
+    """
+
+    status: str = INVALID
+    began: float | None = None
+    ended: float | None = None
+    starts: int = 0
+
+    def after(self, status: str, time: float) -> "NodeState":
+        """Return the state after a change of status at a time [s]."""
+        began, ended, starts = self.began, self.ended, self.starts
+        ran, runs = self.status == RUNNING, status == RUNNING
+        if status == INVALID and ran:
+            status = HALTED
+        if time == (began if runs else ended) or (status == INVALID and not ran):
+            return NodeState(status, began, ended, starts)  # it was known
+        if runs or not ran:  # it may start and end within one tick
+            began, starts = time, starts + 1
+        return NodeState(status, began, None if runs else time, starts)
