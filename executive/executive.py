@@ -202,8 +202,9 @@ class Executive:
             task: Task number, or a move.
             arguments: Values of the task's parameters, by name. Text is read as in a task file.
             identity: 32 hexadecimal digits; empty for a new identity.
-            strict: True to refuse a goal for an unknown task or with wrong arguments. Otherwise
-                the goal is accepted, and aborted. An invalid move is always refused.
+            strict: True to refuse a goal for an unknown task, with wrong arguments, or for a task
+                whose files have mistakes. Otherwise the goal is accepted, and aborted. An invalid
+                move is always refused.
         """
         if isinstance(task, Move):
             return self._accept(MOVE, {}, identity, *self._read_move(task))

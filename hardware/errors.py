@@ -66,7 +66,7 @@ class DescriptionError(HardwareError):
 
     code = "file.robot"
     exit_status = 3
-    hint = "correct it where the message says"
+    hint = "correct that file, or give another one with --robot"
 
     def __init__(self, path: Path, line: int, message: str) -> None:
         self.path, self.line = path, line

@@ -124,6 +124,8 @@ def new_arm(
 
 def _report(robot: "Robot", allowed: "AllowedPairs", saved: Path | None) -> list[str]:
     """Return lines that say what was guessed and found."""
+    from hardware.description.neighbours import advice_for_missing_shapes
+
     reasons, nearest = Counter(allowed.reasons.values()), allowed.nearest
     counts = ", ".join(f"{count} {reason}" for reason, count in reasons.items())
     away = [f"{joint.name} {joint.words(joint.boot, 4)}" for joint in robot.actuated if joint.boot]
@@ -132,6 +134,7 @@ def _report(robot: "Robot", allowed: "AllowedPairs", saved: Path | None) -> list
     free = "no links are checked there"
     if nearest:
         free = f"{nearest.first} and {nearest.second} are nearest, {1e3 * nearest.distance:.0f} mm"
+    missing = advice_for_missing_shapes(robot)
     lines = {
         "arm": ", ".join(robot.groups["arm"]),
         "gripper": ", ".join(robot.groups["gripper"]) or "none",
@@ -143,4 +146,5 @@ def _report(robot: "Robot", allowed: "AllowedPairs", saved: Path | None) -> list
     return [
         f"{robot.path}: a robot file for {robot.name}",
         *(f"  {name:<11}{value}" for name, value in lines.items()),
+        *([f"  {'shapes':<11}{missing}"] if missing else []),
     ]

@@ -278,8 +278,8 @@ def show(
 def new(number: int, name: str, trees: Path, robot: Path | None) -> None:
     """Write a new task file: a commented example that runs.
 
-    A task of a robot other than the Arduinobot is written to the subfolder of --trees with the name
-    of the robot.
+    A task belongs to a robot, so it is written to the subfolder of --trees with the name of the
+    robot.
 
     \b
     Example:

@@ -17,7 +17,7 @@ from skills.motion import MotionError
 from trees import Library, Located, TaskFile, TreeError, UnknownTask
 from trees.build import Tree, build
 from trees.compile.arguments import located
-from trees.errors import BadArguments
+from trees.errors import BadArguments, FileError
 
 from .breakpoints import Breakpoints
 from .goal import Goal
@@ -120,7 +120,7 @@ class GoalExecutor:
     def validate_request(
         self, task: int, arguments: Mapping[str, str | Located]
     ) -> Exception | None:
-        """Validate the task number and the arguments of a goal. Any thread may call.
+        """Validate the task number, its files and the arguments of a goal. Any thread may call.
 
         Returns:
             The error, or None. Other errors are the outcome of the goal, and are recorded.
@@ -128,7 +128,7 @@ class GoalExecutor:
         if self._queue.blocked:
             return None  # the queue refuses the goal, and validation might block, too
         error = self.validate(task, arguments)
-        return error if isinstance(error, (UnknownTask, BadArguments)) else None
+        return error if isinstance(error, (UnknownTask, BadArguments, FileError)) else None
 
     def _execute_all(self) -> None:
         try:

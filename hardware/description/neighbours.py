@@ -1,4 +1,4 @@
-"""Links that are neighbours: they may touch by design."""
+"""Links that are neighbours and may touch by design, and links without collision shapes."""
 
 import json
 from collections.abc import Collection
@@ -42,9 +42,20 @@ def advice_for_contact(robot: Robot, first: str, second: str) -> str:
         The advice, or an empty text if they are not neighbours.
     """
     urdf = Urdf.read(robot.urdf)
-    shaped = [link for link, count in urdf.collision_shapes().items() if count]
+    shaped = [link for link, count in urdf.shape_counts().items() if count]
     if frozenset((first, second)) not in adjacent_links(urdf, shaped):
         return ""
     pair = json.dumps([first, second])
     where = f"allowed under [collision] in {robot.path.name}"
     return f"they are neighbours, so add {pair} to {where}"
+
+
+def advice_for_missing_shapes(robot: Robot) -> str:
+    """Return which visible links are not checked for collision, and what to do; empty for none."""
+    urdf = Urdf.read(robot.urdf)
+    counts, visible = urdf.shape_counts(), urdf.shape_counts("visual")
+    if not any(counts.values()):
+        return "no <collision> in the URDF, so no collision is found; add one to each link"
+    bare = ", ".join(link for link, count in counts.items() if visible[link] and not count)
+    why = f"no <collision> for {bare} in the URDF, so these are not checked; add one to each"
+    return why if bare else ""

@@ -10,7 +10,7 @@ from hardware.drivers.null_driver import NO_BAUD, NO_FIRMWARE, NullDriver
 from hardware.errors import DescriptionError
 from hardware.joints import Joint
 from hardware.link.link import VIRTUAL
-from hardware.spelling import choices, there_are
+from hardware.spelling import closest, did_you_mean, there_are
 from hardware.toml_table import TomlTable
 
 from .calibration import calibration_file, is_robot_file, read_calibration
@@ -92,17 +92,18 @@ def _robot_file(path: Path) -> Path:
     """Return the robot file for a path or a name.
 
     Raises:
-        DescriptionError: It is a name, and no robot of that name ships.
+        DescriptionError: There is no such file, and no robot of that name ships.
     """
     shipped = shipped_robots()
-    if path.is_file() or path.suffix or len(path.parts) != 1:
+    if not path.is_file() and len(path.parts) == 1 and path.name in shipped:
+        return shipped[path.name]
+    if path.exists():
         return path
-    if path.name not in shipped:
-        why = (
-            f"is not a robot file, and no such robot ships; there are {choices(path.name, shipped)}"
-        )
-        raise DescriptionError(path, 0, why)
-    return shipped[path.name]
+    beside = {file.stem: str(file) for file in path.parent.glob("*.toml") if is_robot_file(file)}
+    known = dict(zip(shipped, shipped, strict=True)) | beside
+    near = did_you_mean(known.get(closest(path.stem, known), ""))
+    why = f"there is no such file, and no such robot ships; there are {', '.join(shipped)}{near}"
+    raise DescriptionError(path, 0, why)
 
 
 def _urdf(root: TomlTable, path: Path) -> Urdf:

@@ -195,12 +195,10 @@ class Urdf:
                 wrong = _collision_mistakes(link.get("name", ""), collision, largest)
                 yield from map(UrdfError, wrong)
 
-    def collision_shapes(self) -> dict[str, int]:
-        """Return the number of collision shapes of each link."""
-        return {
-            link.get("name", ""): len(link.findall("collision"))
-            for link in self._root.findall("link")
-        }
+    def shape_counts(self, kind: str = "collision") -> dict[str, int]:
+        """Return the number of shapes of each link: of `collision` or `visual` ones."""
+        links = self._root.findall("link")
+        return {link.get("name", ""): len(link.findall(kind)) for link in links}
 
     def visible_shapes(self, usable: Callable[[str], bool]) -> list[Shape]:
         """Return how links look: their visual shapes, or collision shapes if none is usable.

@@ -24,7 +24,7 @@ from hardware import (
     load_robot,
 )
 from hardware.bring_up.checks import check_bus
-from hardware.description.neighbours import advice_for_contact
+from hardware.description.neighbours import advice_for_contact, advice_for_missing_shapes
 from hardware.printable import wire_text
 from logs import LogError, check_space
 from skills.motion import MotionCollides, MotionError, Pool, Result, Verify
@@ -50,7 +50,7 @@ def check_readiness(
     try:
         robot = load_robot(robot_file)
     except HardwareError as error:
-        yield Check("robot", False, str(error), "correct that line", error.code)
+        yield Check("robot", False, str(error), error.hint, error.code)
         return
     yield Check("robot", True, f"{robot.name}, firmware {robot.firmware.name}")
     port = robot.serial.port if port is None else port
@@ -61,6 +61,8 @@ def check_readiness(
         yield Check("driver", None, "none is named, so the arm moves on the port virtual only")
     yield _tasks(trees, robot)
     yield _planner(robot)
+    if missing := advice_for_missing_shapes(robot):
+        yield Check("shapes", None, missing)
     yield from _recordings(recordings)
     yield from _port(robot, port, opens_port)
 

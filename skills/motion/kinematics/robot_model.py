@@ -54,7 +54,7 @@ class RobotModel:
             described = Urdf.read(robot.urdf)
             for mistake in described.shape_mistakes(MAX_MAGNITUDE):
                 raise mistake
-            counts = described.collision_shapes()
+            counts = described.shape_counts()
             _check_size(robot, sum(counts.values()))
             self._free = pin.buildModelFromUrdf(urdf)  # mimic joints have coordinates of their own
             _check_placements(robot, self._free)

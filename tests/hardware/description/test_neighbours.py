@@ -1,5 +1,6 @@
 """What is advised about links that touch."""
 
+import dataclasses
 import shutil
 from pathlib import Path
 
@@ -8,7 +9,7 @@ from click.testing import CliRunner
 
 from executive.cli.main import cli
 from hardware import load_robot
-from hardware.description.neighbours import advice_for_contact
+from hardware.description.neighbours import advice_for_contact, advice_for_missing_shapes
 
 ADVICE = (
     'so add ["base_plate", "forward_drive_arm"] to allowed under [collision] in arduinobot.toml'
@@ -20,6 +21,17 @@ def test_only_neighbours_are_advised_to_be_allowed() -> None:
     assert advice_for_contact(robot, "base_plate", "forward_drive_arm").endswith(ADVICE)
     assert advice_for_contact(robot, "base_link", "horizontal_arm") == ""
     assert advice_for_contact(robot, "floor", "horizontal_arm") == ""
+
+
+def test_links_without_a_shape_are_named(tmp_path: Path) -> None:
+    robot, text = load_robot(), load_robot().urdf.read_text()
+    assert advice_for_missing_shapes(robot) == ""
+    bare = dataclasses.replace(robot, urdf=tmp_path / "arm.urdf")
+    before, claw, after = text.partition('name="claw_support"')
+    one = before + claw + after.replace("collision>", "hidden>", 2 * 4)  # its shapes
+    for urdf, said in ((one, "for claw_support in"), (text.replace("collision>", "x>"), "in")):
+        bare.urdf.write_text(urdf)
+        assert advice_for_missing_shapes(bare).startswith(f"no <collision> {said} the URDF, so ")
 
 
 @pytest.mark.slow

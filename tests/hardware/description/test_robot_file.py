@@ -247,7 +247,11 @@ def test_a_urdf_with_thousands_of_links(tmp_path: Path) -> None:
 
 
 def test_a_robot_file_that_is_not_there(tmp_path: Path) -> None:
-    assert "cannot be read: No such file" in refusal(tmp_path / "none.toml")
+    (tmp_path / "z1.toml").touch()
+    none = "there is no such file, and no such robot ships; there are arduinobot, so101"
+    for name, near in (("none", ""), ("z1", tmp_path / "z1.toml"), ("s101.toml", "so101")):
+        wanted = f"{none}; did you mean {near}?" if near else none
+        assert refusal(tmp_path / name).endswith(wanted)
     assert "cannot be read: Is a directory" in refusal(tmp_path)
     (tmp_path / "latin").write_bytes(b"name = '\xe4'")
     assert "is not UTF-8" in refusal(tmp_path / "latin")

@@ -29,3 +29,11 @@ def test_a_run_on_the_arm_of_a_server_offers_to_send(serve: Serve, tmp_path: Pat
     assert refusal("99", *trees) == refusal("11", "--trees", str(mine)) == without
     assert refusal("11", *trees, "--port", "virtual") == ""
     assert refusal("1", "--robot", "so101") == ""
+
+
+def test_a_task_with_mistakes_leaves_no_recording(tmp_path: Path) -> None:
+    (tmp_path / "11_other.yaml").write_text(OTHER.replace("Succeed", "Sucked"))
+    status, out, _ = typed(tmp_path, "run", "11", "--trees", str(tmp_path), "--port", "virtual")
+    assert status == 3
+    assert "did you mean Succeed?" in out
+    assert not list(tmp_path.glob("*.mcap"))
