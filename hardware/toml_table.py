@@ -71,8 +71,14 @@ class TomlTable:
         above: float = -math.inf,
         least: float = -math.inf,
         most: float = math.inf,
+        default: float | None = None,
     ) -> float:
-        """Return a finite number greater than `above`, at least `least` and at most `most`."""
+        """Return a finite number greater than `above`, at least `least` and at most `most`.
+
+        The default is returned if the key is absent, without these checks.
+        """
+        if default is not None and key not in self:
+            return default
         try:
             value = float(self._value(key, float))
         except OverflowError:
@@ -107,13 +113,13 @@ class TomlTable:
             self.fail(key, f"{value} is not one of {', '.join(map(str, choices))}")
         return value
 
-    def boolean(self, key: str) -> bool:
-        """Return a boolean."""
-        return bool(self._value(key, bool))
+    def boolean(self, key: str, default: bool | None = None) -> bool:
+        """Return a boolean, or the default if the key is absent."""
+        return bool(self._value(key, bool, default))
 
-    def choice(self, key: str, choices: Iterable[str]) -> str:
-        """Return a text out of the choices."""
-        value, names = self.text(key), list(choices)
+    def choice(self, key: str, choices: Iterable[str], default: str | None = None) -> str:
+        """Return a text out of the choices, or the default if the key is absent."""
+        value, names = self.text(key, default), list(choices)
         if value not in names:
             self.fail(key, f"{value!r} is not one of {', '.join(names)}{suggestion(value, names)}")
         return value

@@ -48,6 +48,6 @@ class Guards:
         """
         limits = [field.name for field in fields(cls) if field.name != "on_fault"]
         values = {name: table.number(name, above=0) for name in limits if name in table}
-        on_fault = table.choice("on_fault", (HOLD, TORQUE_OFF)) if "on_fault" in table else HOLD
+        on_fault = table.choice("on_fault", (HOLD, TORQUE_OFF), default=HOLD)
         table.done()
         return cls(**values, on_fault=on_fault)

@@ -252,7 +252,9 @@ def _robot(path: Path, urdf: Urdf, gripper: Sequence[str], tool: str) -> Robot:
         own = [joint.name, *(each.name for each in followers.get(joint.name, ()))]
         groups["gripper" if joint.name in gripper else "arm"] += own
     leaders = {joint.name: _leader(joint, followers.get(joint.name, ())) for joint in chain}
-    mimics = [_follower(joint, leaders) for joints in followers.values() for joint in joints]
+    mimics = [
+        joint.following(leaders[leader]) for leader, joints in followers.items() for joint in joints
+    ]
     return Robot(
         name=re.sub(r"[^A-Za-z0-9_-]+", "_", path.stem),
         path=path,
@@ -283,22 +285,6 @@ def _leader(joint: UrdfJoint, followers: Sequence[UrdfJoint]) -> Joint:
         acceleration=velocity / _TIME_TO_SPEED,
         boot=min(max(0.0, joint.lower), joint.upper),
         mimic=None,
-        wire=None,
-        unit=joint.unit,
-    )
-
-
-def _follower(joint: UrdfJoint, leaders: Mapping[str, Joint]) -> Joint:
-    assert joint.mimic
-    leader, scale = leaders[joint.mimic.leader], abs(joint.mimic.multiplier)
-    return Joint(
-        name=joint.name,
-        lower=joint.lower,
-        upper=joint.upper,
-        velocity=leader.velocity * scale,
-        acceleration=leader.acceleration * scale,
-        boot=joint.mimic.value(leader.boot),
-        mimic=joint.mimic,
         wire=None,
         unit=joint.unit,
     )

@@ -66,14 +66,10 @@ def load_robot(
         guards=_guards(root, firmware) if "guards" in root else Guards(),
         links=described.links,
         home=tuple(root.text("home", default="").split()),
-        acceleration_sum=(
-            root.number("acceleration_sum", above=0) if "acceleration_sum" in root else math.inf
-        ),
-        needs_calibration=(
-            root.boolean("needs_calibration") if "needs_calibration" in root else False
-        ),
+        acceleration_sum=root.number("acceleration_sum", above=0, default=math.inf),
+        needs_calibration=root.boolean("needs_calibration", default=False),
         calibration=file if calibration else None,
-        brake=root.number("brake_s", least=0, most=MAX_BRAKE) if "brake_s" in root else 0.0,
+        brake=root.number("brake_s", least=0, most=MAX_BRAKE, default=0.0),
     )
     root.done()
     driver.check(root, robot.actuated, robot.firmware)
@@ -125,7 +121,7 @@ def _board(root: TomlTable, driver: Driver | NullDriver) -> tuple[Serial, Firmwa
         port=table.text("port", default=""),
         baud=table.integer("baud", BAUD_RATES),
         boot_wait=table.number("boot_wait_s", least=0, most=MAX_BOOT_WAIT),
-        resets=table.boolean("reset_on_open") if "reset_on_open" in table else firmware.resets,
+        resets=table.boolean("reset_on_open", default=firmware.resets),
     )
     table.done()
     return serial, firmware
@@ -170,7 +166,7 @@ def _joints(
     for name, described in moving.items():
         if described.mimic and described.mimic.leader in own:
             leader = described.mimic.leader
-            mimics.append(_mimic_joint(name, table.table(leader), described, own[leader]))
+            mimics.append(_mimic_joint(table.table(leader), described, own[leader]))
         elif described.mimic:
             why = f"the URDF's {name} follows {described.mimic.leader}"
             root.fail("joints", f"{why}; let it follow one of those described: {', '.join(own)}")
@@ -214,25 +210,13 @@ def _joint(
     return joint
 
 
-def _mimic_joint(name: str, table: TomlTable, urdf: UrdfJoint, leader: Joint) -> Joint:
-    assert urdf.mimic is not None
-    scale = abs(urdf.mimic.multiplier)
-    velocity = leader.velocity * scale
-    if velocity > urdf.velocity * _ROUNDING:
-        drives = f"{leader.velocity:g} {leader.unit}/s moves {name} at {velocity:g}"
+def _mimic_joint(table: TomlTable, urdf: UrdfJoint, leader: Joint) -> Joint:
+    joint = urdf.following(leader)
+    if joint.velocity > urdf.velocity * _ROUNDING:
+        drives = f"{leader.velocity:g} {leader.unit}/s moves {joint.name} at {joint.velocity:g}"
         most = f"the URDF's limit, {urdf.velocity:g} {urdf.unit}/s"
         table.fail("velocity", f"{drives} {urdf.unit}/s, more than {most}")
-    return Joint(
-        name=name,
-        lower=urdf.lower,
-        upper=urdf.upper,
-        velocity=velocity,
-        acceleration=leader.acceleration * scale,
-        boot=urdf.mimic.value(leader.boot),
-        mimic=urdf.mimic,
-        wire=None,
-        unit=urdf.unit,
-    )
+    return joint
 
 
 def _groups(root: TomlTable, joints: tuple[Joint, ...]) -> dict[str, tuple[str, ...]]:

@@ -18,7 +18,7 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 from hardware.files import read_file
-from hardware.joints import Mimic
+from hardware.joints import Joint, Mimic
 
 Vector = tuple[float, float, float]
 
@@ -76,6 +76,22 @@ class UrdfJoint:
     def unit(self) -> str:
         """Unit of its position: `m` for a prismatic joint, else `rad`."""
         return _unit(self.type)
+
+    def following(self, leader: Joint) -> Joint:
+        """Return the joint that mimics another one, with its limits times the multiplier."""
+        assert self.mimic
+        scale = abs(self.mimic.multiplier)
+        return Joint(
+            name=self.name,
+            lower=self.lower,
+            upper=self.upper,
+            velocity=leader.velocity * scale,
+            acceleration=leader.acceleration * scale,
+            boot=self.mimic.value(leader.boot),
+            mimic=self.mimic,
+            wire=None,
+            unit=self.unit,
+        )
 
 
 @dataclass(frozen=True, slots=True)
