@@ -356,7 +356,7 @@ class RecordingBehind(WriteRefused):
 
     Args:
         port: Name of the port.
-        most: Longest time that a frame waits for the recording of the one before it [s].
+        most: Longest time that a frame waits for the recording of the previous frame [s].
         cause: The likely cause, and what to do.
     """
 

@@ -12,7 +12,7 @@
     │   ├── PortLost              the port disappeared, or a write failed
     │   └── PortStalled           the other end accepts no more bytes
     ├── BoardError                the board misbehaves
-    │   ├── BoardSilent           it did not report what it must before the arm may move
+    │   ├── BoardSilent           it did not report in time; the arm may not move before
     │   ├── WrongFirmware         it runs another firmware than the robot file names
     │   ├── PoseOutsideLimits     it holds a servo outside the limits of its joint
     │   ├── BoardReset            it restarted while the arm was active

@@ -3,7 +3,7 @@
 from collections.abc import Collection, Iterable
 from itertools import groupby
 
-_ALL = 8  # largest number of names that a message lists whatever the unknown word is
+_ALL = 8  # a message lists up to this number of names, also those that are not similar
 _SHOWN = 5  # most names in a message if there are more
 _NEAR, _NEARER = 0.6, 0.71  # least similarity of a name that is listed, and that is suggested
 

@@ -23,7 +23,7 @@ class MergedMotion:
         robot: Description of the robot.
         start: Position of the arm, one value per actuated joint [rad].
         plans: One plan per group.
-        together: True if all plans start at once; False if each starts when the one before it ends.
+        together: True if all plans start at once; False if one starts at the end of the other.
 
     Attributes:
         groups: Group of each plan.

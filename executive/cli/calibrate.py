@@ -149,7 +149,7 @@ def _table(rows: "Sequence[Row]") -> Iterator[str]:
 def _finish(
     arm: "Robot", calibrator: "Calibrator", kept: Mapping[str, Mapping[str, int]], how: str
 ) -> None:
-    """Show what is to be written, ask, write the file and then the servos."""
+    """Show the changes and ask; then write the file, and after it the servos."""
     from hardware.description.calibration import write_calibration
 
     joints, changes = calibrator.joints(kept), calibrator.changes(kept)
@@ -183,8 +183,8 @@ def _values(changes: "Sequence[Change]") -> str:
 
 
 def _show(changes: "Sequence[Change]") -> None:
-    """Print what is to be written to the servos."""
-    echo("\nMemory of the servos:" + ("" if changes else " all is as it should be"))
+    """Print the values that will be written to the servos."""
+    echo("\nMemory of the servos:" + ("" if changes else " every value is right already"))
     for each in changes:
         place = f"  servo {each.servo:<3} {each.joint:<16}"
         echo(f"{place} {each.name:<7} {each.old:>6} -> {each.new}", whole=True)

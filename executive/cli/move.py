@@ -139,7 +139,7 @@ def where(server: str | None, as_json: bool, **options: Any) -> None:
 
 
 def find_arm(server: str | None, robot: Path | None, recordings: Path) -> "tuple[Where, str]":
-    """Return where the arm is, and who says so: a server, or else the newest recording with a pose.
+    """Return where the arm is, and the source: a server, or else the newest recording with a pose.
 
     Raises:
         Refusal: Several servers run on this machine, or the server has another robot.
@@ -199,7 +199,10 @@ def _where_lines(found: "Where", source: str) -> Sequence[str]:
 
     lines = [f"{'arm':<12}{found.arm}, by {source}"]
     if not found.commanded:
-        return [*lines, "The pose is known only of an active arm: `armtree arm activate`"]
+        return [
+            *lines,
+            "The pose of an inactive arm is not known; activate it: `armtree arm activate`",
+        ]
     for name, q in found.commanded.items():
         unit = found.units[name]
         line = f"{name:<12}{rounded(q, unit):>12} commanded"

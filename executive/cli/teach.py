@@ -163,8 +163,8 @@ class _Hand:
         from .terminal.jog_screen import Question
 
         if not self._arm.by_hand:
-            why = "The arm loses its torque and falls if nobody holds it."
-            raise Question(f"{why} Is it held?", self._release)
+            why = "The arm loses its torque and falls unless you hold it."
+            raise Question(f"{why} Do you hold it?", self._release)
         self._arm.switch_torque(on=True)
         dropped = "; the path is dropped" if self._recording else ""
         self._recording = False

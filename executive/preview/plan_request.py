@@ -54,7 +54,7 @@ class PlanRequest:
     tool: Mapping[str, str] = field(default_factory=dict)
 
     def motions(self, planner: Planner, world: World) -> tuple[list[Motion], list[str]]:
-        """Return the motions to plan, each from the end of the one before it.
+        """Return the motions to plan; each starts at the end of the previous one.
 
         Also return a message for each motion of a task whose goal is known only in a run.
 

@@ -91,8 +91,7 @@ class RecordedLink:
         if waited >= _REPORTED and now >= self._quiet_until:
             self._quiet_until = now + _AT_MOST_EVERY
             logger.warning(
-                "A frame waited %.2f s for the recording of the one before it. The likely "
-                "cause: %s",
+                "A frame waited %.2f s for the recording of the previous one. The likely cause: %s",
                 waited,
                 cause,
             )

@@ -232,7 +232,7 @@ def _timing_difference(schedule: Schedule, sent: Sequence[Sent], stopped: bool) 
             return f"frame {number}: {frame.text} was sent before it was due"
     for number, (one, other) in enumerate(pairwise(sent), 2):
         if other.time < one.time:
-            return f"frame {number}: {other.text} was sent before the frame before it"
+            return f"frame {number}: {other.text} has an earlier time than the previous frame"
     return ""
 
 

@@ -128,7 +128,7 @@ def _setpoints(path: Path, robot_file: Path) -> tuple[Setpoint, ...]:
         zero = first if zero is None else zero
         start = tuple(schedule.start.values())
         if setpoints and _encoded(robot, start, path) != setpoints[-1].frame:
-            raise NotReplayable(f"{path}: a motion does not begin where the one before it ended")
+            raise NotReplayable(f"{path}: a motion does not begin at the end of the previous one")
         before, passed = start, -1 / robot.firmware.rate  # one frame per period
         for due, frame in zip(schedule.times, frames, strict=False):
             setpoint = Setpoint(

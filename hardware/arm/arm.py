@@ -266,7 +266,7 @@ class Arm:
     def switch_torque(self, on: bool) -> None:
         """Switch the torque of all servos, and wait until that is done. It ends any motion.
 
-        Without torque a person moves the arm by hand, or gravity does: someone must hold it. No
+        Without torque a person moves the arm by hand, or gravity does: a person must hold it. No
         frame is sent until it is on again. The arm then holds where it is measured.
 
         Raises:

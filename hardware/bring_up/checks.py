@@ -75,7 +75,7 @@ def _missing(robot: Robot, port: str, found: Found) -> Iterator[Check]:
         yield Check("baud", False, what, remedy, ServoMissing.code, values=_plain(others))
         return
     if not others.servos and found.noise:
-        what = f"{found.noise} bytes came that are no answers of servos"
+        what = f"{found.noise} received bytes are not answers of servos"
         remedy = "check that the bus is on this port; another device may be"
         yield Check("servos", False, what, remedy, NoServos.code)
         return

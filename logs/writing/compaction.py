@@ -82,7 +82,7 @@ def rewrite(journal: Path) -> Summary:
         torn = records.torn
         _check(new, messages)
         damaged = _keep(journal) if torn else None
-        shutil.copystat(journal, new)  # the mode tells whether it is pinned, the time its age
+        shutil.copystat(journal, new)  # the mode shows whether it is pinned; the time is its age
         os.replace(new, journal)
     finally:
         new.unlink(missing_ok=True)

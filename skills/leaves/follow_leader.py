@@ -69,7 +69,7 @@ class FollowLeader(Skill):
         return self.on_running()
 
     def on_running(self) -> Status:
-        """Take the next step when the one before it is done."""
+        """Take the next step when the previous one is done."""
         if self.busy:
             return Status.RUNNING
         if self._playback:

@@ -91,7 +91,7 @@ def create_poses(
         comment: Lines for the head of the file.
 
     Returns:
-        The file, or None if there is one already, or a pose of one of these names ships.
+        The file; None if it exists already, or if a shipped pose has one of these names.
 
     Raises:
         FileError: A file is wrong, or this one cannot be written.

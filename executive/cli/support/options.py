@@ -56,7 +56,7 @@ pose_option = click.option(
 
 
 def _existing(context: click.Context, _option: click.Parameter, folder: Path | None) -> Path | None:
-    """Return the folder of tasks; None, with a note, if only a file names it, before it exists."""
+    """Return the folder of tasks. If a file of settings names one that is missing, note that."""
     by_file = context.get_parameter_source("trees") is ParameterSource.DEFAULT_MAP
     if folder is None or not by_file or folder.is_dir() or context.resilient_parsing:
         return folder

@@ -63,10 +63,10 @@ class OwnArm:
         self._executive.cancel()
 
     def where(self) -> Where:
-        """Return where the arm is. While it is moved by hand, that is measured.
+        """Return where the arm is. The pose is measured while the arm is moved by hand.
 
         Raises:
-            NotActive: It has failed while it was moved by hand. Raised once.
+            NotActive: The arm failed while it was moved by hand. Only the next call raises this.
         """
         where = self._executive.where()
         if not self.by_hand:

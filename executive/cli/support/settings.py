@@ -349,5 +349,5 @@ def _check_owner(path: Path) -> None:
 
     owner, folder = path.stat().st_uid, path.parent.stat().st_uid
     if owner not in (os.getuid(), folder, 0):
-        why = "belongs to another user, and so is not read; delete it, or work in another folder"
+        why = "belongs to another user, so it is not read; delete it, or work in another folder"
         raise DescriptionError(path, 0, why)

@@ -41,7 +41,7 @@ class HandGuidedArm:
         self._arm.activate()
 
     def release(self) -> None:
-        """Switch the torque off. The arm falls if nobody holds it.
+        """Switch the torque off. The arm falls unless a person holds it.
 
         Raises:
             HardwareError: The board failed.

@@ -127,7 +127,7 @@ class TeleopScreen(KeyScreen):
         super().__init__(_REDRAW)
         self._arm, self._leader, self._speed = arm, leader, speed
         self._lock = threading.Lock()  # held to change the view
-        question = "The leader loses its torque and falls if nobody holds it. Is it held? y/n"
+        question = "The leader loses its torque and falls unless you hold it. Do you hold it? y/n"
         self._view = View(Phase.ASKS, None, arm.where(), message=question)
         self._worker = ThreadPoolExecutor(1, "teleop")
         self._following: Future[None] | None = None

@@ -1,4 +1,4 @@
-"""The alternate screen of a terminal: what was there before is back when it is left."""
+"""The alternate screen of a terminal. The earlier content returns when it is left."""
 
 import os
 import signal
@@ -22,8 +22,8 @@ _lock = threading.RLock()  # nothing is drawn while the process is being suspend
 class FullScreen:
     """Draws lines on the alternate screen, as a context.
 
-    Every line is drawn over the one before, so that nothing flickers, and nothing is left behind
-    when the size of the terminal changes or keys are pressed.
+    Each line replaces the previous one, so nothing flickers. The rest of the screen is cleared,
+    also after keys were pressed or the terminal has another size.
 
     Args:
         stream: The terminal.

@@ -268,7 +268,7 @@ class Endpoints(RecordingEndpoints):
     async def _stream(self, kinds: frozenset[str], known: bool) -> AsyncIterator[bytes]:
         subscriber = self._hub.subscribe(kinds, known)
         try:
-            yield b": armtree\n\n"  # tells the client that it is connected
+            yield b": armtree\n\n"  # shows the client that it is connected
             while text := await subscriber.take():
                 yield text
         finally:

@@ -312,7 +312,7 @@ class Timeline:
                 yield from map(self._event, self._recording.grouped([message]))
 
     def _rest_of_frame(self, number: int) -> Iterator[logs.Message]:
-        """Yield the messages at the start of a chunk of a frame that began in the one before."""
+        """Yield the first messages of a chunk that belong to a frame of the previous chunk."""
         for chunk in self._recording.chunks[number : number + 1]:
             messages = self._recording.open(chunk).messages(_SENT)
             yield from takewhile(_continues, messages)

@@ -148,7 +148,7 @@ def test_a_task_is_taught_by_hand_and_runs(tmp_path: Path) -> None:
         terminal.type("r")
         terminal.until("f switches the torque off")
         terminal.type("f")
-        terminal.until("falls if nobody holds it. Is it held? y/n")
+        terminal.until("falls unless you hold it. Do you hold it? y/n")
         terminal.type("n")
         terminal.until("Nothing has changed", "arm unconfigured")
         terminal.type("fy")

@@ -35,7 +35,7 @@ def row(joint: str, leader: str, commanded: str) -> str:
 
 
 def follow(terminal: PseudoTerminal) -> None:
-    terminal.until("falls if nobody holds it. Is it held? y/n")
+    terminal.until("falls unless you hold it. Do you hold it? y/n")
     terminal.type("y")
     terminal.until(FOLLOWS)
 

@@ -47,7 +47,7 @@ def test_a_late_recording_is_reported_with_its_likely_cause(
         assert [link.ready(0.1) for _ in range(11)] == [False] * 10 + [True]
         assert link.ready(0.1)
     (line,) = caplog.messages
-    assert line.startswith("A frame waited 1.00 s for the recording of the one before it.")
+    assert line.startswith("A frame waited 1.00 s for the recording of the previous one.")
     assert cause in line
 
 

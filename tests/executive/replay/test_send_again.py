@@ -94,7 +94,10 @@ def test_a_replay_goes_by_the_times_of_the_schedule(picked: Path) -> None:
         (change("times", lambda t: [x / 20 for x in t]), r"turns joint_4 by .* limit is 1 rad/s"),
         (change("times", lambda t: [*t[:9], t[8], *t[10:]]), "is not due after the frame before"),
         (retold("/schedule", shortened), "more frames were recorded than were scheduled"),
-        (change("start", lambda q: q | {"joint_1": 0.5}, 2), "does not begin where the one before"),
+        (
+            change("start", lambda q: q | {"joint_1": 0.5}, 2),
+            "does not begin at the end of the previous one",
+        ),
     ],
 )
 def test_frames_beyond_the_limits_are_not_sent(

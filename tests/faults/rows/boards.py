@@ -9,7 +9,7 @@ from tests.faults.row import Scene, row
 @row(
     "garbage",
     "the board sends 300 kB of random bytes during a motion",
-    "the motion goes on and ends where it should, or ends `hw.frame_lost` if acknowledgements are"
+    "the motion continues to its target, or ends `hw.frame_lost` if acknowledgements are"
     " behind the garbage; the memory of the command grows little",
     limit=20,
     unit="MiB",

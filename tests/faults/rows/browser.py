@@ -84,7 +84,7 @@ def attacked(scene: Scene, made: Site, host: str, server: Server) -> dict[str, A
     "foreign-page",
     "pages of another port, another name, and of a name rebound to this machine, in a real browser:"
     " requests of ten kinds to three names of the server",
-    "none of them is answered or has an effect: the goal goes on, and no goal is added",
+    "none of them is answered or has an effect: the goal continues, and no goal is added",
     times=1,
 )
 def foreign_page(scene: Scene) -> None:

@@ -144,7 +144,7 @@ def memory(command: Command) -> float:
     "reader-ends",
     "the reader of a command's output ends after some lines, as in `armtree tasks | head -1`",
     "a command that only prints is quiet and ends with 141, or 0 if all was printed before; "
-    "a run goes on, and has its own status",
+    "a run continues, and has its own status",
     times=6,
     quick=1,
 )

@@ -201,7 +201,7 @@ def cancel_storm(scene: Scene) -> None:
 @row(
     "dead-client",
     "the client of a goal sent with `--deadman` is killed or stopped; another is just killed",
-    "the goal of the first is canceled, that of the second goes on",
+    "the goal of the first is canceled, that of the second continues",
     limit=2.5,
     unit="s",
     times=4,

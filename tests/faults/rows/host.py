@@ -39,7 +39,7 @@ def no_burst(scene: Scene, run: Command) -> None:
 @row(
     "clock",
     "the wall clock jumps by up to a day, forwards and backwards, during a motion",
-    "the motion goes on without a pause or a burst; the recording keeps its order and verifies",
+    "the motion continues without a pause or a burst; the recording keeps its order and verifies",
     limit=100,
     unit="ms",
     times=4,
@@ -97,7 +97,7 @@ def starved(scene: Scene) -> None:
 
 @row(
     "frozen",
-    "the command is stopped (SIGSTOP) for up to 2 s during a motion, then goes on",
+    "the command is stopped (SIGSTOP) for up to 2 s during a motion, then continues",
     "the rest of the motion is later, without a burst, and ends where it should",
     times=4,
 )
