@@ -3,7 +3,7 @@
 `Planner.plan` tries one stage after the other until it has a path, then times and verifies it:
 
     straight   the line from start to goal
-    bend       a path with a single rounded corner
+    bend       a path with a single rounded corner; with via points, a corner in each leg
     search     RRT-Connect
     shorten    shortcutting of a searched path
     blend      parabolic blends at the corners
@@ -32,7 +32,7 @@ from .kinematics.inverse import solve_ik
 from .kinematics.joint_group import JointGroup
 from .kinematics.robot_model import RobotModel
 from .path.barrier import check_passable
-from .path.bend import find_bend
+from .path.bend import find_bend, find_corner
 from .path.blend import blend
 from .path.motion_validator import MotionValidator
 from .path.motion_verification import verify_plan, verify_rows
@@ -294,9 +294,14 @@ def _leg_paths(
     """
     here, turns = legs[0][0], np.zeros(len(legs[0][0]))
     for (_, end), is_free in zip(legs, straight, strict=True):
-        goal = end + turns
+        goal, corner = end + turns, None
+        if not is_free and len(legs) > 1:
+            with watch.stage("bend"):
+                corner = find_corner(validator, (here, goal))
         if is_free:
             path = np.array([here, goal])
+        elif corner is not None:
+            path = corner
         else:
             with watch.stage("search"):
                 check_passable(validator, here, goal)
@@ -339,9 +344,11 @@ def _check_duration(plan: Plan, group: JointGroup) -> None:
 
 
 def _distinct(waypoints: Array) -> Array:
-    """Drop waypoints that are almost the same as the one before or the last one."""
+    """Drop waypoints that are almost the same as their neighbours; the ends stay as they are."""
     kept = [waypoints[0]]
     for point in waypoints[1:-1]:
-        if min(norms(np.array([point - kept[-1], waypoints[-1] - point]))) > _SAME_POINT:
+        if norms((point - kept[-1])[None, :])[0] > _SAME_POINT:
             kept.append(point)
+    while len(kept) > 1 and norms((waypoints[-1] - kept[-1])[None, :])[0] <= _SAME_POINT:
+        kept.pop()
     return np.array([*kept, waypoints[-1]])

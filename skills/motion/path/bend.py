@@ -1,4 +1,4 @@
-"""A path with a single bend around an obstacle, tried before the search.
+"""A path with a single bend or corner around an obstacle, tried before the search.
 
 It is faster to find than a searched path, and mostly shorter. The candidate via points cover the
 joint space around both ends evenly, as a low-discrepancy sequence, and are always the same: nothing
@@ -23,7 +23,10 @@ _MAX_TRIES = 10  # most bends that are checked completely
 _REACH = 2.0  # largest distance of candidates beyond the ends [rad]
 _SHARES = np.array([4.0, 2.0, 6.0, 1.0, 7.0, 3.0, 5.0]) / 8.0  # of a bend, checked first
 _LINE_SAMPLES = np.linspace(0.0, 1.0, 8)[1:-1, None]
-_BEND_SAMPLES = np.linspace(0.0, 1.0, 11)[1:-1, None, None]
+_NO_RADIUS = np.zeros(1)
+_T = np.linspace(0.0, 1.0, 11)[1:-1, None, None]
+_BEND_WEIGHTS = np.array([(1.0 - _T) ** 2, 2.0 * _T * (1.0 - _T), _T**2])
+_CORNER_WEIGHTS = np.maximum(0.0, [1.0 - 2.0 * _T, 1.0 - abs(2.0 * _T - 1.0), 2.0 * _T - 1.0])
 
 
 def find_bend(validator: MotionValidator, ends: tuple[Array, Array]) -> tuple[Array, Curve] | None:
@@ -38,22 +41,55 @@ def find_bend(validator: MotionValidator, ends: tuple[Array, Array]) -> tuple[Ar
     Raises:
         PlanTimeout: The deadline passed.
     """
+    return _find(validator, ends, _BEND_WEIGHTS, rounded=True)
+
+
+def find_corner(validator: MotionValidator, ends: tuple[Array, Array]) -> Array | None:
+    """Return three waypoints with free lines between them (3, J) [rad], or None.
+
+    It is for the legs of a longer path, whose corners are rounded together.
+
+    Args:
+        validator: Checks motions of the group.
+        ends: Two free points (J,) [rad]. The line between them is not free.
+
+    Raises:
+        PlanTimeout: The deadline passed.
+    """
+    found = _find(validator, ends, _CORNER_WEIGHTS, rounded=False)
+    return found[0] if found else None
+
+
+def _find(
+    validator: MotionValidator, ends: tuple[Array, Array], weights: Array, rounded: bool
+) -> tuple[Array, Curve] | None:
+    """Return the first three waypoints with a free curve, and the curve.
+
+    Args:
+        validator: Checks motions of the group.
+        ends: As `find_bend`.
+        weights: Those of start, via point and end in the samples of a candidate (3, S, 1, 1).
+        rounded: True to round the corner as far as possible, False to stop there.
+    """
     # Hulls that overlap at the free ends cannot show a collision.
     ignored = _close_pairs(validator, np.array(ends))
     pairs = _close_pairs(validator, ends[0] + _LINE_SAMPLES * (ends[1] - ends[0])) - ignored
     candidates, tries = _via_points(validator.group, ends), 0
     for begin in range(0, _CANDIDATES, _GROUP_SIZE):
-        left = _without_collision(validator, ends, candidates[begin : begin + _GROUP_SIZE], pairs)
+        left = candidates[begin : begin + _GROUP_SIZE]
+        left = _without_collision(validator, ends, left, weights, pairs)
         while len(left) and tries < _MAX_TRIES:
             waypoints, left, tries = np.array([ends[0], left[0], ends[1]]), left[1:], tries + 1
-            curve = Curve.through(waypoints, norms(np.diff(waypoints, axis=0)).min(keepdims=True))
+            radius = norms(np.diff(waypoints, axis=0)).min(keepdims=True) if rounded else _NO_RADIUS
+            curve = Curve.through(waypoints, radius)
             collision = validator.sampled_collision(curve.positions(curve.length * _SHARES))
             if collision is None:
                 collision = validator.collision_on(curve)
             if collision is None:
                 return waypoints, curve
             new = _close_pairs(validator, collision[None, :]) - ignored - pairs
-            left, pairs = _without_collision(validator, ends, left, new), pairs | new
+            left = _without_collision(validator, ends, left, weights, new)
+            pairs |= new
     return None
 
 
@@ -87,13 +123,16 @@ def _close_pairs(validator: MotionValidator, points: Array) -> frozenset[int]:
 
 
 def _without_collision(
-    validator: MotionValidator, ends: tuple[Array, Array], points: Array, pairs: frozenset[int]
+    validator: MotionValidator,
+    ends: tuple[Array, Array],
+    points: Array,
+    weights: Array,
+    pairs: frozenset[int],
 ) -> Array:
     """Return the via points for which the hulls of these pairs keep the margin at all samples."""
     if not (len(points) and pairs):
         return points
-    t = _BEND_SAMPLES
-    samples = (1.0 - t) ** 2 * ends[0] + 2.0 * t * (1.0 - t) * points + t**2 * ends[1]
+    samples = weights[0] * ends[0] + weights[1] * points + weights[2] * ends[1]
     rows = validator.full(samples.reshape(-1, points.shape[1]))
     hits = validator.checker.hulls_near(rows, validator.margin, pairs)
-    return points[~hits.reshape(len(_BEND_SAMPLES), -1).any(axis=0)]
+    return points[~hits.reshape(len(samples), -1).any(axis=0)]

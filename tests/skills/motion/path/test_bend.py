@@ -11,7 +11,7 @@ from skills.motion.collision.checker import CollisionChecker
 from skills.motion.collision.scene import PlanningScene
 from skills.motion.deadline import Deadline
 from skills.motion.kinematics.joint_group import JointGroup
-from skills.motion.path.bend import find_bend
+from skills.motion.path.bend import find_bend, find_corner
 from skills.motion.path.motion_validator import MotionValidator
 from skills.motion.planner import Planner
 
@@ -74,6 +74,26 @@ def test_a_bend_avoids_an_obstacle_on_the_line() -> None:
     assert validator.curve_is_free(curve)
 
 
+def test_a_corner_has_free_lines() -> None:
+    validator = validator_of(POST, SimulatedClock(), 1.0)
+    corner = find_corner(validator, ENDS)
+    assert corner is not None
+    start, via, goal = corner
+    assert np.array_equal([start, goal], ENDS)
+    assert validator.line_is_free(start, via)
+    assert validator.line_is_free(via, goal)
+
+
+def test_the_legs_of_a_path_have_a_corner_each() -> None:
+    """A search would take most of the time."""
+    there, back = (tuple(end.tolist()) for end in ENDS)
+    query = Query("arm", (*there, 0.0), back, via=(back, there), world=POST)
+    plan = Planner(ROBOT).plan(query)
+    assert {"bend", "blend"} <= plan.milliseconds.keys()
+    assert "search" not in plan.milliseconds
+    assert len(plan.waypoints) == 7
+
+
 def test_the_deadline_is_kept() -> None:
     late = validator_of(POST, SimulatedClock(), -1.0)
     with pytest.raises(PlanTimeout):
@@ -83,4 +103,6 @@ def test_the_deadline_is_kept() -> None:
 def test_no_bend_if_the_limits_leave_no_space() -> None:
     tight = JointGroup(ROBOT, "arm")
     tight.lower, tight.upper = np.minimum(*ENDS), np.maximum(*ENDS)
-    assert find_bend(validator_of(POST, SimulatedClock(), 5.0, tight), ENDS) is None
+    validator = validator_of(POST, SimulatedClock(), 5.0, tight)
+    assert find_bend(validator, ENDS) is None
+    assert find_corner(validator, ENDS) is None
