@@ -18,6 +18,7 @@ BELOW = {
 }
 # Folders that may hold more, and why.
 CROWDED = {
+    "executive": "one folder per part; a fleet is one of them",
     "skills/leaves": "one file per skill",
     "executive/cli": "one file per group of commands; their helpers are in support/ and terminal/",
     "tests": "one folder per room and per kind of test",

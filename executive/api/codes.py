@@ -26,6 +26,7 @@ READER_ENDED_EXIT = 141  # the shell's status of a program that SIGPIPE ends
 # Cheap ones first: a code is searched in one module after the other.
 _MODULES = (
     "executive.errors",
+    "executive.fleet.errors",
     "hardware.errors",
     "hardware.drivers.servo_errors",
     "logs.errors",

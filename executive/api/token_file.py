@@ -1,4 +1,7 @@
-"""The file in which a server leaves its URL and token for clients of the same user."""
+"""The file in which a server leaves its URL and token for clients of the same user.
+
+The NATS server of a fleet leaves another kind of file, which only its clients read.
+"""
 
 import json
 import os
@@ -9,6 +12,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 HTTP_PORT = 80  # clients leave it out
+SERVER, FLEET = "server", "fleet"  # kinds of files: of `armtree serve`, of `armtree fleet up`
 _MOST = 4096  # characters of a file that are read
 
 # For both ends of a connection: a machine that disappeared is noticed within 30 s.
@@ -47,12 +51,12 @@ def new_token() -> str:
     return secrets.token_urlsafe(32)
 
 
-def file_of(port: int) -> Path:
-    """Return the path of the file of the server on a port."""
-    return _folder() / f"server-{port}.json"
+def file_of(port: int, kind: str = SERVER) -> Path:
+    """Return the path of the file of the server of a kind on a port."""
+    return _folder() / f"{kind}-{port}.json"
 
 
-def write(port: int, info: ServerInfo) -> None:
+def write(port: int, info: ServerInfo, kind: str = SERVER) -> None:
     """Write the file, readable only by this user, and remove the files of servers that ended.
 
     Raises:
@@ -63,27 +67,27 @@ def write(port: int, info: ServerInfo) -> None:
     found = folder.lstat()
     if found.st_uid != os.getuid() or stat.S_IMODE(found.st_mode) & 0o077:
         raise PermissionError(f"other users have access to {folder}; chmod 700 it, or remove it")
-    for other in folder.glob("server-*.json"):
+    for other in folder.glob(f"{kind}-*.json"):
         if (left := _read(other)) and not left.is_running:
             other.unlink(missing_ok=True)
     handle, name = tempfile.mkstemp(dir=folder)  # creates it with mode 0600
     with os.fdopen(handle, "w") as stream:
         json.dump(asdict(info), stream)
-    os.replace(name, file_of(port))
+    os.replace(name, file_of(port, kind))
 
 
-def remove(port: int, info: ServerInfo) -> None:
+def remove(port: int, info: ServerInfo, kind: str = SERVER) -> None:
     """Remove the file, unless another server has replaced it."""
-    if read(port) == info:
-        file_of(port).unlink(missing_ok=True)
+    if read(port, kind) == info:
+        file_of(port, kind).unlink(missing_ok=True)
 
 
-def read(port: int) -> ServerInfo | None:
+def read(port: int, kind: str = SERVER) -> ServerInfo | None:
     """Return the content of the file of a running server of this user, or None.
 
     The token of a killed server must not be sent to a program that now listens on its port.
     """
-    found = _read(file_of(port))
+    found = _read(file_of(port, kind))
     return found if found and found.is_running else None
 
 

@@ -42,6 +42,17 @@ from .support.settings import option
     is_flag=True,
     help="Accept other machines. They need the token for everything except a stop.",
 )
+@option("fleet", "fleet_url")
+@click.option(
+    "--pool",
+    metavar="POOL",
+    default="arms",
+    show_default=True,
+    help="With --fleet: pool whose jobs the arm runs.",
+)
+@click.option(
+    "--name", metavar="NAME", help="With --fleet: name of the arm. Default: that of the machine."
+)
 @click.option("--rosbridge", is_flag=True, help="Also accept rosbridge clients, without a token.")
 @run_options
 def serve(
@@ -51,6 +62,9 @@ def serve(
     origins: tuple[str, ...],
     expose: bool,
     rosbridge: bool,
+    fleet_url: str | None,
+    pool: str,
+    name: str | None,
     policy: str,
     **options: Any,
 ) -> None:
@@ -64,6 +78,7 @@ def serve(
       armtree serve --bind 0.0.0.0 --expose --policy queue
     """  # noqa: D301
     from executive.api.events import Policy
+    from executive.fleet.worker_process import FleetPlace
     from executive.server.server import ListenOptions
     from executive.setup import Setup
 
@@ -77,4 +92,5 @@ def serve(
         expose=expose,
         rosbridge=rosbridge,
     )
-    run_server(Setup(policy=Policy(policy), **options), listen)
+    fleet = FleetPlace.of(fleet_url, pool, name) if fleet_url else None
+    run_server(Setup(policy=Policy(policy), **options), listen, fleet)

@@ -2,7 +2,6 @@
 
 import functools
 import json
-import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -13,7 +12,7 @@ import click
 from executive.api.codes import look_up
 
 from .support.command_group import command, diagnostics
-from .support.names import RECORDING, TASK, complete_node
+from .support.names import RECORDING, TASK, check_goal_id, complete_node
 from .support.options import pose_option, robot_option, set_option
 from .support.settings import Whole, local_server, option
 from .terminal.streams import echo
@@ -22,15 +21,7 @@ if TYPE_CHECKING:
     from executive.client.synchronous import Client
 
 
-def _goal_id(context: click.Context, parameter: click.Parameter, value: str) -> str:
-    if value and not re.fullmatch("[0-9a-f]{32}", value):
-        raise click.BadParameter(
-            f"{value!r} is not the id of a goal, which has 32 digits, 0 to 9 and a to f"
-        )
-    return value
-
-
-_goal_argument = click.argument("goal_id", metavar="[GOAL]", default="", callback=_goal_id)
+_goal_argument = click.argument("goal_id", metavar="[GOAL]", default="", callback=check_goal_id)
 
 
 def _with_client(function: Callable[..., None]) -> Callable[..., None]:

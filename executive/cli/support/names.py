@@ -1,5 +1,6 @@
 """Arguments that name a task, a recording, a port or a node, and how a shell completes them."""
 
+import re
 from collections.abc import Callable, Iterable, Iterator
 from functools import wraps
 from itertools import islice
@@ -41,6 +42,15 @@ def completing(names: Callable[[click.Context, str], Iterable[tuple[str, str]]])
         return [CompletionItem(name, help=about or None) for name, about in found]
 
     return complete
+
+
+def check_goal_id(context: click.Context, parameter: click.Parameter, value: str) -> str:
+    """Return the id of a goal; raise a usage error for anything else."""
+    if value and not re.fullmatch("[0-9a-f]{32}", value):
+        raise click.BadParameter(
+            f"{value!r} is not the id of a goal, which has 32 digits, 0 to 9 and a to f"
+        )
+    return value
 
 
 def load_library(trees: Path | None, robot: Path | None) -> "tuple[Robot, Library]":

@@ -6,7 +6,7 @@ import logging.handlers
 import queue
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, nullcontext
 from pathlib import Path
 from urllib.parse import urlencode
 
@@ -14,6 +14,7 @@ from executive.api import PORT
 from executive.cli.terminal.streams import LogFormatter, echo
 from executive.errors import PoseUnconfirmed
 from executive.executive import Executive
+from executive.fleet.worker_process import FleetPlace, worker_of
 from executive.goals.questions import Questions
 from executive.server.server import ListenOptions, Server, Viewer
 from executive.session import open_executive, port_line
@@ -31,8 +32,13 @@ logger = logging.getLogger(__name__)
 _SWITCH = 0.0005
 
 
-def serve(setup: Setup, listen: ListenOptions) -> None:
+def serve(setup: Setup, listen: ListenOptions, fleet: FleetPlace | None = None) -> None:
     """Run the server until a signal arrives; then stop the arm, cancel the goals and exit.
+
+    Args:
+        setup: The set-up of the arm.
+        listen: Where the server listens.
+        fleet: Fleet that the arm joins; None for none.
 
     Raises:
         HardwareError: The robot file is wrong or names no driver, or the start pose is unconfirmed.
@@ -60,8 +66,9 @@ def serve(setup: Setup, listen: ListenOptions) -> None:
                 server.start()
                 clock.spawn(lambda: prepare(executive), "prepare")
                 interrupts.on_cancel(lambda: _leave(executive, interrupts))
-                interrupts.wait()
-                logger.info("Ending: the arm is stopped, goals are canceled")
+                with worker_of(fleet, server.url, server.token) if fleet else nullcontext():
+                    interrupts.wait()
+                    logger.info("Ending: the arm is stopped, goals are canceled")
 
 
 def view_recordings(path: Path, show: Callable[[str], None]) -> None:

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
+from urllib.parse import urlsplit
 
 import click
 from click.core import ParameterSource
@@ -58,6 +59,24 @@ class Url(click.types.StringParamType):
         """Return the URL; raise a usage error for anything else."""
         if not str(value).startswith(("http://", "https://")):
             why = f"{value!r} is not the URL of a server, such as http://arm:8765"
+            self.fail(why, param, ctx)
+        return str(value)
+
+
+class FleetUrl(click.types.StringParamType):
+    """The URL of the NATS server of a fleet."""
+
+    name = "url"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        """Return the URL; raise a usage error for anything else."""
+        try:
+            parts = urlsplit(str(value))
+            valid = parts.scheme in ("nats", "tls") and parts.hostname and parts.port != 0
+        except ValueError:
+            valid = False
+        if not valid:
+            why = f"{value!r} is not the URL of a fleet, such as nats://127.0.0.1:4222"
             self.fail(why, param, ctx)
         return str(value)
 
@@ -154,6 +173,9 @@ SETTINGS = {
         type=Url(),
         metavar="URL",
         help="URL of the server. Default: the one on this machine.",
+    ),
+    "fleet": Setting(
+        type=FleetUrl(), metavar="URL", help="URL of the NATS server of a fleet of arms."
     ),
     "tcp_port": Setting(
         metavar="PORT",

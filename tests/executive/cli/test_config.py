@@ -59,6 +59,7 @@ def test_every_setting_can_be_given_in_every_way(project: Path) -> None:
     values = {
         "port": "virtual",
         "server": "http://arm:1",
+        "fleet": "nats://lab:4222",
         "policy": "queue",
         **dict.fromkeys(("robot", "trees", "skills", "world", "recordings"), str(project)),
     }

@@ -1,0 +1,342 @@
+"""`armtree fleet`: many arms, their jobs and their stop."""
+
+import json
+import logging
+import sys
+from collections.abc import Callable, Coroutine
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from executive.api.codes import look_up
+
+from .support.command_group import CommandGroup
+from .support.names import TASK, check_goal_id
+from .support.options import set_option
+from .support.settings import ABOVE_0, PATH, Whole, local_server, option
+from .terminal.streams import LogFormatter, echo
+
+if TYPE_CHECKING:
+    from executive.fleet.operator import Operator
+    from executive.fleet.values import Job, JobRecord
+
+_HERE = "nats://127.0.0.1:4222"
+_IDENTITY = click.argument("identity", metavar="JOB", callback=check_goal_id)
+_WHOM = click.argument("whom", metavar="[POOL|ARM]...", nargs=-1)
+_JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON: an object per line.")
+_FLEET = option("fleet", "url", default=_HERE)
+
+
+def _print(as_json: bool, row: Any, text: str) -> None:
+    echo(json.dumps(row) if as_json else text)
+
+
+def _run(url: str, act: "Callable[[Operator], Coroutine[Any, Any, None]]") -> None:
+    """Connect to the fleet, and call a function with the operator."""
+    from executive.fleet.run import run
+
+    run(url, act)
+
+
+def _print_log() -> None:
+    printer = logging.StreamHandler(sys.stderr)
+    printer.setFormatter(LogFormatter("%(asctime)s %(levelname)-7s %(message)s"))
+    logging.getLogger().addHandler(printer)
+
+
+@click.group(cls=CommandGroup)
+def fleet() -> None:
+    """Run many arms: send jobs to pools of them, watch them, and stop them all.
+
+    \b
+    Start here:
+      armtree fleet up
+      armtree serve --port virtual --activate --fleet URL
+      armtree fleet send 0 --wait
+      armtree fleet ls
+    """  # noqa: D301
+
+
+@fleet.command()
+@click.option(
+    "--data",
+    metavar="FOLDER",
+    type=PATH,
+    default=Path("fleet"),
+    show_default=True,
+    help="Folder for jobs and their records. It is created if it does not exist.",
+)
+@click.option(
+    "--bind",
+    "address",
+    metavar="ADDRESS",
+    default="127.0.0.1",
+    show_default=True,
+    help="Address to listen on. Another one than this machine's own needs the next three options.",
+)
+@click.option(
+    "--nats-port",
+    "port",
+    metavar="PORT",
+    type=Whole(1, 65535),
+    default=4222,
+    show_default=True,
+    help="TCP port.",
+)
+@click.option("--tls-cert", metavar="FILE", type=PATH, help="TLS certificate of the fleet.")
+@click.option("--tls-key", metavar="FILE", type=PATH, help="Private key of the certificate.")
+@click.option(
+    "--nkeys",
+    metavar="FILE",
+    type=PATH,
+    help="Public keys that may connect: lines such as `operator UABC...` or `arm UDEF...`.",
+)
+def up(
+    data: Path,
+    address: str,
+    port: int,
+    tls_cert: Path | None,
+    tls_key: Path | None,
+    nkeys: Path | None,
+) -> None:
+    """Start the NATS server of a fleet, and give up the jobs of arms that die, until Ctrl-C.
+
+    By default only programs of this user on this machine can connect.
+    """
+    from executive.fleet.run import up as run_up
+
+    _print_log()
+    run_up(data=data, address=address, port=port, certificate=tls_cert, key=tls_key, nkeys=nkeys)
+
+
+@fleet.command()
+@click.argument("file", metavar="FILE", type=PATH)
+def key(file: Path) -> None:
+    """Write a new private key to FILE, and print its public key.
+
+    The public key is for `fleet up --nkeys`. Programs take FILE from ARMTREE_FLEET_NKEY.
+    """
+    from executive.fleet.run import make_key
+
+    echo(make_key(file))
+
+
+@fleet.command()
+@option("server", default=local_server)
+@_FLEET
+@click.option("--pool", metavar="POOL", required=True, help="Pool whose jobs the arm runs.")
+@click.option("--name", metavar="NAME", required=True, help="Name of the arm in the pool.")
+@click.option("--child", is_flag=True, hidden=True, help="End when standard input ends.")
+def join(server: str, url: str, pool: str, name: str, child: bool) -> None:
+    """Let the arm of a server run the jobs of a pool, until Ctrl-C.
+
+    `armtree serve --fleet URL` does this for its own arm.
+    """
+    from executive.fleet.run import join as run_join
+
+    _print_log()
+    run_join(server, url, pool, name, child)
+
+
+@fleet.command()
+@click.argument("task", type=TASK)
+@click.option(
+    "--pool", metavar="POOL", default="arms", show_default=True, help="Pool that runs it."
+)
+@set_option
+@click.option(
+    "--id",
+    "identity",
+    metavar="ID",
+    default="",
+    callback=check_goal_id,
+    help="Id: 32 digits, 0 to 9, a to f.",
+)
+@click.option(
+    "--priority",
+    type=click.Choice(["high", "normal", "low"]),
+    default="normal",
+    show_default=True,
+    help="Jobs of a higher priority are taken first.",
+)
+@click.option(
+    "--start-within", metavar="SECONDS", type=ABOVE_0, help="Fail if no arm starts it in time [s]."
+)
+@click.option("--wait", is_flag=True, help="Wait for its end; the exit status is that of the run.")
+@_JSON
+@_FLEET
+def send(
+    url: str,
+    as_json: bool,
+    task: int | str,
+    pool: str,
+    settings: tuple[str, ...],
+    identity: str,
+    priority: str,
+    start_within: float | None,
+    wait: bool,
+) -> None:
+    """Send TASK to a pool of arms. A free arm of the pool runs it once.
+
+    Prints the id of the job when it is on disk. A job whose id was sent before is refused, so it
+    is safe to repeat this command with --id.
+    """
+    from .support.server_goals import parameters
+
+    ended: list[JobRecord] = []
+
+    async def act(operator: "Operator") -> None:
+        job = await operator.send(
+            task, pool, parameters(settings), identity, priority, start_within
+        )
+        _print(as_json, {"event": "queued", "job": job.identity}, job.identity)
+        if wait:
+            async for record in operator.wait(job.identity):
+                _print_record(record, as_json)
+                ended[:] = [record]
+
+    _run(url, act)
+    if ended and ended[0].result:
+        sys.exit(look_up(ended[0].result.code).exit_status)
+
+
+def _print_record(record: "JobRecord", as_json: bool) -> None:
+    from .terminal.fleet_tables import record_row, record_text
+
+    _print(as_json, record_row(record), record_text(record))
+
+
+@fleet.command()
+@_IDENTITY
+@_JSON
+@_FLEET
+def cancel(url: str, as_json: bool, identity: str) -> None:
+    """Cancel JOB: a queued one ends at once, a running one when its arm has stopped."""
+
+    async def act(operator: "Operator") -> None:
+        _print_record(await operator.cancel(identity), as_json)
+
+    _run(url, act)
+
+
+@fleet.command()
+@_JSON
+@_FLEET
+def ls(url: str, as_json: bool) -> None:
+    """List the arms, with state, job, last outcome and the URL of their pages."""
+    from .terminal.fleet_tables import arm_row, arms_text
+
+    async def act(operator: "Operator") -> None:
+        rows = await operator.arms()
+        if as_json:
+            for row in rows:
+                echo(json.dumps(arm_row(row)))
+        else:
+            echo(arms_text(rows))
+
+    _run(url, act)
+
+
+@fleet.command()
+@click.argument("identity", metavar="[JOB]", default="", callback=check_goal_id)
+@click.option(
+    "--last", metavar="N", type=Whole(1), default=20, show_default=True, help="Newest N only."
+)
+@_JSON
+@_FLEET
+def jobs(url: str, as_json: bool, identity: str, last: int) -> None:
+    """List the jobs, the newest last, or show JOB."""
+    from .terminal.fleet_tables import job_row, job_text
+
+    async def act(operator: "Operator") -> None:
+        found: list[JobRecord | Job] = []
+        if identity:
+            found.append(await operator.job(identity))
+        else:
+            number, queued = await operator.queued(last)
+            echo(f"{number} queued", err=True)
+            found += await operator.records()
+            found += queued
+        for each in found[-last:]:
+            _print(as_json, job_row(each), job_text(each))
+
+    _run(url, act)
+
+
+@fleet.command()
+@_WHOM
+@_JSON
+@_FLEET
+def stop(url: str, as_json: bool, whom: tuple[str, ...]) -> None:
+    """Stop all arms, or those of a POOL, or an ARM such as arms.arm-7. Not an emergency stop.
+
+    The arms take no jobs until `armtree fleet resume`. Each arm confirms; the command names those
+    that did not, and its exit status is then 13.
+    """
+    _confirmed(url, as_json, "stop", whom)
+
+
+@fleet.command()
+@_WHOM
+@_JSON
+@_FLEET
+def resume(url: str, as_json: bool, whom: tuple[str, ...]) -> None:
+    """Let arms take jobs again after a stop: all, or those of a POOL, or an ARM."""
+    _confirmed(url, as_json, "resume", whom)
+
+
+def _confirmed(url: str, as_json: bool, request: str, whom: tuple[str, ...]) -> None:
+    async def act(operator: "Operator") -> None:
+        for each in await getattr(operator, request)(whom):
+            row = {"arm": each.arm, "goals": each.goals, "ms": round(1000 * each.seconds, 1)}
+            _print(as_json, row, f"{each.arm}  {request} confirmed after {row['ms']} ms")
+
+    _run(url, act)
+
+
+@fleet.command()
+@click.argument("arm", metavar="ARM")
+@_FLEET
+def forget(url: str, arm: str) -> None:
+    """Remove ARM, which is gone, from the list of arms."""
+
+    async def act(operator: "Operator") -> None:
+        await operator.forget(arm)
+
+    _run(url, act)
+
+
+@fleet.command()
+@_IDENTITY
+@click.option(
+    "-o",
+    "--output",
+    metavar="FOLDER",
+    type=PATH,
+    default=Path(),
+    help="Folder for the file. Default: the working directory.",
+)
+@_JSON
+@_FLEET
+def logs(url: str, as_json: bool, identity: str, output: Path) -> None:
+    """Fetch the recording of JOB from the server of its arm, and print the path of the file.
+
+    A server on another machine needs ARMTREE_TOKEN.
+    """
+    from executive.fleet.run import fetch_recording
+
+    async def act(operator: "Operator") -> None:
+        path = await fetch_recording(operator, identity, output)
+        _print(as_json, {"file": str(path)}, str(path))
+
+    _run(url, act)
+
+
+@fleet.command()
+@_FLEET
+def top(url: str) -> None:
+    """Show the arms and the queue once a second, until Ctrl-C."""
+    from .terminal.fleet_tables import top as show
+
+    _run(url, show)

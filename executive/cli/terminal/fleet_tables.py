@@ -1,0 +1,84 @@
+"""Arms and jobs of a fleet, as JSON objects and as lines."""
+
+import asyncio
+import sys
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any
+
+from executive.fleet.operator import ArmRow, Operator
+from executive.fleet.values import Job, JobRecord
+from hardware.printable import plural
+
+_COLUMNS = "{:<24}  {:<12}  {:<32}  {:<20}  {}"
+
+
+def record_row(record: JobRecord) -> dict[str, Any]:
+    """Return the record of a job as a JSON object."""
+    plain = asdict(record)
+    job = plain.pop("job")
+    return {**job_row(record.job), **plain, "state": record.state, "arguments": job["arguments"]}
+
+
+def job_row(found: Job | JobRecord) -> dict[str, Any]:
+    """Return a job, or its record, as a JSON object."""
+    if isinstance(found, JobRecord):
+        return record_row(found)
+    plain = asdict(found)
+    return {"job": plain.pop("identity"), "state": "QUEUED", **plain}
+
+
+def job_text(found: Job | JobRecord) -> str:
+    """Return a job, or its record, as a line."""
+    if isinstance(found, JobRecord):
+        return record_text(found)
+    return f"{found.identity}  QUEUED     task {found.task} for {found.pool}, {found.priority}"
+
+
+def record_text(record: JobRecord) -> str:
+    """Return the record of a job as a line, with its hint and its recording on further lines."""
+    result, arm = record.result, record.arm or "no arm"
+    text = f"{record.job.identity}  {record.state:<9}  task {record.job.task} on {arm}"
+    if result is None:
+        return text
+    text += f" ({result.duration_s:.2f} s, {plural(result.frames, 'frame')})"
+    if record.late:
+        text += ", reported after it was given up"
+    if result.code != "ok":
+        text += f"\n  {result.message} [{result.code}]"
+        if result.hint and result.hint not in result.message:
+            text += f"\n  -> {result.hint}"
+    return f"{text}\n  recording {result.recording} on {record.url}" if result.recording else text
+
+
+def arm_row(row: ArmRow) -> dict[str, Any]:
+    """Return an arm as a JSON object."""
+    present = row.presence
+    known = {"job": present.job, "last": present.last, "done": present.done} if present else {}
+    empty = {"job": "", "last": "", "done": 0}
+    member = asdict(row.member)
+    return {"arm": member.pop("arm"), "state": row.state, **empty, **known, **member}
+
+
+def arms_text(rows: Sequence[ArmRow]) -> str:
+    """Return a table of arms."""
+    if not rows:
+        return "no arm has joined; armtree serve --fleet URL --name NAME adds one"
+    lines = [_COLUMNS.format("ARM", "STATE", "JOB", "LAST", "SERVER")]
+    for row in rows:
+        known = arm_row(row)
+        shown = (known[name] or "-" for name in ("arm", "state", "job", "last", "url"))
+        lines.append(_COLUMNS.format(*shown).rstrip())
+    return "\n".join(lines)
+
+
+async def top(operator: Operator) -> None:
+    """Show the arms and the queue once a second, until Ctrl-C."""
+    from rich.live import Live
+    from rich.text import Text
+
+    with Live(screen=sys.stdout.isatty(), auto_refresh=False) as live:
+        while True:
+            number, _ = await operator.queued(0)
+            live.update(Text(f"{number} queued\n{arms_text(await operator.arms())}"), refresh=True)
+            await asyncio.sleep(1.0)

@@ -1,0 +1,249 @@
+"""The connection to the NATS server of a fleet: credentials, stream, buckets, subjects."""
+
+import asyncio
+import os
+import ssl
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
+from contextlib import asynccontextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+from urllib.parse import urlsplit
+
+import nats
+import nats.errors
+from nats.aio.client import Client as Nats
+from nats.js import JetStreamContext
+from nats.js.api import (
+    ConsumerConfig,
+    DiscardPolicy,
+    KeyValueConfig,
+    RetentionPolicy,
+    StorageType,
+    StreamConfig,
+)
+from nats.js.errors import KeyNotFoundError
+from nats.js.kv import KeyValue
+
+from executive.api import token_file
+
+from .errors import FleetRefused, FleetUnreachable
+from .values import PRIORITIES, from_bytes
+
+T = TypeVar("T")
+
+NATS_PORT = 4222  # of a URL without a port
+JOBS = "fleet_jobs_queue"  # stream of the jobs that no arm has claimed
+ALIVE_SECONDS = 10.0  # an arm that is silent for this time is gone
+_CLAIM_SECONDS = 30.0  # a job that was delivered and not claimed is delivered again [s]
+_REPEAT_SECONDS = 3600.0  # a repeated message id is refused for this time [s]
+_KEEP_SECONDS = 7 * 86400.0  # records of jobs are kept for this time [s]
+_QUEUE_BYTES = 2**30
+_CONNECT_SECONDS = 2.0
+_WAITING = 20_000  # arms of a pool that wait for a job
+
+# What NATS and its libraries raise if the server is gone, slow, or starts again.
+GONE = (nats.errors.Error, OSError, asyncio.TimeoutError)
+
+
+def job_subject(pool: str, priority: str) -> str:
+    """Return the subject of the jobs of a pool with a priority."""
+    return f"fleet.job.{pool}.{priority}"
+
+
+def consumer_of(pool: str, priority: str) -> str:
+    """Return the name of the consumer of these jobs."""
+    return f"{pool}-{priority}"
+
+
+def control_subject(request: str, arm: str = "") -> str:
+    """Return the subject of a request to arms.
+
+    Args:
+        request: `stop`, `resume` or `cancel`.
+        arm: POOL.NAME, or POOL for all of a pool; empty for all arms.
+    """
+    return f"fleet.{request}{f'.{arm}' if arm else ''}"
+
+
+@dataclass(frozen=True, slots=True)
+class Fleet:
+    """A fleet, as its NATS server stores it.
+
+    Attributes:
+        url: URL of the NATS server.
+        nats: The connection.
+        stream: JetStream of the server.
+        members: Bucket of `Member`, by arm.
+        alive: Bucket of `Presence`, by arm; entries expire.
+        jobs: Bucket of `JobRecord`, by identity. To create a record is to claim the job.
+    """
+
+    url: str
+    nats: Nats
+    stream: JetStreamContext
+    members: KeyValue
+    alive: KeyValue
+    jobs: KeyValue
+
+    async def values(self, bucket: KeyValue, kind: type[T], keys: str = ">") -> dict[str, T]:
+        """Return the values of a bucket, by key.
+
+        Args:
+            bucket: The bucket.
+            kind: Type of its values.
+            keys: Subject of the keys, such as `bench.*`.
+
+        Raises:
+            BadJob: A value is malformed.
+        """
+        watcher = await bucket.watch(keys, ignore_deletes=True)
+        found = dict[str, T]()
+        async for entry in watcher:
+            if entry is None:
+                break
+            found[entry.key] = from_bytes(kind, entry.value)
+        await watcher.stop()  # type: ignore[no-untyped-call]
+        return found
+
+    async def get(self, bucket: KeyValue, kind: type[T], key: str) -> tuple[T, int] | None:
+        """Return a value of a bucket and its revision, or None if there is no such key.
+
+        Raises:
+            BadJob: The value is malformed.
+        """
+        try:
+            entry = await bucket.get(key)
+        except KeyNotFoundError:
+            return None
+        return from_bytes(kind, entry.value), entry.revision or 0
+
+    async def add_consumers(self, pool: str) -> None:
+        """Make the consumers of a pool, unless they exist."""
+        for priority in PRIORITIES:
+            await self.stream.add_consumer(
+                JOBS,
+                ConsumerConfig(
+                    durable_name=consumer_of(pool, priority),
+                    filter_subject=job_subject(pool, priority),
+                    ack_wait=_CLAIM_SECONDS,
+                    max_deliver=-1,
+                    max_ack_pending=-1,
+                    max_waiting=_WAITING,
+                ),
+            )
+
+
+@asynccontextmanager
+async def open_fleet(
+    url: str,
+    name: str,
+    lasting: bool = False,
+    changed: Callable[[bool], Awaitable[None]] | None = None,
+) -> AsyncIterator[Fleet]:
+    """Connect to a fleet, and make its stream and its buckets unless they exist.
+
+    Args:
+        url: URL of the NATS server.
+        name: Name of this program, which the server shows.
+        lasting: True to wait for the server, and to reconnect for ever; False to fail at once.
+        changed: Called with False if the connection is lost, and True when it is back.
+
+    Raises:
+        FleetUnreachable: No server answers.
+        FleetRefused: The server refuses the credentials.
+    """
+    refused, closing = asyncio.Event(), asyncio.Event()
+
+    async def note(error: Exception) -> None:
+        # Without this callback the library logs a traceback for every failed attempt.
+        if isinstance(error, nats.errors.AuthorizationError) or "authorization" in str(error):
+            refused.set()
+
+    async def lost() -> None:
+        if changed and not closing.is_set():
+            await changed(False)
+
+    async def back() -> None:
+        with suppress(*GONE):
+            await _make(connection, url)  # a bucket in memory is empty after a restart
+        if changed:
+            await changed(True)
+
+    options: dict[str, Any] = {
+        **_credentials(url),
+        "name": name,
+        "error_cb": note,
+        "disconnected_cb": lost,
+        "reconnected_cb": back,
+        "connect_timeout": _CONNECT_SECONDS,
+        "reconnect_time_wait": 0.5,
+        "max_reconnect_attempts": -1,
+        "allow_reconnect": lasting,
+    }
+    connection = Nats()
+    try:
+        await connection.connect(url, **options)
+        fleet = await _make(connection, url)
+    except GONE as error:
+        with suppress(*GONE):
+            await connection.close()
+        if refused.is_set() or "authorization" in str(error).lower():
+            raise FleetRefused(url) from error
+        raise FleetUnreachable(url, error or type(error).__name__) from error
+    try:
+        yield fleet
+    finally:
+        closing.set()
+        with suppress(*GONE):
+            await connection.close()
+
+
+async def _make(connection: Nats, url: str) -> Fleet:
+    stream = connection.jetstream(timeout=_CONNECT_SECONDS)
+    await stream.add_stream(
+        StreamConfig(
+            name=JOBS,
+            subjects=["fleet.job.>"],
+            retention=RetentionPolicy.WORK_QUEUE,
+            storage=StorageType.FILE,
+            discard=DiscardPolicy.NEW,
+            max_bytes=_QUEUE_BYTES,
+            duplicate_window=_REPEAT_SECONDS,
+            num_replicas=1,
+            allow_direct=True,
+        )
+    )
+    buckets: Mapping[str, Mapping[str, Any]] = {
+        "fleet_members": {},
+        "fleet_alive": {"ttl": ALIVE_SECONDS, "storage": StorageType.MEMORY},
+        "fleet_jobs": {"ttl": _KEEP_SECONDS},
+    }
+    made = [
+        await stream.create_key_value(
+            KeyValueConfig(bucket=name, direct=True, storage=StorageType.FILE).evolve(**more)
+        )
+        for name, more in buckets.items()
+    ]
+    return Fleet(url, connection, stream, *made)
+
+
+def _credentials(url: str) -> dict[str, Any]:
+    """Return the options that let this program in, and check the server's certificate."""
+    found: dict[str, Any] = {}
+    parts = urlsplit(url)
+    if key := os.environ.get("ARMTREE_FLEET_NKEY"):
+        found["nkeys_seed"] = str(Path(key).expanduser())
+    elif token := os.environ.get("ARMTREE_FLEET_TOKEN") or _own_token(url):
+        found["token"] = token
+    if parts.scheme == "tls":
+        found["tls"] = ssl.create_default_context(cafile=os.environ.get("ARMTREE_FLEET_CA"))
+    return found
+
+
+def _own_token(url: str) -> str:
+    """Return the token of a NATS server that this user started on this machine; or no text."""
+    parts = urlsplit(url)
+    own = token_file.read(parts.port or NATS_PORT, token_file.FLEET)
+    local = parts.hostname in ("localhost", "127.0.0.1", "::1")
+    return own.token if own and local else ""

@@ -1,0 +1,194 @@
+"""Errors of a fleet.
+
+FleetError
+├── FleetUnreachable    ConnectionError: no NATS server answers
+├── FleetRefused        the NATS server refuses the credentials
+├── FleetMissing        the libraries of the extra `fleet` are not installed
+├── FleetUnsafe         a fleet for other machines needs TLS and nkeys
+├── NotStarted          nats-server does not start
+├── BadName             a name of an arm or a pool is malformed
+├── NameTaken           another worker has that name
+├── BadJob              a job is malformed
+├── NobodyServes        no arm serves the pool
+├── DuplicateJob        a job with that id exists
+├── UnknownJob          no job has that id
+├── DeadlinePassed      a job was not started by its deadline
+├── ArmLost             the arm that had claimed a job is gone
+└── NotConfirmed        some arms did not confirm a request
+"""
+
+import re
+
+_NAME = re.compile(r"[A-Za-z0-9_-]{1,32}")
+
+
+class FleetError(Exception):
+    """The fleet failed. Root of the errors of a fleet."""
+
+    code = "fleet.error"
+    exit_status = 13
+    hint = "see the message"
+
+
+class FleetUnreachable(FleetError, ConnectionError):
+    """No NATS server answers."""
+
+    code = "fleet.unreachable"
+    hint = "`armtree fleet up` starts one; --fleet URL or ARMTREE_FLEET says where it is"
+
+    def __init__(self, url: str, why: object) -> None:
+        super().__init__(
+            f"no fleet answers at {url}: {str(why).rstrip('.')}. Start one with armtree fleet up, "
+            "or set its URL with --fleet URL or ARMTREE_FLEET"
+        )
+
+
+class FleetRefused(FleetError):
+    """The NATS server refuses the token or the key."""
+
+    code = "fleet.refused"
+    hint = "set ARMTREE_FLEET_TOKEN, or ARMTREE_FLEET_NKEY to the file of a key that it knows"
+
+    def __init__(self, url: str) -> None:
+        super().__init__(f"the fleet at {url} refuses this program; {self.hint}")
+
+
+class FleetMissing(FleetError):
+    """The libraries of the extra `fleet` are not installed."""
+
+    code = "fleet.missing"
+    hint = "`make fleet`, or pip install 'armtree[fleet]'"
+
+    def __init__(self, what: str) -> None:
+        super().__init__(f"{what} is not installed; type: {self.hint}")
+
+
+class FleetUnsafe(FleetError):
+    """A fleet for other machines needs TLS and nkeys."""
+
+    code = "fleet.unsafe"
+    exit_status = 2
+    hint = "give --tls-cert, --tls-key and --nkeys; `armtree fleet key` makes a key"
+
+    def __init__(self, address: str) -> None:
+        super().__init__(
+            f"--bind {address} would let other machines move every arm of the fleet; {self.hint}"
+        )
+
+
+class NotStarted(FleetError):
+    """The program nats-server does not start."""
+
+    code = "fleet.not_started"
+    hint = "see its last line; --tcp-port chooses another port, --data another folder"
+
+
+class BadName(FleetError):
+    """The name of an arm or a pool is malformed."""
+
+    code = "fleet.bad_name"
+    exit_status = 2
+    hint = "use 1 to 32 letters, digits, - and _"
+
+    def __init__(self, kind: str, name: str) -> None:
+        super().__init__(f"{name[:80]!r} is not the name of {kind}; {self.hint}")
+
+
+def check_name(kind: str, name: str) -> str:
+    """Return the name of an arm or a pool, which becomes a token of a NATS subject.
+
+    Args:
+        kind: What it names, for the message.
+        name: The name.
+
+    Raises:
+        BadName: It is malformed.
+    """
+    if not _NAME.fullmatch(name):
+        raise BadName(kind, name)
+    return name
+
+
+class NameTaken(FleetError):
+    """Another worker has that name."""
+
+    code = "fleet.name_taken"
+    hint = "give another --name"
+
+    def __init__(self, arm: str, url: str) -> None:
+        super().__init__(f"another worker is {arm}, with the server {url}; {self.hint}")
+
+
+class BadJob(FleetError):
+    """A job is malformed."""
+
+    code = "fleet.bad_job"
+    exit_status = 4
+    hint = "send it with this version of `armtree fleet send`"
+
+
+class NobodyServes(FleetError):
+    """No arm serves the pool."""
+
+    code = "fleet.nobody"
+    exit_status = 4
+    hint = "`armtree fleet ls` lists the arms; `armtree serve --fleet URL --pool POOL` adds one"
+
+    def __init__(self, pool: str) -> None:
+        super().__init__(f"no arm serves the pool {pool}, so nothing was sent; {self.hint}")
+
+
+class DuplicateJob(FleetError):
+    """A job with that id exists."""
+
+    code = "fleet.duplicate"
+    exit_status = 4
+    hint = "`armtree fleet jobs` shows it; give every job its own id"
+
+    def __init__(self, identity: str) -> None:
+        super().__init__(f"the job {identity} was sent before, so nothing was sent; {self.hint}")
+
+
+class UnknownJob(FleetError):
+    """No job has that id, or it is forgotten."""
+
+    code = "fleet.unknown_job"
+    exit_status = 4
+    hint = "`armtree fleet jobs` lists them"
+
+    def __init__(self, identity: str) -> None:
+        super().__init__(f"no job {identity} is known; {self.hint}")
+
+
+class DeadlinePassed(FleetError):
+    """A job was not started by its deadline."""
+
+    code = "fleet.deadline"
+    exit_status = 8
+    hint = "send it again if it is still wanted"
+
+    def __init__(self, late: float) -> None:
+        super().__init__(f"no arm was free by its deadline, {late:.1f} s ago, so nothing moved")
+
+
+class ArmLost(FleetError):
+    """The arm that had claimed a job is gone."""
+
+    code = "fleet.arm_lost"
+    hint = "look at the arm before you send the job again"
+
+    def __init__(self, arm: str, url: str, silence: float) -> None:
+        super().__init__(
+            f"{arm} ({url}) claimed this job, and has not been heard of for {silence:.0f} s. It "
+            f"may have moved; its own recording says how far. {self.hint.capitalize()}"
+        )
+
+
+class NotConfirmed(FleetError):
+    """Some arms did not confirm a request."""
+
+    code = "fleet.not_confirmed"
+    hint = "look at these arms, and use their own pages or power switches"
+
+    def __init__(self, request: str, arms: tuple[str, ...]) -> None:
+        super().__init__(f"not confirmed, {request}: {', '.join(arms)}; {self.hint}")

@@ -1,0 +1,224 @@
+"""The NATS server of a fleet: its configuration, its process, and who may connect."""
+
+import json
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from executive.api import token_file
+from hardware import Clock
+
+from .errors import FleetMissing, FleetUnsafe, NotStarted
+
+_START_SECONDS = 10.0
+_LAST_LINES = 3  # of its log, in an error
+
+# What an arm may not send: jobs, requests to other arms, and changes of what is stored of others.
+_NOT_FOR_ARMS = (
+    "fleet.job.>",
+    "fleet.stop.>",
+    "fleet.stop",
+    "fleet.cancel.>",
+    "fleet.resume.>",
+    "fleet.resume",
+    "$JS.API.STREAM.DELETE.>",
+    "$JS.API.STREAM.PURGE.>",
+    "$JS.API.STREAM.UPDATE.>",
+    "$JS.API.STREAM.MSG.DELETE.>",
+    "$JS.API.CONSUMER.DELETE.>",
+    "$JS.API.CONSUMER.PAUSE.>",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class NatsOptions:
+    """Where a NATS server listens, where it stores, and who may connect.
+
+    Attributes:
+        data: Folder for jobs and their records.
+        address: IP address of the interface.
+        port: TCP port.
+        certificate: TLS certificate of the server; None for none.
+        key: Private key of the certificate.
+        nkeys: File with the public keys that may connect: lines of a role, `operator` or `arm`, and
+            a key; None to let in who has the token, which this user's programs find.
+    """
+
+    data: Path
+    address: str = "127.0.0.1"
+    port: int = 4222
+    certificate: Path | None = None
+    key: Path | None = None
+    nkeys: Path | None = None
+
+    @property
+    def url(self) -> str:
+        """URL for clients on this machine."""
+        scheme = "tls" if self.certificate else "nats"
+        host = {"0.0.0.0": "127.0.0.1", "::": "[::1]"}.get(self.address, self.address)
+        return f"{scheme}://{host}:{self.port}"
+
+    def check(self) -> None:
+        """Check the options against each other.
+
+        Raises:
+            FleetUnsafe: Other machines could connect without encryption or without keys.
+            FleetMissing: There is no nats-server.
+            NotStarted: Another program listens there.
+        """
+        local = self.address in ("127.0.0.1", "::1", "localhost")
+        if not local and not (self.certificate and self.key and self.nkeys):
+            raise FleetUnsafe(self.address)
+        _program()
+        family = socket.AF_INET6 if ":" in self.address else socket.AF_INET
+        with socket.socket(family) as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                probe.bind((self.address, self.port))
+            except OSError as error:
+                where = f"{self.address} port {self.port}"
+                raise NotStarted(
+                    f"nats-server cannot listen on {where}: {error.strerror}; if another fleet "
+                    "runs there, use it with --fleet URL, or choose another port with --tcp-port"
+                ) from error
+
+
+def make_key(path: Path) -> str:
+    """Write a new private key to a file that only this user can read. Return its public key.
+
+    Raises:
+        FileExistsError: The file exists.
+    """
+    import nkeys
+
+    seed = nkeys.encode_seed(os.urandom(32), nkeys.PREFIX_BYTE_USER)
+    handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    with os.fdopen(handle, "wb") as stream:
+        stream.write(seed)
+    public: bytes = nkeys.from_seed(bytearray(seed)).public_key
+    return public.decode()
+
+
+@contextmanager
+def nats_server(options: NatsOptions, clock: Clock) -> Iterator["subprocess.Popen[bytes]"]:
+    """Run nats-server as long as the context lasts. What is stored stays.
+
+    Args:
+        options: Where it listens, and who may connect.
+        clock: Time source.
+
+    Raises:
+        FleetUnsafe, FleetMissing: As of `NatsOptions.check`.
+        NotStarted: It ends, or does not answer in time.
+    """
+    options.check()
+    options.data.mkdir(mode=0o700, parents=True, exist_ok=True)
+    token = _token(options.data / "token")
+    configuration = options.data / "nats-server.json"  # JSON is valid in its format
+    _write_private(configuration, json.dumps(_configuration(options, token), indent=1))
+    log = options.data / "nats-server.log"
+    with log.open("wb") as output:
+        process = subprocess.Popen(
+            [_program(), "-c", configuration],
+            stdin=subprocess.DEVNULL,
+            stdout=output,
+            stderr=output,
+            start_new_session=True,  # Ctrl-C is for armtree, which ends it in order
+        )
+    info = token_file.ServerInfo(options.url, token, process.pid)
+    try:
+        _wait_until_ready(options, process, log, clock)
+        token_file.write(options.port, info, token_file.FLEET)
+        yield process
+    finally:
+        token_file.remove(options.port, info, token_file.FLEET)
+        if process.poll() is None:
+            process.send_signal(signal.SIGTERM)
+        try:
+            process.wait(_START_SECONDS)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+
+
+def _program() -> str:
+    """Return the path of nats-server: beside this Python, or in the search path."""
+    beside = Path(sys.executable).with_name("nats-server")
+    found = str(beside) if beside.is_file() else shutil.which("nats-server")
+    if not found:
+        raise FleetMissing("nats-server")
+    return found
+
+
+def _configuration(options: NatsOptions, token: str) -> dict[str, Any]:
+    found: dict[str, Any] = {
+        "host": options.address,
+        "port": options.port,
+        "server_name": "armtree-fleet",
+        # A job is acknowledged when it is on disk. The default is one fsync every two minutes.
+        "jetstream": {"store_dir": str(options.data.resolve()), "sync_interval": "always"},
+        "max_connections": 65_536,
+    }
+    if options.certificate:
+        found["tls"] = {"cert_file": str(options.certificate), "key_file": str(options.key)}
+    if options.nkeys:
+        found["authorization"] = {"users": _users(options.nkeys)}
+    else:
+        found["authorization"] = {"token": token}
+    return found
+
+
+def _users(path: Path) -> list[dict[str, Any]]:
+    users: list[dict[str, Any]] = []
+    for number, line in enumerate(path.read_text().splitlines(), 1):
+        words = line.partition("#")[0].split()
+        if not words:
+            continue
+        if len(words) != 2 or words[0] not in ("operator", "arm") or not words[1].startswith("U"):
+            raise NotStarted(f"{path}:{number}: expected `operator KEY` or `arm KEY`: {line[:80]}")
+        user: dict[str, Any] = {"nkey": words[1]}
+        if words[0] == "arm":
+            user["permissions"] = {"publish": {"deny": list(_NOT_FOR_ARMS)}}
+        users.append(user)
+    if not users:
+        raise NotStarted(f"{path} names no key; `armtree fleet key` makes one")
+    return users
+
+
+def _token(path: Path) -> str:
+    """Return the token of a data folder. It stays the same, so that arms can reconnect."""
+    if not path.exists():
+        _write_private(path, token_file.new_token())
+    return path.read_text().strip()
+
+
+def _write_private(path: Path, text: str) -> None:
+    handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NOFOLLOW, 0o600)
+    with os.fdopen(handle, "w") as stream:
+        stream.write(text)
+
+
+def _wait_until_ready(
+    options: NatsOptions, process: "subprocess.Popen[bytes]", log: Path, clock: Clock
+) -> None:
+    end, pause = clock.now() + _START_SECONDS, clock.signal()
+    address = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(options.address, options.address)
+    while process.poll() is None and clock.now() < end:
+        try:
+            socket.create_connection((address, options.port), 1).close()
+            return
+        except OSError:
+            with pause:
+                pause.wait(clock.now() + 0.02)
+    last = " ".join(log.read_text(errors="replace").splitlines()[-_LAST_LINES:])
+    why = "does not answer" if process.poll() is None else "has ended"
+    process.kill()
+    raise NotStarted(f"nats-server {why}; its log, {log}, ends: {last or '(empty)'}")

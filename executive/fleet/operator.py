@@ -1,0 +1,340 @@
+"""What a person does with a fleet: send, cancel, stop, resume, list."""
+
+import asyncio
+import json
+import uuid
+from collections.abc import AsyncIterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any
+
+from nats.js.errors import KeyWrongLastSequenceError, NotFoundError
+
+from executive.api.outcome import CANCELED_CAUSE, GoalState
+from hardware import Clock
+
+from .connection import JOBS, Fleet, consumer_of, control_subject, job_subject
+from .errors import (
+    BadJob,
+    DuplicateJob,
+    FleetError,
+    NobodyServes,
+    NotConfirmed,
+    UnknownJob,
+    check_name,
+)
+from .values import (
+    PRIORITIES,
+    Job,
+    JobRecord,
+    Member,
+    Presence,
+    Result,
+    from_bytes,
+    to_bytes,
+)
+
+STOP_SECONDS = 2.0  # longest time for the confirmation of an arm
+_FOREVER = "2200-01-01T00:00:00Z"
+
+
+@dataclass(frozen=True, slots=True)
+class ArmRow:
+    """An arm, as a list shows it.
+
+    Attributes:
+        member: What it said when it joined.
+        presence: What it last said; None if it is gone.
+    """
+
+    member: Member
+    presence: Presence | None
+
+    @property
+    def state(self) -> str:
+        """State of the arm, or `gone`."""
+        return self.presence.state if self.presence else "gone"
+
+
+@dataclass(frozen=True, slots=True)
+class Confirmation:
+    """The answer of an arm to a request.
+
+    Attributes:
+        arm: POOL.NAME.
+        error: Why it failed; empty if it is done.
+        goals: Goals that it concerned.
+        seconds: Time from the request to the answer [s].
+    """
+
+    arm: str
+    error: str
+    goals: tuple[str, ...]
+    seconds: float
+
+
+class Operator:
+    """The requests of a person to a fleet.
+
+    Args:
+        fleet: The fleet.
+        clock: Time source.
+    """
+
+    def __init__(self, fleet: Fleet, clock: Clock) -> None:
+        self._fleet, self._clock = fleet, clock
+
+    async def send(
+        self,
+        task: int | str,
+        pool: str,
+        arguments: Mapping[str, Any],
+        identity: str = "",
+        priority: str = "normal",
+        start_within: float | None = None,
+    ) -> Job:
+        """Send a job. It is on disk when this returns.
+
+        Args:
+            task: Number or name of the task.
+            pool: Name of the pool whose arms may run it.
+            arguments: Values of the task's parameters, by name.
+            identity: 32 hexadecimal digits; empty to choose one.
+            priority: One of `PRIORITIES`.
+            start_within: Longest time until its start [s]; None for no limit.
+
+        Raises:
+            NobodyServes: No arm serves the pool.
+            DuplicateJob: A job with that id exists.
+            BadName, BadJob: An argument is malformed.
+        """
+        check_name("a pool", pool)
+        now = self._now()
+        start_by = None if start_within is None else now + round(start_within * 1e9)
+        identity = identity or uuid.uuid4().hex
+        job = Job(identity, pool, task, dict(arguments), now, priority, start_by)
+        from_bytes(Job, to_bytes(job))
+        if not await self._is_served(pool):
+            raise NobodyServes(pool)
+        if await self._fleet.get(self._fleet.jobs, JobRecord, identity):
+            raise DuplicateJob(identity)
+        if await publish(self._fleet, job):
+            raise DuplicateJob(identity)
+        return job
+
+    async def _is_served(self, pool: str) -> bool:
+        try:
+            await self._fleet.stream.get_msg(
+                "KV_fleet_alive",
+                seq=1,
+                subject=f"$KV.fleet_alive.{pool}.*",
+                next=True,
+                direct=True,
+            )
+        except NotFoundError:
+            return False
+        return True
+
+    async def arms(self) -> list[ArmRow]:
+        """Return the arms of the fleet, those that are gone too, by name."""
+        members = await self._fleet.values(self._fleet.members, Member)
+        alive = await self._fleet.values(self._fleet.alive, Presence)
+        return [ArmRow(members[arm], alive.get(arm)) for arm in sorted(members)]
+
+    async def records(self) -> list[JobRecord]:
+        """Return what is known of the jobs that are not queued, in the order of their sending."""
+        found = await self._fleet.values(self._fleet.jobs, JobRecord)
+        return sorted(found.values(), key=lambda record: record.job.sent_ns)
+
+    async def queued(self, most: int = 100) -> tuple[int, list[Job]]:
+        """Return the number of queued jobs, and the oldest of them.
+
+        Args:
+            most: Largest number of jobs to return.
+        """
+        info = await self._fleet.stream.stream_info(JOBS)
+        found: list[Job] = []
+        sequence = info.state.first_seq
+        while len(found) < min(most, info.state.messages):
+            try:
+                message = await self._fleet.stream.get_msg(
+                    JOBS, seq=sequence, subject="fleet.job.>", next=True, direct=True
+                )
+            except NotFoundError:
+                break
+            sequence = (message.seq or sequence) + 1
+            try:
+                job = from_bytes(Job, message.data)
+            except BadJob:
+                continue  # a worker will drop it
+            known = await self._fleet.get(self._fleet.jobs, JobRecord, job.identity)
+            if known is None or known[0].job.attempt < job.attempt:
+                found.append(job)
+        return max(info.state.messages, len(found)), found
+
+    async def job(self, identity: str) -> JobRecord | Job:
+        """Return the record of a job, or the job while it is queued.
+
+        Raises:
+            UnknownJob: No job has that id.
+        """
+        if found := await self._fleet.get(self._fleet.jobs, JobRecord, identity):
+            return found[0]
+        _, queued = await self.queued(10_000)
+        for job in queued:
+            if job.identity == identity:
+                return job
+        raise UnknownJob(identity)
+
+    async def wait(self, identity: str) -> AsyncIterator[JobRecord]:
+        """Yield the record of a job when it is claimed, and when it ended."""
+        watcher = await self._fleet.jobs.watch(identity, ignore_deletes=True)
+        try:
+            async for entry in watcher:
+                if entry is not None:
+                    record = from_bytes(JobRecord, entry.value)
+                    yield record
+                    if record.result:
+                        return
+        finally:
+            await watcher.stop()  # type: ignore[no-untyped-call]
+
+    async def cancel(self, identity: str) -> JobRecord:
+        """Cancel a job: a queued one ends at once, a running one when its arm has stopped.
+
+        Raises:
+            UnknownJob: No job has that id.
+            NotConfirmed: Its arm does not confirm.
+        """
+        known = await self.job(identity)
+        if isinstance(known, Job):
+            now = self._now()
+            result = Result.failed(CANCELED_CAUSE, GoalState.CANCELED)
+            record = JobRecord(known, "", "", "", now, result=result, ended_ns=now)
+            try:
+                await self._fleet.jobs.create(identity, to_bytes(record))
+                return record
+            except KeyWrongLastSequenceError:
+                known = await self.job(identity)  # an arm has claimed it meanwhile
+        assert isinstance(known, JobRecord)
+        if known.result is None:
+            await self.request("cancel", [known.arm], {"job": identity})
+        return known
+
+    async def stop(self, whom: Sequence[str] = ()) -> list[Confirmation]:
+        """Stop arms, and hold the queues of their pools until `resume`.
+
+        Args:
+            whom: Pools, and arms as POOL.NAME; none for all arms.
+
+        Raises:
+            NotConfirmed: Some arms did not confirm; the error names them.
+        """
+        asked = asyncio.create_task(self.request("stop", whom))
+        await asyncio.sleep(0)  # the stop leaves first
+        await self._hold_queues(whom, hold=True)
+        return await asked
+
+    async def resume(self, whom: Sequence[str] = ()) -> list[Confirmation]:
+        """Let arms that a stop has held take jobs again.
+
+        Args:
+            whom: As of `stop`.
+
+        Raises:
+            NotConfirmed: Some arms did not confirm; the error names them.
+        """
+        await self._hold_queues(whom, hold=False)
+        return await self.request("resume", whom)
+
+    async def forget(self, arm: str) -> None:
+        """Remove an arm that is gone from the list.
+
+        Raises:
+            FleetError: It is not gone, or not a member.
+        """
+        row = next((row for row in await self.arms() if row.member.arm == arm), None)
+        if row is None or row.presence:
+            why = "is not gone; end its server" if row else "is not an arm of this fleet"
+            raise FleetError(f"{arm} {why}; `armtree fleet ls` lists the arms")
+        await self._fleet.members.purge(arm)
+
+    async def request(
+        self, request: str, whom: Sequence[str], body: Mapping[str, Any] | None = None
+    ) -> list[Confirmation]:
+        """Send a request to arms, and wait until all of them have answered.
+
+        Args:
+            request: `stop`, `resume` or `cancel`.
+            whom: Pools, and arms as POOL.NAME; none for all arms.
+            body: What the request says.
+
+        Raises:
+            NotConfirmed: Some arms did not answer in time, or failed; the error names them.
+        """
+        connection, whom = self._fleet.nats, tuple(whom)
+        begin, inbox = self._clock.now(), connection.new_inbox()
+        found: dict[str, Confirmation] = {}
+        news = asyncio.Event()
+
+        async def note(message: Any) -> None:
+            answer = json.loads(message.data)
+            goals = tuple(answer.get("goals", ()))
+            took = self._clock.now() - begin
+            found[answer["arm"]] = Confirmation(answer["arm"], answer["error"], goals, took)
+            news.set()
+
+        subscription = await connection.subscribe(inbox, cb=note)
+        for each in whom or ("",):
+            data = json.dumps(dict(body or {})).encode()
+            await connection.publish(control_subject(request, each), data, inbox)
+        await connection.flush()
+        members = await self._fleet.values(self._fleet.members, Member)
+        wanted = {arm for arm in members if not whom or {arm, arm.partition(".")[0]} & {*whom}}
+        if unknown := {each for each in whom if not any(_names(each, arm) for arm in members)}:
+            raise FleetError(f"no arm is {', '.join(sorted(unknown))}; `armtree fleet ls`")
+        end = begin + STOP_SECONDS
+        while wanted - found.keys() and (left := end - self._clock.now()) > 0:
+            news.clear()
+            with suppress(TimeoutError):
+                async with asyncio.timeout(left):
+                    await news.wait()
+        await subscription.unsubscribe()
+        failed = {arm for arm, answer in found.items() if answer.error}
+        if missing := sorted((wanted - found.keys()) | failed):
+            words = {arm: f" ({found[arm].error})" if arm in found else "" for arm in missing}
+            named = tuple(f"{arm}{words[arm]}" for arm in missing)
+            raise NotConfirmed(f"{request}, {len(found) - len(failed)} of {len(wanted)}", named)
+        return sorted(found.values(), key=lambda answer: answer.arm)
+
+    async def _hold_queues(self, whom: Sequence[str], hold: bool) -> None:
+        """Hold the queues of whole pools, also for arms that are not connected now."""
+        consumers = await self._fleet.stream.consumers_info(JOBS)
+        pools = {name.rpartition("-")[0] for name in (each.name or "" for each in consumers)}
+        for pool in pools & {*whom} if {*whom} else pools:
+            for priority in PRIORITIES:
+                name = consumer_of(pool, priority)
+                if hold:
+                    await self._fleet.stream.pause_consumer(JOBS, name, _FOREVER)
+                else:
+                    await self._fleet.stream.resume_consumer(JOBS, name)
+
+    def _now(self) -> int:
+        return self._clock.epoch_ns() + round(self._clock.now() * 1e9)
+
+
+def _names(whom: str, arm: str) -> bool:
+    return whom in (arm, arm.partition(".")[0])
+
+
+async def publish(fleet: Fleet, job: Job) -> bool:
+    """Publish a job; return True if its attempt was published before.
+
+    It is on disk when this returns.
+    """
+    repeated = await fleet.stream.publish(
+        job_subject(job.pool, job.priority),
+        to_bytes(job),
+        headers={"Nats-Msg-Id": f"{job.identity}.{job.attempt}"},
+    )
+    return bool(repeated.duplicate)

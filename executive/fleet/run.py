@@ -1,0 +1,200 @@
+"""The programs of a fleet: its server, the worker of an arm, and the commands of a person."""
+
+import asyncio
+import logging
+import signal
+import sys
+from collections.abc import AsyncIterator, Callable, Coroutine
+from contextlib import asynccontextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from httpcore import AsyncConnectionPool
+
+from executive.client.asynchronous import AsyncClient
+from executive.client.transport import Address, transport_errors
+from hardware import RealClock
+
+from .errors import FleetError, FleetMissing, FleetUnreachable, check_name
+
+try:
+    from .connection import GONE, open_fleet
+    from .nats_server import NatsOptions, make_key as make_key, nats_server
+    from .operator import Operator
+    from .supervisor import Supervisor
+    from .values import JobRecord
+    from .worker import Worker
+except ModuleNotFoundError as error:
+    if error.name != "nats":
+        raise
+    raise FleetMissing("nats-py") from error
+
+logger = logging.getLogger(__name__)
+
+_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+_RETRY_SECONDS = 1.0
+
+
+def run(url: str, act: Callable[[Operator], Coroutine[Any, Any, None]]) -> None:
+    """Connect to a fleet, and call a function with its operator.
+
+    Raises:
+        FleetError: The fleet cannot be reached, or refuses.
+    """
+
+    async def main() -> None:
+        async with open_fleet(url, "armtree") as fleet:
+            try:
+                await act(Operator(fleet, RealClock()))
+            except GONE as error:
+                raise FleetUnreachable(url, str(error) or type(error).__name__) from error
+
+    asyncio.run(main())
+
+
+def up(**options: Any) -> None:
+    """Run nats-server and the supervisor until a signal arrives.
+
+    Raises:
+        FleetError: It cannot start, or nats-server ended.
+    """
+    clock, chosen = RealClock(), NatsOptions(**options)
+
+    async def supervise(ended: asyncio.Event, process: Any) -> None:
+        watching = asyncio.create_task(_serve_supervisor(chosen.url))
+        while not ended.is_set():
+            with suppress(TimeoutError):
+                async with asyncio.timeout(_RETRY_SECONDS):
+                    await ended.wait()
+            if process.poll() is not None:
+                raise FleetError(
+                    f"nats-server has ended with status {process.returncode}; its log is "
+                    f"{chosen.data / 'nats-server.log'}. Start it again: armtree fleet up"
+                )
+        watching.cancel()
+
+    async def main() -> None:
+        async with _signals() as ended:
+            with nats_server(chosen, clock) as process:
+                logger.info("The fleet is at %s, its data in %s", chosen.url, chosen.data)
+                await supervise(ended, process)
+
+    asyncio.run(main())
+
+
+async def _serve_supervisor(url: str) -> None:
+    clock = RealClock()
+    while True:
+        supervisor: list[Supervisor] = []
+
+        async def changed(up: bool, known: list[Supervisor] = supervisor) -> None:
+            if up and known:
+                known[0].reconnected()
+
+        try:
+            async with open_fleet(url, "supervisor", lasting=True, changed=changed) as fleet:
+                supervisor.append(Supervisor(fleet, clock))
+                await supervisor[0].run()
+        except FleetError as error:
+            logger.warning("%s", error)
+            await asyncio.sleep(_RETRY_SECONDS)
+
+
+def join(server: str, url: str, pool: str, name: str, child: bool) -> None:
+    """Run the worker of an arm until a signal arrives.
+
+    Args:
+        server: URL of the server of the arm.
+        url: URL of the fleet.
+        pool: Name of the pool.
+        name: Name of the arm.
+        child: True to end when standard input ends, too.
+
+    Raises:
+        BadName: A name is malformed.
+        NameTaken: Another worker has that name.
+        FleetRefused: The fleet refuses the credentials.
+    """
+    check_name("a pool", pool)
+    check_name("an arm", name)
+    asyncio.run(_join(server, url, pool, name, child))
+
+
+async def _join(server: str, url: str, pool: str, name: str, child: bool) -> None:
+    known: list[Worker] = []
+
+    async def changed(up: bool) -> None:
+        if up:
+            logger.info("Fleet: connected again to %s", url)
+        else:
+            logger.warning(
+                "Fleet: %s is gone; the arm finishes its job, and this program reconnects", url
+            )
+        if up and known:
+            await known[0].reconnected()
+
+    async def serve() -> None:
+        async with (
+            AsyncClient(server) as client,
+            open_fleet(url, f"{pool}.{name}", lasting=True, changed=changed) as fleet,
+        ):
+            worker = Worker(fleet, client, pool, name, RealClock())
+            known[:] = [worker]
+            logger.info("Fleet: this arm is %s in %s", worker.arm, url)
+            await worker.run()
+
+    async with _signals() as ended:
+        if child:
+            asyncio.get_running_loop().add_reader(sys.stdin.fileno(), ended.set)
+        serving = asyncio.create_task(serve())
+        ending = asyncio.create_task(ended.wait())
+        await asyncio.wait((serving, ending), return_when=asyncio.FIRST_COMPLETED)
+        ending.cancel()
+        if known:
+            known[0].end()
+        elif not serving.done():
+            serving.cancel()
+        with suppress(asyncio.CancelledError):
+            await serving
+
+
+@asynccontextmanager
+async def _signals() -> AsyncIterator[asyncio.Event]:
+    """Yield an event that a signal sets."""
+    ended, loop = asyncio.Event(), asyncio.get_running_loop()
+    for number in _SIGNALS:
+        loop.add_signal_handler(number, ended.set)
+    yield ended
+
+
+async def fetch_recording(operator: Operator, identity: str, folder: Path) -> Path:
+    """Fetch the recording of a job from the server of its arm.
+
+    Args:
+        operator: The fleet.
+        identity: Id of the job.
+        folder: Folder for the file.
+
+    Returns:
+        The path of the file.
+
+    Raises:
+        UnknownJob: No job has that id.
+        FleetError: It has no recording.
+        ClientError: The server of its arm does not answer, or refuses.
+    """
+    found = await operator.job(identity)
+    result = found.result if isinstance(found, JobRecord) else None
+    if not isinstance(found, JobRecord) or not result or not result.recording:
+        raise FleetError(f"the job {identity} has no recording; `armtree fleet jobs` shows why")
+    path = folder / Path(result.recording).name
+    request = Address.find(found.url, None).request("GET", f"/api/recordings/{path.name}/file")
+    with transport_errors(found.url):
+        async with AsyncConnectionPool() as pool, pool.stream(**request) as response:
+            if response.status != 200:
+                why = f"it answers {response.status} for the recording {path.name}"
+                raise FleetError(f"{found.url} does not give the file: {why}")
+            with path.open("wb") as stream:
+                async for piece in response.aiter_stream():
+                    stream.write(piece)
+    return path

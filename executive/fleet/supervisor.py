@@ -1,0 +1,96 @@
+"""Gives up the jobs of arms that died: the one place that decides that an arm is lost."""
+
+import asyncio
+import logging
+from collections.abc import AsyncIterator
+from dataclasses import replace
+
+from nats.js.errors import KeyWrongLastSequenceError
+
+from executive.api.outcome import cause_of
+from hardware import Clock
+
+from .connection import ALIVE_SECONDS, GONE, Fleet
+from .errors import ArmLost
+from .operator import publish
+from .values import JobRecord, Presence, Result, to_bytes
+
+logger = logging.getLogger(__name__)
+
+LOST_SECONDS = 1.5 * ALIVE_SECONDS  # a claimed job whose arm is silent for this time is given up
+MOST_ATTEMPTS = 3
+_SWEEP_SECONDS = 5.0
+
+
+class Supervisor:
+    """Ends the claimed jobs of lost arms, or sends them again if their task says that it is safe.
+
+    Several may run at once; each change is made once.
+
+    Args:
+        fleet: The fleet, connected for ever.
+        clock: Time source.
+    """
+
+    def __init__(self, fleet: Fleet, clock: Clock) -> None:
+        self._fleet, self._clock = fleet, clock
+        self._silent: dict[str, float] = {}  # since when, by job [s]
+
+    async def run(self) -> None:
+        """Supervise for ever."""
+        while True:
+            try:
+                async for record in self.sweep():
+                    logger.warning(
+                        "The job %s of %s is %s: its arm is lost",
+                        record.job.identity,
+                        record.arm,
+                        "given up" if record.result else "sent again",
+                    )
+            except GONE:
+                self.reconnected()
+            await asyncio.sleep(_SWEEP_SECONDS)
+
+    def reconnected(self) -> None:
+        """Give all arms the time to reconnect as well."""
+        self._silent.clear()
+
+    async def sweep(self) -> AsyncIterator[JobRecord]:
+        """Look at all claimed jobs once; yield those that are given up or sent again."""
+        records = await self._fleet.values(self._fleet.jobs, JobRecord)
+        alive = await self._fleet.values(self._fleet.alive, Presence)
+        now = self._clock.now()
+        silent = {
+            identity: self._silent.get(identity, now)
+            for identity, record in records.items()
+            if record.result is None and not _has(alive.get(record.arm), record)
+        }
+        self._silent = silent
+        for identity, since in silent.items():
+            if now - since >= LOST_SECONDS and (
+                given_up := await self._give_up(records[identity], now - since)
+            ):
+                yield given_up
+
+    async def _give_up(self, record: JobRecord, silence: float) -> JobRecord | None:
+        job = record.job
+        if record.retry_safe and job.attempt < MOST_ATTEMPTS:
+            # Its worker replaces this record. A repeat of this message is refused.
+            again = replace(job, attempt=job.attempt + 1)
+            return None if await publish(self._fleet, again) else replace(record, job=again)
+        found = await self._fleet.get(self._fleet.jobs, JobRecord, job.identity)
+        if found is None or found[0] != record:
+            return None
+        lost = ArmLost(record.arm, record.url, silence)
+        now = self._clock.epoch_ns() + round(self._clock.now() * 1e9)
+        ended = replace(record, result=Result.failed(cause_of(lost)), ended_ns=now)
+        try:
+            await self._fleet.jobs.update(job.identity, to_bytes(ended), last=found[1])
+        except KeyWrongLastSequenceError:
+            return None
+        return ended
+
+
+def _has(presence: Presence | None, record: JobRecord) -> bool:
+    """Return True if an arm says that it has a job."""
+    return bool(presence and presence.job == record.job.identity)

@@ -1,0 +1,182 @@
+"""What a fleet stores, as values: a job, its record, an arm. Only this file knows their JSON."""
+
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from typing import Any, TypeVar
+
+from executive.api import strict_json
+from executive.api.outcome import Cause, GoalState, Outcome
+from logs.records.field_types import has_type
+
+from .errors import BadJob
+
+T = TypeVar("T")
+
+PRIORITIES = ("high", "normal", "low")
+_IDENTITY = re.compile(r"[0-9a-f]{32}")
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """A request to run a task on any arm of a pool.
+
+    Attributes:
+        identity: 32 hexadecimal digits: the identity of its goal on the arm, and of its message.
+        pool: Name of the pool.
+        task: Number or name of the task.
+        arguments: Values of the task's parameters, by name.
+        sent_ns: When it was sent, UTC [ns since 1970].
+        priority: One of `PRIORITIES`.
+        start_by_ns: Latest start, UTC [ns since 1970]; None for no deadline.
+        attempt: Number of the attempt, from 1.
+    """
+
+    identity: str
+    pool: str
+    task: int | str
+    arguments: Mapping[str, Any]
+    sent_ns: int
+    priority: str = "normal"
+    start_by_ns: int | None = None
+    attempt: int = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """How a job ended.
+
+    Attributes:
+        state: SUCCEEDED, CANCELED or ABORTED.
+        code: Stable name of the cause, `ok` for success.
+        message: Description for people.
+        hint: What to do next.
+        frames: Number of frames sent.
+        duration_s: Time from acceptance by the arm to the end [s].
+        recording: Path of the recording on the arm's machine; empty if there is none.
+    """
+
+    state: str
+    code: str
+    message: str
+    hint: str = ""
+    frames: int = 0
+    duration_s: float = 0.0
+    recording: str = ""
+
+    @classmethod
+    def of(cls, outcome: Outcome) -> "Result":
+        """Return the result of a job whose goal ended."""
+        known = (outcome.frames, round(outcome.duration, 6), outcome.recording)
+        return cls(outcome.state.name, outcome.code, outcome.message, outcome.hint, *known)
+
+    @classmethod
+    def failed(cls, cause: Cause, state: GoalState = GoalState.ABORTED) -> "Result":
+        """Return the result of a job that ended without an outcome of its arm."""
+        return cls(state.name, cause.code, cause.message, cause.hint)
+
+
+@dataclass(frozen=True, slots=True)
+class JobRecord:
+    """What is known of a job that is not queued any more.
+
+    Attributes:
+        job: The job.
+        arm: Arm that claimed it, as POOL.NAME; empty if it ended unclaimed.
+        url: URL of the server of that arm.
+        worker: Identity of the process that claimed it.
+        claimed_ns: When it was claimed, UTC [ns since 1970].
+        retry_safe: True if its task may run again after its arm was lost.
+        result: How it ended; None until then.
+        ended_ns: When it ended, UTC [ns since 1970]; 0 until then.
+        late: True if the arm reported the result after it had been given up.
+    """
+
+    job: Job
+    arm: str
+    url: str
+    worker: str
+    claimed_ns: int
+    retry_safe: bool = False
+    result: Result | None = None
+    ended_ns: int = 0
+    late: bool = False
+
+    @property
+    def state(self) -> str:
+        """CLAIMED, or the state of the result."""
+        return self.result.state if self.result else "CLAIMED"
+
+
+@dataclass(frozen=True, slots=True)
+class Member:
+    """An arm that has joined a fleet, until its worker leaves it in order.
+
+    Attributes:
+        arm: POOL.NAME.
+        url: URL of its server.
+        host: Name of its machine.
+        worker: Identity of its worker process.
+        joined_ns: When it joined, UTC [ns since 1970].
+    """
+
+    arm: str
+    url: str
+    host: str
+    worker: str
+    joined_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class Presence:
+    """What an arm last said of itself; it expires.
+
+    Attributes:
+        worker: Identity of its worker process.
+        state: `ready`, `busy`, `held`, `unreachable`, or the state of the hardware.
+        job: Identity of its job; empty for none.
+        last: Code of the last outcome; empty for none.
+        done: Number of jobs that ended since it joined.
+    """
+
+    worker: str
+    state: str
+    job: str = ""
+    last: str = ""
+    done: int = 0
+
+
+_INNER: Mapping[str, type] = {"job": Job, "result": Result}
+
+
+def to_bytes(value: Any) -> bytes:
+    """Return a value of this file as JSON."""
+    return json.dumps(asdict(value), ensure_ascii=False, allow_nan=False).encode()
+
+
+def from_bytes(kind: type[T], data: bytes | None) -> T:
+    """Return a value of this file from JSON; keys of later versions are ignored.
+
+    Raises:
+        BadJob: It is another value.
+    """
+    try:
+        found: T = _value(kind, strict_json.parse(data or b""))
+    except (strict_json.NotJson, TypeError, KeyError) as error:
+        raise BadJob(f"not a {kind.__name__} of a fleet: {error}") from error
+    job = found if isinstance(found, Job) else getattr(found, "job", None)
+    if not has_type(found, kind) or (
+        isinstance(job, Job)
+        and not (_IDENTITY.fullmatch(job.identity) and job.priority in PRIORITIES)
+    ):
+        raise BadJob(f"a {kind.__name__} of a fleet has wrong fields")
+    return found
+
+
+def _value(kind: Any, plain: Mapping[str, Any]) -> Any:
+    given = {each.name: plain[each.name] for each in fields(kind) if each.name in plain}
+    for name, inner in _INNER.items():
+        if isinstance(given.get(name), dict):
+            given[name] = _value(inner, given[name])
+    return kind(**given)

@@ -1,0 +1,431 @@
+"""The worker of an arm: takes the jobs of a pool, and runs them as a client of the arm's server."""
+
+import asyncio
+import json
+import logging
+import socket
+import uuid
+from collections.abc import Awaitable, Callable
+from contextlib import AbstractAsyncContextManager, suppress
+from dataclasses import replace
+from typing import Any, Protocol
+
+from nats.aio.msg import Msg
+from nats.js.errors import APIError, KeyWrongLastSequenceError
+
+from executive.api.codes import BUSY, QUEUE_FULL
+from executive.api.events import Status
+from executive.api.outcome import CancelResult, GoalState, GoalStatus, Outcome, cause_for, cause_of
+from executive.client.values import Task
+from executive.errors import ClientError, Refused
+from hardware import Clock, State
+
+from .connection import ALIVE_SECONDS, GONE, JOBS, Fleet, consumer_of, control_subject
+from .errors import ArmLost, BadJob, DeadlinePassed, FleetError, NameTaken
+from .values import PRIORITIES, Job, JobRecord, Member, Presence, Result, from_bytes, to_bytes
+
+logger = logging.getLogger(__name__)
+
+BEAT_SECONDS = 3.0  # time between two presences
+_PULL_SECONDS = 20.0  # longest time that a request for a job waits at the NATS server
+_LAST_SECONDS = 3.0  # longest time for the last result after `end`
+_PAUSE_SECONDS = 1.0  # before what failed is tried again
+_NEXT = f"$JS.API.CONSUMER.MSG.NEXT.{JOBS}."
+_NOT_NOW = (BUSY, QUEUE_FULL)  # the arm has refused, so nothing has moved: another arm may do it
+
+READY, BUSY_ARM, HELD, UNREACHABLE = "ready", "busy", "held", "unreachable"
+
+
+class ArmServer(Protocol):
+    """The server of an arm: `AsyncClient`, or a simulated one."""
+
+    url: str
+
+    async def status(self) -> Status:
+        """Return the state of the arm and of the goals."""
+
+    async def tasks(self) -> tuple[Task, ...]:
+        """Return the tasks."""
+
+    def hold(self, goal_id: str) -> AbstractAsyncContextManager[None]:
+        """Hold a goal; it is canceled, or refused, when this process pauses or dies."""
+
+    async def send(
+        self, task: int | str, arguments: Any = None, goal_id: str = "", deadman: bool = False
+    ) -> str:
+        """Send a goal."""
+
+    async def result(self, goal_id: str) -> Outcome:
+        """Wait for the outcome of a goal."""
+
+    async def goals(self) -> tuple[GoalStatus, ...]:
+        """Return all known goals."""
+
+    async def cancel(self, goal_id: str = "") -> CancelResult:
+        """Cancel a goal."""
+
+    async def stop(self) -> CancelResult:
+        """Stop the arm and cancel all goals."""
+
+
+class Worker:
+    """Joins an arm to a fleet.
+
+    Args:
+        fleet: The fleet, connected for ever.
+        server: The server of the arm.
+        pool: Name of its pool.
+        name: Name of the arm in the pool.
+        clock: Time source.
+    """
+
+    def __init__(self, fleet: Fleet, server: ArmServer, pool: str, name: str, clock: Clock) -> None:
+        self._fleet, self._server, self._pool, self._clock = fleet, server, pool, clock
+        self.arm = f"{pool}.{name}"
+        self._me = uuid.uuid4().hex
+        self._presence = Presence(self._me, UNREACHABLE)
+        self._held = ""  # why it takes no job; empty if it does
+        self._canceled: set[str] = set()  # jobs whose cancel the fleet asked for
+        self._changed, self._free = asyncio.Event(), asyncio.Event()
+        self._idle, self._ending = asyncio.Event(), asyncio.Event()
+        self._sending = asyncio.Lock()  # from the claim of a job until its arm has accepted it
+        self._inbox = ""
+        self._idle.set()
+
+    async def run(self) -> None:
+        """Serve the pool until `end`.
+
+        Raises:
+            NameTaken: Another worker has that name.
+        """
+        await self._join()
+        recovering = asyncio.create_task(self._recover())
+        parts = (self._beat(), self._work(), self._ending.wait())
+        tasks = [asyncio.create_task(part) for part in parts]
+        try:
+            await self._listen("stop", self._stop)
+            await self._listen("resume", self._resume)
+            await self._listen("cancel", self._cancel)
+            done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+            for task in done:
+                task.result()  # raises what only a bug raises
+            with suppress(TimeoutError):
+                async with asyncio.timeout(_LAST_SECONDS):
+                    await self._idle.wait()
+        finally:
+            await _end_all(recovering, *tasks)
+            await self._leave()
+
+    def end(self) -> None:
+        """Take no more jobs; make `run` return when the result of the last one is stored."""
+        self._held = "ending"
+        self._ending.set()
+
+    async def reconnected(self) -> None:
+        """Request a job again, because the NATS server has forgotten the request."""
+        self._changed.set()
+        if self._inbox:
+            await self._fleet.nats.publish(self._inbox, headers={"Status": "reconnected"})
+
+    async def _join(self) -> None:
+        """Add the arm to the members; a worker that died leaves its name after a while."""
+        fleet, now = self._fleet, self._clock.epoch_ns() + round(self._clock.now() * 1e9)
+        mine = Member(self.arm, self._server.url, socket.gethostname(), self._me, now)
+        end = self._clock.now() + ALIVE_SECONDS + 2 * _PAUSE_SECONDS
+        while True:
+            try:
+                await fleet.alive.create(self.arm, to_bytes(self._presence))
+                break
+            except KeyWrongLastSequenceError:
+                if self._clock.now() > end:
+                    found = await fleet.get(fleet.members, Member, self.arm)
+                    url = found[0].url if found else "unknown"
+                    raise NameTaken(self.arm, url) from None
+                await asyncio.sleep(_PAUSE_SECONDS)
+        await fleet.members.put(self.arm, to_bytes(mine))
+        await fleet.add_consumers(self._pool)
+
+    async def _leave(self) -> None:
+        with suppress(*GONE):
+            await self._fleet.members.purge(self.arm)
+            await self._fleet.alive.purge(self.arm)
+
+    async def _beat(self) -> None:
+        """Say what the arm does, every few seconds and at every change."""
+        while True:
+            await self._look()
+            self._changed.clear()
+            with suppress(*GONE):
+                await self._fleet.alive.put(self.arm, to_bytes(self._presence))
+            with suppress(TimeoutError):
+                async with asyncio.timeout(BEAT_SECONDS):
+                    await self._changed.wait()
+
+    async def _look(self) -> bool:
+        """Ask the server what the arm does; return True if it can take a job."""
+        try:
+            status = await self._server.status()
+            state = BUSY_ARM if status.goal or self._presence.job else status.arm.value
+        except ClientError:
+            state = UNREACHABLE
+        if state == State.ACTIVE.value:
+            state = HELD if self._held else READY
+        self._presence = replace(self._presence, state=state)
+        (self._free.set if state == READY else self._free.clear)()
+        return state == READY
+
+    async def _work(self) -> None:
+        """Take one job after the other."""
+        while True:
+            await self._free.wait()
+            try:
+                if message := await self._next():
+                    await self._take(message)
+            except GONE as error:  # what is not claimed is delivered again
+                logger.debug("Fleet: %r", error)
+                await asyncio.sleep(_PAUSE_SECONDS)
+
+    async def _next(self) -> Msg | None:
+        """Return the queued job of the highest priority; None if none comes for a while."""
+        connection = self._fleet.nats
+        self._inbox = inbox = connection.new_inbox()
+        subscription = await connection.subscribe(inbox)
+
+        async def ask(priority: str, **how: Any) -> None:
+            subject = _NEXT + consumer_of(self._pool, priority)
+            await connection.publish(subject, json.dumps({"batch": 1, **how}).encode(), inbox)
+
+        try:
+            for priority in PRIORITIES:
+                await ask(priority, no_wait=True)
+                message = await subscription.next_msg(_PAUSE_SECONDS)
+                if not _is_status(message):
+                    return message
+            for priority in PRIORITIES:
+                await ask(priority, expires=round(_PULL_SECONDS * 1e9))
+            message = await subscription.next_msg(_PULL_SECONDS)
+            return None if _is_status(message) else message
+        except TimeoutError:
+            return None
+        finally:
+            with suppress(*GONE):
+                await subscription.unsubscribe()  # withdraws the requests that are open
+
+    async def _take(self, message: Msg) -> None:
+        """Run a job, unless another arm has claimed it."""
+        try:
+            job = from_bytes(Job, message.data)
+        except BadJob as error:
+            logger.warning("Fleet: a job was dropped: %s", error)
+            await message.term()
+            return
+        if not await self._look():
+            await message.nak(_PAUSE_SECONDS)
+            return
+        late = (self._now() - job.start_by_ns) / 1e9 if job.start_by_ns else 0.0
+        if late > 0:
+            record = self._record(job, Result.failed(cause_of(DeadlinePassed(late))))
+            await self._claim(record)
+            await message.ack()
+            return
+        await self._run(job, message)
+
+    async def _run(self, job: Job, message: Msg) -> None:
+        safe = await self._is_retry_safe(job)
+        # The hold fences the job. If this process pauses or dies for a second, the server cancels
+        # the goal, or refuses it if it comes later.
+        async with self._server.hold(job.identity):
+            async with self._sending:
+                record = self._record(job, None, safe)
+                if not (revision := await self._claim(record)):
+                    await message.ack()
+                    return
+                self._set_job(job.identity)
+                result = await self._send(job)
+            if result is None:
+                with suppress(*GONE):
+                    await message.ack()
+                result = await self._result(job.identity)
+            elif result.code in _NOT_NOW:
+                await self._release(job.identity, revision)
+                await message.nak(_PAUSE_SECONDS)
+                return
+        await self._store(record, revision, result)
+        if not message.is_acked:
+            await message.ack()
+
+    async def _send(self, job: Job) -> Result | None:
+        """Send a claimed job to the arm; return None if it accepts it, else why it did not run."""
+        if self._held:
+            return Result.failed(cause_for(BUSY, f"{self.arm} is held: {self._held}"))
+        try:
+            await self._server.send(job.task, job.arguments, job.identity, deadman=True)
+        except Refused as error:
+            return Result.failed(error.cause)
+        except ClientError as error:
+            return Result.failed(cause_of(error))
+        return None
+
+    async def _release(self, identity: str, revision: int) -> None:
+        """Give a job back that the arm refused, however long the NATS server is gone."""
+        while True:
+            try:
+                await self._fleet.jobs.delete(identity, last=revision)
+                break
+            except APIError:
+                break  # the first answer was lost
+            except GONE:
+                await asyncio.sleep(_PAUSE_SECONDS)
+        self._set_job("")
+
+    async def _result(self, identity: str) -> Result:
+        """Wait for the end of a goal."""
+        try:
+            outcome = await self._server.result(identity)
+        except ClientError as error:
+            return Result.failed(cause_of(error))
+        if outcome.state is GoalState.CANCELED and identity not in self._canceled:
+            self._held = "stopped at the arm"
+            logger.warning("Fleet: %s was stopped, and takes no jobs until a resume", self.arm)
+        self._canceled.discard(identity)
+        return Result.of(outcome)
+
+    async def _is_retry_safe(self, job: Job) -> bool:
+        try:
+            tasks = await self._server.tasks()
+        except ClientError:
+            return False
+        wanted = (each for each in tasks if job.task in (each.number, each.name))
+        return any(getattr(each, "retry", "") == "safe" for each in wanted)
+
+    def _record(self, job: Job, result: Result | None, safe: bool = False) -> JobRecord:
+        now = self._now()
+        return JobRecord(
+            job, self.arm, self._server.url, self._me, now, safe, result, now if result else 0
+        )
+
+    async def _claim(self, record: JobRecord) -> int:
+        """Create the record of a job. Return its revision, or 0 if another arm was first.
+
+        A second attempt replaces the record of an arm that was lost.
+        """
+        identity = record.job.identity
+        try:
+            return await self._fleet.jobs.create(identity, to_bytes(record))
+        except KeyWrongLastSequenceError:
+            found = await self._fleet.get(self._fleet.jobs, JobRecord, identity)
+        if found is None:
+            return 0
+        earlier, revision = found
+        mine = earlier.worker == self._me and earlier.result is None  # its answer was lost
+        again = record.job.attempt > earlier.job.attempt and earlier.result is None
+        if not (mine or again):
+            return 0
+        try:
+            return await self._fleet.jobs.update(identity, to_bytes(record), last=revision)
+        except KeyWrongLastSequenceError:
+            return 0
+
+    async def _store(self, record: JobRecord, revision: int, result: Result) -> None:
+        """Store the result of a job, however long the NATS server is gone."""
+        identity, told = record.job.identity, False
+        mine = replace(record, result=result, ended_ns=self._now())
+        while True:
+            try:
+                await self._fleet.jobs.update(identity, to_bytes(mine), last=revision)
+                break
+            except KeyWrongLastSequenceError:
+                with suppress(*GONE):
+                    found = await self._fleet.get(self._fleet.jobs, JobRecord, identity)
+                    if found is None or found[0].worker != self._me or found[0] == mine:
+                        break  # another arm has it now, or the first answer was lost
+                    mine, revision = replace(mine, late=True), found[1]
+            except GONE as error:
+                if not told:
+                    logger.warning("Fleet: gone (%s); the result waits until it is back", error)
+                told = True
+                await asyncio.sleep(_PAUSE_SECONDS)
+        self._presence = replace(self._presence, last=result.code, done=self._presence.done + 1)
+        self._set_job("")
+
+    async def _recover(self) -> None:
+        """Store the results of jobs that an earlier worker of this arm had claimed."""
+        try:
+            goals = await self._server.goals()
+            for goal in goals:
+                found = await self._fleet.get(self._fleet.jobs, JobRecord, goal.identity)
+                if found and found[0].arm == self.arm and found[0].worker != self._me:
+                    record, revision = found
+                    if record.result and record.result.code != ArmLost.code:
+                        continue
+                    record = replace(record, worker=self._me, late=bool(record.result))
+                    result = Result.of(await self._server.result(goal.identity))
+                    logger.info(
+                        "Fleet: the job %s of an earlier worker is %s", goal.identity, result.state
+                    )
+                    await self._store(record, revision, result)
+        except (*GONE, ClientError, FleetError) as error:
+            logger.warning("Fleet: earlier jobs are not looked up: %s", error)
+
+    async def _listen(
+        self, request: str, answer: Callable[[dict[str, Any]], Awaitable[dict[str, Any]]]
+    ) -> None:
+        """Answer requests to this arm, to its pool, and to all arms."""
+
+        async def respond(message: Msg) -> None:
+            try:
+                body = json.loads(message.data or b"{}")
+                found = {"arm": self.arm, "error": "", **await answer(body)}
+            except (ClientError, ValueError, KeyError) as error:
+                found = {"arm": self.arm, "error": str(error)}
+            with suppress(*GONE):
+                if message.reply:
+                    await message.respond(json.dumps(found).encode())
+
+        for whom in ("", self._pool, self.arm):
+            await self._fleet.nats.subscribe(control_subject(request, whom), cb=respond)
+
+    async def _stop(self, _: dict[str, Any]) -> dict[str, Any]:
+        self._held = "stopped by the fleet"
+        self._free.clear()
+        goals = (await self._server.stop()).goals
+        if self._sending.locked():  # a job may reach the arm after the stop
+            async with self._sending:
+                goals += (await self._server.stop()).goals
+        self._changed.set()
+        return {"goals": list(goals)}
+
+    async def _resume(self, _: dict[str, Any]) -> dict[str, Any]:
+        self._held = ""
+        self._changed.set()
+        return {}
+
+    async def _cancel(self, body: dict[str, Any]) -> dict[str, Any]:
+        identity = str(body["job"])
+        self._canceled.add(identity)
+        async with self._sending:
+            pass  # then the arm knows it
+        return (await self._server.cancel(identity)).to_json()
+
+    def _set_job(self, identity: str) -> None:
+        self._presence = replace(self._presence, job=identity, state=BUSY_ARM)
+        (self._idle.clear if identity else self._idle.set)()
+        self._free.clear()
+        self._changed.set()
+
+    def _now(self) -> int:
+        return self._clock.epoch_ns() + round(self._clock.now() * 1e9)
+
+
+async def _end_all(*tasks: asyncio.Task[Any]) -> None:
+    """Cancel tasks until they end: `wait_for` of Python 3.11, in nats-py, can lose a cancel."""
+    left = {task for task in tasks if not task.done()}
+    while left:
+        for task in left:
+            task.cancel()
+        _, left = await asyncio.wait(left, timeout=_PAUSE_SECONDS)
+
+
+def _is_status(message: Msg) -> bool:
+    """Return True for an answer of the NATS server that there is no job."""
+    return bool(message.headers and message.headers.get("Status"))

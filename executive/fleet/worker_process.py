@@ -1,0 +1,99 @@
+"""The worker of `armtree serve --fleet`: a process of its own, and a client of the server."""
+
+import logging
+import os
+import re
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Self
+
+from hardware import RealClock
+
+from .errors import check_name
+
+logger = logging.getLogger(__name__)
+
+_END_SECONDS = 5.0  # longest time for the last result
+
+
+@dataclass(frozen=True, slots=True)
+class FleetPlace:
+    """The place of an arm in a fleet.
+
+    Attributes:
+        url: URL of the fleet.
+        pool: Name of the pool.
+        name: Name of the arm in the pool.
+    """
+
+    url: str
+    pool: str
+    name: str
+
+    @classmethod
+    def of(cls, url: str, pool: str, name: str | None) -> Self:
+        """Return a place; the default of the name is that of this machine.
+
+        Raises:
+            BadName: A name is malformed.
+        """
+        own = re.sub(r"[^\w-]", "-", socket.gethostname(), flags=re.ASCII)[:32]
+        return cls(url, check_name("a pool", pool), check_name("an arm", name or own))
+
+
+@contextmanager
+def worker_of(place: FleetPlace, server: str, token: str) -> Iterator[None]:
+    """Run the worker of a server as long as the context lasts. It also ends if this process dies.
+
+    Nothing in this process waits for the fleet.
+
+    Args:
+        place: Place of the arm in the fleet.
+        server: URL of the server.
+        token: Token of the server.
+    """
+    words = ["fleet", "join", "--child", "--server", server, "--fleet", place.url]
+    process = subprocess.Popen(
+        [
+            sys.executable,
+            "-P",
+            "-m",
+            "executive",
+            *words,
+            "--pool",
+            place.pool,
+            "--name",
+            place.name,
+        ],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        env={**os.environ, "ARMTREE_TOKEN": token},
+        start_new_session=True,  # Ctrl-C is for this process, which ends it in order
+    )
+    ended = False
+
+    def watch() -> None:
+        status = process.wait()
+        if not ended:
+            logger.error(
+                "FLEET: the worker has ended with status %d, so this arm takes no jobs. The server "
+                "goes on; armtree fleet join --server %s --fleet %s --pool %s --name %s starts it",
+                *(status, server, place.url, place.pool, place.name),
+            )
+
+    RealClock().spawn(watch, "fleet worker")
+    assert process.stdin
+    try:
+        yield
+    finally:
+        ended = True
+        process.stdin.close()
+        try:
+            process.wait(_END_SECONDS)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()

@@ -1,0 +1,298 @@
+"""Jobs of a fleet: a real nats-server, real workers, simulated arms."""
+
+import asyncio
+import socket
+from collections.abc import AsyncIterator, Iterator
+from contextlib import asynccontextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from executive.fleet.connection import Fleet, open_fleet
+from executive.fleet.errors import (
+    BadJob,
+    BadName,
+    DuplicateJob,
+    NameTaken,
+    NobodyServes,
+    NotConfirmed,
+    UnknownJob,
+)
+from executive.fleet.nats_server import NatsOptions, nats_server
+from executive.fleet.operator import Operator, publish
+from executive.fleet.supervisor import LOST_SECONDS, Supervisor
+from executive.fleet.values import Job, JobRecord, Member, Presence, to_bytes
+from executive.fleet.worker import Worker
+from hardware import RealClock
+from tests.support.servers.simulated_arms import SimulatedArm
+
+CLOCK = RealClock()
+LOST_ID = "d" * 32
+
+
+def free_port() -> int:
+    """A port on which nothing listens."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+class SetClock(RealClock):
+    """A clock that a test sets."""
+
+    time = 1000.0
+
+    def now(self) -> float:
+        return self.time
+
+
+@pytest.fixture
+def options(tmp_path: Path) -> NatsOptions:
+    return NatsOptions(tmp_path / "fleet", port=free_port())
+
+
+@pytest.fixture
+def url(options: NatsOptions) -> Iterator[str]:
+    with nats_server(options, CLOCK):
+        yield options.url
+
+
+@asynccontextmanager
+async def joined(url: str, *arms: SimulatedArm, pool: str = "bench") -> AsyncIterator[Operator]:
+    """An operator, once these arms have joined as bench.0, bench.1 ..."""
+    async with open_fleet(url, "test") as fleet, asyncio.TaskGroup() as group:
+        operator, workers = Operator(fleet, CLOCK), []
+        for number, arm in enumerate(arms):
+            workers.append(Worker(fleet, arm, pool, str(number), CLOCK))
+            group.create_task(workers[-1].run())
+        watcher = await fleet.alive.watchall()
+        ready = set[str]()
+        while len(ready) < len(arms):
+            entry = await watcher.updates(10.0)  # type: ignore[no-untyped-call]
+            if entry and b'"ready"' in (entry.value or b""):
+                ready.add(entry.key)
+        await watcher.stop()  # type: ignore[no-untyped-call]
+        try:
+            yield operator
+        finally:
+            for worker in workers:
+                worker.end()
+
+
+async def ended(operator: Operator, job: Job) -> JobRecord:
+    """The record of a job that has ended."""
+    return [record async for record in operator.wait(job.identity)][-1]
+
+
+def lost(attempt: int = 1, retry_safe: bool = False) -> JobRecord:
+    """The record of a job whose arm never reports."""
+    job = Job(LOST_ID, "bench", 1, {}, 1, attempt=attempt)
+    return JobRecord(job, "bench.gone", "http://gone", "e" * 32, 1, retry_safe)
+
+
+def test_a_job_runs_once_and_a_repeat_is_refused(url: str) -> None:
+    async def main() -> None:
+        arms = [SimulatedArm(duration=0.0), SimulatedArm(duration=0.0)]
+        async with joined(url, *arms) as operator:
+            job = await operator.send("wave", "bench", {"swing": "20 deg"})
+            record = await ended(operator, job)
+            assert record.result
+            assert (record.state, record.result.frames) == ("SUCCEEDED", 3)
+            with pytest.raises(DuplicateJob):
+                await operator.send("wave", "bench", {}, job.identity)
+            # As a sender of another version could: another message with the id of a known job.
+            fleet = operator._fleet
+            assert not await publish(fleet, replace(job, attempt=0))
+            assert await publish(fleet, replace(job, attempt=0))
+            after = await operator.send("wave", "bench", {})
+            await ended(operator, after)
+            received = [identity for arm in arms for identity in arm.received]
+            assert sorted(received) == sorted({job.identity, after.identity})
+            assert [each.job for each in await operator.records()] == [job, after]
+
+    asyncio.run(main())
+
+
+def test_the_queue_has_priorities_deadlines_and_cancel(url: str) -> None:
+    async def main() -> None:
+        arm = SimulatedArm()
+        async with joined(url, arm) as operator:
+            first = await operator.send(1, "bench", {})
+            await arm.started.wait()
+            order = ("low", "normal", "high")
+            jobs = [await operator.send(each, "bench", {}, priority=each) for each in order]
+            late = await operator.send("late", "bench", {}, start_within=1e-9)
+            gone = await operator.send("gone", "bench", {})
+            assert (await operator.queued())[0] == 5
+            canceled = await operator.cancel(gone.identity)
+            assert (canceled.state, canceled.arm) == ("CANCELED", "")
+            arm.duration = 0.0
+            await operator.cancel(first.identity)
+            assert (await ended(operator, first)).state == "CANCELED"
+            for job in jobs:
+                assert (await ended(operator, job)).state == "SUCCEEDED"
+            result = (await ended(operator, late)).result
+            assert result
+            assert result.code == "fleet.deadline"
+            assert arm.tasks_of == [1, "high", "normal", "low"]
+
+    asyncio.run(main())
+
+
+def test_wrong_jobs_are_refused_at_once(url: str) -> None:
+    async def main() -> None:
+        arm = SimulatedArm(duration=0.0)
+        async with joined(url, arm) as operator:
+            with pytest.raises(NobodyServes, match="pool other"):
+                await operator.send(1, "other", {})
+            with pytest.raises(BadName):
+                await operator.send(1, "a.*", {})
+            with pytest.raises(BadJob):
+                await operator.send(1, "bench", {}, "not an id")
+            with pytest.raises(UnknownJob):
+                await operator.cancel("f" * 32)
+            fleet = operator._fleet
+            await fleet.stream.publish("fleet.job.bench.high", b'{"identity": 1}')
+            job = await operator.send(1, "bench", {})
+            assert (await ended(operator, job)).state == "SUCCEEDED"
+            assert (await operator.queued())[1] == []
+
+    asyncio.run(main())
+
+
+def test_a_stop_holds_the_fleet_and_names_who_does_not_confirm(url: str) -> None:
+    async def main() -> None:
+        arms = [SimulatedArm(), SimulatedArm()]
+        async with joined(url, *arms) as operator:
+            running = await operator.send(1, "bench", {})
+            await anext(operator.wait(running.identity))
+            confirmed = await operator.stop()
+            assert [each.arm for each in confirmed] == ["bench.0", "bench.1"]
+            assert sum((each.goals for each in confirmed), ()).count(running.identity) == 1
+            assert (await ended(operator, running)).state == "CANCELED"
+            queued = await operator.send(2, "bench", {})
+            assert {row.state for row in await operator.arms()} <= {"held", "busy"}
+            assert (await operator.queued())[0] == 1
+            for arm in arms:
+                arm.duration = 0.0
+            await operator.resume(["bench"])
+            assert (await ended(operator, queued)).state == "SUCCEEDED"
+            silent = Member("bench.silent", "http://silent", "host", "e" * 32, 1)
+            await operator._fleet.members.put(silent.arm, to_bytes(silent))
+            with pytest.raises(NotConfirmed, match=r"stop, 2 of 3: bench\.silent;"):
+                await operator.stop()
+            assert [arm.stops for arm in arms] == [2, 2]
+            await operator.forget(silent.arm)
+            assert len(await operator.arms()) == 2
+
+    asyncio.run(main())
+
+
+def test_an_arm_that_is_stopped_by_hand_takes_no_jobs(url: str) -> None:
+    async def main() -> None:
+        arm = SimulatedArm()
+        async with joined(url, arm) as operator:
+            job = await operator.send(1, "bench", {})
+            await arm.started.wait()
+            await arm.stop()
+            assert (await ended(operator, job)).state == "CANCELED"
+            after = await operator.send(2, "bench", {})
+            arm.duration = 0.0
+            assert isinstance(await operator.job(after.identity), Job)
+            await operator.resume()
+            assert (await ended(operator, after)).state == "SUCCEEDED"
+
+    asyncio.run(main())
+
+
+def test_the_job_of_a_lost_arm_is_given_up_or_sent_again_if_that_is_safe(url: str) -> None:
+    async def main() -> None:
+        arm = SimulatedArm(duration=0.0)
+        async with joined(url, arm) as operator:
+            fleet, clock = operator._fleet, SetClock()
+            supervisor = Supervisor(fleet, clock)
+            safe = replace(lost(retry_safe=True), job=replace(lost().job, identity="c" * 32))
+            for record in (lost(), safe):
+                await fleet.jobs.create(record.job.identity, to_bytes(record))
+            assert [each async for each in supervisor.sweep()] == []
+            clock.time += LOST_SECONDS + 1
+            swept = {each.job.identity: each async for each in supervisor.sweep()}
+            assert swept.keys() == {LOST_ID, "c" * 32}
+            record = await ended(operator, lost().job)
+            assert record.result
+            assert (record.state, record.result.code) == ("ABORTED", "fleet.arm_lost")
+            assert "16 s" in record.result.message
+            again = await ended(operator, safe.job)
+            assert (again.arm, again.job.attempt, again.state) == ("bench.0", 2, "SUCCEEDED")
+            assert arm.received == ["c" * 32]
+
+    asyncio.run(main())
+
+
+def test_an_arm_that_comes_back_reports_what_it_did(url: str) -> None:
+    async def main() -> None:
+        arm = SimulatedArm(duration=0.0)
+        await arm.send(1, goal_id=LOST_ID)
+        async with open_fleet(url, "earlier") as fleet:
+            mine = replace(lost(), arm="bench.0")
+            await fleet.jobs.create(LOST_ID, to_bytes(mine))
+        async with joined(url, arm) as operator:
+            record = await ended(operator, mine.job)
+            assert (record.state, record.late) == ("SUCCEEDED", False)
+            assert arm.received == [LOST_ID]
+
+    asyncio.run(main())
+
+
+def test_a_name_is_taken_only_while_its_worker_lives(
+    url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def main() -> None:
+        async with joined(url, SimulatedArm("http://one")) as operator:
+            monkeypatch.setattr("executive.fleet.worker.ALIVE_SECONDS", -9.0)
+            with pytest.raises(NameTaken, match=r"bench\.0, with the server http://one"):
+                await Worker(operator._fleet, SimulatedArm(), "bench", "0", CLOCK).run()
+        async with open_fleet(url, "after") as fleet:
+            assert await fleet.values(fleet.members, Member) == {}
+            assert await fleet.values(fleet.alive, Presence) == {}
+
+    asyncio.run(main())
+
+
+@pytest.mark.slow
+def test_a_result_waits_until_the_nats_server_is_back(options: NatsOptions) -> None:
+    async def main() -> None:
+        arm, up = SimulatedArm(), asyncio.Event()
+
+        async def changed(is_up: bool) -> None:
+            (up.set if is_up else up.clear)()
+
+        with nats_server(options, CLOCK) as process:
+            async with open_fleet(options.url, "worker", lasting=True, changed=changed) as fleet:
+                worker = Worker(fleet, arm, "bench", "0", CLOCK)
+                async with asyncio.TaskGroup() as group:
+                    group.create_task(worker.run())
+                    job = await sent(fleet)
+                    await arm.started.wait()
+                    process.kill()
+                    process.wait()
+                    arm.finish(job.identity)
+                    with nats_server(options, CLOCK):
+                        await asyncio.wait_for(up.wait(), 20)
+                        record = await ended(Operator(fleet, CLOCK), job)
+                        assert record.state == "SUCCEEDED"
+                        assert arm.received == [job.identity]
+                        worker.end()
+
+    asyncio.run(main())
+
+
+async def sent(fleet: Fleet) -> Job:
+    """A job that is sent as soon as an arm serves its pool."""
+    watcher = await fleet.alive.watchall()
+    async for entry in watcher:
+        if entry is not None:
+            break
+    await watcher.stop()  # type: ignore[no-untyped-call]
+    return await Operator(fleet, CLOCK).send(1, "bench", {})
