@@ -195,6 +195,7 @@ class Executive:
         arguments: Mapping[str, str | Located] = MappingProxyType({}),
         identity: str = "",
         strict: bool = False,
+        client: str = "",
     ) -> Acceptance:
         """Send a goal. Returns at once.
 
@@ -205,22 +206,27 @@ class Executive:
             strict: True to refuse a goal for an unknown task, with wrong arguments, or for a task
                 whose files have mistakes. Otherwise the goal is accepted, and aborted. An invalid
                 move is always refused.
+            client: Name of the program that sends it, for its recording; empty if unknown.
         """
         if isinstance(task, Move):
-            return self._accept(MOVE, {}, identity, *self._read_move(task))
+            return self._accept(MOVE, {}, identity, client, *self._read_move(task))
         preempts = self._queue.policy is Policy.PREEMPT
         validate = self._executor.validate if preempts else self._executor.validate_request
         invalid = validate(task, arguments) if preempts or strict else None
-        return self._accept(task, arguments, identity, invalid)
+        return self._accept(task, arguments, identity, client, invalid)
 
     def send_and_record(
-        self, task: int | Move, arguments: Mapping[str, str | Located], identity: str
+        self,
+        task: int | Move,
+        arguments: Mapping[str, str | Located],
+        identity: str,
+        client: str = "",
     ) -> Acceptance:
         """Send a goal strictly, and wait until it is recorded.
 
         A server that starts after this one then knows the goal.
         """
-        acceptance = self.send(task, arguments, identity, strict=True)
+        acceptance = self.send(task, arguments, identity, strict=True, client=client)
         self._recordings.wait()
         return acceptance
 
@@ -471,10 +477,11 @@ class Executive:
         task: int,
         arguments: Mapping[str, str | Located],
         identity: str,
+        client: str,
         invalid: Exception | None,
         text: str = "",
     ) -> Acceptance:
-        acceptance, preempted = self._queue.send(task, arguments, identity, invalid, text)
+        acceptance, preempted = self._queue.send(task, arguments, identity, invalid, text, client)
         self._stopper.stop(preempted)
         answer = "accepted" if acceptance.accepted else f"refused: {acceptance.message}"
         title = goal_title(task)

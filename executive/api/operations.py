@@ -43,6 +43,7 @@ class Operation:
         status: HTTP status of a good answer.
         media: Media type of a good answer.
         streams: True if its request or its answer lasts as long as the client stays.
+        names_client: True if its method also receives the client: the User-Agent of the request.
     """
 
     method: str
@@ -57,6 +58,7 @@ class Operation:
     status: int = 200
     media: str = "application/json"
     streams: bool = False
+    names_client: bool = False
 
     @property
     def stops(self) -> bool:
@@ -205,6 +207,7 @@ _ROWS = (
         body=s.body("task", task=s.TASK_OR_NAME, arguments=s.ARGUMENTS, **_NEW_GOAL),
         errors=("goal", "file", "log", "server"),
         status=201,
+        names_client=True,
     ),
     _change(
         "/api/plan",
@@ -234,6 +237,7 @@ _ROWS = (
         ),
         errors=("goal", "file", "log", "server"),
         status=201,
+        names_client=True,
     ),
     _read("/api/poses", "poses", "List the poses.", s.answer("Poses", poses=s.array(s.POSE))),
     _change(

@@ -18,7 +18,7 @@ from hardware import Clock, RealClock
 
 from . import transport
 from .responses import EventReader, ResponseBody
-from .values import OpenQuestion, Task
+from .values import OpenQuestion, PlannedTask, Task
 
 if TYPE_CHECKING:
     import httpcore
@@ -33,17 +33,22 @@ class Client:
         url: URL; default ARMTREE_SERVER, then the server on this machine (ARMTREE_TCP_PORT).
         token: Token; default ARMTREE_TOKEN, then the file that the server wrote for this user.
         clock: Time source for the deadlines of answers; default: real time.
+        name: What the client calls itself, in ASCII. Recordings of its goals contain the name.
 
     Every method raises ServerUnreachable if no server answers, WrongAnswer if another program
     answers, and Refused if the server refuses the request.
     """
 
     def __init__(
-        self, url: str | None = None, token: str | None = None, clock: Clock | None = None
+        self,
+        url: str | None = None,
+        token: str | None = None,
+        clock: Clock | None = None,
+        name: str = "",
     ) -> None:
         from httpcore import ConnectionPool  # slow to import, and `--help` does not need it
 
-        self._address = transport.Address.find(url, token)
+        self._address = transport.Address.find(url, token, name)
         self.url: str = self._address.url
         self._clock = clock or RealClock()
         self._http = ConnectionPool(**transport.POOL)
@@ -151,6 +156,24 @@ class Client:
             arguments=dict(arguments or {}),
             goal_id=goal_id or None,
             deadman=deadman,
+        )
+
+    def plan(
+        self, task: int | str, arguments: Mapping[str, Any] | None = None, timeout: float = 60.0
+    ) -> PlannedTask:
+        """Check a task and plan its motions from where the arm is. Nothing moves.
+
+        Args:
+            task: Number or name of the task.
+            arguments: Values of the task's parameters, by name.
+            timeout: Longest time that planning may take [s].
+        """
+        return self._call(
+            "plan",
+            PlannedTask.from_json,
+            extra_time=timeout,
+            task=task,
+            arguments=dict(arguments or {}),
         )
 
     def result(self, goal_id: str, timeout: float | None = None) -> Outcome:
@@ -288,6 +311,35 @@ class Client:
     def tasks(self) -> tuple[Task, ...]:
         """Return the tasks."""
         return self._call("tasks", lambda answer: tuple(map(Task.from_json, answer["tasks"])))
+
+    def recordings(
+        self, search: str = "", task: int | None = None, state: str = "", limit: int | None = None
+    ) -> tuple[Mapping[str, Any], ...]:
+        """Return recordings, the newest first, as `GET /api/recordings` lists them.
+
+        Args:
+            search: Text to find; empty for all.
+            task: Number of a task; None for all.
+            state: SUCCEEDED, CANCELED, ABORTED or UNFINISHED; empty for all.
+            limit: Most recordings; None for the limit of the server.
+        """
+        return self._call(
+            "recordings",
+            lambda answer: tuple(answer["recordings"]),
+            search=search or None,
+            task=task,
+            state=state or None,
+            limit=limit,
+        )
+
+    def recorded_events(self, name: str, at: float = 0.0) -> Mapping[str, Any]:
+        """Return the events of a recording around a moment, with the state before them.
+
+        Args:
+            name: Name of the recording.
+            at: The moment, from the beginning of the goal [s].
+        """
+        return self._call("recorded_events", dict, extra_time=20.0, name=name, at=at)
 
     @contextmanager
     def events(self, *kinds: str) -> Iterator[Iterator[Event]]:

@@ -41,12 +41,13 @@ class Address:
     headers: Mapping[str, str]
 
     @classmethod
-    def find(cls, url: str | None, token: str | None) -> Self:
+    def find(cls, url: str | None, token: str | None, client: str = "") -> Self:
         """Find a server.
 
         Args:
             url: URL; default ARMTREE_SERVER, then the server on this machine.
             token: Token; default ARMTREE_TOKEN, then the token file of the server.
+            client: What this client calls itself; empty for no name.
 
         Raises:
             ServerUnreachable: The URL is invalid.
@@ -57,6 +58,8 @@ class Address:
         if own := _own_server(url):
             url, token = own.url, token or own.token
         headers = {"authorization": f"Bearer {token}"} if token else {}
+        if client:
+            headers["user-agent"] = client
         headers["accept-encoding"] = "identity"  # a small answer must not unpack to a huge one
         headers["host"] = urlsplit(url).netloc.rpartition("@")[2]
         return cls(url, headers)

@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from executive.api.events import Event, event_from_json
+
 
 @dataclass(frozen=True, slots=True)
 class Task:
@@ -15,6 +17,7 @@ class Task:
         description: One sentence.
         source: `shipped`, or the path of its file.
         parameters: Types of its parameters, by name.
+        inputs: What a form needs to know of each parameter, by name, as in `GET /api/tasks`.
         wrong: What is wrong with its file; empty if it is valid.
     """
 
@@ -23,12 +26,13 @@ class Task:
     description: str
     source: str
     parameters: Mapping[str, str]
+    inputs: Mapping[str, Mapping[str, Any]]
     wrong: str
 
     @classmethod
     def from_json(cls, plain: Mapping[str, Any]) -> "Task":
         """Return the task from the server's JSON."""
-        keys = ("task", "name", "description", "source", "parameters", "wrong")
+        keys = ("task", "name", "description", "source", "parameters", "inputs", "wrong")
         return cls(*(plain[key] for key in keys))
 
 
@@ -54,3 +58,21 @@ class OpenQuestion:
     def __str__(self) -> str:
         choices = f" [{'/'.join(self.choices)}]" if self.choices else ""
         return f"{self.question_id}  {self.text}{choices}"
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedTask:
+    """A task that was checked and planned, without a motion of the arm.
+
+    Attributes:
+        events: The events that a run would have; the last one has the outcome.
+        unknown: A message for each motion that is known only in a run.
+    """
+
+    events: tuple[Event, ...]
+    unknown: tuple[str, ...]
+
+    @classmethod
+    def from_json(cls, plain: Mapping[str, Any]) -> "PlannedTask":
+        """Return it from the server's JSON."""
+        return cls(tuple(map(event_from_json, plain["events"])), tuple(plain["unknown"]))

@@ -200,7 +200,8 @@ class GoalExecutor:
             name = attempt.task.description if goal.text else attempt.task.name
         self._recordings.open(goal.status, name, self._context.seed, attempt.tree)
         # After that, so that the lines are in its recording and follow its first event.
-        logger.info("Executing the goal for %s (%s)", *goal.name)
+        sender = f" from {goal.client}" if goal.client else ""
+        logger.info("Executing the goal for %s (%s)%s", *goal.name, sender)
         if attempt.warning:
             logger.warning("%s", attempt.warning)
 

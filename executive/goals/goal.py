@@ -36,6 +36,7 @@ class Goal:
         outcome: How the goal ended; None until then.
         ended: Time of the end [s].
         text: Text of a move; empty for a task.
+        client: Name of the program that sent it; empty if unknown.
         stops: Number of pending stops of the arm; the goal does not end before they are done.
     """
 
@@ -46,6 +47,7 @@ class Goal:
     stamp_ns: int
     mailbox: Mailbox
     text: str = ""
+    client: str = ""
     state: GoalState = GoalState.ACCEPTED
     outcome: Outcome | None = None
     ended: float = 0.0

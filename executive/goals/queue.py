@@ -74,6 +74,7 @@ class GoalQueue:
         identity: str,
         invalid: Exception | None = None,
         text: str = "",
+        client: str = "",
     ) -> tuple[Acceptance, Goal | None]:
         """Accept or refuse a goal.
 
@@ -83,6 +84,7 @@ class GoalQueue:
             identity: 32 hexadecimal digits; empty for a new identity.
             invalid: Why the goal can never be executed; None if that is not known.
             text: Text of a move; empty for a task.
+            client: Name of the program that sends it; empty if unknown.
 
         Returns:
             The answer; and the goal that it preempts, or None. The caller stops the arm for the
@@ -95,7 +97,8 @@ class GoalQueue:
                 return Acceptance(identity, 0, refusal), None
             preempted = self._preempt(identity) if self.policy is Policy.PREEMPT else None
             now, mailbox = self._clock.now(), Mailbox(self._clock)
-            goal = Goal(identity, task, arguments, now, self._stamp(now), mailbox, text)
+            stamp = self._stamp(now)
+            goal = Goal(identity, task, arguments, now, stamp, mailbox, text, client)
             self._goals[identity] = goal
             self._waiting.append(goal)
             self._changed(goal.status)

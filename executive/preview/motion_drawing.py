@@ -1,8 +1,10 @@
 """Shapes of a moving robot, for drawings of plans and recordings."""
 
 import json
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -64,7 +66,7 @@ class _Motion:
 
 
 def scenes_of(path: Path) -> list[Scene]:
-    """Return one scene per world: its bodies, and the motions of the run in it.
+    """Return one scene per world with bodies: the bodies, and the motions of the run in it.
 
     Raises:
         RecordingError: The recording cannot be read, or does not contain the robot.
@@ -72,16 +74,45 @@ def scenes_of(path: Path) -> list[Scene]:
         BadWorld: A body is invalid, or its file is missing.
     """
     recording = Recording(path)
-    worlds: dict[str, list[tuple[int, _Motion]]] = {}
-    for number, motion in enumerate(_motions(recording), 1):
-        if motion.plan.world:
-            worlds.setdefault(json.dumps(motion.plan.world), []).append((number, motion))
-    return [_scene(recording, motions) for motions in worlds.values()]
+    motions = [each for each in _by_world(recording.records(Goal, Plan, Sent)) if each.world]
+    return [_scene(restore_robot(recording), recording.files, each) for each in motions]
 
 
-def _motions(recording: Recording) -> list[_Motion]:
+def scenes_in(records: Iterable[object], robot: Robot) -> list[Scene]:
+    """Return one scene per world, also without bodies. Bodies with a mesh are not drawn.
+
+    Args:
+        records: Events of a run; only goals, plans and sent frames matter.
+        robot: Description of the robot.
+
+    Raises:
+        BadWorld: A body is invalid.
+    """
+    found = _by_world(records)
+    for each in found:
+        each.world = [body for body in each.world if "mesh" not in body]
+    return [_scene(robot, {}, each) for each in found]
+
+
+@dataclass
+class _InWorld:
+    """The motions in one world, by number; and its bodies as they were recorded."""
+
+    world: Sequence[Mapping[str, Any]]
+    motions: dict[int, _Motion] = field(default_factory=dict)
+
+
+def _by_world(records: Iterable[object]) -> list[_InWorld]:
+    worlds: dict[str, _InWorld] = {}
+    for number, motion in enumerate(_motions(records), 1):
+        world = motion.plan.world
+        worlds.setdefault(json.dumps(world), _InWorld(world)).motions[number] = motion
+    return [*worlds.values()]
+
+
+def _motions(records: Iterable[object]) -> list[_Motion]:
     motions: list[_Motion] = []
-    for record in recording.records(Goal, Plan, Sent):
+    for record in records:
         if isinstance(record, Goal):
             motions = []
         elif isinstance(record, Plan):
@@ -93,12 +124,12 @@ def _motions(recording: Recording) -> list[_Motion]:
     return motions
 
 
-def _scene(recording: Recording, motions: list[tuple[int, _Motion]]) -> Scene:
-    bodies = motions[0][1].plan.world
-    robot, world = restore_robot(recording), restore_world(bodies, recording.files)
-    poses = [pose for _, motion in motions for pose in motion.poses()]
+def _scene(robot: Robot, files: Mapping[str, bytes], found: _InWorld) -> Scene:
+    world = restore_world(found.world, files)
+    poses = [pose for motion in found.motions.values() for pose in motion.poses()]
     chosen = np.linspace(0, len(poses) - 1, min(_MOST_POSES, len(poses))).round().astype(int)
     rows = [[poses[index][joint.name] for joint in robot.actuated] for index in chosen]
-    numbers = ", ".join(str(number) for number, _ in motions)
-    title = f"Motion{'s' * (len(motions) > 1)} {numbers}; around: {bodies_text(bodies)}"
+    numbers = ", ".join(map(str, found.motions))
+    around = bodies_text(found.world) or "nothing"
+    title = f"Motion{'s' * (len(found.motions) > 1)} {numbers}; around: {around}"
     return Scene(title, motion_drawing(robot, world, rows))

@@ -12,8 +12,10 @@ from starlette.types import Message, Scope, Send
 
 from executive.api.token_file import HTTP_PORT
 from executive.errors import Unauthorized, WrongHost, WrongOrigin
+from hardware.printable import printable
 
 _HAS_TOKEN = "has_token"  # key in a request's state
+MAX_CLIENT = 120  # characters of the name of a client
 _HAS_PORT = re.compile(r"[^:]:\d+$")
 SECURITY_HEADERS = {
     "cache-control": "no-store",
@@ -22,6 +24,11 @@ SECURITY_HEADERS = {
     "referrer-policy": "no-referrer",
     "x-content-type-options": "nosniff",
 }
+
+
+def client_of(headers: Headers) -> str:
+    """Return what a client calls itself, for the log and recordings; empty if it does not say."""
+    return printable(headers.get("user-agent", "")[:MAX_CLIENT])
 
 
 @dataclass(frozen=True, slots=True)

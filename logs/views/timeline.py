@@ -1,7 +1,7 @@
 """A run as it is drawn: what happened when, in seconds since its goal."""
 
 from bisect import bisect_right
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from itertools import dropwhile
 from pathlib import Path
@@ -115,18 +115,33 @@ def timeline(path: Path) -> Timeline:
         RecordingError: The file cannot be read, or its tree is too deep. A cut file can be read:
             see `Timeline.complete`.
     """
-    events = _Events()
     try:
         recording = Recording(path)
     except RecordingError:
         if not _cut_before_first_message(path):
             raise
-        return events.timeline(complete=False)
-    for record in recording.records():
-        if isinstance(record, NodeStatus) and record.path.count("/") > _DEEPEST:
-            raise RecordingError(path, f"its tree is deeper than {_DEEPEST} nodes")
+        return timeline_of((), complete=False)
+
+    def records() -> Iterator[RunRecord]:
+        for record in recording.records():
+            if isinstance(record, NodeStatus) and record.path.count("/") > _DEEPEST:
+                raise RecordingError(path, f"its tree is deeper than {_DEEPEST} nodes")
+            yield record
+
+    return timeline_of(records(), recording.complete)
+
+
+def timeline_of(records: Iterable[RunRecord], complete: bool = True) -> Timeline:
+    """Return the run that records describe.
+
+    Args:
+        records: The records, in order of time.
+        complete: True if they have the end of the run.
+    """
+    events = _Events()
+    for record in records:
         events.add(record)
-    return events.timeline(recording.complete)
+    return events.timeline(complete)
 
 
 def _cut_before_first_message(path: Path) -> bool:

@@ -8,7 +8,6 @@ from collections.abc import Awaitable, Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-import fastjsonschema
 from starlette.applications import Starlette
 from starlette.datastructures import Headers
 from starlette.exceptions import HTTPException
@@ -20,9 +19,9 @@ from starlette.types import Receive, Scope, Send
 from starlette.websockets import WebSocket
 
 from executive.api import strict_json
+from executive.api.checking import Checker, Mismatch, checked, checker
 from executive.api.operations import OPERATIONS, Access, Operation
 from executive.api.outcome import cause_of
-from executive.api.schemas import Schema
 from executive.errors import (
     BadMethod,
     BadRequest,
@@ -38,6 +37,7 @@ from executive.server.limits.token_bucket import TokenBucket
 from executive.server.page.files import page_routes
 from executive.server.security import (
     AccessRules,
+    client_of,
     is_authenticated,
     mark_authenticated,
     with_security_headers,
@@ -147,6 +147,11 @@ class App:
             try:
                 self._admit(operation, request)
                 given = await arguments.read(request)
+                client = client_of(request.headers)
+                if operation.names_client:
+                    given["client"] = client
+                elif client and operation.access is Access.CHANGE and not operation.streams:
+                    logger.info("%s %s from %s", request.method, request.url.path, client)
                 with self._counted(operation, request):
                     value = await (
                         answer(request, **given) if operation.streams else answer(**given)
@@ -160,6 +165,8 @@ class App:
                 return Response()
             except RequestError as error:
                 return _refusal(error)
+            except Mismatch as error:
+                return _refusal(BadRequest(str(error), status=422))
             except Exception as error:
                 # The outermost place of a request: a bug costs its answer, not the connection.
                 return failure(error, operation.path)
@@ -194,8 +201,8 @@ class _Arguments:
 
     def __init__(self, operation: Operation) -> None:
         self._operation = operation
-        self._parameters = {name: _checker(each) for name, each in operation.parameters.items()}
-        self._body = None if operation.body is None else _checker(operation.body)
+        self._parameters = {name: checker(each) for name, each in operation.parameters.items()}
+        self._body = None if operation.body is None else checker(operation.body)
 
     async def read(self, request: Request) -> dict[str, Any]:
         """Return the arguments by name.
@@ -217,7 +224,7 @@ class _Arguments:
                 raise BadRequest(f"the parameter {name} is unknown or given twice; known: {known}")
             texts[name] = text
         return {
-            name: _checked(self._parameters[name], _value(text, schemas[name]["type"]), name)
+            name: checked(self._parameters[name], _value(text, schemas[name]["type"]), name)
             for name, text in texts.items()
         }
 
@@ -248,12 +255,7 @@ def _value(text: str, kind: str) -> float | str:
     return float(text) if kind == "number" and _NUMBER.fullmatch(text) else text
 
 
-def _checker(schema: Schema) -> Callable[[Any], Any]:
-    checker: Callable[[Any], Any] = fastjsonschema.compile(dict(schema))
-    return checker
-
-
-async def _read_body(request: Request, checker: Callable[[Any], Any]) -> Any:
+async def _read_body(request: Request, check: Checker) -> Any:
     """Return the checked JSON object of a body. An empty body counts as an empty object."""
     known = is_authenticated(request.scope)
     data = await _read(request, strict_json.MAX_BYTES if known else ANONYMOUS_BYTES)
@@ -264,7 +266,7 @@ async def _read_body(request: Request, checker: Callable[[Any], Any]) -> Any:
         value = strict_json.parse(data) if data else {}
     except strict_json.NotJson as error:
         raise BadRequest(f"invalid JSON: {error}") from error
-    return _checked(checker, value, "the body")
+    return checked(check, value, "the body")
 
 
 def _is_json(kind: str) -> bool:
@@ -273,17 +275,6 @@ def _is_json(kind: str) -> bool:
         "",
         "charset=utf-8",
     )
-
-
-def _checked(checker: Callable[[Any], Any], value: Any, whole: str) -> Any:
-    try:
-        return checker(value)
-    except fastjsonschema.JsonSchemaValueException as error:
-        name = str(error.name)
-        where = name.removeprefix("data").lstrip(".") or whole
-        title = error.definition.get("title")
-        words = f"must be {title}" if title else error.message.removeprefix(name).strip()
-        raise BadRequest(f"{where} {words}", status=422) from error
 
 
 async def _read(request: Request, limit: int) -> bytes:

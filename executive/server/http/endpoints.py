@@ -136,9 +136,11 @@ class Endpoints(RecordingEndpoints):
         arguments: Json = _NO_ARGUMENTS,
         goal_id: str = "",
         deadman: bool = False,
+        client: str = "",
     ) -> Json | Response:
         """Accept or refuse a goal."""
-        return await self._accept(await self._number(task), _as_texts(arguments), goal_id, deadman)
+        number, texts = await self._number(task), _as_texts(arguments)
+        return await self._accept(number, texts, goal_id, deadman, client)
 
     async def plan(self, task: float | str, arguments: Json = _NO_ARGUMENTS) -> Json:
         """Check a task and plan its motions."""
@@ -159,17 +161,19 @@ class Endpoints(RecordingEndpoints):
         speed: float = 1.0,
         goal_id: str = "",
         deadman: bool = False,
+        client: str = "",
     ) -> Json | Response:
         """Accept or refuse a move."""
         move = Move(tuple(map(str, to)), relative, speed)
-        return await self._accept(move, {}, goal_id, deadman)
+        return await self._accept(move, {}, goal_id, deadman, client)
 
     async def _accept(
-        self, task: int | Move, texts: Mapping[str, str], goal_id: str, deadman: bool
+        self, task: int | Move, texts: Mapping[str, str], goal_id: str, deadman: bool, client: str
     ) -> Json | Response:
         if deadman and not await self._is_held(goal_id):
             raise NotHeld(goal_id)
-        acceptance = await asyncio.to_thread(self._executive.send_and_record, task, texts, goal_id)
+        send = self._executive.send_and_record
+        acceptance = await asyncio.to_thread(send, task, texts, goal_id, client)
         if acceptance.cause:
             return JSONResponse(acceptance.cause.to_json(), http_status(acceptance.code))
         held = self._held.get(goal_id)

@@ -6,6 +6,7 @@ processes all data as soon as it arrives.
 
 import asyncio
 import json
+import logging
 import re
 import socket
 from collections.abc import Callable
@@ -26,6 +27,8 @@ from executive.server.security import AccessRules, is_authenticated
 
 from .fair_queue import CHUNK, FairQueue
 from .quick_stop import QuickStop
+
+logger = logging.getLogger(__name__)
 
 MAX_HEAD = 8 * 1024  # bytes of a request's head
 MAX_HEAD_LINES = 100  # parsing a line takes 5 us
@@ -244,6 +247,8 @@ class HttpConnection(_QueuedProtocol, H11Protocol):
 
     def _answer_stop(self, stop: QuickStop, stopped: asyncio.Future[CancelResult]) -> None:
         self.stopping = False
+        if stop.client:
+            logger.info("Received a stop from %s", stop.client)
         if self.transport.is_closing():
             return
         self.transport.write(stop.answer(stopped))

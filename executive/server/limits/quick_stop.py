@@ -15,7 +15,7 @@ from uvicorn.protocols.http.h11_impl import STATUS_PHRASES
 from executive.api.outcome import CancelResult
 from executive.errors import Forbidden
 from executive.server.errors import failure
-from executive.server.security import SECURITY_HEADERS, AccessRules
+from executive.server.security import SECURITY_HEADERS, AccessRules, client_of
 
 MAX_HEAD = 2 * 1024  # bytes of the head
 _HEAD = re.compile(
@@ -32,10 +32,13 @@ class QuickStop:
     Attributes:
         origin: Origin of the page that sent it; None if no page did.
         keeps: True if the connection stays open after the answer.
+        client: What the client calls itself, if it sent the token; clients without it must not
+            fill the log.
     """
 
     origin: str | None
     keeps: bool
+    client: str
 
     @classmethod
     def find(cls, data: bytes, rules: AccessRules) -> Self | None:
@@ -43,8 +46,8 @@ class QuickStop:
         head = _HEAD.match(data, 0, MAX_HEAD)
         if not head:
             return None
-        lines = (line.partition(b":") for line in head[0].lower().split(b"\r\n")[1:-2])
-        headers = Headers(raw=[(name, value.strip(b"\t ")) for name, _, value in lines])
+        lines = (line.partition(b":") for line in head[0].split(b"\r\n")[1:-2])
+        headers = Headers(raw=[(name.lower(), value.strip(b"\t ")) for name, _, value in lines])
         try:
             rules.check_source(headers)
         except Forbidden:
@@ -53,10 +56,11 @@ class QuickStop:
         whole = _NUMBER.fullmatch(length) and head.end() + int(length) <= len(data)
         if not whole or "transfer-encoding" in headers:
             return None
-        keeps = headers.get("connection", "keep-alive") == "keep-alive"
+        keeps = headers.get("connection", "keep-alive").lower() == "keep-alive"
         # What follows was sent before the answer, so it is not read.
         keeps = keeps and head.end() + int(length) == len(data)
-        return cls(headers.get("origin"), keeps)
+        client = client_of(headers) if rules.has_token(headers) else ""
+        return cls(headers.get("origin"), keeps, client)
 
     def answer(self, stopped: asyncio.Future[CancelResult]) -> bytes:
         """Return the answer, as the application would send it."""

@@ -1,6 +1,7 @@
 """The clients in Python, sync and async."""
 
 import asyncio
+import logging
 import math
 import os
 import socket
@@ -9,8 +10,10 @@ from pathlib import Path
 
 import pytest
 
+import logs
 from armtree import AsyncClient, Client, GoalFailed, Refused, ServerUnreachable
 from executive.api import token_file
+from executive.cli.support.log_handler import recorded_log
 from executive.client import transport
 from executive.errors import WrongAnswer
 from tests.support.generated.sync_client import TARGET, synchronous
@@ -37,6 +40,39 @@ def test_the_synchronous_client(serve: Serve) -> None:
     served.stop()
     with pytest.raises(ServerUnreachable, match="armtree serve"):
         Client(served.server.url).status()
+
+
+def test_recordings_name_the_client(serve: Serve, caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.INFO)
+    served = serve()
+    lines: list[str] = []
+    served.executive.subscribe(lambda event: lines.append(getattr(event, "message", "")))
+    with recorded_log(served.executive), Client(served.server.url, name="robot/1\t(me)") as arm:
+        goal = arm.send(10)
+        with arm.events("goal") as events:
+            next(events)
+        arm.pause(goal)
+        assert arm.stop().goals == (goal,)
+        arm.result(goal)
+        assert [each["task"] for each in arm.recordings(task=10)] == [10]
+    for words in (
+        f"Executing the goal for task 10 ({goal}) from robot/1\t(me)",
+        f"POST /api/goals/{goal}/pause from robot/1\t(me)",
+        "Received a stop from robot/1\t(me)",
+    ):
+        assert words in lines
+
+
+def test_a_task_is_planned_and_nothing_moves(serve: Serve) -> None:
+    served = serve()
+    with Client(served.server.url) as arm:
+        planned = arm.plan("pick")
+        assert any(isinstance(event, logs.Plan) for event in planned.events)
+        assert getattr(planned.events[-1], "outcome", None)
+        assert planned.unknown == ()
+        assert arm.goals() == ()
+        with pytest.raises(Refused, match="task number 99"):
+            arm.plan(99)
 
 
 def test_the_asynchronous_client(serve: Serve) -> None:

@@ -81,7 +81,8 @@ def test_an_answer_takes_what_its_row_says(operation: Operation) -> None:
     method = inspect.signature(getattr(Endpoints, operation.name))
     taken = set(method.parameters) - {"self", "request"}
     keys = operation.body["properties"] if operation.body else {}
-    assert taken == {*operation.parameters, *keys}
+    client = {"client"} if operation.names_client else set()
+    assert taken == {*operation.parameters, *keys, *client}
     assert ("request" in method.parameters) == operation.streams
     needed = {name for name in operation.parameters if operation.in_path(name)}
     needed |= set(operation.body.get("required", ())) if operation.body else set()
