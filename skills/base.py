@@ -168,6 +168,11 @@ class Skill(BehaviourWithPorts):
         """Progress of the motion from 0 to 1; None if the skill does not measure it."""
         return None
 
+    @property
+    def time_left(self) -> float:
+        """Time until its motion ends [s]; 0 if this is not known."""
+        return 0.0
+
     def on_start(self) -> Status:
         """Start. Called at the first tick; must not block."""
         raise NotImplementedError
@@ -209,7 +214,7 @@ class Skill(BehaviourWithPorts):
         return status
 
     def call_hook(self, hook: str) -> Any:
-        """Return the value of `busy` or `progress`, or call `on_pause`.
+        """Return the value of `busy`, `progress` or `time_left`, or call `on_pause`.
 
         Raises:
             SkillBroken: The hook raised an exception. The arm is stopped.

@@ -58,6 +58,14 @@ class Execute(Skill):
         total = self._frames_before + len(self._playback.schedule.setpoints)
         return (self._frames_before + self._playback.arrived) / total if total else 1.0
 
+    @property
+    def time_left(self) -> float:
+        """Time until the last frame is carried out [s]; 0 until the motion starts."""
+        if self._playback is None:
+            return 0.0
+        schedule, arrived = self._playback.schedule, self._playback.arrived
+        return schedule.duration - (schedule.setpoints[arrived - 1].time if arrived else 0.0)
+
     def on_start(self) -> Status:
         """Compile the plans into frames, and have the frames checked."""
         arm = self.context.arm

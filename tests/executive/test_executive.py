@@ -283,7 +283,7 @@ def test_who_is_to_blame_for_arguments(
     assert outcome.code == code, outcome.message
     assert words in outcome.message
     assert not outcome.cause or "armtree check" not in outcome.cause.hint or code == "file.task"
-    started = code != "goal.bad_arguments"
+    started = code not in ("goal.bad_arguments", "file.task")
     assert (bool(outcome.recording), "not started" in outcome.text()) == (started, not started)
 
 
@@ -372,3 +372,12 @@ def test_the_request_to_acknowledge_is_not_a_frame(
     first, *frames = arm.recorded(logs.Sent)
     assert (first.data, first.joints, first.hold) == (b"bA01;", (), False)
     assert [frame.data.decode() for frame in frames] == list(schedule.frames)
+
+
+def test_a_timeout_says_how_long_its_motion_takes(rig: RigMaker, tasks: Path) -> None:
+    move = "{subtree: move_joints, with: {joints: {joint_1: 1.2}}}"
+    (tasks / "10_far.yaml").write_text(
+        f"task: 10\nname: far\ndescription: x\ntree: {{timeout: {move}, after: 1 s}}\n"
+    )
+    (outcome,) = rig(tasks).run(10)
+    assert (outcome.code, outcome.hint) == ("task.timeout", "allow more than 4 s")

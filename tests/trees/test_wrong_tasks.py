@@ -81,8 +81,8 @@ NODES = [
      "each node of a list with a -", ""),
     ("timeout:\n        subtree: move_joints\n        with: {joints: {joint_1: 40 deg}}\n"
      "      after: 1 s",
-     "13:7 timeout always fails after 1 s; its child takes at least 1.67 s; write a "
-     "time above 1.68 s", "      after: 3 s"),
+     "13:7 timeout fails after 1 s; as planned from the boot pose, its child takes 1.7 s; write "
+     "a time above 1.71 s", "      after: 3 s"),
     ("Attach: {body: cube, link: claw_support}", "10:22 no node before this adds a body cube: "
      "add it above, such as with AddBox: {body: cube, "
      "position: …, size: …}; or with AddSphere, AddCylinder", ""),

@@ -68,11 +68,12 @@ class CollisionChecks:
                     broken.add(body)
                     yield from (Mistake(place, f"{body.name}: {error}") for place in places)
             configurations, boot = self._configurations(), self.robot.boot_pose
+            first_worlds = self._first_worlds()
             yield from self._found
             for (pose, world), uses in configurations.items():
                 if broken.isdisjoint(world.bodies) and (hit := self._collision(pose, world)):
                     yield from (Mistake(place, f"{message}: {hit}") for place, message in uses)
-            for world, place in self._first_worlds().items():
+            for world, place in first_worlds.items():
                 new = (boot, world) not in configurations and broken.isdisjoint(world.bodies)
                 if new and (hit := self._collision(boot, world)):
                     named = self.robot.firmware.words.start_pose
@@ -129,7 +130,8 @@ class CollisionChecks:
     def _first_worlds(self) -> dict[World, Place]:
         """Return the worlds in which tasks first move the arm, and the places of these motions.
 
-        Also add a note for each timeout that ends before its motions.
+        Also add a note for each timeout that ends before its motions. If it does so from any start,
+        which is a mistake, the mistake gets the time that is planned from the start pose.
         """
         worlds, boot = dict[World, Place](), self.robot.boot_pose
         for tree in self.tasks:
@@ -146,9 +148,11 @@ class CollisionChecks:
                 reach=self.pool.reach if times else None,
                 duration=times.duration,
             )
-            if times and not tree.mistakes.found:
+            if times:
                 start = self.robot.firmware.words.start_pose
-                self.notes += slow_children(tree, found.times, start)
+                notes = {note.place: note for note in slow_children(tree, found.times, start)}
+                self._found = [notes.pop(each.place, each) for each in self._found]
+                self.notes += () if tree.mistakes.found else notes.values()
             for motion in found.motions:
                 if motion.start == boot:
                     worlds.setdefault(motion.world, motion.place)

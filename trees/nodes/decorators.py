@@ -7,7 +7,7 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 from py_trees.decorators import Decorator, FailureIsSuccess, Inverter
 
-from skills import Context, TookTooLong
+from skills import Context, Skill, TookTooLong
 
 from .kind import ControlNodeKind, Element, Flow, Node, Options, PossibleOutcomes, duration
 
@@ -41,7 +41,11 @@ class Timeout(Decorator):
         if self._context.now() < self._until:
             self._context.wake_at(self._until)
             return Status.RUNNING
+        running = (node for node in self.decorated.iterate() if node.status is Status.RUNNING)
+        left = [node.call_hook("time_left") for node in running if isinstance(node, Skill)]
         self.failure = TookTooLong(f"{self.name} took longer than {self.after:g} s")
+        if any(left):
+            self.failure.hint = f"allow more than {math.ceil(self.after + max(left))} s"
         self.feedback_message = str(self.failure)
         return Status.FAILURE
 
