@@ -1,11 +1,14 @@
 """This process: its priority, and its end."""
 
 import os
+import sys
 from contextlib import suppress
 from pathlib import Path
 from typing import NoReturn
 
 NICE = -10  # niceness that is asked for
+# Longest time that a busy thread keeps the interpreter from the streamer and from a stop [s].
+_SWITCH = 0.0005
 _GROUP = Path("/proc/self/autogroup")  # niceness of the session, if Linux schedules by sessions
 
 end_process = os._exit  # ends it at once, from any thread
@@ -32,6 +35,7 @@ def raise_priority() -> None:
     Frames and stops are then on time on a busy computer. A niceness that the user chose remains.
     Call it before threads start, because they inherit it.
     """
+    sys.setswitchinterval(_SWITCH)
     if os.getpriority(os.PRIO_PROCESS, 0) == 0:
         with suppress(OSError):
             os.setpriority(os.PRIO_PROCESS, 0, NICE)

@@ -28,9 +28,6 @@ from .process import raise_priority
 
 logger = logging.getLogger(__name__)
 
-# Longest time that a busy thread keeps the interpreter from the streamer and from a stop [s].
-_SWITCH = 0.0005
-
 
 def serve(setup: Setup, listen: ListenOptions, fleet: FleetPlace | None = None) -> None:
     """Run the server until a signal arrives; then stop the arm, cancel the goals and exit.
@@ -47,7 +44,6 @@ def serve(setup: Setup, listen: ListenOptions, fleet: FleetPlace | None = None) 
         LogError: A recording cannot be made, or could not be finished.
     """
     raise_priority()
-    sys.setswitchinterval(_SWITCH)
     clock = RealClock()
     questions = Questions(clock)
     with (
