@@ -102,7 +102,7 @@ def check(robot: Robot, folder: Path | None, files: Sequence[Path] = ()) -> Find
     ]
     findings.notes += [note for tree in collisions.trees for note in tree.mistakes.notes]
     if missing := advice_for_missing_shapes(robot):
-        findings.notes.append(Mistake(Place(robot.urdf, 0, 0), missing))
+        findings.notes.append(Mistake(Place(robot.urdf), missing))
     for library in libraries:
         findings.notes += _for_other_robots(robot, library, collisions.trees)
     findings.notes = list(FileError(findings.notes).mistakes)
@@ -123,7 +123,7 @@ def _for_other_robots(
         if library.folder and path.parent == library.folder:
             why = f"names joints that the {robot.name} lacks: {', '.join(sorted(names))}. If it is "
             why += f"for another robot, move it to the subfolder of {path.parent} with the name "
-            yield Mistake(Place(path, 0, 0), why + "of that robot")
+            yield Mistake(Place(path), why + "of that robot")
 
 
 def _how_to_add(name: str) -> str:
@@ -297,7 +297,7 @@ def _mistakes(error: TreeError) -> list[Mistake]:
     if isinstance(error, FileError):
         return list(error.mistakes)
     path = getattr(error, "path", None)
-    return [Mistake(Place(path, 1, 1) if path else Place(Path(), 0, 0), str(error))]
+    return [Mistake(Place(path, 1, 1) if path else Place(Path()), str(error))]
 
 
 def _context(robot: Robot) -> Context:

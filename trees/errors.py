@@ -10,6 +10,7 @@ TreeError
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Self
 
 from hardware.spelling import there_are
 
@@ -65,8 +66,8 @@ class Place:
     """
 
     path: Path
-    line: int
-    column: int
+    line: int = 0
+    column: int = 0
     location: str = field(default="", compare=False)
     lines: Sequence[str] = field(default=(), compare=False, repr=False)
 
@@ -205,6 +206,11 @@ class FileError(TreeError):
             lines.append(f"and {len(self.mistakes) - _SHOWN} more mistakes")
         super().__init__("\n".join(lines))
 
+    @classmethod
+    def at(cls, path: Path, message: str) -> Self:
+        """Return the error of a whole file or folder."""
+        return cls([Mistake(Place(path), message)])
+
 
 def _combined(mistakes: Collection[Mistake]) -> list[Mistake]:
     """Merge the mistakes of a line, so that each correction contains the others.
@@ -313,7 +319,7 @@ def _without_line(mistake: Mistake) -> Mistake:
     place = mistake.place
     if len(place.lines) > 1:
         return mistake
-    return replace(mistake, place=Place(place.path, 0, 0), instead=None)
+    return replace(mistake, place=Place(place.path), instead=None)
 
 
 class UnknownTask(TreeError):

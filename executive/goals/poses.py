@@ -8,7 +8,7 @@ from executive.api.move import HOME
 from hardware import NotActive, Robot
 from hardware.spelling import choices
 from skills import BadTarget
-from trees import FileError, Library, Mistake, Place
+from trees import FileError, Library
 from trees.export.saved_poses import save_pose
 
 from .move_task import poses_with_home
@@ -58,7 +58,7 @@ def save_where(
         raise NotActive("The pose of an inactive arm is not known; activate it, or move it first")
     if folder is None:
         why = "the server has no folder of yours; start it with --trees DIR to save poses"
-        raise FileError([Mistake(Place(Path("trees"), 0, 0), why)])
+        raise FileError.at(Path("trees"), why)
     joints = robot.actuated if group == ALL else robot.actuated_in(group)
     positions = {joint.name: where.commanded[joint.name] for joint in joints}
     return save_pose(robot, folder, name, positions, replace), positions

@@ -25,17 +25,18 @@ def read_world(file: Path) -> World:
         text = read_file(file, _MAX_BYTES).decode("utf-8")
         return World.parse(json.loads(text, object_pairs_hook=_once))
     except BadWorld as error:
-        raise _wrong(Place(file, 0, 0), str(error)) from error
+        raise BadWorldFile.at(file, str(error)) from error
     except OSError as error:
-        raise _wrong(Place(file, 0, 0), f"cannot be read: {error.strerror}") from error
+        raise BadWorldFile.at(file, f"cannot be read: {error.strerror}") from error
     except json.JSONDecodeError as error:
         why = f"is not JSON: {error.msg}"
         lines = error.doc.splitlines()
-        raise _wrong(Place(file, error.lineno, error.colno, lines=lines), why) from error
+        place = Place(file, error.lineno, error.colno, lines=lines)
+        raise BadWorldFile([Mistake(place, why)]) from error
     except RecursionError as error:
-        raise _wrong(Place(file, 0, 0), "its lists or objects are nested too deep") from error
+        raise BadWorldFile.at(file, "its lists or objects are nested too deep") from error
     except ValueError as error:  # not UTF-8, or a huge number
-        raise _wrong(Place(file, 0, 0), f"is not JSON: {error}") from error
+        raise BadWorldFile.at(file, f"is not JSON: {error}") from error
 
 
 def check_world(file: Path, world: World, robot: Robot) -> None:
@@ -47,7 +48,7 @@ def check_world(file: Path, world: World, robot: Robot) -> None:
     try:
         PlanningScene(robot, world)
     except BadWorld as error:
-        raise _wrong(Place(file, 0, 0), str(error)) from error
+        raise BadWorldFile.at(file, str(error)) from error
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -61,7 +62,3 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         where = name if isinstance(name, str) and duplicate != "name" else "one object"
         raise BadWorld(f"{json.dumps(duplicate)} is given twice in {where}; leave one out")
     return found
-
-
-def _wrong(place: Place, why: str) -> BadWorldFile:
-    return BadWorldFile([Mistake(place, why)])

@@ -9,7 +9,7 @@ from trees.reading.document import REFUSED, Located
 from trees.reading.grammar import parse_value
 
 FILE = "arguments.yaml"  # name of the file with the arguments in a recording
-MISSING = Place(Path("arguments"), 0, 0)  # place of an argument that is not given
+MISSING = Place(Path("arguments"))  # place of an argument that is not given
 
 
 def read_arguments(settings: Sequence[str], tasks: Sequence[int] = ()) -> dict[str, Located]:
@@ -80,4 +80,4 @@ def _right(arguments: dict[str, Located], wrong: list[Mistake]) -> dict[str, Loc
 
 
 def _wrong(source: str, message: str) -> Mistake:
-    return Mistake(Place(Path(source), 0, 0), message)
+    return Mistake(Place(Path(source)), message)

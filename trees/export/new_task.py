@@ -8,7 +8,7 @@ from pathlib import Path
 
 from hardware import Robot
 from hardware.joints import DISPLAY_UNITS
-from trees.errors import FileError, Mistake, Place
+from trees.errors import FileError
 from trees.reading.library import Library
 
 from .schema import NAME, schema_text
@@ -48,7 +48,7 @@ def write_task(robot: Robot, folder: Path, number: int, name: str) -> Path:
     try:
         path.write_text(_TEXT.format(number=number, name=name, schema=NAME, **_values(robot)))
     except OSError as error:
-        raise _wrong(path, f"cannot be written: {error.strerror}") from error
+        raise FileError.at(path, f"cannot be written: {error.strerror}") from error
     return path
 
 
@@ -72,7 +72,9 @@ def prepare_file(robot: Robot, folder: Path, number: int, name: str) -> Path:
     own = folder / robot.name
     path = own / f"{number}_{name}.yaml"
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", name):
-        raise _wrong(path, f"{name!r} is not a name; use a letter, then letters, digits, _ or -")
+        raise FileError.at(
+            path, f"{name!r} is not a name; use a letter, then letters, digits, _ or -"
+        )
     try:
         own.mkdir(parents=True, exist_ok=True)
         library = Library(folder, robot.name)
@@ -82,12 +84,14 @@ def prepare_file(robot: Robot, folder: Path, number: int, name: str) -> Path:
             ways = f"give another number, such as {_next_number(number, numbers)}"
             if there.parent not in library.shipped:
                 ways = f"edit that file, or delete it, or {ways}"
-            raise _wrong(path, f"task {number} {where} already; {ways}")
+            raise FileError.at(path, f"task {number} {where} already; {ways}")
         if name in (names := library.names()):
-            raise _wrong(path, f"task {names[name]} is called {name} already; give another name")
+            raise FileError.at(
+                path, f"task {names[name]} is called {name} already; give another name"
+            )
         (own / NAME).write_text(schema_text(library))
     except OSError as error:
-        raise _wrong(path, f"cannot be written: {error.strerror}") from error
+        raise FileError.at(path, f"cannot be written: {error.strerror}") from error
     return path
 
 
@@ -113,7 +117,3 @@ def _values(robot: Robot) -> dict[str, str]:
 
 def _quoted(name: str) -> str:
     return name if re.fullmatch(r"[A-Za-z_][\w.-]*", name) else json.dumps(name)
-
-
-def _wrong(path: Path, message: str) -> FileError:
-    return FileError([Mistake(Place(path, 0, 0), message)])

@@ -57,21 +57,21 @@ def save_pose(
     units = {unit for names in UNITS.values() for unit in names}
     if not _NAME.fullmatch(name) or name in units or name in {each.name for each in robot.joints}:
         rule = "use a letter, then letters, digits, _ or -, and no name of a joint or a unit"
-        raise _wrong(path, f"{name!r} cannot be the name of a pose; {rule}")
+        raise FileError.at(path, f"{name!r} cannot be the name of a pose; {rule}")
     shipped, files = _poses(robot, folder)
     path = next((file.path for file in files if name in file.poses), path)
     if not replace and any(name in file.poses for file in files):
         why = f"has a pose {name} already; give --replace, or another name"
-        raise PoseExists([Mistake(Place(path, 0, 0), why)])
+        raise PoseExists.at(path, why)
     if not replace and name in shipped:
         why = f"pose {name} ships with armtree; give another name, or --replace to use yours"
-        raise PoseExists([Mistake(Place(path, 0, 0), why)])
+        raise PoseExists.at(path, why)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise _wrong(path.parent, f"cannot be created: {error.strerror}") from error
+        raise FileError.at(path.parent, f"cannot be created: {error.strerror}") from error
     text = read_text(path) if path.exists() else _NEW.format(robot.name)
-    new = _with_pose(text, name, _values(robot, positions))
+    new = _with_pose(text, name, pose_text(robot, positions))
     replaced = {each for file in files if file.path == path for each in file.replaces}
     if name in shipped - replaced:
         new = _with_replaces(new, sorted({*replaced, name}))
@@ -103,12 +103,12 @@ def create_poses(
         return None
     lines = [f"# Poses of the {robot.name}. A pose can replace joint values in any task."]
     lines += [*(f"# {line}" for line in comment.splitlines()), "poses:"]
-    lines += [f"  {name}: {_values(robot, positions)}" for name, positions in poses.items()]
+    lines += [f"  {name}: {pose_text(robot, positions)}" for name, positions in poses.items()]
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_file(path, ("\n".join(lines) + "\n").encode())
     except OSError as error:
-        raise _wrong(path, f"cannot be written: {error.strerror}") from error
+        raise FileError.at(path, f"cannot be written: {error.strerror}") from error
     return path
 
 
@@ -130,7 +130,7 @@ def remove_pose(robot: Robot, folder: Path, name: str) -> Path:
         why = f"no pose {name} is here; there are {choices(name, own)}"
         if name in shipped:
             why = f"pose {name} ships with armtree and stays; `armtree pose save` can replace it"
-        raise _wrong(folder, why)
+        raise FileError.at(folder, why)
     new = _without_pose(file.text, name)
     if name in file.replaces:
         new = _with_replaces(new, [each for each in file.replaces if each != name])
@@ -152,13 +152,14 @@ def _poses(robot: Robot, folder: Path) -> tuple[set[str], list[PosesFile]]:
     return {name for file in files if file not in own for name in file.poses}, own
 
 
-def _values(robot: Robot, positions: Mapping[str, float]) -> str:
+def pose_text(robot: Robot, positions: Mapping[str, float]) -> str:
+    """Return positions by joint [rad], [m] as they are written in a file."""
     joints = (joint for joint in robot.actuated if joint.name in positions)
-    values = ", ".join(f"{each.name}: {written(each, positions[each.name])}" for each in joints)
+    values = ", ".join(f"{each.name}: {_written(each, positions[each.name])}" for each in joints)
     return f"{{{values}}}"
 
 
-def written(joint: Joint, q: float) -> str:
+def _written(joint: Joint, q: float) -> str:
     """Return a position as people write it, or the number itself if that is beyond a limit."""
     words = joint.words(q)
     near = math.radians(float(words.partition(" ")[0]))
@@ -175,14 +176,18 @@ def _rewrite(path: Path, text: str, new: str, name: str) -> None:
     try:
         after, mistakes = draft_poses(path, new)
     except FileError:
-        after, mistakes = before, [Mistake(Place(path, 0, 0), "")]
+        after, mistakes = before, [Mistake(Place(path), "")]
     others = [{n: p for n, p in each.poses.items() if n != name} for each in (before, after)]
     if mistakes or others[0] != others[1]:
-        raise _wrong(path, f"pose {name} cannot be changed without other lines; edit it by hand")
+        raise FileError.at(
+            path, f"pose {name} cannot be changed without other lines; edit it by hand"
+        )
     try:
         write_file(path, new.encode())
     except OSError as error:
-        raise _wrong(path, f"cannot be written: {error.strerror}; nothing has changed") from error
+        raise FileError.at(
+            path, f"cannot be written: {error.strerror}; nothing has changed"
+        ) from error
 
 
 def _with_pose(text: str, name: str, value: str) -> str:
@@ -254,7 +259,3 @@ def _line_end(text: str, at: int) -> int:
 
 def _spliced(text: str, begin: int, end: int, new: str) -> str:
     return text[:begin] + new + text[end:]
-
-
-def _wrong(path: Path, message: str) -> FileError:
-    return FileError([Mistake(Place(path, 0, 0), message)])

@@ -15,7 +15,7 @@ from trees.reading.library import Library
 from trees.reading.values import fit
 
 from .new_task import prepare_file
-from .saved_poses import written
+from .saved_poses import pose_text
 from .schema import NAME
 from .taught_path import Sample, simplify, split
 
@@ -122,7 +122,7 @@ class TaughtTask:
         names = [joint.name for joint in self._robot.actuated]
         if {*names} != positions.keys():
             why = f"names the joints {', '.join(names)}, but the arm has {', '.join(positions)}"
-            raise FileError([Mistake(Place(self._robot.path, 0, 0), f"{why}; give --robot")])
+            raise FileError.at(self._robot.path, f"{why}; give --robot")
         return {
             joint.name: min(max(positions[joint.name], joint.lower), joint.upper)
             for joint in self._robot.actuated
@@ -145,9 +145,7 @@ class TaughtTask:
 
     def _pose(self, positions: Mapping[str, float], names: Sequence[str]) -> str:
         """Return the positions of some joints, as they are written in a file."""
-        joints = (joint for joint in self._robot.actuated if joint.name in names)
-        values = (f"{joint.name}: {written(joint, positions[joint.name])}" for joint in joints)
-        return f"{{{', '.join(values)}}}"
+        return pose_text(self._robot, {name: positions[name] for name in names})
 
     def wait(self, duration: str) -> Step:
         """Add a wait, such as `500 ms`; return it.
@@ -190,7 +188,7 @@ class TaughtTask:
                 self.path.unlink(missing_ok=True)
         except OSError as error:
             why = f"cannot be written: {error.strerror}; make room, then repeat the step"
-            raise FileError([Mistake(Place(self.path, 0, 0), why)]) from error
+            raise FileError.at(self.path, why) from error
         self.steps = steps
 
 

@@ -123,7 +123,7 @@ class Library:
         elif name == POSES:
             where = f"those of the {self.robot} are in {folder / self.robot / POSES}"
             why = f"is not read: its poses are for the {SHIPPED_ROBOT}; {where}"
-            self.notes.append(Mistake(Place(path, 0, 0), why))
+            self.notes.append(Mistake(Place(path), why))
         else:
             self._claim(path.stem, path)
 
@@ -409,4 +409,4 @@ def _files(folder: Path) -> list[str]:
 
 
 def _no_folder(path: Path, message: str) -> FileError:
-    return FileError([Mistake(Place(path, 0, 0), message)])
+    return FileError([Mistake(Place(path), message)])
