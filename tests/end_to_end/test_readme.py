@@ -1,5 +1,6 @@
 """The tour of the README, typed into the shells that people use."""
 
+import os
 import re
 import shlex
 import shutil
@@ -9,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.arms.quick_arm import quick_arm
 from tests.support.paths import ROOT
 
 README = (ROOT / "README.md").read_text()
@@ -20,7 +22,9 @@ def test_no_command_has_a_comment_which_zsh_would_take_for_words() -> None:
     assert [line for block in BLOCKS for line in block if " #" in line] == []
 
 
-def typed(shell: str, commands: Sequence[str], folder: Path) -> subprocess.CompletedProcess[str]:
+def typed(
+    shell: str, commands: Sequence[str], folder: Path, robot: Path | None = None
+) -> subprocess.CompletedProcess[str]:
     """Type commands into a shell, the first in the repository and the others in a folder."""
     lines = [f"cd {shlex.quote(str(ROOT))}", commands[0], f"cd {shlex.quote(str(folder))}"]
     lines += [f"{command} || exit 99" for command in commands[1:]]
@@ -31,12 +35,13 @@ def typed(shell: str, commands: Sequence[str], folder: Path) -> subprocess.Compl
         capture_output=True,
         text=True,
         timeout=600,
+        env={**os.environ, **({"ARMTREE_ROBOT": str(robot)} if robot else {})},
     )
 
 
 @pytest.mark.slow
 def test_the_tour(tmp_path: Path) -> None:
-    done = typed("bash", TOUR, tmp_path)
+    done = typed("bash", TOUR, tmp_path, quick_arm(tmp_path))
     assert done.returncode == 0, done.stdout[-2000:] + done.stderr
     assert "1  pick" in done.stdout
     assert (tmp_path / "plan.png").exists()

@@ -203,7 +203,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--only", metavar="ROW", action="append", default=[])
     parser.add_argument("--times", type=int, metavar="N", help="injections per row")
     parser.add_argument("--seed", type=int, default=random.randrange(10**6))
-    parser.add_argument("--quick", action="store_true", help="a selection, about a minute")
+    parser.add_argument("--quick", action="store_true", help="a selection, half a minute")
     parser.add_argument("--keep", action="store_true", help="keep the folders of what failed")
     parser.add_argument("--json", type=Path, metavar="FILE")
     parser.add_argument("--page", type=Path, metavar="FILE")

@@ -85,7 +85,7 @@ def test_a_step_out_of_bounds_is_refused(own: PseudoTerminal) -> None:
 
 @pytest.mark.parametrize("way", ["Ctrl-C", "space", "q", "closed terminal"])
 def test_the_arm_holds_whatever_ends_a_move(command: list[str], tmp_path: Path, way: str) -> None:
-    with PseudoTerminal(tmp_path, *command, "--speed", "0.02") as terminal:
+    with PseudoTerminal(tmp_path, *command, "--speed", "0.05") as terminal:
         terminal.until("The first step opens the port")
         terminal.type("--" + RIGHT)
         terminal.at_rest("joint_1              0.5 deg")
@@ -97,7 +97,7 @@ def test_the_arm_holds_whatever_ends_a_move(command: list[str], tmp_path: Path, 
         else:
             terminal.type({"Ctrl-C": "\x03", "space": " ", "q": "q"}[way])
             if way == "space":
-                terminal.until("Stopped", "speed 0.02   width 0.8 mm\n")
+                terminal.until("Stopped", "speed 0.05   width 0.8 mm\n")
                 terminal.type("q")
             status, printed = terminal.end()
             assert (status, "The arm holds at" in printed) == (130 * (way == "Ctrl-C"), True)
@@ -109,7 +109,7 @@ def test_the_arm_holds_whatever_ends_a_move(command: list[str], tmp_path: Path, 
 @pytest.mark.skipif(not shutil.which("gcc"), reason="needs gcc")
 def test_a_full_disk_stops_the_step(command: list[str], tmp_path: Path) -> None:
     disk = WrongCalls(tmp_path, "-move.mcap")
-    slow = (*command, "--speed", "0.02")
+    slow = (*command, "--speed", "0.05")
     with PseudoTerminal(tmp_path, *slow, environment=disk.environment) as terminal:
         terminal.until("The first step opens the port")
         terminal.type("++" + RIGHT)
@@ -178,14 +178,14 @@ def step_is_shown_live(terminal: PseudoTerminal) -> None:
 
 
 def test_joints_move_on_the_screen_during_a_step(command: list[str], tmp_path: Path) -> None:
-    with PseudoTerminal(tmp_path, *command, "--speed", "0.02") as terminal:
+    with PseudoTerminal(tmp_path, *command, "--speed", "0.05") as terminal:
         terminal.until("The first step opens the port")
         step_is_shown_live(terminal)
 
 
 def test_joints_of_a_server_move_on_the_screen(serve: Serve, tmp_path: Path) -> None:
     serve()
-    with PseudoTerminal(tmp_path, "jog", "--speed", "0.02") as terminal:
+    with PseudoTerminal(tmp_path, "jog", "--speed", "0.05") as terminal:
         terminal.until("arm active")
         step_is_shown_live(terminal)
 
@@ -226,7 +226,7 @@ def test_the_arm_of_a_server_holds_whatever_ends_a_jog(
     serve: Serve, tmp_path: Path, way: str
 ) -> None:
     served = serve()
-    with PseudoTerminal(tmp_path, "jog", "--speed", "0.02") as terminal:
+    with PseudoTerminal(tmp_path, "jog", "--speed", "0.05") as terminal:
         terminal.until("arm active")
         terminal.type("++" + RIGHT)
         between(terminal)

@@ -206,7 +206,11 @@ tree:
 """
 
 
-def test_a_task_of_several_motions(tmp_path: Path) -> None:
+def test_a_task_of_several_motions(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn: list[str] = []  # instead of real drawings, of which each takes a second
+    monkeypatch.setattr(
+        "executive.planning.explanation._draw", lambda *given: drawn.append(given[-1].name)
+    )
     (tmp_path / "7_there_and_back.yaml").write_text(TWO_REACHES)
     result = plan(tmp_path, "7", "--trees", str(tmp_path))
     assert result.exit_code == 0, result.exception
@@ -214,19 +218,21 @@ def test_a_task_of_several_motions(tmp_path: Path) -> None:
     goals = [line.split()[1] for line in said if line.startswith("Goal")]
     assert goals == ["joint_1", "joint_4", "joint_1", "joint_4"]  # the arm, then the gripper
     assert "Motion 4 of 4" in said
-    assert (tmp_path / "plan-4.png").exists()
+    assert drawn == ["plan.png", "plan-2.png", "plan-3.png", "plan-4.png"]
     alone = plan(tmp_path, "7", "--trees", str(tmp_path), "--group", "gripper").output
     assert [line for line in alone.splitlines() if line.startswith("Goal")] == [
         line for line in said if line.startswith("Goal      joint_4")
     ]
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_task_that_moves_nothing(tmp_path: Path) -> None:
     said = plan(tmp_path, "2", "--start", "folded closed").output
     assert "Path      none: the arm is there already" in said
     assert "Motion" not in said
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_how_long_it_took_to_get_ready_is_reported(tmp_path: Path) -> None:
     ready, _, _, _, found, *_ = plan(tmp_path, "0.1", "0.05", "0.08").output.splitlines()
     milliseconds = re.match(r"Prepared  in (\S+) ms \(model (\S+), goal (\S+)\)$", ready)

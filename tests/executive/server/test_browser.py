@@ -1,13 +1,9 @@
 """Pages of other sites in a real browser: an accepted origin can use the server, others cannot."""
 
 import json
-import shutil
-import subprocess
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from pathlib import Path
 from queue import Queue
 from typing import Any
 from urllib.parse import urlencode
@@ -19,10 +15,12 @@ from tests.support.servers.serving import Serve, Served
 
 pytestmark = pytest.mark.slow
 
-pytest_plugins = ["tests.support.servers.server_fixtures"]
+pytest_plugins = [
+    "tests.support.servers.server_fixtures",
+    "tests.support.servers.browser_fixtures",
+]
 
 PAGE = PEERS / "page.html"
-CHROMIUM = shutil.which("chromium")
 
 
 class Site(ThreadingHTTPServer):
@@ -65,27 +63,17 @@ def site() -> Iterator[Site]:
         thread.join()
 
 
-@contextmanager
-def browser(url: str, profile: Path) -> Iterator[None]:
-    assert CHROMIUM
-    command = [CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", "--no-first-run"]
-    command += ["--disable-background-networking", f"--user-data-dir={profile}", url]
-    with subprocess.Popen(command, stderr=subprocess.DEVNULL) as running:
-        yield
-        running.terminate()
-
-
-def opened(site: Site, served: Served, host: str, profile: Path) -> dict[str, Any]:
+def opened(browser: Any, site: Site, served: Served, host: str) -> dict[str, Any]:
     """The report of the page, opened under a name of its site."""
     facts = urlencode({"server": served.server.url, "token": served.server.token})
-    with browser(f"http://{host}:{site.server_port}/page?{facts}", profile):
+    with browser.new_context() as context:
+        context.new_page().goto(f"http://{host}:{site.server_port}/page?{facts}")
         return site.reported.get(timeout=50)
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
-def test_an_accepted_and_a_foreign_page(serve: Serve, site: Site, tmp_path: Path) -> None:
+def test_an_accepted_and_a_foreign_page(browser: Any, serve: Serve, site: Site) -> None:
     served = serve(rosbridge=True, origins=(f"http://localhost:{site.server_port}",))
-    reported = opened(site, served, "localhost", tmp_path / "friend")
+    reported = opened(browser, site, served, "localhost")
     assert reported["stream"] == "open"
     assert reported["status"]["json"]["arm"] == "active"
     assert (reported["stranger"]["status"], reported["stranger"]["json"]["code"]) == (
@@ -99,7 +87,7 @@ def test_an_accepted_and_a_foreign_page(serve: Serve, site: Site, tmp_path: Path
     assert reported["socket"] == "open"
 
     goal = served.executive.send(10).identity
-    reported = opened(site, served, "127.0.0.1", tmp_path / "foreign")
+    reported = opened(browser, site, served, "127.0.0.1")
     refused = {"error": "TypeError"}
     asked = ("status", "stranger", "send", "stop", "form")
     assert [reported[name] for name in asked] == [refused] * 5

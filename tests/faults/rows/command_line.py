@@ -62,7 +62,7 @@ KINDS = ("pipe", "socket", "zero", "folder", "big", "brackets")
     limit=20,
     unit="s",
     times=16,
-    quick=2,
+    quick=1,
 )
 def endless_files(scene: Scene) -> None:
     cases = itertools.product(("--robot", "--world", "urdf", "task", "skills"), KINDS)
@@ -146,7 +146,6 @@ def memory(command: Command) -> float:
     "a command that only prints is quiet and ends with 141, or 0 if all was printed before; "
     "a run continues, and has its own status",
     times=6,
-    quick=1,
 )
 def reader_ends(scene: Scene) -> None:
     lines = scene.random.randint(0, 2)
@@ -167,7 +166,6 @@ def reader_ends(scene: Scene) -> None:
     "a run whose standard streams are closed: input, output, errors, or all of them",
     "the arm moves until Ctrl-C; no file, such as the port, takes the number of a closed stream",
     times=4,
-    quick=1,
 )
 def closed_streams(scene: Scene) -> None:
     (closed,) = scene.share([[1], [2], [0, 1], [0, 1, 2]])
@@ -191,7 +189,6 @@ def closed_streams(scene: Scene) -> None:
     limit=3,
     unit="s",
     times=6,
-    quick=1,
 )
 def closed_terminal(scene: Scene) -> None:
     board, close = scene.board(), scene.folder / "close"

@@ -44,7 +44,6 @@ LIES = (
     " with joint positions that bring the tool elsewhere",
     "the goal ends `plan.worker_died` with what is wrong; no frame is sent; the next goal succeeds",
     times=5,
-    quick=1,
 )
 def planner_lies(scene: Scene) -> None:
     board = scene.board()
@@ -98,7 +97,6 @@ def slow_joint(scene: Scene) -> None:
     "a hard limit of the address space between 0.2 and 5 GiB",
     "from 1 GiB a task runs; below, it ends at once with exit status 3 and says what is needed",
     times=8,
-    quick=1,
 )
 def planner_memory(scene: Scene) -> None:
     needed, board = 2**30, scene.board()
@@ -266,7 +264,6 @@ print(*(getattr(each, "code", type(each).__name__) for each in answers))
     "a Python program builds queries with `None` as world, start, goal, group, seed or timeout",
     "each is answered with `plan.bad_query`, and the planner process answers the next one",
     times=1,
-    quick=1,
 )
 def hand_built_queries(scene: Scene) -> None:
     program = scene.armtree("-c", HAND_BUILT, argv=[sys.executable])

@@ -22,7 +22,6 @@ from tests.support.recordings.single_changes import single_changes
     limit=30,
     unit="s",
     times=3,
-    quick=1,
 )
 def unpack(scene: Scene) -> None:
     folder = scene.folder / "recordings"
@@ -55,7 +54,6 @@ def unpack(scene: Scene) -> None:
     "a recording is cut, a bit of it is flipped, or one part of it is changed or removed",
     "none holds: `replay --verify` ends with 12, and names each with its code",
     times=6,
-    quick=1,
 )
 def change(scene: Scene) -> None:
     run = scene.run("21")

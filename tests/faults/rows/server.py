@@ -179,7 +179,6 @@ def rosbridge_recordings(scene: Scene) -> None:
     "a goal through rosbridge with a number of 5,000 digits, NaN, or without arguments",
     "each is answered under its id; without arguments the task is 0, as in rosbridge",
     times=2,
-    quick=1,
 )
 def rosbridge_numbers(scene: Scene) -> None:
     server = scene.serve("--activate", "--rosbridge")

@@ -1,5 +1,6 @@
 """The page of a server in Chromium: one browser for all tests, one server for each module."""
 
+import asyncio
 import shutil
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -7,7 +8,7 @@ from typing import Any
 import pytest
 
 from executive.api.events import Policy
-from hardware import RealClock, load_robot
+from hardware import RealClock, Robot
 from skills.motion import Pool
 from tests.support.servers.browsing import Open, Tab
 from tests.support.servers.serving import Served
@@ -15,8 +16,9 @@ from tests.support.servers.serving import Served
 CHROMIUM = shutil.which("chromium")
 
 
-@pytest.fixture(scope="module")  # its event loop would refuse those of other tests
-def browser() -> Iterator[Any]:
+@pytest.fixture(scope="session")
+def chromium() -> Iterator[tuple[Any, asyncio.AbstractEventLoop | None]]:
+    """The browser, and the event loop that its library leaves running in this thread."""
     if CHROMIUM is None:
         pytest.skip("chromium is not installed")
     from playwright.sync_api import sync_playwright
@@ -25,20 +27,34 @@ def browser() -> Iterator[Any]:
         # WebGL by the processor, as on a machine without a graphics card.
         args = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
         args += ["--host-resolver-rules=MAP *.example 127.0.0.1"]  # as an attacker's DNS server
-        chromium = playwright.chromium.launch(executable_path=CHROMIUM, args=args)
-        yield chromium
-        chromium.close()
+        launched = playwright.chromium.launch(executable_path=CHROMIUM, args=args)
+        loop = asyncio._get_running_loop()
+        yield launched, loop
+        asyncio._set_running_loop(loop)
+        launched.close()
+
+
+@pytest.fixture
+def browser(chromium: tuple[Any, asyncio.AbstractEventLoop | None]) -> Iterator[Any]:
+    """The browser; its event loop runs only meanwhile, or it would refuse those of other tests."""
+    launched, loop = chromium
+    asyncio._set_running_loop(loop)
+    yield launched
+    asyncio._set_running_loop(None)
 
 
 @pytest.fixture(scope="module")
 def page_server(
-    real_pool: Pool, real_clock: RealClock, tmp_path_factory: pytest.TempPathFactory
+    quick_robot: Robot,
+    real_pool: Pool,
+    real_clock: RealClock,
+    tmp_path_factory: pytest.TempPathFactory,
 ) -> Iterator[Served]:
     """A server with an active arm, for all tests of a module."""
     folder = tmp_path_factory.mktemp("page")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_RUNTIME_DIR", str(folder))
-        served = Served(load_robot(None), real_pool, folder, real_clock)
+        served = Served(quick_robot, real_pool, folder, real_clock)
         served.start(Policy.REJECT, active=True)
         yield served
         served.stop()

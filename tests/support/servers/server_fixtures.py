@@ -11,8 +11,9 @@ from executive.api import token_file
 from executive.api.events import Policy
 from executive.cli.main import main
 from executive.testing import SharedPool
-from hardware import RealClock, load_robot
+from hardware import RealClock, Robot, load_robot
 from skills.motion import Pool
+from tests.support.arms.quick_arm import quick_arm
 from tests.support.servers.serving import Serve, Served, Typed
 
 
@@ -22,8 +23,14 @@ def real_clock() -> RealClock:
 
 
 @pytest.fixture(scope="session")
-def real_pool(real_clock: RealClock) -> Iterator[Pool]:
-    pool = SharedPool(load_robot(None), 1, real_clock)
+def quick_robot(tmp_path_factory: pytest.TempPathFactory) -> Robot:
+    """The robot of all servers: motions take their real time."""
+    return load_robot(quick_arm(tmp_path_factory.mktemp("robot")))
+
+
+@pytest.fixture(scope="session")
+def real_pool(quick_robot: Robot, real_clock: RealClock) -> Iterator[Pool]:
+    pool = SharedPool(quick_robot, 1, real_clock)
     pool.start()
     yield pool
     pool.close()
@@ -31,14 +38,18 @@ def real_pool(real_clock: RealClock) -> Iterator[Pool]:
 
 @pytest.fixture
 def serve(
-    real_pool: Pool, real_clock: RealClock, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    quick_robot: Robot,
+    real_pool: Pool,
+    real_clock: RealClock,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> Iterator[Serve]:
     """Starts servers. Each is stopped when the test ends, and its token file must be removed."""
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     running: list[Served] = []
 
     def make(policy: Policy = Policy.REJECT, active: bool = True, **listen: Any) -> Served:
-        served = Served(load_robot(None), real_pool, tmp_path, real_clock)
+        served = Served(quick_robot, real_pool, tmp_path, real_clock)
         served.start(policy, active, **listen)
         running.append(served)
         return served
