@@ -136,6 +136,9 @@ class _PlanGroup(PlanningSkill, register=False):
         self._set_output("plan", answer)
         spent = sum(answer.milliseconds.values())
         self.feedback_message = f"{answer.duration:.2f} s of motion, found in {spent:.1f} ms"
+        if not answer.duration:
+            is_there = self.context.robot.actuated_in(self.group)
+            self.feedback_message = "is there already" if is_there else f"no {self.group}"
         return Status.SUCCESS
 
     def on_halt(self) -> None:

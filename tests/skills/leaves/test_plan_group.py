@@ -25,6 +25,7 @@ from skills.motion import (
     World,
 )
 from skills.motion.planner import Planner
+from skills.motion.trajectory.time_law import TimeLaw
 from tests.conftest import Bench
 
 START = Positions(joint_1=0.0, joint_2=0.0, joint_3=0.0, joint_4=0.0)
@@ -279,3 +280,10 @@ def test_halted_while_a_wider_way_is_looked_for(bench: Bench, detour: tuple[Plan
 def test_how_much_more_may_be_kept(planner: Planner, spare: float) -> None:
     with pytest.raises(BadQuery, match="The spare is"):
         planner.plan(Query("arm", (0.0,) * 4, (0.3, 0.0, 0.0), spare=spare))
+
+
+def test_a_group_that_is_at_its_goal_says_so(bench: Bench, skill: PlanArm, plans: Plans) -> None:
+    skill.tick_once()
+    bench.desk.jobs[0].answer(replace(plans[0], profile=TimeLaw.standstill()))
+    skill.tick_once()
+    assert skill.feedback_message == "is there already"
