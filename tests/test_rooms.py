@@ -54,7 +54,7 @@ def test_the_top_level_is_as_agreed() -> None:
         "Makefile",
     }
     if not (ROOT / ".git").exists():
-        pytest.skip("not a git checkout, so so the files of this project cannot be listed")
+        pytest.skip("not a git checkout, so the files of this project cannot be listed")
     command = ["git", "ls-files", "--cached"]
     listed = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout
     ours = {Path(line).parts[0] for line in listed.splitlines()}
