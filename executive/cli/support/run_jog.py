@@ -165,7 +165,6 @@ def run_jog(
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
         raise Refusal("a jog needs a terminal; `armtree move --by joint_1=5deg` does without")
     raise_priority()
-    left = False
     # Keys that are typed while the arm stops and the recording is closed are not for the shell.
     with (
         Interrupts() as interrupts,
@@ -174,13 +173,7 @@ def run_jog(
     ):
         assert keys is not None
         screen = JogScreen(arm, commands(arm), speed, note, title, steps, _SHOWN)
-
-        def leave() -> None:
-            nonlocal left
-            left = True
-            screen.leave()
-
-        interrupts.on_cancel(leave)
+        interrupts.on_cancel(screen.leave)
         before = signal.signal(signal.SIGWINCH, lambda *_: screen.wake())
         try:
             interrupts.run(lambda: screen.run(keys))
@@ -189,7 +182,7 @@ def run_jog(
             why = _hold(arm)
         echo(port)
         echo(why or f"The arm holds at {pose_words(arm.where())}")
-    return INTERRUPTED_EXIT if left else 0
+    return INTERRUPTED_EXIT if screen.left else 0
 
 
 @contextmanager

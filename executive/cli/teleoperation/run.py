@@ -50,7 +50,7 @@ def run_teleop(
         raise Refusal(
             f"the leader has the joints {', '.join(led)}, and {robot.name} {', '.join(joints)}"
         )
-    leader, left = HandGuidedArm(leading, leading.link(port)), False
+    leader = HandGuidedArm(leading, leading.link(port))
     with (
         Interrupts() as interrupts,
         key_by_key() as keys,
@@ -62,17 +62,11 @@ def run_teleop(
         try:
             leader.open()
             screen = TeleopScreen(OwnArm(executive), leader, speed)
-
-            def leave() -> None:
-                nonlocal left
-                left = True
-                screen.leave()
-
-            interrupts.on_cancel(leave)
+            interrupts.on_cancel(screen.leave)
             where = interrupts.run(lambda: screen.run(keys))
         finally:
             held = leader.close()
         echo(port_line(executive))
         echo(f"The arm holds at {pose_words(where)}")
         echo(f"The leader {'holds where it is' if held else 'has no torque: hold it'}")
-    return INTERRUPTED_EXIT if left else 0
+    return INTERRUPTED_EXIT if screen.left else 0

@@ -132,11 +132,6 @@ class TeleopScreen(KeyScreen):
         self._worker = ThreadPoolExecutor(1, "teleop")
         self._following: Future[None] | None = None
 
-    def leave(self) -> None:
-        """Stop the arm, and end. Any thread may call."""
-        self.end()
-        self._hold()
-
     def run(self, keys: int) -> Where:
         """Follow until a key or `leave` ends it; return where the arm is then.
 
@@ -148,7 +143,7 @@ class TeleopScreen(KeyScreen):
                 self.show(keys)
             finally:
                 self.end()
-                self._hold()
+                self.stop()
         return self._arm.where()
 
     def lines(self, width: int, rows: int) -> Iterator[tuple[str, bool]]:
@@ -163,7 +158,7 @@ class TeleopScreen(KeyScreen):
         elif key == "y" and phase is Phase.ASKS:
             self._release()
         elif key == " " and phase in (Phase.APPROACHES, Phase.FOLLOWS):
-            self._hold()
+            self.stop()
         elif key == " " and phase is Phase.HOLDS:
             self._start()
 
@@ -182,7 +177,7 @@ class TeleopScreen(KeyScreen):
         self._leader.following = True
         self._following = self._worker.submit(self._follow)
 
-    def _hold(self) -> None:
+    def stop(self) -> None:
         """End the following, or stop the move to the leader."""
         self._leader.following = False
         if self._view.phase is Phase.APPROACHES:

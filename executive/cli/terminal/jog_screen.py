@@ -117,11 +117,6 @@ class JogScreen(KeyScreen):
         self._lost: ClientError | None = None
         self._asked: Callable[[], str] | None = None
 
-    def leave(self) -> None:
-        """Stop the arm, and end the jog. Any thread may call."""
-        self.end()
-        self._stop()
-
     def run(self, keys: int) -> Where:
         """Jog until a key or `leave` ends it; return where the arm is then.
 
@@ -139,7 +134,7 @@ class JogScreen(KeyScreen):
             finally:
                 self.end()
                 if self._moves and not self._moves.done():
-                    self._stop()
+                    self.stop()
         if self._lost:
             raise self._lost
         return self._arm.where()
@@ -203,7 +198,7 @@ class JogScreen(KeyScreen):
             case Go(move=move):
                 self._moves = self._worker.submit(self._move, move, self._stops)
             case Stop():
-                threading.Thread(target=self._stop, name="stop", daemon=True).start()
+                threading.Thread(target=self.stop, name="stop", daemon=True).start()
             case Leave():
                 self.end()
             case Call(key, text):
@@ -224,7 +219,7 @@ class JogScreen(KeyScreen):
     def _move(self, move: Move, stops: int) -> None:
         def accepted() -> None:
             if self._stops > stops:  # stopped before there was anything to stop
-                self._stop()
+                self.stop()
 
         try:
             outcome = self._arm.move(move, accepted)
@@ -232,7 +227,8 @@ class JogScreen(KeyScreen):
         except Exception as error:
             self._post(error)
 
-    def _stop(self) -> None:
+    def stop(self) -> None:
+        """Stop the arm. Any thread may call."""
         self._stops += 1
         try:
             self._arm.stop()

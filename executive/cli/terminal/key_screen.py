@@ -23,6 +23,9 @@ class KeyScreen(ABC):
 
     Args:
         every: Longest time between two drawings [s]; None to draw only after a key or `wake`.
+
+    Attributes:
+        left: True after `leave`.
     """
 
     def __init__(self, every: float | None = None) -> None:
@@ -30,6 +33,7 @@ class KeyScreen(ABC):
         self._reader, self._writer = os.pipe()
         os.set_blocking(self._writer, False)
         self._ended = threading.Event()
+        self.left = False
 
     @abstractmethod
     def update(self) -> None:
@@ -48,6 +52,10 @@ class KeyScreen(ABC):
     def press(self, key: str) -> None:
         """Do what a key asks for."""
 
+    @abstractmethod
+    def stop(self) -> None:
+        """Stop the arm. Any thread may call."""
+
     def wake(self) -> None:
         """Draw the screen again. Any thread may call."""
         with suppress(BlockingIOError):  # it will be drawn anyway
@@ -57,6 +65,12 @@ class KeyScreen(ABC):
         """End the view. Any thread may call."""
         self._ended.set()
         self.wake()
+
+    def leave(self) -> None:
+        """Stop the arm, and end the view, because of a signal. Any thread may call."""
+        self.left = True
+        self.end()
+        self.stop()
 
     def show(self, keys: int) -> None:
         """Draw and read keys until the view is ended.

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from functools import partial
 from queue import SimpleQueue
 from threading import Thread
+from typing import TypeVar
 
 from hardware import Clock, Robot
 from skills.motion.errors import MotionError, PlanCanceled
@@ -13,6 +14,8 @@ from skills.motion.world import Body
 
 from .memory import check_memory
 from .worker_process import WorkerProcess
+
+T = TypeVar("T")
 
 
 class Job:
@@ -92,18 +95,18 @@ class Pool:
 
     def reach(self, query: ToolQuery) -> Reached:
         """Wait for joint positions that bring the tool to the query's point: `Planner.reach`."""
-        answer = self.ask(query)
-        if isinstance(answer, MotionError):
-            raise answer
-        assert isinstance(answer, Reached)
-        return answer
+        return self._wanted(query, Reached)
 
     def carry(self, request: Carry) -> Body:
         """Wait for a body at the same pose, attached to another link: `Planner.carry`."""
+        return self._wanted(request, Body)
+
+    def _wanted(self, request: Request, kind: type[T]) -> T:
+        """Wait for an answer of this type. Raises a MotionError that is the answer instead."""
         answer = self.ask(request)
         if isinstance(answer, MotionError):
             raise answer
-        assert isinstance(answer, Body)
+        assert isinstance(answer, kind)
         return answer
 
     def cancel(self, job: Job) -> None:
