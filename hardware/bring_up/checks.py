@@ -63,11 +63,15 @@ def _adapter(port: str) -> Check:
 def _missing(robot: Robot, port: str, found: Found) -> Iterator[Check]:
     """Say which servos are missing, and why that may be."""
     present, speed = found.servos, robot.serial.baud
-    if found.damaged:
+    if found.damaged and present:
         ids = ", ".join(map(str, sorted(found.damaged)))
         what = f"the answers with the id {ids} are damaged, as if two servos had that id"
         remedy = "connect the servos one by one: armtree calibrate --ids"
         yield Check("double ids", False, what, remedy, ServoTwice.code)
+    for servo, name in found.strangers.items():
+        what = f"servo {servo} was asked, and the answer has the id {name}"
+        remedy = "another servo answers with that id: connect it alone: armtree calibrate --ids"
+        yield Check("other ids", False, what, remedy, ServoMissing.code)
     baud, others = search_speeds(robot, port, _SEARCHED)
     if baud != speed:
         what = f"servos {_numbers(others)} answer at {baud} bit/s; the robot file says {speed}"
@@ -76,16 +80,18 @@ def _missing(robot: Robot, port: str, found: Found) -> Iterator[Check]:
         return
     if not others.servos and found.noise:
         what = f"{found.noise} received bytes are not answers of servos"
-        remedy = "check that the bus is on this port; another device may be"
+        remedy = "check that the bus is on this port, and not another device; and check its cable, "
+        remedy += "which may catch noise"
         yield Check("servos", False, what, remedy, NoServos.code)
         return
     names = {servo: joint for joint, servo in robot.servos.items()}
     missing = ", ".join(f"{s} ({joint})" for s, joint in names.items() if s not in present)
     what = f"{len(present)} of {len(names)} answer at {speed} bit/s; missing: {missing}"
     remedy = f"check {likely_cable(robot, present)}"
-    if strange := [servo for servo in others.servos if servo not in names]:
-        remedy += f"; the id {', '.join(map(str, strange))} answers, which no joint has: give "
-        remedy += "it the right one with armtree calibrate --ids"
+    if strange := ", ".join(str(servo) for servo in others.servos if servo not in names):
+        ids = f"servos answer with ids that no joint has: {strange}. Give them the right ones with "
+        ids += "armtree calibrate --ids"
+        remedy = f"{remedy}; {ids}" if present else ids
     yield Check("servos", False, what, remedy, ServoMissing.code, values=_plain(others))
 
 

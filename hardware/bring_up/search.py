@@ -1,6 +1,7 @@
 """The search for servos on a port: which ids answer, at which speed, and what is wrong."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 from hardware.clock import Clock, RealClock
 from hardware.description.robot import Robot
@@ -19,7 +20,7 @@ def find_servos(robot: Robot, bus: ServoBus) -> Found:
         if not missing or found.noise:
             break
         again = bus.find(missing)
-        found = Found({**found.servos, **again.servos}, again.damaged, again.noise)
+        found = replace(again, servos={**found.servos, **again.servos})
     return found
 
 
@@ -42,7 +43,8 @@ def answering(robot: Robot, bus: ServoBus, port: str) -> dict[int, ServoReport]:
     if found.noise and not found.servos:
         raise NoServos(port, _PATIENCE, found.noise)
     if missing := [f"{s} ({j})" for j, s in robot.servos.items() if s not in found.servos]:
-        raise ServoMissing(port, _PATIENCE, missing, len(found.servos), (), found.noise)
+        names = found.strangers.values()
+        raise ServoMissing(port, _PATIENCE, missing, len(found.servos), names, found.noise)
     return dict(found.servos)
 
 

@@ -47,11 +47,13 @@ class Found:
         servos: The servos, by id.
         damaged: Ids whose answers were damaged: two servos may have that id.
         noise: Number of received bytes that belong to no packet.
+        strangers: Ids in answers to a request for another id, by the id that was asked.
     """
 
     servos: Mapping[int, ServoReport] = field(default_factory=dict)
     damaged: frozenset[int] = frozenset()
     noise: int = 0
+    strangers: Mapping[int, int] = field(default_factory=dict)
 
 
 class ServoBus(Protocol):

@@ -62,6 +62,7 @@ class BusProtocol(BoardProtocol):
         self._heard = set[int]()  # servos that have ever answered
         self._doubtful = set[int]()  # ids that answered the last request twice
         self._twice = Counter[int]()  # how often an id answered one request twice
+        self._requests = 0
         self._noise = 0  # received bytes that belong to no packet
         self._silent = dict.fromkeys(self._joints, 0)  # requests in a row without an answer
         self._begun = -math.inf  # when this cycle began: its first request [s]
@@ -81,7 +82,7 @@ class BusProtocol(BoardProtocol):
         if not self.boot_frame:
             waiting = self._joints.keys() - self._heard or self._waiting or self._joints
             missing = [f"{servo} ({self._joints[servo]})" for servo in sorted(waiting)]
-            twice = [servo for servo, times in self._twice.items() if times >= LOST_REQUESTS]
+            twice = [servo for servo, times in self._twice.items() if 2 * times > self._requests]
             raise ServoMissing(port, waited, missing, len(self._heard), twice, self._noise)
         for joint, register, expected in self._wires.kept:
             servo = self._wires.servos[joint]
@@ -149,6 +150,7 @@ class BusProtocol(BoardProtocol):
                 raise ServoSilent(servo, self._joints[servo], self._silent[servo])
         self._waiting, self._answers, self._doubtful = set(self._joints), {}, set()
         self._received.clear()
+        self._requests += 1
         self.free_at = self.next_poll = now + ANSWER_TIMEOUT
         return sync_read(list(self._joints), *self._block)
 
@@ -176,7 +178,9 @@ class BusProtocol(BoardProtocol):
                 self._twice[packet.servo] += 1
             elif packet.servo in self._waiting:
                 self._process(packet)
-                if self._waiting:
+                if self._waiting and not self.boot_frame:  # nothing else waits for the line
+                    self.free_at = self.next_poll = now + ANSWER_TIMEOUT
+                elif self._waiting:
                     rest = max(_TIMES_SLOWEST * self._slowest, _LEAST_TIMEOUT)
                     # Never later: a frame may be about to be sent on a line that was found free.
                     self.free_at = min(self.free_at, now + rest)

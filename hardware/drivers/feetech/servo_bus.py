@@ -52,17 +52,21 @@ class FeetechBus:
     def find(self, ids: Iterable[int]) -> Found:
         """Ask ids for a report."""
         servos, damaged, noise = dict[int, ServoReport](), set[int](), 0
+        strangers = dict[int, int]()
         for servo in ids:
             packets, rest = self._ping(servo)
             if any(packet.servo == servo for packet in packets):
                 if report := self._report(servo):
                     servos[servo] = report
                     continue
+            elif packets:
+                strangers[servo] = packets[0].servo
+                continue
             elif not rest:
                 continue
             damaged |= {servo} if rest else set()
             noise += rest
-        return Found(servos, frozenset(damaged - servos.keys()), noise)
+        return Found(servos, frozenset(damaged - servos.keys()), noise, strangers)
 
     def _ping(self, servo: int) -> tuple[list[Packet], int]:
         """Ask a servo for a sign of life; once more if nothing comes."""

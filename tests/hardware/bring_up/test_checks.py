@@ -10,7 +10,7 @@ import pytest
 
 from hardware import Check, load_robot
 from hardware.bring_up.checks import check_bus
-from hardware.drivers.feetech.virtual.bus import Bus
+from hardware.drivers.feetech.virtual.bus import Bus, Fault
 from hardware.drivers.virtual.board_process import BoardProcess
 from tests.support.arms.bus_arms import bus_arm
 from tests.support.arms.hardware_rigs import Pty
@@ -69,8 +69,15 @@ def test_all_servos_are_named_with_their_health(tmp_path: Path) -> None:
             put(1, "id", 9),
             "3 of 4 answer at 1000000 bit/s; missing: 2 (joint_2)",
             "check servo 2 of joint_2: others behind it answer, so its id or the servo itself is "
-            "wrong, not a cable; the id 9 answers, which no joint has: give it the right one with "
-            "armtree calibrate --ids",
+            "wrong, not a cable; servos answer with ids that no joint has: 9. Give them the right "
+            "ones with armtree calibrate --ids",
+        ),
+        (
+            lambda bus: [put(k, "id", 11 + k)(bus) for k in range(4)],
+            "0 of 4 answer at 1000000 bit/s; missing: 1 (joint_1), 2 (joint_2), 3 (joint_3), "
+            "4 (joint_4)",
+            "servos answer with ids that no joint has: 11, 12, 13, 14. Give them the right ones "
+            "with armtree calibrate --ids",
         ),
         (
             vanish(0, 1, 2, 3),
@@ -98,6 +105,21 @@ def test_two_servos_with_one_id_are_found(tmp_path: Path) -> None:
     check = found(tmp_path, put(1, "id", 3))["double ids"]
     assert "the answers with the id 3 are damaged, as if two servos had that id" in check.detail
     assert check.code == "hw.servo_twice"
+
+
+def test_a_servo_that_answers_for_another_is_found(tmp_path: Path) -> None:
+    checks = found(tmp_path, lambda bus: bus.fail(0.0, Fault("impersonate", 1, 0.0, 2)))
+    assert checks["other ids"].detail == "servo 1 was asked, and the answer has the id 2"
+
+
+def test_noise_is_not_double_ids(tmp_path: Path) -> None:
+    def damage(bus: Bus) -> None:
+        for servo in bus.servos:
+            bus.fail(0.0, Fault("damage", servo.servo, 0.0, 10_000))
+
+    checks = found(tmp_path, damage)
+    assert "double ids" not in checks
+    assert "not another device; and check its cable" in checks["servos"].remedy
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from hardware import CommandSent, FrameSent, HardwareError, State, load_robot
 from hardware.drivers.feetech.packets import Instruction, take_packets
 from hardware.drivers.feetech.virtual.bus import Bus, Fault
 from hardware.errors import SupplyTooLow
-from tests.support.arms.bus_arms import BusRig, rig
+from tests.support.arms.bus_arms import BusRig, bus_arm, rig
 
 LAST = 10_000  # more answers than there are
 
@@ -95,3 +95,19 @@ def test_a_pose_outside_the_calibrated_range_is_refused(tmp_path: Path) -> None:
             made.arm.activate()
         assert caught.value.code == "hw.pose_outside"
         assert load_robot(made.robot.path).firmware.words.advice_outside in str(caught.value)
+
+
+def test_only_a_servo_that_answers_every_request_twice_is_named(tmp_path: Path) -> None:
+    """A late answer to the request before is no sign of another servo."""
+    robot = load_robot(bus_arm(tmp_path))
+    bus, protocol = robot.model(), robot.protocol()
+    assert isinstance(bus, Bus)
+    bus.connect(0.0, [1, 2, 3])
+    for cycle in range(20):
+        time = 0.1 * cycle
+        bus.receive(protocol.poll(time), time)
+        answers = bus.read_output(time + 0.05)
+        protocol.receive(answers * (2 if cycle % 3 == 0 else 1), time + 0.05)
+    with pytest.raises(HardwareError, match="servo 1 ") as caught:
+        protocol.check_booted("p", 2.0)
+    assert "twice" not in str(caught.value)
