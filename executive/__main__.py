@@ -1,10 +1,14 @@
 """Entry point of `armtree`, `python -m armtree` and `python -m executive`."""
 
+import gc
 import sys
+
+_ALLOCATIONS = 10_000  # between two collections; imports make many objects and no garbage
 
 
 def main() -> None:
     """Run the command line. Ctrl-C while it is loading also exits without a traceback."""
+    gc.set_threshold(_ALLOCATIONS)
     try:
         from .cli import main as cli
 

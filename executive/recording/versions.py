@@ -4,12 +4,12 @@ import hashlib
 import platform
 import sys
 from functools import cache
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import ModuleType
 
 import hardware
 import skills.motion
+from hardware.drivers.installed import version
 
 _PLANNING = ("numpy", "pin", "coal")
 _SCHEDULING = (
@@ -30,20 +30,13 @@ def versions() -> dict[str, str]:
     Two installations with equal entries give equal plans and frames for equal queries.
     """
     own = {
-        "armtree": _version("armtree"),
+        "armtree": version("armtree") or "none",
         "planner": _digest(skills.motion, "**/*.py"),
         "frames": _digest(hardware, *_SCHEDULING),
     }
-    libraries = {name: _version(name) for name in _PLANNING}
+    libraries = {name: version(name) or "none" for name in _PLANNING}
     machine = {"python": platform.python_version(), "machine": platform.machine()}
     return {**own, **libraries, **machine, "system": sys.platform}
-
-
-def _version(name: str) -> str:
-    try:
-        return version(name)
-    except PackageNotFoundError:
-        return "none"
 
 
 def _digest(room: ModuleType, *patterns: str) -> str:

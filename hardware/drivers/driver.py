@@ -17,6 +17,7 @@ from hardware.toml_table import TomlTable
 
 from .board_protocol import BoardProtocol
 from .firmware_profile import Firmware
+from .installed import entry_points
 from .virtual.model import BoardModel
 from .wire_format import WireFormat
 
@@ -99,9 +100,7 @@ def load_driver(root: TomlTable) -> Driver:
     Raises:
         DescriptionError: There is no driver of that name, or it cannot be loaded.
     """
-    from importlib.metadata import entry_points  # slow to import
-
-    present = {point.name: point for point in entry_points(group=GROUP)}
+    present = entry_points(GROUP)
     name = root.choice("driver", present)
     try:
         driver: Driver = present[name].load()()

@@ -5,8 +5,7 @@ import tempfile
 import time
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import cache, lru_cache
-from importlib.metadata import PackageNotFoundError, version
+from functools import lru_cache
 from io import BufferedWriter
 from pathlib import Path
 from typing import IO
@@ -17,6 +16,7 @@ from mcap.data_stream import RecordBuilder
 
 from hardware.description.forward_kinematics import ForwardKinematics
 from hardware.description.urdf import Urdf
+from hardware.drivers.installed import version
 from logs.errors import DISK_FULL
 from logs.records.conversions import Stamp
 from logs.records.file_format import END, MAGIC, UNFINISHED, checked
@@ -265,7 +265,7 @@ def _head(epoch_ns: int) -> bytes:
     )
     named = {topic.name: topic for topic in TOPICS}
     return MAGIC + _bytes(
-        mcap.Header("ros2", _library() + UNFINISHED),
+        mcap.Header("ros2", f"armtree {version('armtree') or ''}".rstrip() + UNFINISHED),
         mcap.Metadata("armtree", {"epoch_ns": str(epoch_ns)}),
         mcap.Metadata("rosbag2", ROSBAG2),
         *schemas,
@@ -278,14 +278,6 @@ def _bytes(*records: mcap.McapRecord) -> bytes:
     for record in records:
         record.write(builder)
     return bytes(builder.end())  # type: ignore[no-untyped-call]
-
-
-@cache
-def _library() -> str:
-    try:
-        return f"armtree {version('armtree')}"
-    except PackageNotFoundError:
-        return "armtree"
 
 
 @lru_cache(maxsize=1)

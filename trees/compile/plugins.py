@@ -7,13 +7,13 @@ import threading
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout
-from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import NoReturn
 
 from py_trees.ports import get_ports_registry, register_ports_class
 
 import skills  # noqa: F401  registers the shipped skills
+from hardware.drivers.installed import EntryPoint, entry_points
 from hardware.files import read_file
 from trees.nodes.kind import KINDS
 
@@ -32,7 +32,7 @@ def load_skills(folder: Path | None) -> list[str]:
     Returns:
         What is broken, and why.
     """
-    wrong = [_load_package(entry) for entry in entry_points(group=GROUP)]
+    wrong = [_load_package(entry) for entry in entry_points(GROUP).values()]
     if folder is not None:
         if not folder.is_dir():
             return [*filter(None, wrong), f"{folder}: there is no such folder for skills"]

@@ -31,7 +31,8 @@ LIBRARIES = {
     "status": {"click", *HTTP},
     "tasks": {"click", "ruamel", "serial"},
     "run": RUN,
-    "serve": RUN | SERVER | {"anyio", "h11", "typing_extensions"},
+    # Starlette imports python_multipart if another package brings it.
+    "serve": RUN | SERVER | {"anyio", "h11", "python_multipart", "typing_extensions"},
 }
 # Folders of this project that a command leaves alone. What a run needs, it needs.
 UNUSED = {
@@ -47,6 +48,8 @@ UNUSED = {
         "trees.check",
     },
 }
+# Modules of the standard library that take long to import, and the commands that need them.
+SLOW = {name: {"email", "importlib.metadata"} for name in ("stop", "status", "serve")}
 CODE = """\
 import sys
 sys.path += {path}
@@ -75,3 +78,4 @@ def test_a_command_imports_no_more_than_it_needs(row: str) -> None:
     assert packages - ROOMS - {"__main__", "__mp_main__"} <= LIBRARIES[row]
     assert packages >= {"click", "executive"}
     assert UNUSED.get(row, set()) & loaded == set()
+    assert {"email", "importlib.metadata"} & loaded <= SLOW.get(row, set())

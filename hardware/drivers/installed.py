@@ -1,0 +1,94 @@
+"""What is installed: versions and entry points, as importlib.metadata has them.
+
+importlib.metadata reads the files of all packages with a parser for e-mail. A run would wait 40 ms
+for it, most of them for imports.
+"""
+
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cache
+from importlib import import_module
+from operator import attrgetter
+from typing import Any
+
+
+@dataclass(frozen=True, slots=True)
+class EntryPoint:
+    """An object that an installed package offers under a name.
+
+    Attributes:
+        name: The name.
+        value: Module and object, such as `arms.driver:Driver`.
+    """
+
+    name: str
+    value: str
+
+    @property
+    def module(self) -> str:
+        """Name of the module."""
+        return self.value.partition(":")[0]
+
+    def load(self) -> Any:
+        """Import the module, and return the object."""
+        found, path = import_module(self.module), self.value.partition(":")[2]
+        return attrgetter(path)(found) if path else found
+
+
+def entry_points(group: str) -> dict[str, EntryPoint]:
+    """Return the entry points of a group by name. The first package on the path has precedence."""
+    found: dict[str, EntryPoint] = {}
+    for text in _entry_point_files(tuple(sys.path)):
+        for line in _section(text, group) if f"[{group}]" in text else ():
+            name, _, value = (part.strip() for part in line.partition("="))
+            found.setdefault(name, EntryPoint(name, value.partition("[")[0].strip()))
+    return found
+
+
+def version(name: str) -> str | None:
+    """Return the version of a package, or None if it is not installed.
+
+    Args:
+        name: Name of the package without hyphens, dots and capitals.
+    """
+    for folder in _packages(tuple(sys.path)):
+        package, _, number = os.path.basename(folder).removesuffix(".dist-info").partition("-")
+        if package == name:
+            return number
+    return None
+
+
+@cache
+def _entry_point_files(path: tuple[str, ...]) -> list[str]:
+    texts: list[str] = []
+    for folder in _packages(path):
+        with (
+            suppress(OSError),
+            open(f"{folder}/entry_points.txt", encoding="utf-8", errors="replace") as file,
+        ):
+            texts.append(file.read())
+    return texts
+
+
+@cache
+def _packages(path: tuple[str, ...]) -> list[str]:
+    """Return the folders that describe the packages on a path, in its order."""
+    found: list[str] = []
+    for folder in path:
+        with suppress(OSError):  # a ZIP file, or it does not exist
+            names = os.listdir(folder or ".")
+            found += (f"{folder}/{name}" for name in names if name.endswith("-info"))
+    return found
+
+
+def _section(text: str, name: str) -> Iterator[str]:
+    """Yield the lines of a section that have a value."""
+    inside = False
+    for line in text.splitlines():
+        if line.strip().startswith("["):
+            inside = line.strip() == f"[{name}]"
+        elif inside and "=" in line and not line.lstrip().startswith(("#", ";")):
+            yield line
