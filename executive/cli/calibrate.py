@@ -175,7 +175,7 @@ def _restore(arm: "Robot", calibrator: "Calibrator") -> None:
     _confirm(f"Write {_values(changes)} to the servos, and delete {calibrator.path}?")
     calibrator.write(changes)
     calibrator.path.unlink()
-    echo("The servos keep what they kept before the calibration")
+    echo("The servos have the values from before the calibration again")
 
 
 def _values(changes: "Sequence[Change]") -> str:

@@ -53,7 +53,11 @@ def robots(as_json: bool) -> None:
     type=PATH,
     help="Robot file to write. Default: as the URDF, here.",
 )
-@click.option("--tool", metavar="LINK", help="Link of the tool. Default: asked for, or guessed.")
+@click.option(
+    "--tool",
+    metavar="LINK",
+    help="Link of the tool. Default: the command asks for it, or guesses it.",
+)
 @click.option(
     "--gripper",
     metavar="JOINT,...",

@@ -33,7 +33,7 @@ TASK = "the number or name of a task"  # what the words of a goal may be, too
 
 @dataclass(frozen=True, slots=True)
 class Words:
-    """What words mean.
+    """The meaning of the words of a goal.
 
     Attributes:
         joints: Positions by joint [rad].
@@ -134,7 +134,7 @@ def _at_width(robot: Robot, text: str) -> Mapping[str, float]:
 def _ask_unit(
     check: Callable[[float], object], name: str, unit: str, text: str, value: float
 ) -> None:
-    """Raise the error of a number without a unit that passes a check only in a smaller unit."""
+    """Suggest a smaller unit if a number without a unit passes a check only in that unit."""
     if not (error := _error(check, value)):
         return
     for near, factor in in_smaller_units(parse_value(text, name).value, unit):

@@ -27,7 +27,7 @@ SECURITY_HEADERS = {
 
 
 def client_of(headers: Headers) -> str:
-    """Return what a client calls itself, for the log and recordings; empty if it does not say."""
+    """Return the name that a client gives, for the log and recordings; empty if it gives none."""
     return printable(headers.get("user-agent", "")[:MAX_CLIENT])
 
 

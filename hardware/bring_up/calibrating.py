@@ -82,7 +82,7 @@ class Calibrator:
         self.path = calibration_file(robot.path)
 
     def read(self) -> None:
-        """Read once where the servos are."""
+        """Read the positions of the servos once."""
         self._sweep.move(self._bus.positions([*self._servos.values()]))
 
     @property

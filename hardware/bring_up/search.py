@@ -25,7 +25,7 @@ def find_servos(robot: Robot, bus: ServoBus) -> Found:
 
 
 def answering(robot: Robot, bus: ServoBus, port: str) -> dict[int, ServoReport]:
-    """Return what each servo of an arm says of itself, by its id.
+    """Return the report of each servo of an arm, by its id.
 
     Args:
         robot: The robot.

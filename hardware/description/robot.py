@@ -206,7 +206,7 @@ class Robot:
 
     @property
     def kept(self) -> dict[str, dict[str, int]]:
-        """What the servo of each joint must keep by its calibration, as `ServoReport.kept`.
+        """Values that the servo of each joint must have by its calibration; see `ServoReport.kept`.
 
         Raises:
             NotAble: Its board cannot identify servos.

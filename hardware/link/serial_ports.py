@@ -22,8 +22,8 @@ class SerialPort:
 
     Attributes:
         device: Device, such as `/dev/ttyACM0`.
-        name: Product name of the device; empty if it reports none. That of a port of the computer
-            itself says that the board is probably not there.
+        name: Product name of the device; empty if it reports none. For a port of the
+            computer itself, it says that this is probably not a board.
         usb: Vendor and product id, such as `2341:0043`; empty if it is not a USB device.
         by_id: Name under `/dev/serial/by-id`, which is the same after plugging it in again; empty
             if there is none.

@@ -69,7 +69,7 @@ def delete(recording: Path) -> None:
         if pinned(recording):
             raise RecordingError(recording, "is pinned; unpin it first")
         if not (is_ours(recording) and is_complete(recording, every_byte=False)):
-            why = "is unfinished or of another program; delete the file yourself"
+            why = "is unfinished, or another program wrote it; delete the file yourself"
             raise RecordingError(recording, why)
         os.rename(recording, _deleted(recording))
 

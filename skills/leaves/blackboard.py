@@ -61,7 +61,7 @@ class Compare(Skill):
         right = self.get_input("right")
         texts = [isinstance(value, str) for value in (left, right)]
         if any(texts) and (relation in _ORDER or not all(texts)):
-            raise TypeError(f"{left!r} {relation} {right!r}: a text only equals a text")
+            raise TypeError(f"{left!r} {relation} {right!r}: a text is equal only to a text")
         if not _RELATIONS[relation](left, right):
             raise ConditionFails(f"{left} {relation} {right} is false")
         return Status.SUCCESS

@@ -326,7 +326,7 @@ def test_a_run_on_the_arm_of_a_server_offers_to_send(
         (mine := tmp_path / "mine").mkdir()
         write_task(mine, 3, "{joint_1: 0, joint_2: 0, joint_3: 0}", "{joint_4: 0}")
         other = typed(tmp_path, "run", "3", *arguments[:-1], str(mine))[1]
-        assert "an armtree server has the arm, without this task" in " ".join(other.split())
+        assert "an armtree server has the arm, but not this task" in " ".join(other.split())
         status, out, _ = typed(tmp_path, "run", "3", "--set", "swing=5 deg", *arguments)
         server.send_signal(signal.SIGINT)
         server.stderr.read()

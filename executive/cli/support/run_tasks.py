@@ -136,7 +136,7 @@ def _held_by(
         return ""
     if (task, name) not in there:
         way = f"end it, or serve this task: {server.url}"
-        return f"an armtree server has the arm, without this task; {way}"
+        return f"an armtree server has the arm, but not this task; {way}"
     words = ["--server", server.url]
     if task != logs.MOVE:
         parameters = [word for setting in settings for word in ("--set", setting)]

@@ -63,4 +63,4 @@ def test_a_text_of_unknown_origin_is_no_measure(
     skill = bench.skill(Compare, left=left, right=right, **{"is": relation})
     skill.tick_once()
     assert isinstance(skill.broken, SkillBroken)
-    assert "a text only equals a text" in str(skill.broken)
+    assert "a text is equal only to a text" in str(skill.broken)

@@ -84,7 +84,7 @@ class Servo:
 
     @property
     def kept(self) -> dict[str, int]:
-        """What it keeps without power, by register."""
+        """The values that survive a loss of power, by register."""
         registers = self.series.registers.items()
         return {name: self.series.unpack(name, self._saved) for name, r in registers if r.kept}
 
