@@ -217,13 +217,14 @@ def _row(library: Library, number: int) -> dict[str, Any]:
     except FileError as error:
         source = str(error.mistakes[0].place.path)
         row |= {"source": source, "name": "", "description": "", "wrong": str(error)}
-        return {**row, "parameters": {}, "inputs": {}}
+        return {**row, "parameters": {}, "inputs": {}, "retry_safe": False}
     return {
         **row,
         "name": task.name,
         "description": task.description,
         "parameters": {name: declared.type for name, declared in task.parameters.items()},
         "inputs": {name: _input(declared) for name, declared in task.parameters.items()},
+        "retry_safe": task.retry_safe,
         "source": "shipped" if path.parent in library.shipped else str(path),
     }
 

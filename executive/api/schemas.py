@@ -314,6 +314,9 @@ TASK = answer(
     parameters=by_name(TEXT),
     inputs=by_name(_INPUT),
     wrong=TEXT,
+    retry_safe=described(
+        BOOLEAN, "True if it may run again after a run whose end is not known, as in a fleet."
+    ),
 )
 NODE = _object(
     {

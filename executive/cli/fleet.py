@@ -43,6 +43,7 @@ def _print_log() -> None:
     printer = logging.StreamHandler(sys.stderr)
     printer.setFormatter(LogFormatter("%(asctime)s %(levelname)-7s %(message)s"))
     logging.getLogger().addHandler(printer)
+    logging.getLogger("asyncio").setLevel(logging.ERROR)  # it warns of each refused TLS connection
 
 
 @click.group(cls=CommandGroup)

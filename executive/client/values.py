@@ -19,6 +19,7 @@ class Task:
         parameters: Types of its parameters, by name.
         inputs: What a form needs to know of each parameter, by name, as in `GET /api/tasks`.
         wrong: What is wrong with its file; empty if it is valid.
+        retry_safe: True if it may run again after a run whose end is not known.
     """
 
     number: int
@@ -28,12 +29,13 @@ class Task:
     parameters: Mapping[str, str]
     inputs: Mapping[str, Mapping[str, Any]]
     wrong: str
+    retry_safe: bool = False
 
     @classmethod
     def from_json(cls, plain: Mapping[str, Any]) -> "Task":
         """Return the task from the server's JSON."""
-        keys = ("task", "name", "description", "source", "parameters", "inputs", "wrong")
-        return cls(*(plain[key] for key in keys))
+        first = ("task", "name", "description", "source", "parameters", "inputs")
+        return cls(*(plain[key] for key in (*first, "wrong", "retry_safe")))
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,9 +1,11 @@
 """The connection to the NATS server of a fleet: credentials, stream, buckets, subjects."""
 
 import asyncio
+import logging
 import os
+import re
 import ssl
-from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequence
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,10 +29,12 @@ from nats.js.kv import KeyValue
 
 from executive.api import token_file
 
-from .errors import FleetRefused, FleetUnreachable
+from .errors import FleetError, FleetRefused, FleetUnreachable
 from .values import PRIORITIES, from_bytes
 
 T = TypeVar("T")
+
+logger = logging.getLogger(__name__)
 
 NATS_PORT = 4222  # of a URL without a port
 JOBS = "fleet_jobs_queue"  # stream of the jobs that no arm has claimed
@@ -140,6 +144,7 @@ async def open_fleet(
     name: str,
     lasting: bool = False,
     changed: Callable[[bool], Awaitable[None]] | None = None,
+    credentials: Mapping[str, Any] | None = None,
 ) -> AsyncIterator[Fleet]:
     """Connect to a fleet, and make its stream and its buckets unless they exist.
 
@@ -148,30 +153,33 @@ async def open_fleet(
         name: Name of this program, which the server shows.
         lasting: True to wait for the server, and to reconnect for ever; False to fail at once.
         changed: Called with False if the connection is lost, and True when it is back.
+        credentials: Options of nats-py that let this program in; default: those of the user.
 
     Raises:
-        FleetUnreachable: No server answers.
-        FleetRefused: The server refuses the credentials.
+        FleetUnreachable: No server answers, or it does not answer any more.
+        FleetRefused: The server refuses the credentials, or what this program wants to do.
     """
-    refused, closing = asyncio.Event(), asyncio.Event()
+    told, closing = list[Exception](), asyncio.Event()
 
     async def note(error: Exception) -> None:
         # Without this callback the library logs a traceback for every failed attempt.
-        if isinstance(error, nats.errors.AuthorizationError) or "authorization" in str(error):
-            refused.set()
+        if lasting and not told:
+            logger.warning("Fleet: %s", _why(url, error, told))
+        told.append(error)
 
     async def lost() -> None:
         if changed and not closing.is_set():
             await changed(False)
 
     async def back() -> None:
+        told.clear()
         with suppress(*GONE):
             await _make(connection, url)  # a bucket in memory is empty after a restart
         if changed:
             await changed(True)
 
     options: dict[str, Any] = {
-        **_credentials(url),
+        **(_credentials(url) if credentials is None else credentials),
         "name": name,
         "error_cb": note,
         "disconnected_cb": lost,
@@ -184,19 +192,27 @@ async def open_fleet(
     connection = Nats()
     try:
         await connection.connect(url, **options)
-        fleet = await _make(connection, url)
+        yield await _make(connection, url)
     except GONE as error:
-        with suppress(*GONE):
-            await connection.close()
-        if refused.is_set() or "authorization" in str(error).lower():
-            raise FleetRefused(url) from error
-        raise FleetUnreachable(url, error or type(error).__name__) from error
-    try:
-        yield fleet
+        raise _why(url, error, told) from error
     finally:
         closing.set()
         with suppress(*GONE):
             await connection.close()
+
+
+def _why(url: str, error: Exception, told: Sequence[Exception]) -> FleetError:
+    """Return the error of this project for one of nats-py.
+
+    Args:
+        url: URL of the fleet.
+        error: The error.
+        told: What the NATS server said before, such as a refusal.
+    """
+    words = [str(each) for each in (error, *told)]
+    if any(re.search("authorization|permissions", each, re.IGNORECASE) for each in words):
+        return FleetRefused(url)
+    return FleetUnreachable(url, str(error) or type(error).__name__)
 
 
 async def _make(connection: Nats, url: str) -> Fleet:

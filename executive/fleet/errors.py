@@ -44,13 +44,13 @@ class FleetUnreachable(FleetError, ConnectionError):
 
 
 class FleetRefused(FleetError):
-    """The NATS server refuses the token or the key."""
+    """The NATS server refuses the token or the key, or what its role may not do."""
 
     code = "fleet.refused"
     hint = "set ARMTREE_FLEET_TOKEN, or ARMTREE_FLEET_NKEY to the file of a key that it knows"
 
     def __init__(self, url: str) -> None:
-        super().__init__(f"the fleet at {url} refuses this program; {self.hint}")
+        super().__init__(f"the fleet at {url} refuses this program, or its role; {self.hint}")
 
 
 class FleetMissing(FleetError):

@@ -5,6 +5,7 @@ import os
 import shutil
 import signal
 import socket
+import ssl
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -19,6 +20,7 @@ from hardware import Clock
 from .errors import FleetMissing, FleetUnsafe, NotStarted
 
 _START_SECONDS = 10.0
+_OWN_KEY = "supervisor.nkey"  # in the data folder; new at each start
 _LAST_LINES = 3  # of its log, in an error
 
 # What an arm may not send: jobs, requests to other arms, and changes of what is stored of others.
@@ -107,6 +109,20 @@ def make_key(path: Path) -> str:
     return public.decode()
 
 
+def own_credentials(options: NatsOptions) -> dict[str, Any]:
+    """Return the options of nats-py with which the program that runs the server connects to it."""
+    found: dict[str, Any] = {"token": _token(options.data / "token")}
+    if options.nkeys:
+        found = {"nkeys_seed": str(options.data / _OWN_KEY)}
+    if options.certificate:
+        # It connects to this machine, whatever name the certificate is for.
+        context = ssl.create_default_context(cafile=options.certificate)
+        context.check_hostname = False
+        context.verify_flags |= ssl.VERIFY_X509_PARTIAL_CHAIN
+        found["tls"] = context
+    return found
+
+
 @contextmanager
 def nats_server(options: NatsOptions, clock: Clock) -> Iterator["subprocess.Popen[bytes]"]:
     """Run nats-server as long as the context lasts. What is stored stays.
@@ -170,7 +186,9 @@ def _configuration(options: NatsOptions, token: str) -> dict[str, Any]:
     if options.certificate:
         found["tls"] = {"cert_file": str(options.certificate), "key_file": str(options.key)}
     if options.nkeys:
-        found["authorization"] = {"users": _users(options.nkeys)}
+        (options.data / _OWN_KEY).unlink(missing_ok=True)
+        own = {"nkey": make_key(options.data / _OWN_KEY)}
+        found["authorization"] = {"users": [own, *_users(options.nkeys)]}
     else:
         found["authorization"] = {"token": token}
     return found

@@ -15,11 +15,16 @@ from executive.client.asynchronous import AsyncClient
 from executive.client.transport import Address, transport_errors
 from hardware import RealClock
 
-from .errors import FleetError, FleetMissing, FleetUnreachable, check_name
+from .errors import FleetError, FleetMissing, check_name
 
 try:
-    from .connection import GONE, open_fleet
-    from .nats_server import NatsOptions, make_key as make_key, nats_server
+    from .connection import open_fleet
+    from .nats_server import (
+        NatsOptions,
+        make_key as make_key,
+        nats_server,
+        own_credentials,
+    )
     from .operator import Operator
     from .supervisor import Supervisor
     from .values import JobRecord
@@ -44,10 +49,7 @@ def run(url: str, act: Callable[[Operator], Coroutine[Any, Any, None]]) -> None:
 
     async def main() -> None:
         async with open_fleet(url, "armtree") as fleet:
-            try:
-                await act(Operator(fleet, RealClock()))
-            except GONE as error:
-                raise FleetUnreachable(url, str(error) or type(error).__name__) from error
+            await act(Operator(fleet, RealClock()))
 
     asyncio.run(main())
 
@@ -61,7 +63,7 @@ def up(**options: Any) -> None:
     clock, chosen = RealClock(), NatsOptions(**options)
 
     async def supervise(ended: asyncio.Event, process: Any) -> None:
-        watching = asyncio.create_task(_serve_supervisor(chosen.url))
+        watching = asyncio.create_task(_serve_supervisor(chosen))
         while not ended.is_set():
             with suppress(TimeoutError):
                 async with asyncio.timeout(_RETRY_SECONDS):
@@ -82,7 +84,7 @@ def up(**options: Any) -> None:
     asyncio.run(main())
 
 
-async def _serve_supervisor(url: str) -> None:
+async def _serve_supervisor(options: NatsOptions) -> None:
     clock = RealClock()
     while True:
         supervisor: list[Supervisor] = []
@@ -92,7 +94,9 @@ async def _serve_supervisor(url: str) -> None:
                 known[0].reconnected()
 
         try:
-            async with open_fleet(url, "supervisor", lasting=True, changed=changed) as fleet:
+            async with open_fleet(
+                options.url, "supervisor", True, changed, own_credentials(options)
+            ) as fleet:
                 supervisor.append(Supervisor(fleet, clock))
                 await supervisor[0].run()
         except FleetError as error:

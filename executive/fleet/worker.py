@@ -296,7 +296,7 @@ class Worker:
         except ClientError:
             return False
         wanted = (each for each in tasks if job.task in (each.number, each.name))
-        return any(getattr(each, "retry", "") == "safe" for each in wanted)
+        return any(each.retry_safe for each in wanted)
 
     def _record(self, job: Job, result: Result | None, safe: bool = False) -> JobRecord:
         now = self._now()

@@ -47,7 +47,7 @@ def _schema(subtrees: Mapping[str, Mapping[str, Declaration]]) -> Schema:
             "else": _file(
                 "task",
                 {"type": "integer", "minimum": 0, "maximum": MAX_NUMBER},
-                {"name": _NAME, "parameters": _declared()},
+                {"name": _NAME, "parameters": _declared(), "retry": {"const": "safe"}},
                 ["name", "description"],
             ),
         },

@@ -25,10 +25,12 @@ VERSION = 1  # version of the grammar
 
 Read = TypeVar("Read")
 
-_TASK_KEYS = ("task", "name", "description", "parameters", "replaces", "grammar", "tree")
+_TASK_KEYS = (
+    *("task", "name", "description", "parameters", "replaces", "retry", "grammar", "tree"),
+)
 _SUBTREE_KEYS = ("subtree", "description", "ports", "replaces", "grammar", "tree")
 _POSES_KEYS = ("poses", "replaces", "grammar")
-_OPTIONAL = ("parameters", "ports", "replaces", "grammar")
+_OPTIONAL = ("parameters", "ports", "replaces", "retry", "grammar")
 _DECLARED_KEYS = ("type", "default", "min", "max", "choices", "description")
 
 
@@ -45,6 +47,7 @@ class TaskFile:
         parameters: Parameters of the task, or ports of the subtree, by name. A default is a
             Located. The type of an untyped port follows from its uses.
         replaces: Name of the shipped task or subtree that it replaces; empty for none.
+        retry_safe: True if it may run again after a run whose end is not known (`retry: safe`).
         tree: Root of its tree.
     """
 
@@ -55,6 +58,7 @@ class TaskFile:
     description: str
     parameters: Mapping[str, Declaration]
     replaces: str
+    retry_safe: bool
     tree: TreeNode
 
     @property
@@ -229,8 +233,15 @@ class _Parser:
             description=self.line("description"),
             parameters=self.declared("parameters" if task else "ports"),
             replaces=self.name("replaces", needed=False),
+            retry_safe=self._retry_safe(),
             tree=SkillNode(self.root.place, "", {}),
         )
+
+    def _retry_safe(self) -> bool:
+        value = self.get("retry", needed=False)
+        if value is not None and value.value != "safe":
+            self._wrong(value.place, f"retry: {value} is not safe, the only value of this key")
+        return value is not None
 
     def get(self, key: str, needed: bool = True) -> Located | None:
         value = self._values.get(key)
@@ -256,7 +267,12 @@ class _Parser:
     ) -> Mapping[str, Located]:
         """Report nodes outside the key `tree`, or poses outside `poses`; move them to that key."""
         head = "poses" if "poses" in known else "tree"
-        if head in values or not values.keys() - {*known}:
+        nodes = {
+            key
+            for key, value in values.items()
+            if key not in known or (isinstance(value.value, dict) and self.nodes.is_control(key))
+        }
+        if head in values or not nodes:
             return values
         below = {
             key: value

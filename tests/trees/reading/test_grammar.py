@@ -236,3 +236,13 @@ def test_any_change_of_a_file(text: str, changes: list[tuple[int, int, str]]) ->
     for read in (task_mistakes, subtree_mistakes):
         places.update(mistake.place.line for mistake in read(FILE, text))
     assert 0 not in places
+
+
+def test_a_task_says_that_it_may_run_again() -> None:
+    head = "task: 3\nname: x\ndescription: y\n"
+    plain, safe = f"{head}tree:\n  Succeed:\n", f"{head}retry: safe\ntree:\n  Succeed:\n"
+    assert [parse_task(FILE, each).retry_safe for each in (plain, safe)] == [False, True]
+    (wrong,) = task_mistakes(FILE, safe.replace("safe", "always"))
+    assert str(wrong.message) == "retry: 'always' is not safe, the only value of this key"
+    first, *_ = task_mistakes(FILE, f"{head}retry:\n  Succeed:\n")
+    assert first.message == "retry must be below the key tree"
