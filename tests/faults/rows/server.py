@@ -23,7 +23,7 @@ GOALS = 20  # per flood
 STOPS = 5  # per goal: one in motion, and more while nothing moves
 
 
-def flood(kind: str, fault: str, stops: bool = False, quick: int = 0) -> Row:
+def flood(kind: str, fault: str, stops: bool = False) -> Row:
     """A row: hostile clients of one kind, and another client that stops goals in motion.
 
     Args:
@@ -31,7 +31,6 @@ def flood(kind: str, fault: str, stops: bool = False, quick: int = 0) -> Row:
         fault: What each client does.
         stops: Whether that stops the arm. Such clients are frozen while a goal begins to move, and
             then it counts from their first stop.
-        quick: As of `Row`.
     """
 
     @row(
@@ -43,7 +42,6 @@ def flood(kind: str, fault: str, stops: bool = False, quick: int = 0) -> Row:
         worst=250,
         unit="ms",
         times=1,
-        quick=quick,
         alone=True,
     )
     def inject(scene: Scene) -> None:
@@ -98,9 +96,7 @@ flood_open = flood("stops on open connections", "stop the arm again and again", 
 flood_pipelined = flood("pipelined stops", "send 500 stops at once", stops=True)
 flood_bodies = flood("stops with bodies", "stops whose bodies come later, in part", stops=True)
 flood_long = flood("long stops", "stops with 11,000 header lines")
-flood_foreign_long = flood(
-    "foreign long stops", "stops with 11,000 header lines for another host", quick=1
-)
+flood_foreign_long = flood("foreign long stops", "stops with 11,000 header lines for another host")
 flood_foreign = flood("foreign stops", "stops for another host")
 flood_endless = flood("endless stops", "stops whose 11,000 header lines do not end")
 flood_unfinished = flood("unfinished stops", "send a stop but for its last line, and leave")
