@@ -47,7 +47,7 @@ if typing.TYPE_CHECKING:
         Transition as Transition,
         goal_title as goal_title,
     )
-    from .views.plot import plot as plot
+    from .views.run_figure import plot as plot
     from .views.table import table as table
     from .writing.compaction import Summary as Summary, compact as compact
     from .writing.recorder import Recorder as Recorder

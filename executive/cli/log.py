@@ -13,7 +13,7 @@ from executive.api.codes import DIFFERS, look_up
 from .support.command_group import CommandGroup
 from .support.failures import for_each, print_incomplete
 from .support.names import RECORDING, recordings_folder
-from .support.options import DRAWING
+from .support.options import drawing_option
 from .support.settings import AT_LEAST_0, PATH, find_setting
 from .terminal.streams import echo
 
@@ -188,9 +188,7 @@ def robot(recording: Path, output: Path, as_json: bool) -> None:
 @log.command()
 @click.argument("one", type=RECORDING)
 @click.argument("other", type=RECORDING)
-@click.option(
-    "-o", "--output", metavar="FILE", type=DRAWING, help="Drawing to write: PNG, SVG or PDF."
-)
+@drawing_option()
 @_JSON
 def diff(one: Path, other: Path, output: Path | None, as_json: bool) -> None:
     """Compare the frames and joint positions of two runs.
@@ -219,17 +217,11 @@ def diff(one: Path, other: Path, output: Path | None, as_json: bool) -> None:
 
 @log.command()
 @_FILES
-@click.option(
-    "-o",
-    "--output",
-    metavar="FILE",
-    type=DRAWING,
-    help="Drawing to write: PNG, SVG or PDF. Default: a PNG beside the recording.",
-)
+@drawing_option("Default: a PNG beside the recording.")
 @_JSON
 def plot(recordings: tuple[Path, ...], output: Path | None, as_json: bool) -> None:
     """Draw joint positions, timing and scenes of recordings."""
-    from logs.views.plot import plot as draw
+    from logs.views.run_figure import plot as draw
 
     if output and len(recordings) > 1:
         raise click.UsageError("--output needs exactly one recording")

@@ -8,7 +8,7 @@ import click
 from .support.command_group import command
 from .support.names import complete_goal, load_library
 from .support.options import (
-    DRAWING,
+    drawing_option,
     robot_option,
     skills_option,
     target_argument,
@@ -47,15 +47,7 @@ from .terminal.streams import echo
     help="Group that moves. Default: the group of the named joints, else the arm.",
 )
 @option("seed")
-@click.option(
-    "-o",
-    "--output",
-    metavar="FILE",
-    type=DRAWING,
-    default=Path("plan.png"),
-    show_default=True,
-    help="Drawing to write: PNG, SVG or PDF.",
-)
+@drawing_option(default=Path("plan.png"), show_default=True)
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object, in rad, m and s.")
 def plan(
     goal: tuple[str, ...],

@@ -16,7 +16,7 @@ from logs.records.records import goal_title
 
 from .figure_file import save, widen
 from .motion_figure import MotionDrawing, draw_motion
-from .timeline import Row, Timeline, Trace
+from .timeline import Row, Timeline, Trace, timeline
 
 # Okabe and Ito's colours: distinct for colour-blind readers and in grey print.
 _STATES = {"RUNNING": "#56B4E9", "SUCCESS": "#009E73", "FAILURE": "#D55E00", "INVALID": "#999999"}
@@ -57,17 +57,22 @@ class Scene:
     motion: MotionDrawing
 
 
-def draw(run: Timeline, output: Path, scenes: Sequence[Scene] = ()) -> None:
-    """Draw a run to a file.
+def plot(recording: Path, output: Path, scenes: Sequence[Scene] = ()) -> None:
+    """Draw commanded joints, frames, tree and lifecycle over the time since the goal.
+
+    Runs without a frame, canceled runs and cut recordings can be drawn, too.
 
     Args:
-        run: The run.
-        output: The file; its suffix gives the format.
-        scenes: Its motions in space; only the first twelve are drawn.
+        recording: The recording, finished or not.
+        output: File to write or overwrite; its suffix gives the format. The figure is as wide as
+            two columns of a paper.
+        scenes: Motions in space, drawn below the rest; only the first twelve.
 
     Raises:
+        RecordingError: The recording cannot be read.
         OSError: The file cannot be written.
     """
+    run = timeline(recording)
     style = rc_context(
         {
             "text.parse_math": False,  # messages may contain a $

@@ -42,7 +42,15 @@ class Drawing(click.Path):
         return path
 
 
-DRAWING = Drawing()
+def drawing_option(meaning: str = "", **settings: Any) -> Callable[[F], F]:
+    """Return a decorator that adds the option for the file of a drawing.
+
+    Args:
+        meaning: Sentence on its default, for the help.
+        settings: Further arguments of the option.
+    """
+    text = f"Drawing to write: PNG, SVG or PDF. {meaning}".rstrip()
+    return click.option("-o", "--output", metavar="FILE", type=Drawing(), help=text, **settings)
 
 
 robot_option = option("robot", shell_complete=complete_robot)
