@@ -253,6 +253,14 @@ _ROWS = (
         ),
         errors=("goal", "file", "hw"),
     ),
+    _change(
+        "/api/poses/remove",
+        "remove_pose",
+        "Remove a pose from the files of your own tasks. A pose that ships stays.",
+        s.answer("RemovedPose", pose=s.TEXT, source=s.TEXT),
+        body=s.body("name", name=s.words("Name of the pose.")),
+        errors=("file",),
+    ),
     _read(
         "/api/goals/{goal_id}",
         "goal",

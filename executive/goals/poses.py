@@ -9,7 +9,7 @@ from hardware import NotActive, Robot
 from hardware.spelling import choices
 from skills import BadTarget
 from trees import FileError, Library
-from trees.export.saved_poses import save_pose
+from trees.export.saved_poses import remove_pose, save_pose
 
 from .move_task import poses_with_home
 
@@ -56,9 +56,28 @@ def save_where(
         raise BadTarget(f"the robot has no group {group}; there are {known}")
     if where.commanded is None:
         raise NotActive("The pose of an inactive arm is not known; activate it, or move it first")
-    if folder is None:
-        why = "the server has no folder of yours; start it with --trees DIR to save poses"
-        raise FileError.at(Path("trees"), why)
+    own = _own(folder)
     joints = robot.actuated if group == ALL else robot.actuated_in(group)
     positions = {joint.name: where.commanded[joint.name] for joint in joints}
-    return save_pose(robot, folder, name, positions, replace), positions
+    return save_pose(robot, own, name, positions, replace), positions
+
+
+def remove_own(robot: Robot, folder: Path | None, name: str) -> Path:
+    """Remove a pose from the user's files; return the file.
+
+    Args:
+        robot: The robot.
+        folder: Folder of the user's files; None if there is none.
+        name: Name of the pose.
+
+    Raises:
+        FileError: There is no folder, no file of it has the pose, or it cannot be written.
+    """
+    return remove_pose(robot, _own(folder), name)
+
+
+def _own(folder: Path | None) -> Path:
+    if folder is None:
+        why = "the server has no folder of yours; start it with --trees DIR to change poses"
+        raise FileError.at(Path("trees"), why)
+    return folder

@@ -76,14 +76,15 @@ SCRUB = """() => new Promise((done) => {
   };
   requestAnimationFrame(next);
 })"""
-OPEN = """(name) => new Promise((done) => {
+OPEN = """(name) => new Promise((done, fail) => {
   const begun = performance.now();
+  const text = (id) => document.getElementById(id).textContent;
   const look = () => {
-    const shown = document.getElementById('player-name').textContent;
-    if (shown === name) done(performance.now() - begun);
+    if (text('control-error')) fail(new Error(text('control-error')));
+    else if (text('player-name') === name) done(performance.now() - begun);
     else requestAnimationFrame(look);
   };
-  document.querySelector('#runs .run').click();
+  document.querySelector(`#runs .run[title^='${name}']`).click();
   look();
 })"""
 
@@ -196,14 +197,14 @@ def recordings(tab: Any, served: Served, runs: int) -> tuple[list[float], list[f
     folder = served.folder / "recordings"
     served.executive.result(served.executive.send(2).identity)
     at_rest(folder)
+    source = max(folder.glob("2*-2.mcap"), key=lambda each: each.stat().st_mtime)
+    write_long(source, long := served.folder / "long", MESSAGES)
     opened, frames = [], []
     for number in range(runs):
         path = folder / f"209901{number + 10}T000000.000Z-2.mcap"
-        write_long(
-            max(folder.glob("2*-2.mcap"), key=lambda each: each.stat().st_mtime), path, MESSAGES
-        )
+        path.hardlink_to(long)  # under a name that the server does not know
         tab.fill("#runs-search", path.name)
-        tab.wait_for_function("() => document.querySelectorAll('#runs .run').length === 1")
+        tab.locator(f"#runs .run[title^='{path.name}']").wait_for()
         opened.append(tab.evaluate(OPEN, path.name) / 1e3)
         frames += tab.evaluate(SCRUB)
         path.unlink()

@@ -16,7 +16,7 @@ from executive.api.schemas import MAX_LISTED
 from executive.errors import BadRequest, NotFound, NotHeld, ResultTimeout, TooMuch
 from executive.executive import Executive
 from executive.goals.breakpoints import check_node
-from executive.goals.poses import listed_poses, save_where
+from executive.goals.poses import listed_poses, remove_own, save_where
 from executive.goals.questions import Questions
 from executive.server.errors import http_status
 from executive.server.event_hub import EventHub
@@ -121,6 +121,12 @@ class Endpoints(RecordingEndpoints):
             save_where, executive.robot, executive.where(), folder, name, group, replace
         )
         return {"pose": name, "positions": positions, "source": str(path)}
+
+    async def remove_pose(self, name: str) -> Json:
+        """Remove a pose of the user."""
+        robot, folder = self._executive.robot, self._library.folder
+        path = await asyncio.to_thread(remove_own, robot, folder, name)
+        return {"pose": name, "source": str(path)}
 
     async def goals(self, limit: int | None = None, before: int | None = None) -> Json:
         """List the newest goals, or the newest accepted before a time."""

@@ -1,15 +1,17 @@
 """Pictures of every view of the page, at three sizes, light and dark.
 
-python -m tests.support.generated.page_pictures FOLDER
+python -m tests.support.generated.page_pictures FOLDER [VIEW ...]
 """
 
 import shutil
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 from typing import Any
 
 from executive.api.move import Move
+from tests.support.recordings.finished import at_rest
+from tests.support.servers.browsing import shows
 from tests.support.servers.serving import Served, serving
 
 SIZES = {"phone": (390, 844), "laptop": (1280, 800), "wall": (1920, 1080)}
@@ -50,15 +52,14 @@ def views(served: Served) -> Iterator[tuple[str, Callable[[Any], object]]]:
     yield "refused", id
     executive.result(executive.send(1).identity)
     yield "done", lambda tab: (tab.click("#move summary"), tab.click("#tasks summary >> nth=5"))
-    planned = "#tasks li:has(.name:text-is('1 pick'))"
-    yield (
-        "planned",
-        lambda tab: (
-            tab.click(f"{planned} summary"),
-            tab.click(f"{planned} button:text-is('Dry run')"),
-            tab.wait_for_timeout(500),
-        ),
-    )
+    executive.result(executive.send(0).identity)  # away from where the dry run ends
+    yield "planned", plan_pick
+    for angle in (20, 60):
+        executive.result(executive.send(Move((f"joint_1={angle}deg",), False, 1.0)).identity)
+    at_rest(served.folder / "recordings")
+    yield "recording", show_middle
+    yield "compared", compare
+    yield "restored", delete_and_restore
     goal = executive.send(21).identity
     yield "large", id
     executive.pause(goal)
@@ -72,8 +73,37 @@ def views(served: Served) -> Iterator[tuple[str, Callable[[Any], object]]]:
     yield "lost", lambda tab: (tab.context.set_offline(True), tab.wait_for_timeout(2500))
 
 
-def main(folder: Path) -> None:
-    """Write the pictures."""
+def plan_pick(tab: Any) -> None:
+    task = "#tasks li:has(.name:text-is('1 pick'))"
+    tab.click(f"{task} summary")
+    tab.click(f"{task} button:text-is('Dry run')")
+    shows(tab, "#shown", "dry run")
+
+
+def show_middle(tab: Any) -> None:
+    """Show the newest recording in its middle."""
+    shows(tab, "#shown", "recorded")
+    tab.evaluate(
+        "moment = document.getElementById('moment'); moment.value = 0.5 * moment.max;"
+        "moment.dispatchEvent(new Event('input'))"
+    )
+
+
+def compare(tab: Any) -> None:
+    show_middle(tab)
+    tab.select_option("#compare", index=1)
+    shows(tab, "#comparison", "joint_1")
+
+
+def delete_and_restore(tab: Any) -> None:
+    show_middle(tab)
+    tab.click("#delete")
+    tab.click("#runs-note button")
+    shows(tab, "#runs-note", "Restored")
+
+
+def main(folder: Path, wanted: Collection[str]) -> None:
+    """Write the pictures of some views; of all if none is named."""
     from playwright.sync_api import sync_playwright
 
     folder.mkdir(parents=True, exist_ok=True)
@@ -81,6 +111,8 @@ def main(folder: Path) -> None:
         args = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
         browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=args)
         for name, act in views(served):
+            if wanted and name not in wanted:
+                continue
             for size, (width, height) in SIZES.items():
                 for scheme in ("light", "dark"):
                     view: Any = {"width": width, "height": height}
@@ -102,4 +134,4 @@ def main(folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main(Path(sys.argv[1]), sys.argv[2:])

@@ -42,7 +42,7 @@ TASKS = {
 
 
 class Served:
-    """An executive and its server, from start to stop."""
+    """An executive and its server, from start to stop, or to the end of its longest time [s]."""
 
     def __init__(
         self,
@@ -51,6 +51,7 @@ class Served:
         folder: Path,
         clock: RealClock,
         link: BoardLink[Any] | None = None,
+        longest: float = 300.0,
     ) -> None:
         self.clock, self.folder = clock, folder
         self.tasks = folder / "tasks"
@@ -63,7 +64,7 @@ class Served:
         )
         self.link: BoardLink[Any] = link or BoardLink(virtual_board(self.robot), clock)
         self.library = LiveLibrary(self.tasks, self.robot)
-        self._pool, self._ended = pool, False
+        self._pool, self._ended, self._longest = pool, False, longest
 
     def start(self, policy: Policy = Policy.REJECT, active: bool = True, **listen: Any) -> None:
         """Serve on a free port."""
@@ -77,7 +78,7 @@ class Served:
         self.executive.start()
         self.server.start()
         # A test that waits too long fails, because the server ends.
-        self._watchdog = threading.Timer(300.0, self._end)
+        self._watchdog = threading.Timer(self._longest, self._end)
         self._watchdog.daemon = True
         self._watchdog.start()
         self.executive.arm_to("configure")
@@ -156,7 +157,7 @@ def serving() -> Iterator[Served]:
     pool.start()
     with tempfile.TemporaryDirectory() as name:
         os.environ["XDG_RUNTIME_DIR"] = name
-        served = Served(load_robot(None), pool, Path(name), clock)
+        served = Served(load_robot(None), pool, Path(name), clock, longest=3600.0)
         served.start(Policy.REJECT, active=True)
         yield served
         served.stop()

@@ -125,7 +125,7 @@ def test_a_dry_run_shows_the_motion_and_moves_nothing(open_page: Open, page_serv
     tab.locator(f"{task('1 pick')} button:text-is('Dry run'):disabled").wait_for()
 
 
-def test_poses_are_saved_and_recalled(open_page: Open, page_server: Served) -> None:
+def test_poses_are_saved_recalled_and_removed(open_page: Open, page_server: Served) -> None:
     tab = open_page()
     tab.click("#move summary")
     usable = "() => !document.querySelector('#poses button').disabled"
@@ -150,6 +150,13 @@ def test_poses_are_saved_and_recalled(open_page: Open, page_server: Served) -> N
     shows(tab, "#move-error", "has a pose here already")
     forget(tab, "422")
     is_accessible(tab)
+    remove = "#poses [aria-label^='Remove here']"
+    tab.focus(remove)
+    tab.keyboard.press("Enter")
+    shows(tab, remove, "^Remove\\?$")
+    tab.keyboard.press("Enter")
+    shows(tab, "#pose-saved", "here is removed from .*poses.yaml")
+    expect(tab, "#poses button:text-is('here')").to_have_count(0)
 
 
 def test_goals_wait_and_are_canceled_from_the_list(browser: Any, serve: Serve) -> None:

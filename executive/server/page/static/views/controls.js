@@ -25,6 +25,7 @@ export class Controls {
 
   /** @param {Status | null} status */
   draw(status) {
+    byId("controls", HTMLElement).hidden = !this.#shown.isLive;
     const usable = isSignedIn() && this.#shown.isLive && this.#shown.live.active;
     const paused = status?.paused ?? false;
     for (const button of this.#buttons) button.disabled = !usable || (button.id === "pause") === paused;

@@ -134,7 +134,7 @@ export class PlotsView {
     const ink = style.color;
     const dots = { label: "frame", stroke: ink, paths: () => null, points: { show: true, size: 3, fill: ink } };
     this.#plots = [
-      this.#plot(`Position [${this.#units("")}]`, joints, {}, style),
+      this.#plot(`Position [${this.#units("")}]`, joints, { range: (_plot, low, high) => this.#positionRange(low, high) }, style),
       this.#plot(`Velocity [${this.#units("/s")}]`, joints, { range: () => this.#velocityRange() }, style),
       this.#plot("Frames, lateness [ms]", [dots], { range: (_plot, low, high) => [Math.min(low, 0), Math.max(high, 1)] }, style),
     ];
@@ -158,7 +158,7 @@ export class PlotsView {
       {
         width: Math.max(this.#box.clientWidth, 100),
         height: HEIGHT,
-        padding: [6, 8, 0, 0],
+        padding: [6, 16, 0, 0],
         legend: { show: false },
         cursor: { y: false, points: { show: false }, drag: { x: true, y: false, dist: 5 }, sync: { key: "run" } },
         scales: { x: { time: false, range: () => this.#shown() }, y: scale },
@@ -244,6 +244,16 @@ export class PlotsView {
       return column.map((value) => (value === null ? null : value * scaleOf(joint)));
     });
     return [series.times, ...columns];
+  }
+
+  /**
+   * @param {number | null} low
+   * @param {number | null} high null if there is no value
+   * @returns {import("uplot").Range.MinMax}
+   */
+  #positionRange(low, high) {
+    if (low === null || high === null || !this.#libraries) return [-1, 1];
+    return this.#libraries.uPlot.rangeNum(low, high, 0.1, true);
   }
 
   /** @returns {[number, number]} */

@@ -1,7 +1,7 @@
-/** The poses: moves to them, and saves where the arm is. */
+/** The poses: moves to them, saves where the arm is, and removes them. */
 
 import { get, isSignedIn, post } from "../api.js";
-import { byId, element, setText } from "../dom.js";
+import { byId, element, setAttribute, setText } from "../dom.js";
 
 /** @typedef {import("../connection.js").Status} Status */
 
@@ -40,20 +40,49 @@ export class PosesView {
   /** @param {Status | null} status */
   draw(status) {
     const active = isSignedIn() && status?.arm === "active";
-    for (const button of this.#list.querySelectorAll("button")) button.disabled = !active || status.goal !== null;
+    for (const button of this.#list.querySelectorAll("button"))
+      button.disabled = button.className === "remove" ? !isSignedIn() : !active || status.goal !== null;
     const save = this.#form.querySelector("button");
     if (save) save.disabled = !active;
   }
 
   async #refresh() {
     const poses = /** @type {Pose[]} */ ((await get("api/poses")).poses);
-    const items = poses.map(({ pose, positions, source }) => {
-      const joints = Object.keys(positions).join(", ");
-      const button = element("button", { type: "button", title: `${joints}; ${source}` }, pose);
-      button.addEventListener("click", () => this.#act(() => post("api/move", { to: [pose] })));
-      return element("li", {}, button);
+    this.#list.replaceChildren(...poses.map((pose) => this.#item(pose)));
+  }
+
+  /** @param {Pose} pose */
+  #item({ pose, positions, source }) {
+    const joints = Object.keys(positions).join(", ");
+    const go = element("button", { type: "button", title: `${joints}; ${source}` }, pose);
+    go.addEventListener("click", () => this.#act(() => post("api/move", { to: [pose] })));
+    const isOwn = /:\d+$/.test(source);
+    return element("li", {}, go, ...(isOwn ? [this.#removal(pose)] : []));
+  }
+
+  /**
+   * Return a button that removes a pose when it is pressed twice.
+   * @param {string} pose
+   */
+  #removal(pose) {
+    const button = element("button", { type: "button", class: "remove" });
+    /** @param {boolean} asks */
+    const ask = (asks) => {
+      setText(button, asks ? "Remove?" : "×");
+      setAttribute(button, "aria-label", asks ? `Remove ${pose}? Press again` : `Remove ${pose}`);
+    };
+    ask(false);
+    button.addEventListener("blur", () => ask(false));
+    button.addEventListener("click", () => {
+      if (button.textContent === "×") return ask(true);
+      this.#act(async () => {
+        const { source } = await post("api/poses/remove", { name: pose });
+        await this.#refresh();
+        this.#name.focus();
+        setText(byId("pose-saved", HTMLElement), `${pose} is removed from ${source}.`);
+      });
     });
-    this.#list.replaceChildren(...items);
+    return button;
   }
 
   async #save() {
