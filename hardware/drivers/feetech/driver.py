@@ -14,7 +14,7 @@ from hardware.toml_table import TomlTable
 
 from .packets import LAST_ID
 from .protocol import BusProtocol
-from .registers import BAUDS, SCS, STS
+from .registers import BAUDS, KEPT, SCS, STS
 from .servo_bus import FeetechBus
 from .virtual.bus import Bus
 from .virtual.servo import Servo
@@ -32,7 +32,7 @@ _WORDS = Words(
 )
 
 
-_KEPT = {"homing": "offset", "least": "min_angle", "most": "max_angle"}  # registers, by key
+_KEPT = ("homing", "least", "most")  # keys of a joint's wire
 _SERIES = {series.name: series for series in (STS, SCS)}
 FIRMWARES = {
     name: Firmware(
@@ -69,8 +69,8 @@ class Feetech:
             sign=table.integer("sign", choices=(-1, 1)),
             offset=math.radians(table.number("offset_deg")),
             kept=tuple(
-                (register, table.integer(key, choices=range(-4095, 4096)))
-                for key, register in _KEPT.items()
+                (key, table.integer(key, choices=range(-4095, 4096)))
+                for key in _KEPT
                 if key in table
             ),
         )
@@ -119,8 +119,8 @@ class Feetech:
         pairs = zip(wires.servos.values(), start, strict=True)
         servos = [Servo(series, servo, ticks, _GRAVITY) for servo, ticks in pairs]
         by_joint = dict(zip(wires.servos, servos, strict=True))
-        for joint, register, value in wires.kept:
-            by_joint[joint].put(register, value)
+        for joint, name, value in wires.kept:
+            by_joint[joint].put(KEPT[name], value)
         return Bus(servos, baud)
 
     def servo_bus(self, firmware: Firmware, link: Link, clock: Clock) -> FeetechBus:
@@ -133,11 +133,7 @@ class Feetech:
 
     def kept(self, joints: Sequence[Joint]) -> dict[str, dict[str, int]]:
         """Return what the servo of each calibrated joint must keep, as `ServoReport.kept`."""
-        keys = {register: key for key, register in _KEPT.items()}
-        return {
-            joint.name: {keys[register]: value for register, value in _wire(joint).kept}
-            for joint in joints
-        }
+        return {joint.name: dict(_wire(joint).kept) for joint in joints}
 
     def calibrated_wire(
         self, joint: Joint, firmware: Firmware, kept: Mapping[str, int], middle: float

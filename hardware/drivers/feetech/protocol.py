@@ -20,7 +20,7 @@ from hardware.drivers.servo_errors import (
 from hardware.drivers.wire_format import Frame
 
 from .packets import Packet, sync_read, take_packets
-from .registers import ERRORS, MEMORY, Series
+from .registers import ERRORS, KEPT, MEMORY, Series
 from .wire_format import ServoFormat
 
 # Six answers take 1 ms on the line, and a USB adapter may keep them for another 16 ms. They come
@@ -36,7 +36,8 @@ _IDLE_PERIOD = 0.2  # between requests while nothing moves [s]
 _SETTLING = 1.0  # time after a frame while the arm may move [s]
 LOST_REQUESTS = 5  # requests in a row without the answer of a servo that are a fault
 _ALL_LOST = 10  # the same if none answers, because the host or the adapter may be busy
-_STATE_PERIOD = 0.2  # between requests that include the torque [s]
+_STATE_PERIOD = 0.1  # between requests that include the torque [s]
+_LIMP = 5  # of their answers, that a servo may have no torque after it was switched on
 _RAMP = 15  # parts in which torque rises, one in each period of frames
 
 
@@ -70,7 +71,7 @@ class BusProtocol(BoardProtocol):
         self._settles = -math.inf  # until then the arm may move [s]
         self._state_time = -math.inf  # of the last answers with the torque [s]
         self._holds = False  # whether torque was switched on
-        self._limp = dict.fromkeys(self._joints, 0)  # such answers in a row without torque
+        self._limp = dict.fromkeys(self._joints, _LIMP)  # such answers without torque still allowed
         self._memories = {servo: bytearray(MEMORY) for servo in self._joints}
         self.lost = dict.fromkeys(self._joints, 0)
         self.next_poll = -math.inf  # ask at once where the servos are
@@ -84,10 +85,10 @@ class BusProtocol(BoardProtocol):
             missing = [f"{servo} ({self._joints[servo]})" for servo in sorted(waiting)]
             twice = [servo for servo, times in self._twice.items() if 2 * times > self._requests]
             raise ServoMissing(port, waited, missing, len(self._heard), twice, self._noise)
-        for joint, register, expected in self._wires.kept:
+        for joint, name, expected in self._wires.kept:
             servo = self._wires.servos[joint]
-            if (kept := self._series.unpack(register, self._memories[servo])) != expected:
-                raise CalibrationDiffers(servo, joint, register, kept, expected)
+            if (kept := self._series.unpack(KEPT[name], self._memories[servo])) != expected:
+                raise CalibrationDiffers(servo, joint, name, kept, expected)
 
     def hold_commands(self) -> bytes:
         """Return the command that holds the servos where they are."""
@@ -122,7 +123,7 @@ class BusProtocol(BoardProtocol):
     def _enable(self, on: int) -> bytes:
         """Return the command that switches the torque of all servos."""
         for servo, memory in self._memories.items():
-            self._limp[servo] = 0
+            self._limp[servo] = _LIMP
             memory[self._state[0]] = on
         return self._wires.command("torque_enable", [on] * len(self._joints))
 
@@ -236,11 +237,14 @@ class BusProtocol(BoardProtocol):
         self._answers = {}
 
     def _check_torque(self) -> None:
-        """Check that the servos hold. One answer may be older than the command."""
+        """Check that the servos hold, a little after the command, and from then on."""
         for servo, holds in zip(self._joints, self._values("torque_enable"), strict=True):
-            self._limp[servo] = 0 if holds or not self._holds else self._limp[servo] + 1
-            if self._limp[servo] > 1:
-                raise TorqueLost(servo, self._joints[servo])
+            if holds:
+                self._limp[servo] = 0
+            elif self._holds:
+                self._limp[servo] -= 1
+                if self._limp[servo] < 0:
+                    raise TorqueLost(servo, self._joints[servo])
 
     def _values(self, register: str) -> list[int]:
         """Return the last value of a register of every servo, by joint."""

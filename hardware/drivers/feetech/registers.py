@@ -145,6 +145,16 @@ SCS = Series(
     },
 )
 
+# Registers that a calibration may change, by their names in `ServoReport.kept`. A series may lack
+# the offset.
+KEPT = {
+    "id": "id",
+    "baud_rate": "baud_rate",
+    "homing": "offset",
+    "least": "min_angle",
+    "most": "max_angle",
+}
+
 # Speeds of the line by the value of the register `baud_rate` [bit/s].
 BAUDS = (1_000_000, 500_000, 250_000, 128_000, 115_200, 76_800, 57_600, 38_400)
 

@@ -9,18 +9,10 @@ from hardware.errors import HardwareError, PortLost
 from hardware.link.link import Link
 
 from .packets import Instruction, Packet, read, sync_read, take_packets, write
-from .registers import ERRORS, Series
+from .registers import ERRORS, KEPT, Series
 
 _TIMEOUT = 0.025  # longest time for one answer; a USB adapter may keep it for 16 ms [s]
 _TRIES = 3
-# Values that a calibration may change, by their names in `ServoReport.kept`.
-_KEPT = {
-    "id": "id",
-    "baud_rate": "baud_rate",
-    "homing": "offset",
-    "least": "min_angle",
-    "most": "max_angle",
-}
 
 
 class FeetechBus:
@@ -99,7 +91,7 @@ class FeetechBus:
         """
         self._put(servo, "lock", 0)
         for name, value in values.items():
-            register = _KEPT[name]
+            register = KEPT[name]
             self._put(servo, register, value)
             servo = value if name == "id" else servo
             if (kept := self._get(servo, register)) != value:
@@ -125,7 +117,7 @@ class FeetechBus:
             position=values["position"],
             torque=bool(values["torque_enable"]),
             errors=tuple(name for bit, name in ERRORS.items() if errors & bit),
-            kept={name: values[register] for name, register in _KEPT.items() if register in values},
+            kept={name: values[register] for name, register in KEPT.items() if register in values},
         )
 
     def _get(self, servo: int, register: str) -> int | None:

@@ -21,7 +21,7 @@ class ServoWire:
         sign: +1 or -1.
         offset: Added to the joint position [rad]. At 0 the servo is in the middle of its turn.
         kept: What the servo must keep, if it was calibrated: its offset and limits [ticks], by
-            register.
+            their names in `ServoReport.kept`.
     """
 
     servo: int
@@ -51,7 +51,7 @@ class ServoFormat:
 
     @property
     def kept(self) -> list[tuple[str, str, int]]:
-        """Joint, register and value of all that calibrated servos must keep."""
+        """Joint, name and value of all that calibrated servos must keep."""
         pairs = zip(self._joints, self._wires, strict=True)
         return [(joint.name, *each) for joint, wire in pairs for each in wire.kept]
 
