@@ -199,10 +199,8 @@ class OpenChunk:
         Raises:
             RecordingError: The chunk is damaged.
         """
-        recording = self._recording
-        with recording.decoding():
-            found = self._decoder.message_at(self._data, entry[1], self._place)
-        return Message(topic, found.log_time, recording.types[topic], found.data, recording.path)
+        with self._recording.decoding():
+            return self._message(topic, entry)
 
     def messages(self, topics: Collection[str]) -> list[Message]:
         """Return the messages on some topics, in file order.
@@ -212,7 +210,13 @@ class OpenChunk:
         """
         found = ((entry, topic) for topic in topics for entry in self.entries(topic))
         ordered = sorted(found, key=lambda each: each[0][1])
-        return [self.message(topic, entry) for entry, topic in ordered]
+        with self._recording.decoding():
+            return [self._message(topic, entry) for entry, topic in ordered]
+
+    def _message(self, topic: str, entry: Entry) -> Message:
+        recording = self._recording
+        found = self._decoder.message_at(self._data, entry[1], self._place)
+        return Message(topic, found.log_time, recording.types[topic], found.data, recording.path)
 
 
 def _table(stream: BinaryIO, at: int) -> bytes:
