@@ -23,6 +23,7 @@ CROWDED = {
     "executive/cli": "one file per group of commands; their helpers are in support/ and terminal/",
     "tests": "one folder per room and per kind of test",
     "tests/faults/rows": "one file per part that fails",
+    "tests/executive": "one folder per part, as the code",
     "tests/executive/cli": "one file per group of commands, as the code",
 }
 SIBLINGS = 14  # about a dozen

@@ -72,7 +72,21 @@ def plot(recording: Path, output: Path, scenes: Sequence[Scene] = ()) -> None:
         RecordingError: The recording cannot be read.
         OSError: The file cannot be written.
     """
-    run = timeline(recording)
+    draw(timeline(recording), output, scenes)
+
+
+def draw(run: Timeline, output: Path, scenes: Sequence[Scene] = (), dpi: int = _DPI) -> None:
+    """Draw a run to a file.
+
+    Args:
+        run: The run.
+        output: The file; its suffix gives the format.
+        scenes: Its motions in space; only the first twelve are drawn.
+        dpi: Pixels per inch; the figure is 7.16 inches wide.
+
+    Raises:
+        OSError: The file cannot be written.
+    """
     style = rc_context(
         {
             "text.parse_math": False,  # messages may contain a $
@@ -90,7 +104,9 @@ def plot(recording: Path, output: Path, scenes: Sequence[Scene] = ()) -> None:
         }
     )
     with style:
-        save(_figure(run, _fewer(scenes)), output)
+        figure = _figure(run, _fewer(scenes))
+        figure.set_dpi(dpi)
+        save(figure, output)
 
 
 def _figure(run: Timeline, scenes: Sequence[Scene]) -> Figure:

@@ -1,0 +1,72 @@
+"""`armtree mcp`."""
+
+import signal
+import sys
+from pathlib import Path
+
+import click
+
+from executive.api.codes import INTERRUPTED_EXIT
+
+from .support.command_group import command
+from .support.options import robot_option
+from .support.process import end_process
+from .support.settings import Whole, local_server, option
+from .terminal.streams import echo
+
+
+@command()
+@click.option(
+    "--http",
+    "port",
+    type=Whole(1, 65535),
+    metavar="PORT",
+    help="Serve HTTP at http://127.0.0.1:PORT/mcp instead. Clients send the token of the server.",
+)
+@click.option(
+    "--allow-move", is_flag=True, help="Also offer the tool move: joints, or a point for the tool."
+)
+@robot_option
+@option("server", default=local_server)
+def mcp(port: int | None, allow_move: bool, robot: Path | None, server: str) -> None:
+    """Offer the tasks of a server to language models, as tools (MCP).
+
+    Start `armtree serve` first. The client starts this command, and talks to it over standard input
+    and output. Put these lines into its configuration:
+
+    \b
+      {"mcpServers": {"armtree": {"command": "armtree", "args": ["mcp"]}}}
+
+    The tools list, check, plan and run tasks, and always stop the arm. A person activates the arm.
+    Goals are canceled if this command ends. `make mcp` installs what it needs.
+
+    \b
+    Examples:
+      armtree mcp
+      armtree mcp --http 8766
+    """  # noqa: D301
+    import asyncio
+
+    from hardware import load_robot
+
+    try:
+        from executive.mcp.server import make_server, serve_http, serve_stdio
+    except ModuleNotFoundError as error:
+        if not str(error.name).startswith("mcp"):
+            raise
+        why = "the packages of the extra mcp are missing; install them: make mcp"
+        raise click.UsageError(why) from error
+    served = make_server(server, load_robot(robot), allow_move)
+    if port is None and sys.stdin.isatty():
+        echo(_TERMINAL, err=True)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        # A thread that reads standard input never ends by itself. The server of the arm sees that
+        # the connections end, and cancels the goals.
+        signal.signal(number, lambda *_: end_process(INTERRUPTED_EXIT))
+    asyncio.run(serve_stdio(served) if port is None else serve_http(served, port))
+
+
+_TERMINAL = (
+    "A client of the Model Context Protocol starts this command, and talks to it over standard "
+    "input. armtree mcp --help shows how to configure one. Ctrl-C ends it."
+)

@@ -1,0 +1,257 @@
+"""Answers calls of tools, as a client of the server of the arm."""
+
+import asyncio
+import base64
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from mcp_types import ImageContent, TextContent
+
+from executive.api.events import kind_of
+from executive.api.move import Move
+from executive.api.outcome import GoalStatus
+from executive.client.asynchronous import AsyncClient
+from executive.client.values import PlannedTask, Task
+from executive.errors import Refused, ServerUnreachable
+from hardware import Robot
+from hardware.printable import plural
+
+from .asking import Person
+from .following import Connect, HeldGoals, Send, follow
+from .tools import WAIT
+from .words import arguments_schema, goal_words, run_lines
+
+Content = list[TextContent | ImageContent]
+
+_ACTIVATE = "The arm may move when its port is opened. Is the space around it free? Activate it?"
+_BY_HAND = (
+    "a person must confirm this, and this client cannot ask one: ask them to press Activate on "
+    "the page (`armtree view`), or to type `armtree arm activate`"
+)
+_YES, _NO = "yes, activate it", "no"
+
+
+class NotDone(Exception):
+    """The goal of a call did not succeed; the message says why."""
+
+
+class Calls:
+    """One call of a tool: a method per row of `TOOLS`, with its name.
+
+    Args:
+        client: Client of the server.
+        connect: Returns another client, for a goal that outlives the call.
+        held: The goals of this process.
+        person: The person behind the client.
+        robot: Robot of the drawings; None for none.
+    """
+
+    def __init__(
+        self,
+        client: AsyncClient,
+        connect: Connect,
+        held: HeldGoals,
+        person: Person,
+        robot: Robot | None,
+    ) -> None:
+        self._client, self._connect, self._held = client, connect, held
+        self._person, self._robot = person, robot
+
+    async def list_tasks(self) -> str:
+        """List the tasks."""
+        rows = [
+            {"task": each.number, "name": each.name, "description": each.description}
+            | {"arguments": [*each.inputs]}
+            | ({"wrong": each.wrong} if each.wrong else {})
+            for each in await self._client.tasks()
+        ]
+        return _lines(rows)
+
+    async def describe_task(self, task: int | str) -> str:
+        """Describe a task."""
+        known = await self._client.tasks()
+        found = next((each for each in known if task in (each.number, each.name)), None)
+        if found is None:
+            names = ", ".join(f"{each.number} {each.name}" for each in known)
+            raise Refused(
+                {
+                    "code": "goal.unknown_task",
+                    "message": f"there is no task {task}; there are {names}",
+                }
+            )
+        return json.dumps(_described(found), indent=1, ensure_ascii=False)
+
+    async def check_task(self, task: int | str, arguments: Mapping[str, Any] | None = None) -> str:
+        """Check a task and plan it."""
+        return _plan_words(await self._client.plan(task, arguments))
+
+    async def plan_task(
+        self, task: int | str, arguments: Mapping[str, Any] | None = None
+    ) -> Content:
+        """Check a task, plan it and draw it."""
+        from .picture import picture  # its planner and matplotlib take seconds to import
+
+        planned = await self._client.plan(task, arguments)
+        held = await self._client.robot()
+        robot = self._robot if self._robot and self._robot.name == held["name"] else None
+        png = await asyncio.to_thread(picture, planned.events, robot)
+        image = base64.b64encode(png).decode()
+        return [
+            TextContent(text=_plan_words(planned)),
+            ImageContent(data=image, mime_type="image/png"),
+        ]
+
+    async def run_task(
+        self,
+        task: int | str,
+        arguments: Mapping[str, Any] | None = None,
+        wait_s: float = WAIT,
+    ) -> str:
+        """Run a task."""
+        return await self._run(
+            lambda client, goal_id: client.send(task, arguments, goal_id, deadman=True), wait_s
+        )
+
+    async def move(
+        self,
+        to: Sequence[str | float],
+        relative: bool = False,
+        speed: float = 1.0,
+        wait_s: float = WAIT,
+    ) -> str:
+        """Move the arm."""
+        move = Move.of(to, {}, relative, speed)
+        return await self._run(
+            lambda client, goal_id: client.send_move(move, goal_id, deadman=True), wait_s
+        )
+
+    async def goal_state(self, goal_id: str = "", wait_s: float = 0.0) -> str:
+        """Return the state of a goal."""
+        goal = await self._goal(goal_id)
+        if wait_s and not goal.outcome:
+            goal = await follow(self._client, goal.identity, self._person, wait_s)
+        return await self._goal_words(goal)
+
+    async def pause(self, goal_id: str = "") -> str:
+        """Stop the arm and keep the goal."""
+        goal = await self._client.pause((await self._goal(goal_id)).identity)
+        return f"paused; {await self._goal_words(goal)}"
+
+    async def resume(self, goal_id: str = "") -> str:
+        """Resume a paused goal."""
+        goal = await self._client.resume((await self._goal(goal_id)).identity)
+        return f"resumed; {await self._goal_words(goal)}"
+
+    async def stop(self) -> str:
+        """Stop the arm and cancel all goals."""
+        try:
+            canceled = ", ".join((await self._client.stop()).goals)
+        except ServerUnreachable as error:
+            words = f"NOT STOPPED: {error}. Tell the person to switch the power of its servos off"
+            raise Refused({"code": error.code, "message": words}) from error
+        return f"stopped; canceled {canceled}" if canceled else "stopped; no goal was under way"
+
+    async def arm_state(self) -> str:
+        """Return the state of the arm."""
+        status, where = await asyncio.gather(self._client.status(), self._client.where())
+        lines = [f"arm {status.arm}" + ("" if status.commanded else ": it cannot run tasks now")]
+        if status.fault:
+            lines += [f"fault: {status.fault}", f"-> {status.fault.hint}"]
+        if where.commanded:
+            lines += [f"commanded {where.words(where.commanded)}"]
+        if where.measured:
+            lines += [f"measured {where.words(where.measured)}"]
+        if where.tool:
+            lines += [f"tool at {where.tool_words}"]
+        if status.goal:
+            doing = "PAUSED" if status.paused else " ".join((status.phase, status.node)).strip()
+            lines += [doing, await self._goal_words(status.goal)]
+        return "\n".join(lines)
+
+    async def activate_arm(self, pose: str | None = None) -> str:
+        """Activate the arm after a person has confirmed it."""
+        if not self._person.can_answer:
+            raise Refused({"code": "request.forbidden", "message": _BY_HAND})
+        if self._person.state:
+            words = self._person.answer
+        else:
+            words = await self._person.ask(_ACTIVATE, (_YES, _NO), {"activate": True})
+        if words != _YES:
+            refused = {"code": "request.forbidden", "message": "the person did not confirm it"}
+            raise Refused(refused)
+        return f"arm {await self._client.arm('activate', pose)}"
+
+    async def list_recordings(
+        self, limit: int = 10, task: int | None = None, state: str = ""
+    ) -> str:
+        """List the last runs."""
+        rows = await self._client.recordings(task=task, state=state, limit=limit)
+        keys = ("name", "title", "state", "code", "message", "duration_s")
+        return _lines([{key: row[key] for key in keys} for row in rows])
+
+    async def explain_run(self, recording: str) -> str:
+        """Explain how a run ended."""
+        window = await self._client.recorded_events(recording, _AT_THE_END)
+        rows = await self._client.recordings(search=recording, limit=1)
+        empty = {"title": recording, "state": "", "code": "", "message": "", "duration_s": None}
+        return "\n".join(run_lines(rows[0] if rows else empty, window))
+
+    async def _run(self, send: Send, wait: float) -> str:
+        person = self._person
+        if state := person.state:
+            goal_id = str(state["goal"])
+            if person.answer is not None:
+                await self._client.answer(str(state["question"]), person.answer)
+        else:
+            goal_id = await self._held.send(self._connect, send)
+        try:
+            goal = await follow(self._client, goal_id, person, wait)
+        except asyncio.CancelledError:
+            self._held.release(goal_id)
+            raise
+        words = await self._goal_words(goal)
+        if goal.outcome and not goal.outcome.success:
+            raise NotDone(words)
+        return words
+
+    async def _goal(self, goal_id: str) -> GoalStatus:
+        """Return a goal, or the one under way."""
+        if goal_id:
+            return await self._client.goal(goal_id)
+        if found := (await self._client.status()).goal:
+            return found
+        raise Refused({"code": "goal.not_executing", "message": "no goal is under way"})
+
+    async def _goal_words(self, goal: GoalStatus) -> str:
+        return goal_words(goal, () if goal.outcome else await self._client.questions())
+
+
+_AT_THE_END = 1e9  # [s]
+
+
+def _described(task: Task) -> dict[str, Any]:
+    return {
+        "task": task.number,
+        "name": task.name,
+        "description": task.description,
+        "wrong": task.wrong,
+        "arguments": arguments_schema(task),
+    }
+
+
+def _lines(rows: Sequence[Mapping[str, Any]]) -> str:
+    return "\n".join(json.dumps(row, ensure_ascii=False) for row in rows) or "none"
+
+
+def _plan_words(planned: PlannedTask) -> str:
+    """Return how a planned task would end, or why it would not."""
+    end = planned.events[-1]
+    assert isinstance(end, GoalStatus)
+    assert end.outcome
+    outcome = end.outcome
+    kinds = [kind_of(event) for event in planned.events]
+    frames = plural(kinds.count("sent"), "frame")
+    how = f"{plural(kinds.count('plan'), 'plan')}, {frames}; nothing moved"
+    lines = [f"valid; {how}"] if outcome.success else [f"{outcome.cause}; {how}", outcome.hint]
+    return "\n".join(filter(None, [*lines, *planned.unknown]))

@@ -1,0 +1,169 @@
+"""Sends a goal and follows it: progress, questions, outcome."""
+
+import asyncio
+import uuid
+from collections.abc import Awaitable, Callable
+from contextlib import suppress
+
+import logs
+from executive.api.events import Event, QuestionStatus
+from executive.api.outcome import GoalStatus
+from executive.client.asynchronous import AsyncClient
+from executive.errors import ClientError, Refused
+
+from .asking import Person
+
+MOST_HELD = 4  # goals at a time; each takes three of the streams that the server has for all
+
+Connect = Callable[[], AsyncClient]
+Send = Callable[[AsyncClient, str], Awaitable[str]]
+
+
+class HeldGoals:
+    """The goals of this process. They are canceled if it ends, or can no longer reach the server.
+
+    Attributes:
+        tasks: Task that holds each goal, by id.
+    """
+
+    def __init__(self) -> None:
+        self.tasks: dict[str, asyncio.Task[None]] = {}
+
+    async def send(self, connect: Connect, send: Send) -> str:
+        """Send a goal, and hold it until it ends; return its id.
+
+        Args:
+            connect: Returns a client of the server.
+            send: Sends the goal with an id, and with `deadman`.
+
+        Raises:
+            ClientError: The server refuses it, or too many goals are held.
+        """
+        if len(self.tasks) >= MOST_HELD:
+            words = f"{MOST_HELD} goals of this process are under way, which is the limit"
+            raise Refused({"code": "request.too_many", "message": words, "hint": "wait"})
+        goal_id = uuid.uuid4().hex
+        accepted: asyncio.Future[str] = asyncio.get_running_loop().create_future()
+
+        async def hold() -> None:
+            try:
+                async with connect() as client, client.hold(goal_id):
+                    accepted.set_result(await send(client, goal_id))
+                    await client.result(goal_id)
+            except ClientError as error:
+                if not accepted.done():
+                    accepted.set_exception(error)
+            finally:
+                del self.tasks[goal_id]
+
+        self.tasks[goal_id] = asyncio.create_task(hold())
+        return await accepted
+
+    def release(self, goal_id: str) -> None:
+        """Stop to hold a goal, so that the server cancels it."""
+        if holding := self.tasks.get(goal_id):
+            holding.cancel()
+
+
+async def follow(client: AsyncClient, goal_id: str, person: Person, wait: float) -> GoalStatus:
+    """Follow a goal: report its progress, and put its questions to the person.
+
+    Args:
+        client: Client of the server.
+        goal_id: Id of the goal.
+        person: Who is asked.
+        wait: Longest time to wait for the end of the goal [s].
+
+    Returns:
+        Its state when it has ended, when the time is over, or when it asks a question that the
+        client cannot show to a person.
+
+    Raises:
+        MustRepeat: The client must repeat the call with the answer to a question.
+        ClientError: The server does not answer any more.
+    """
+    run = _Run(client, goal_id, person)
+    try:
+        async with (
+            asyncio.timeout(wait),
+            client.events("goal", "feedback", "question", "status") as events,
+        ):
+            if (found := await client.goal(goal_id)).outcome:
+                return found
+            async for event in events:
+                if isinstance(event, GoalStatus):
+                    if event.identity == goal_id and event.outcome:
+                        return event
+                elif not await run.take(event):
+                    break
+    except TimeoutError:
+        pass
+    finally:
+        run.close()
+    return await client.goal(goal_id)
+
+
+class _Run:
+    """What happens while a goal runs.
+
+    Args:
+        client: Client of the server.
+        goal_id: Id of the goal.
+        person: Who is asked.
+    """
+
+    def __init__(self, client: AsyncClient, goal_id: str, person: Person) -> None:
+        self._client, self._goal_id, self._person = client, goal_id, person
+        self._ours, self._percentage = False, -1
+        self._asked = set[str](person.state.get("asked", ()))
+        self._asking: dict[str, asyncio.Task[None]] = {}
+
+    async def take(self, event: Event) -> bool:
+        """Take an event; return False for a question that the client cannot show."""
+        match event:
+            case logs.Goal():
+                self._ours = event.goal_id == self._goal_id
+            case logs.Feedback() if self._ours:
+                await self._report(event)
+            case QuestionStatus() if self._ours:
+                return await self._take_question(event)
+        return True
+
+    async def _report(self, feedback: logs.Feedback) -> None:
+        """Report progress, which may only grow."""
+        if (percentage := feedback.percentage or 0) > self._percentage:
+            self._percentage = percentage
+            message = " ".join(filter(None, (feedback.phase, feedback.node)))
+            await self._person.context.session.report_progress(percentage, 100, message)
+
+    async def _take_question(self, question: QuestionStatus) -> bool:
+        identity = question.question_id
+        if not question.open:
+            if task := self._asking.pop(identity, None):
+                task.cancel()
+        elif not self._person.can_answer:
+            return False
+        elif identity not in self._asked:
+            self._asked.add(identity)
+            if self._person.repeats:
+                await self._put(question)
+            self._asking[identity] = asyncio.create_task(self._put(question))
+        return True
+
+    async def _put(self, question: QuestionStatus) -> None:
+        """Put a question to the person, and answer it with their words."""
+        state = {
+            "goal": self._goal_id,
+            "question": question.question_id,
+            "asked": [*self._asked],
+        }
+        text = f"The task asks: {question.text}"
+        words = await self._person.ask(text, question.choices, state)
+        if words is not None:
+            with suppress(ClientError):  # another person was quicker
+                await self._client.answer(question.question_id, words)
+
+    def close(self) -> None:
+        """Ask no longer."""
+        for task in self._asking.values():
+            task.cancel()

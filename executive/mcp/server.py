@@ -1,0 +1,224 @@
+"""The server of the Model Context Protocol: over standard input and output, or HTTP."""
+
+import json
+import logging
+from collections.abc import Mapping, Sequence
+from importlib.metadata import version
+from typing import Any
+
+from mcp.server import Server, ServerRequestContext
+from mcp.server.request_state import RequestStateBoundary, RequestStateSecurity
+from mcp.server.stdio import stdio_server
+from mcp.server.transport_security import TransportSecuritySettings
+from mcp_types import (
+    CallToolRequestParams,
+    CallToolResult,
+    InputRequiredResult,
+    ListToolsResult,
+    PaginatedRequestParams,
+    TextContent,
+    Tool as Described,
+    ToolAnnotations,
+)
+
+from executive.api import strict_json
+from executive.api.checking import Mismatch, checked, checker
+from executive.api.outcome import Cause, cause_of
+from executive.client.asynchronous import AsyncClient
+from executive.errors import ClientError
+from executive.server.limits.token_bucket import TokenBucket
+from hardware import RealClock, Robot
+
+from .asking import MustRepeat, Person
+from .calls import Calls, NotDone
+from .following import HeldGoals
+from .tools import MOVE, TOOLS, Tool
+
+logger = logging.getLogger(__name__)
+
+NAME = "armtree"
+RATE, BURST = 5.0, 20.0  # calls per second and at once; stops are not counted
+_NO_TOKEN = "none"  # an empty one would be replaced by that of the user
+_MAX_ARGUMENTS = 48 * 1024  # bytes; the server of the arm takes a little more
+_MAX_BODY = 256 * 1024  # bytes of a request over HTTP
+_MAX_SESSIONS = 16
+_INSTRUCTIONS = (
+    "Tools of a real robot arm. Check or plan a task before you run it. run_task, resume and "
+    "activate_arm may move the arm: tell the person first. If anything looks wrong, call stop."
+)
+
+_Context = ServerRequestContext[Any, Any]
+
+
+class Tools:
+    """Lists the tools and answers calls.
+
+    Args:
+        url: URL of the server of the arm.
+        robot: Robot of the drawings; None for none.
+        allow_move: True to offer `move`.
+    """
+
+    def __init__(self, url: str, robot: Robot | None, allow_move: bool) -> None:
+        self._url, self._robot = url, robot
+        self._tools = {each.name: each for each in (*TOOLS, *([MOVE] if allow_move else []))}
+        self._checkers = {name: checker(each.schema) for name, each in self._tools.items()}
+        self._bucket, self._held = TokenBucket(RATE, BURST, RealClock().now), HeldGoals()
+
+    async def list(
+        self, context: _Context, params: PaginatedRequestParams | None
+    ) -> ListToolsResult:
+        """List the tools."""
+        return ListToolsResult(tools=[_described(each) for each in self._tools.values()])
+
+    async def call(
+        self, context: _Context, params: CallToolRequestParams
+    ) -> CallToolResult | InputRequiredResult:
+        """Answer a call. Every error is words for the model."""
+        try:
+            return await self._answer(context, params)
+        except MustRepeat as question:
+            return question.result
+        except ClientError as error:
+            return _refusal(getattr(error, "cause", None) or cause_of(error))
+        except NotDone as error:
+            return CallToolResult(content=[TextContent(text=str(error))], is_error=True)
+        except Mismatch as error:
+            return _refusal(Cause("request.malformed", str(error), hint="correct the arguments"))
+        except Exception:  # the outermost place of a call
+            logger.exception("a bug in armtree")
+            return _refusal(
+                Cause("internal", "a bug in armtree; the log has more", hint="report it")
+            )
+
+    async def _answer(self, context: _Context, params: CallToolRequestParams) -> CallToolResult:
+        tool = self._tools.get(params.name)
+        if tool is None:
+            known = ", ".join(self._tools)
+            raise Mismatch(f"there is no tool {params.name[:40]!r}; there are {known}")
+        if tool.limited and not self._bucket.take():
+            words = f"more than {RATE:g} calls per second; only stop is not limited"
+            return _refusal(Cause("request.too_many", words, hint="wait a moment"))
+        given = checked(self._checkers[tool.name], _as_json(params.arguments), "the arguments")
+
+        def connect() -> AsyncClient:
+            return AsyncClient(self._url, _token(context), name=_client(context))
+
+        async with connect() as client:
+            person = Person(context, params)
+            calls = Calls(client, connect, self._held, person, self._robot)
+            answer = await getattr(calls, tool.name)(**given)
+        return CallToolResult(
+            content=[TextContent(text=answer)] if isinstance(answer, str) else answer
+        )
+
+
+def make_server(url: str, robot: Robot | None = None, allow_move: bool = False) -> Server[Any]:
+    """Return a server for all transports.
+
+    Args:
+        url: URL of the server of the arm.
+        robot: Robot of the drawings; None for none.
+        allow_move: True to offer `move`.
+    """
+    tools = Tools(url, robot, allow_move)
+    server: Server[Any] = Server(
+        NAME,
+        version=version("armtree"),
+        instructions=_INSTRUCTIONS,
+        on_list_tools=tools.list,
+        on_call_tool=tools.call,
+    )
+    # Encrypts what a client must send back with the answer to a question.
+    server.middleware.append(
+        RequestStateBoundary(RequestStateSecurity.ephemeral(), default_audience=NAME)
+    )
+    return server
+
+
+async def serve_stdio(server: Server[Any]) -> None:
+    """Serve one client over standard input and output, until it closes them."""
+    async with stdio_server() as (read, write):
+        await server.run(read, write, server.create_initialization_options())
+
+
+async def serve_http(server: Server[Any], port: int) -> None:
+    """Serve clients of this machine over HTTP, until a signal comes.
+
+    A client sends the token of the server of the arm as `Authorization: Bearer TOKEN`; without it,
+    it can do what any program on this machine can: read and stop.
+
+    Args:
+        server: The server.
+        port: TCP port.
+    """
+    import uvicorn
+
+    hosts = [f"{host}:{port}" for host in ("127.0.0.1", "localhost")]
+    rules = TransportSecuritySettings(
+        allowed_hosts=hosts, allowed_origins=[f"http://{host}" for host in hosts]
+    )
+    app = server.streamable_http_app(
+        transport_security=rules, max_request_body_size=_MAX_BODY, max_sessions=_MAX_SESSIONS
+    )
+    config = uvicorn.Config(
+        app, "127.0.0.1", port, log_config=None, server_header=False, timeout_graceful_shutdown=1
+    )
+    await uvicorn.Server(config).serve()
+
+
+def _as_json(arguments: Mapping[str, Any] | None) -> Any:
+    """Return arguments as the server of the arm would read them.
+
+    Raises:
+        Mismatch: They are not JSON, nested too deeply, or too large.
+    """
+    try:
+        text = json.dumps(arguments or {}, ensure_ascii=False, allow_nan=False).encode()
+        parsed = strict_json.parse(text)
+    except (ValueError, RecursionError) as error:
+        words = f"the arguments are not valid JSON: {str(error)[:100]}"
+        raise Mismatch(words) from error
+    if len(text) > _MAX_ARGUMENTS:
+        raise Mismatch(f"arguments may have at most {_MAX_ARGUMENTS} bytes, not {len(text)}")
+    return parsed
+
+
+def _described(tool: Tool) -> Described:
+    return Described(
+        name=tool.name,
+        description=tool.description,
+        input_schema=tool.schema,
+        annotations=ToolAnnotations(
+            read_only_hint=tool.reads,
+            destructive_hint=tool.moves,
+            idempotent_hint=tool.repeatable,
+            open_world_hint=False,
+        ),
+    )
+
+
+def _refusal(cause: Cause) -> CallToolResult:
+    hint = f"\n-> {cause.hint}" if cause.hint and cause.hint not in cause.message else ""
+    return CallToolResult(content=[TextContent(text=f"{cause}{hint}")], is_error=True)
+
+
+def _token(context: _Context) -> str | None:
+    """Return the token that a client sent over HTTP; None for a client that started this process.
+
+    Such a client runs as the user, whose own token is used.
+    """
+    headers = getattr(context.request, "headers", None)
+    if headers is None:
+        return None
+    given: Sequence[str] = headers.get("authorization", "").split()
+    return given[1] if len(given) == 2 and given[1].isascii() else _NO_TOKEN
+
+
+def _client(context: _Context) -> str:
+    """Return the name of a client, for recordings. The client chooses it."""
+    params = context.session.client_params
+    info = params.client_info if params else None
+    words = f"{info.name} {info.version}" if info else "unknown"
+    plain = "".join(each if " " <= each <= "~" else "?" for each in words[:80])
+    return f"armtree-mcp ({plain})"
