@@ -1,8 +1,10 @@
 """Calls that fail where the kernel would not: small libraries, compiled here, loaded first."""
 
+import atexit
 import contextlib
 import functools
 import os
+import shutil
 import subprocess
 import tempfile
 from pathlib import Path
@@ -14,6 +16,7 @@ _SOURCES = Path(__file__).with_name("preload")
 def library(name: str) -> Path:
     """Compile `preload/NAME.c`; return the library."""
     folder = Path(tempfile.mkdtemp(prefix="armtree-preload-"))
+    atexit.register(shutil.rmtree, folder)
     built = folder / f"{name}.so"
     command = ["gcc", "-O1", "-Wall", "-Werror", "-shared", "-fPIC", "-o", str(built)]
     subprocess.run([*command, str(_SOURCES / f"{name}.c"), "-ldl"], check=True)

@@ -71,7 +71,12 @@ def attacked(scene: Scene, made: Site, host: str, server: Server) -> dict[str, A
     options += ["--disable-background-networking", f"--user-data-dir={profile}"]
     options += [f"--host-resolver-rules=MAP {FOREIGN} 127.0.0.1"]
     url = f"http://{host}:{made.server_port}/page?{facts}"
-    browser = scene.armtree(*options, url, argv=[shutil.which("chromium") or "chromium"])
+    browser = scene.armtree(
+        *options,
+        url,
+        argv=[shutil.which("chromium") or "chromium"],
+        environment={"TMPDIR": str(scene.folder)},  # it is killed, and leaves files there
+    )
     try:
         return made.reports.get(timeout=60)
     except Empty:

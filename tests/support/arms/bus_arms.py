@@ -131,7 +131,7 @@ def so101_bus() -> Iterator[BoardProcess]:
 
 
 def push(bus: BoardProcess, **joints: float) -> None:
-    """Moves joints of an SO-101 by hand [deg]."""
+    """Moves joints of an SO-101 by hand, all at once [deg]."""
     names = [joint.name for joint in load_robot(Path("so101")).actuated]
-    for name, degrees in joints.items():
-        bus.call("push", names.index(name) + 1, 2048 + round(degrees * 4096 / 360))
+    ticks = {names.index(name) + 1: 2048 + round(q * 4096 / 360) for name, q in joints.items()}
+    bus.call("push", ticks)

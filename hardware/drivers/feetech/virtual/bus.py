@@ -4,7 +4,7 @@
 """
 
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from hardware.drivers.feetech.packets import BROADCAST, Instruction, Packet, take_packets
@@ -91,12 +91,12 @@ class Bus:
             end += self._byte
             self._arriving.append((end, byte))
 
-    def push(self, now: float, servo: int, position: float) -> None:
-        """Move a servo by hand [ticks]. It gives way only without torque."""
+    def push(self, now: float, positions: Mapping[int, float]) -> None:
+        """Move servos by hand, all at once [ticks]. They give way only without torque."""
         self._advance(now)
         for each in self.servos:
-            if each.servo == servo:
-                each.push(position)
+            if each.servo in positions:
+                each.push(positions[each.servo])
 
     def fail(self, now: float, fault: Fault) -> None:
         """Begin a fault now."""
