@@ -68,8 +68,8 @@ def teach(number: int, name: str, server: str | None, speed: float, **options: A
 
     def commands(arm: "JogArm") -> "dict[str, tuple[Command, Act]]":
         by_hand: dict[str, tuple[Command, Act]] = {}
-        if isinstance(arm, OwnArm) and robot.can(Ability.TORQUE) and robot.can(Ability.MEASURE):
-            hand = _Hand(arm, task)
+        if robot.can(Ability.TORQUE) and robot.can(Ability.MEASURE):
+            hand = _Hand(arm, task) if isinstance(arm, OwnArm) else _ServersHand()
             by_hand = {
                 "f": (Command("torque off, on"), hand.switch_torque),
                 "r": (Command("path"), hand.record),
@@ -149,6 +149,16 @@ class _Teaching:
 
     def _taken(self, words: str) -> str:
         return f"Step {len(self._task.steps)}: {words}"
+
+
+class _ServersHand:
+    """The keys for the arm of a server, which no person moves by hand."""
+
+    def switch_torque(self, _where: "Where", _text: str) -> str:
+        """Return what to do."""
+        return "A server has this arm. To move it by hand, end armtree serve, then teach again"
+
+    record = switch_torque
 
 
 class _Hand:
