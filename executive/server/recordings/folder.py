@@ -125,8 +125,7 @@ class RecordingFolder:
             NotFound: There is no such recording.
             LogError: It cannot be read.
         """
-        path = self._readable(name)
-        return self._timelines.get(_version(path), lambda: Timeline(path))
+        return self._get(self._timelines, name, Timeline)
 
     def scene(self, name: str) -> RobotScene:
         """Return the robot of a recording.
@@ -136,9 +135,8 @@ class RecordingFolder:
             LogError: It does not hold its robot.
             DescriptionError: The robot is invalid.
         """
-        path = self._readable(name)
-        make = lambda: RobotScene(restore_robot(IndexedRecording(path)))  # noqa: E731
-        return self._scenes.get(_version(path), make)
+        make = lambda path: RobotScene(restore_robot(IndexedRecording(path)))  # noqa: E731
+        return self._get(self._scenes, name, make)
 
     def nodes(self, name: str) -> list[Json]:
         """Return the nodes of a recorded task, as `recorded_nodes` does.
@@ -146,16 +144,15 @@ class RecordingFolder:
         Raises:
             NotFound, LogError, DescriptionError: As of `scene`.
         """
-        path = self._readable(name)
 
-        def make() -> list[Json]:
+        def make(path: Path) -> list[Json]:
             recording = IndexedRecording(path)
             goal = _first(recording, "/goal", 1)
             if isinstance(goal, logs.Goal) and goal.task != logs.MOVE:
                 return recorded_nodes(recording, goal.task)
             return []
 
-        return self._nodes.get(_version(path), make)
+        return self._get(self._nodes, name, make)
 
     @property
     def timelines(self) -> list[Timeline]:
@@ -219,14 +216,27 @@ class RecordingFolder:
         restore(self._folder / name)
         return self._row(self._folder / name)
 
-    def _readable(self, name: str) -> Path:
-        """Return a recording with an index: the file itself, or a copy of what is valid in it.
+    def _get(self, cache: "_Cache[T]", name: str, make: Callable[[Path], T]) -> T:
+        """Return what is made of a recording, from a cache if it is there.
 
         Raises:
             NotFound: There is no such recording.
             RecordingError: It cannot be read.
         """
-        path, copy = self.path(name), self._copies / name
+        path = self.path(name)
+        readable = self._readable(path)
+        try:
+            return cache.get(_version(readable), lambda: make(readable))
+        except logs.RecordingError as error:
+            raise logs.RecordingError(path, str(error).replace(f"{readable}: ", "")) from error
+
+    def _readable(self, path: Path) -> Path:
+        """Return a recording with an index: the file itself, or a copy of what is valid in it.
+
+        Raises:
+            RecordingError: It cannot be read.
+        """
+        copy = self._copies / path.name
         if is_complete(path, every_byte=False):
             return path
         with self._copying, _changing(copy):

@@ -7,6 +7,7 @@ import pytest
 
 from executive.api.move import Move
 from executive.server.server import Viewer
+from tests.support.recordings.bombs import BOMBS
 from tests.support.recordings.finished import at_rest
 from tests.support.recordings.long_recording import write_long
 from tests.support.servers.browsing import Open, Tab, forget, is_accessible, shows
@@ -134,6 +135,36 @@ def test_a_recording_is_found_played_and_linked(open_page: Open, page_server: Se
     assert re.search("home, recorded", other.inner_text("#shown"))
     other.click("#live")
     other.locator("#player").wait_for(state="hidden")
+
+
+def test_broken_recordings_and_bombs_are_refused(open_page: Open, page_server: Served) -> None:
+    folder = run(page_server, 11)
+    (good,) = folder.glob("*Z-11.mcap")
+    whole = good.read_bytes()
+    bombs = {
+        "zeros": BOMBS["zeros in many chunks"](),
+        "zeros-cut": BOMBS["zeros in many chunks"]()[:-8],
+        "many": BOMBS["empty messages"](),
+        "deep": BOMBS["deep JSON"](),
+        "deep-cut": BOMBS["deep JSON"]()[:-8],
+        "long": BOMBS["a long record"](),
+        "empty": b"",
+        "text": b"<script>alert(1)</script>",
+        "damaged": whole[: len(whole) // 2] + bytes(64) + whole[len(whole) // 2 + 64 :],
+    }
+    for name, data in bombs.items():
+        (folder / f"{name}.mcap").write_bytes(data)
+    (folder / "cut.mcap").write_bytes(whole[:-100])
+    tab = open_page()
+    for name in bombs:
+        tab.click(f"#runs .run[title^='{name}.mcap']")
+        shows(tab, "#control-error", rf"{name}\.mcap: ")
+    tab.click("#runs .run[title^='cut.mcap']")
+    shows(tab, "#shown", "nothing, recorded")  # all of it, but its index
+    assert tab.inner_text("#control-error") == ""
+    forget(tab, "409")
+    for name in (*bombs, "cut"):
+        (folder / f"{name}.mcap").unlink()
 
 
 def test_two_recordings_are_compared_at_one_moment(open_page: Open, page_server: Served) -> None:
