@@ -78,6 +78,7 @@ connection.addEventListener("begin", async () => {
   byId("stop", HTMLElement).hidden = !connection.hasArm;
   await showRobot().catch((error) => setText(byId("no-3d", HTMLElement), `The robot is not shown: ${error.message}`));
   await runs.refresh();
+  await catchUp();
   if (!shown.live.goalId && !shown.recorded) await openAddress();
   draw();
 });
@@ -131,6 +132,16 @@ document.addEventListener("click", (event) => {
   if (link instanceof HTMLElement && link.dataset.path) tree.reveal(link.dataset.path);
 });
 setInterval(draw, 1000); // the age of what is shown
+
+/** Show how the live goal ended, if it ended while there was no connection, or with its server. */
+async function catchUp() {
+  const { live } = shown;
+  const goal = runs.goals.find((each) => each.goal_id === live.goalId);
+  if (!live.active || !goal?.result) return;
+  live.end(goal);
+  const recording = runs.recordings.find((each) => each.name === runs.recordingOf(live));
+  if (shown.isLive && recording && recording.state !== "UNFINISHED") await open(recording.name, undefined, false);
+}
 
 async function showRobot() {
   if (!connection.hasArm) return; // each recording has its own

@@ -1,9 +1,14 @@
 """What disturbs a page: other pages, a slow machine, a hidden tab, and a server that restarts."""
 
+import re
+import subprocess
+from pathlib import Path
 from typing import Any
 
 import pytest
 
+from tests.support.command_line.pseudo_terminal import ARMTREE
+from tests.support.recordings.finished import at_rest
 from tests.support.servers.browsing import Open, shows
 from tests.support.servers.serving import Serve, Served
 
@@ -48,6 +53,17 @@ def test_a_slow_and_a_hidden_tab_catch_up_and_stop(open_page: Open, page_server:
     goal = page_server.executive.send(10).identity
     tab.evaluate(HIDE, False)
     shows(tab, "#running", "^wait$")
+    tab.evaluate(HIDE, True)  # it does not see how the goal ends
+    while b"armtree_watchers 0.0" not in page_server.ask("GET", "/metrics")[1]:
+        tab.wait_for_timeout(20)
+    page_server.executive.cancel()
+    page_server.executive.result(goal)
+    at_rest(page_server.folder / "recordings")
+    tab.evaluate(HIDE, False)
+    shows(tab, "#goal-state", "^canceled$")
+    shows(tab, "#shown", "^task 10 wait, recorded$")
+    goal = page_server.executive.send(10).identity
+    shows(tab, "#running", "^wait$")
     tab.context.new_cdp_session(tab).send("Emulation.setCPUThrottlingRate", {"rate": 6})
     page_server.executive.cancel()
     page_server.executive.result(goal)
@@ -58,24 +74,43 @@ def test_a_slow_and_a_hidden_tab_catch_up_and_stop(open_page: Open, page_server:
     shows(tab, "#goal-state", "^canceled$")
 
 
-def test_a_server_that_restarts_is_found_again(browser: Any, serve: Serve) -> None:
-    served = serve()
-    port = served.server.port
-    tab = browser.new_context().new_page()
-    tab.goto(served.server.sign_in.link())
-    shows(tab, "#session", "^signed in$")
-    served.executive.send(10)
-    shows(tab, "#running", "^wait$")
+def test_a_server_that_is_killed_and_restarts_is_found_again(
+    browser: Any, serve: Serve, tmp_path: Path
+) -> None:
+    words = ("serve", "--port", "virtual", "--tcp-port", "0", "--activate")
+    served = serve(active=False)  # gives the folder its tasks
     served.stop()
+    folders = ("--trees", str(served.tasks), "--recordings", str(tmp_path / "recordings"))
+    with subprocess.Popen(
+        [*ARMTREE, *words, *folders], stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stderr
+        log = ""
+        while "ready to take commands" not in log:
+            log += process.stderr.readline()
+        (link,) = re.findall(r"http://\S+#code=\S+", log)
+        port = int(re.findall(r":(\d+)/", link)[0])
+        tab = browser.new_context().new_page()
+        tab.goto(link)
+        shows(tab, "#session", "^signed in$")
+        tab.click("#tasks li:has(.name:text-is('10 wait')) summary")
+        tab.click("#tasks li:has(.name:text-is('10 wait')) button")
+        shows(tab, "#running", "^wait$")
+        process.kill()
     shows(tab, "#connection", r"No connection for \d+ s")
+    shows(tab, "#running", "^wait$")  # what was known, greyed
     again = serve(port=port)
     tab.locator("#connection").wait_for(state="hidden")
     shows(tab, "#session", "^watching only$")
+    shows(tab, "#goal-state", "^failed$")  # and is not shown as running for ever
+    shows(tab, "#failure", "the server ended before this goal did")
+    shows(tab, "#running", "^nothing$")
     again.executive.send(10)
     shows(tab, "#running", "^wait$")
     tab.keyboard.press("Escape")
     shows(tab, "#goal-state", "^canceled$")
     tab.goto(again.server.sign_in.link())
     shows(tab, "#session", "^signed in$")
-    tab.context.close()
     again.stop()
+    shows(tab, "#connection", r"No connection for \d+ s")
+    tab.context.close()

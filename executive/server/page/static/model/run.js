@@ -154,6 +154,16 @@ export class Run {
     if (goal.result) this.phase = "";
   }
 
+  /**
+   * Take the end of the goal, whose last events did not arrive. What ran was stopped.
+   * @param {Goal} goal
+   */
+  end(goal) {
+    this.updateGoal(goal);
+    for (const node of this.nodes.values())
+      if (node.status === "RUNNING") this.#change(node, { ...node, status: "HALTED" });
+  }
+
   /** @returns {TreeNode[]} the running leaves */
   get running() {
     return [...this.nodes.values()].filter(
