@@ -285,22 +285,32 @@ class Barred(MotionError):
         )
 
 
+_FEWER = 4  # factor by which a search reaches fewer configurations from a narrow place
+
+
 class NoPath(MotionError):
     """No search found a path within its samples.
 
     Attributes:
         samples: Number of samples of all searches.
         searches: Number of searches, each with other samples.
+        from_start: Number of configurations that they reached from the start.
+        from_goal: Number of configurations that they reached from the goal.
     """
 
     code = "plan.no_path"
     hint = "choose another goal, or add a via pose in front of the narrow place"
 
-    def __init__(self, samples: int, searches: int) -> None:
+    def __init__(self, samples: int, searches: int, from_start: int, from_goal: int) -> None:
         self.samples, self.searches = samples, searches
+        self.from_start, self.from_goal = from_start, from_goal
+        counts = sorted(((from_start, "start"), (from_goal, "goal")))
+        narrow, wide = counts
+        place = f"; the {narrow[1]} is in the narrow place" if _FEWER * narrow[0] < wide[0] else ""
         super().__init__(
             f"No path was found by a line, by bends, or by {searches} searches with "
-            f"{samples} samples; {self.hint}"
+            f"{samples} samples, which reached {from_start} configurations from the start and "
+            f"{from_goal} from the goal{place}; {self.hint}"
         )
 
 

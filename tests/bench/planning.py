@@ -7,6 +7,7 @@ same margin, and one reference checker checks all motions every millisecond. The
 with via points and the rest of stopped motions, checked the same way; goals in a shelf, and
 MotionBenchMaker's problems, which are cloned beside the other planners' environments; growth of the
 cost, overhead of a worker, time to stop it, and memory leaks. `--quick` uses fewer queries.
+Another planner that needs more than five minutes for a problem is stopped.
 """
 
 import os
@@ -183,6 +184,14 @@ def main() -> None:
     parser = arguments(__doc__ or "")
     parser.add_argument("--quick", action="store_true", help="30 pairs instead of 300, and so on")
     parser.add_argument("--no-peers", action="store_true", help="our planner only")
+    parser.add_argument(
+        "--clutter",
+        type=int,
+        default=10,
+        metavar="N",
+        help="problems of each of MotionBenchMaker's seven scenes (default: %(default)s; 100: all "
+        "699, which take a quarter of an hour)",
+    )
     parser.add_argument("--plot", type=Path, default=Path("planning.png"), metavar="PNG")
     parser.add_argument(
         "--environments",
@@ -210,7 +219,7 @@ def main() -> None:
         draw(scores, growing, given.plot)
         figures = list(rows(runs, given.quick, folder, overhead))
         if scenes := clutter.checkout(given.environments, sys.stdout.write):
-            figures += clutter_rows(scenes, folder, 10 if given.quick else 100)
+            figures += clutter_rows(scenes, folder, given.clutter)
     figures += [Row(f"{g.what}_10x", "1", [g.spent[-1] / g.spent[0]]) for g in growing]
     show(figures, given.json)
     sys.stdout.write(f"{given.plot}\n")

@@ -313,7 +313,7 @@ class OneFails:
 
     def submit(self, request: Query, done: Callable[[Result], None]) -> None:
         def fail() -> None:
-            done(NoPath(9, 1))
+            done(NoPath(9, 1, 3, 2))
 
         def plan() -> None:
             signal = self._clock.signal()
@@ -331,7 +331,7 @@ def test_one_planner_fails(
     arm = rig(pool=OneFails(shared_pool, shared_clock, fails))
     (outcome,) = arm.run(1)
     assert (outcome.state, outcome.code) == (GoalState.ABORTED, "plan.no_path")
-    assert outcome.message == f"One or more planners failed: {name}: {NoPath(9, 1)}"
+    assert outcome.message == f"One or more planners failed: {name}: {NoPath(9, 1, 3, 2)}"
     ended = {plan.group: plan.code for plan in arm.recorded(logs.Plan)}
     assert ended == {"arm": "", "gripper": "", fails: "plan.no_path"}
     assert arm.frames == []

@@ -42,7 +42,7 @@ def find_path(validator: MotionValidator, start: Array, goals: Array, seed: int)
     group, ends = validator.group, np.vstack((start, goals))
     lower = np.where(np.isfinite(group.lower), group.lower, ends.min(axis=0) - np.pi)
     upper = np.where(np.isfinite(group.upper), group.upper, ends.max(axis=0) + np.pi)
-    drawn = 0
+    drawn, reached = 0, np.zeros(2, int)
     for search in range(1, _MAX_SEARCHES + 1):
         random = np.random.default_rng((seed, search))
         trees = _Tree(validator, start[None, :]), _Tree(validator, goals)
@@ -59,7 +59,8 @@ def find_path(validator: MotionValidator, start: Array, goals: Array, seed: int)
             if all([here.verify(ways[0]), there.verify(ways[1])]):
                 one, other = ways if here is trees[0] else ways[::-1]
                 return np.vstack((trees[0].points[one[::-1]], trees[1].points[other[1:]]))
-    raise NoPath(drawn, _MAX_SEARCHES)
+        reached += [tree.size for tree in trees]
+    raise NoPath(drawn, _MAX_SEARCHES, *reached.tolist())
 
 
 def _samples(
@@ -91,6 +92,11 @@ class _Tree:
     def __init__(self, validator: MotionValidator, roots: Array) -> None:
         self._validator, self.points = validator, roots.copy()
         self._parents, self._verified = [-1] * len(roots), [True] * len(roots)
+
+    @property
+    def size(self) -> int:
+        """Number of points that were ever added, roots included."""
+        return len(self._parents)
 
     def way(self, number: int) -> list[int]:
         """Return the numbers of the points from one to its root."""

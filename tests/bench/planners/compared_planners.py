@@ -33,7 +33,7 @@ PEERS = {
     "ruckig": "ruckig==0.19.4",
 }
 _LEFT = 0.3  # share of the margin that the other planners' steps prove
-_PATIENCE = 1800.0  # for all queries of a problem [s]
+_PATIENCE = 300.0  # for all queries of a problem [s]
 
 
 @dataclass(frozen=True)

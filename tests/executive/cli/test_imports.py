@@ -49,7 +49,7 @@ UNUSED = {
     },
 }
 # Modules of the standard library that take long to import, and the commands that need them.
-SLOW = {name: {"email", "importlib.metadata"} for name in ("stop", "status", "serve")}
+SLOW = {"serve": {"email", "importlib.metadata"}}
 CODE = """\
 import sys
 sys.path += {path}

@@ -104,7 +104,7 @@ def test_halted(bench: Bench, skill: PlanArm) -> None:
     skill.stop(Status.INVALID)
     assert bench.desk.jobs[0].canceled == 1
     assert skill.busy
-    bench.desk.jobs[0].answer(NoPath(9, 1))
+    bench.desk.jobs[0].answer(NoPath(9, 1, 3, 2))
     assert not skill.busy
     assert (skill.status, skill.failure) == (Status.INVALID, None)
     (reported,) = bench.reported  # also for a canceled plan
@@ -200,7 +200,7 @@ def test_the_first_way_where_there_is_no_wider_one(
     skill, first = detour
     bench.desk.jobs[1].answer(HIT)
     skill.tick_once()
-    bench.desk.jobs[2].answer(NoPath(9, 1))
+    bench.desk.jobs[2].answer(NoPath(9, 1, 3, 2))
     skill.tick_once()
     assert (skill.status, bench.output("plan")) == (Status.SUCCESS, first)  # Execute rejects it
     assert planned_by(bench) == (0.0, first)

@@ -15,7 +15,7 @@ ERRORS = [
     motion.GoalOutOfBounds("joint_2", -2.0, -1.5, 1.5),
     motion.StartInCollision("hand", "floor", -0.012, 0.005),
     motion.GoalInCollision("hand", "base", 0.0031, 0.005),
-    motion.NoPath(20_000, 10),
+    motion.NoPath(20_000, 10, 900, 30),
     motion.Barred("joint_2", 1.5, "rad", "upper_arm", "floor"),
     motion.PlanTimeout(5.0),
     motion.MotionCollides(17, 1.25, "hand", "floor", -0.001, 0.002),
@@ -48,3 +48,9 @@ def test_collision_says_how_deep_or_how_near() -> None:
 
 def test_bounds_say_joint_value_and_limits() -> None:
     assert "goal of joint_2, -114.592 deg, is outside its limits, -85.9437 deg to" in str(ERRORS[5])
+
+
+def test_a_failed_search_names_the_narrow_end() -> None:
+    assert "; the goal is in the narrow place;" in str(motion.NoPath(1000, 1, 900, 30))
+    assert "; the start is in the narrow place;" in str(motion.NoPath(1000, 1, 3, 13))
+    assert "is in the narrow place" not in str(motion.NoPath(1000, 1, 300, 200))

@@ -252,6 +252,7 @@ def test_no_path(cut_off: Planner, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(NoPath, match="5 searches with 150 samples") as caught:
         cut_off.plan(arm(HOME, PICK))
     assert (caught.value.samples, caught.value.searches) == (150, 5)
+    assert min(caught.value.from_start, caught.value.from_goal) >= 5
 
 
 def test_timeout(cut_off: Planner) -> None:
