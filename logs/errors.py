@@ -8,6 +8,7 @@
     ├── RecordingIncomplete        something of a run could not be written
     ├── RecordingInUse             it is still being written
     └── RecordingError             ValueError: a file cannot be read
+        ├── RecordingEmpty         it was cut off before its first message
         ├── NoSuchRecording        no recording, or several, have the given name
         ├── RecordingTruncated     its end is missing; the valid part was read
         └── RecordingCut           it was recovered after a crash; the end of the run is missing
@@ -135,6 +136,10 @@ class RecordingError(LogError, ValueError):
     code = "log.unreadable"
     exit_status = 3
     hint = "give another file"
+
+
+class RecordingEmpty(RecordingError):
+    """A recording was cut off before its first message."""
 
 
 class NoSuchRecording(RecordingError):

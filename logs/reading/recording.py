@@ -7,7 +7,7 @@ from functools import cache, cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_type_hints
 
-from logs.errors import RecordingError
+from logs.errors import RecordingEmpty, RecordingError
 from logs.records.field_types import LARGEST, frozen, has_type
 from logs.records.file_format import RECOVERED
 from logs.records.packing import unpack
@@ -247,7 +247,8 @@ class Recording:
 def _epoch_ns(path: Path) -> int:
     from mcap.records import Metadata
 
-    for item in content(TolerantReader(path)):
+    reader = TolerantReader(path)
+    for item in content(reader):
         match item:
             case Metadata(name="armtree", metadata={"epoch_ns": epoch}) if _is_time(epoch):
                 return int(epoch)
@@ -255,7 +256,8 @@ def _epoch_ns(path: Path) -> int:
                 return 0
             case Message():
                 break
-    raise RecordingError(path, "was not recorded by armtree, or lacks its head")
+    kind = RecordingError if reader.intact or reader.messages else RecordingEmpty
+    raise kind(path, "was not recorded by armtree, or lacks its head")
 
 
 def _is_time(epoch: str) -> bool:

@@ -1,14 +1,13 @@
 """A run as it is drawn: what happened when, in seconds since its goal."""
 
 from bisect import bisect_right
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from itertools import dropwhile
 from pathlib import Path
 
-from logs.errors import RecordingError
+from logs.errors import RecordingEmpty, RecordingError
 from logs.reading.recording import Recording
-from logs.reading.tolerant_reader import TolerantReader
 from logs.records.records import (
     Feedback,
     Goal,
@@ -117,18 +116,14 @@ def timeline(path: Path) -> Timeline:
     """
     try:
         recording = Recording(path)
-    except RecordingError:
-        if not _cut_before_first_message(path):
-            raise
+    except RecordingEmpty:
         return timeline_of((), complete=False)
-
-    def records() -> Iterator[RunRecord]:
-        for record in recording.records():
-            if isinstance(record, NodeStatus) and record.path.count("/") > _DEEPEST:
-                raise RecordingError(path, f"its tree is deeper than {_DEEPEST} nodes")
-            yield record
-
-    return timeline_of(records(), recording.complete)
+    events = _Events()
+    for record in recording.records():
+        if isinstance(record, NodeStatus) and record.path.count("/") > _DEEPEST:
+            raise RecordingError(path, f"its tree is deeper than {_DEEPEST} nodes")
+        events.add(record)
+    return events.timeline(recording.complete)  # known after all records
 
 
 def timeline_of(records: Iterable[RunRecord], complete: bool = True) -> Timeline:
@@ -142,13 +137,6 @@ def timeline_of(records: Iterable[RunRecord], complete: bool = True) -> Timeline
     for record in records:
         events.add(record)
     return events.timeline(complete)
-
-
-def _cut_before_first_message(path: Path) -> bool:
-    reader = TolerantReader(path)
-    for _ in reader:
-        pass
-    return not (reader.intact or reader.messages)
 
 
 @dataclass
