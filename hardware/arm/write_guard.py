@@ -298,9 +298,10 @@ class WriteGuard:
     def _send(self, frame: Frame, positions: tuple[float, ...], scheduled: float | None) -> None:
         began = self._clock.now()
         self._hold_due = scheduled is not None
-        due = self._session.next_poll <= began
+        before = self._session.next_poll
         self._session.note_sent(frame, began)
-        request = b"" if due else self._session.poll(began)  # that the frame made due
+        due = self._session.next_poll <= began < before  # a request that the frame made due
+        request = self._session.poll(began) if due else b""
         self._put(frame.data + request)
         self._pacing.note_sent(frame, self._clock.now())  # after the write, which may have waited
         self._last_frame = frame
