@@ -85,4 +85,5 @@ def last_words(text: str) -> None:
 
     thread = threading.Thread(target=write, daemon=True)
     thread.start()
-    thread.join(0.2)
+    for _ in range(10):  # a stall of the whole host ends one wait, and gives the thread no time
+        thread.join(0.02)
