@@ -24,7 +24,7 @@ from nats.js.api import (
     StorageType,
     StreamConfig,
 )
-from nats.js.errors import KeyNotFoundError
+from nats.js.errors import KeyNotFoundError, NotFoundError
 from nats.js.kv import KeyValue
 
 from executive.api import token_file
@@ -37,6 +37,7 @@ T = TypeVar("T")
 logger = logging.getLogger(__name__)
 
 NATS_PORT = 4222  # of a URL without a port
+_MEMBERS, _RECORDS, ALIVE = "fleet_members", "fleet_jobs", "fleet_alive"
 JOBS = "fleet_jobs_queue"  # stream of the jobs that no arm has claimed
 ALIVE_SECONDS = 10.0  # an arm that is silent for this time is gone
 _CLAIM_SECONDS = 30.0  # a job that was delivered and not claimed is delivered again [s]
@@ -44,6 +45,7 @@ _REPEAT_SECONDS = 3600.0  # a repeated message id is refused for this time [s]
 _KEEP_SECONDS = 7 * 86400.0  # records of jobs are kept for this time [s]
 _QUEUE_BYTES = 2**30
 _CONNECT_SECONDS = 2.0
+_RETRY_SECONDS = 1.0
 _WAITING = 20_000  # arms of a pool that wait for a job
 
 # What NATS and its libraries raise if the server is gone, slow, or starts again.
@@ -124,6 +126,9 @@ class Fleet:
 
     async def add_consumers(self, pool: str) -> None:
         """Make the consumers of a pool, unless they exist."""
+        with suppress(NotFoundError):
+            await self.stream.consumer_info(JOBS, consumer_of(pool, PRIORITIES[-1]))
+            return
         for priority in PRIORITIES:
             await self.stream.add_consumer(
                 JOBS,
@@ -173,8 +178,7 @@ async def open_fleet(
 
     async def back() -> None:
         told.clear()
-        with suppress(*GONE):
-            await _make(connection, url)  # a bucket in memory is empty after a restart
+        await _open(connection, url, lasting)  # a bucket in memory is lost in a restart
         if changed:
             await changed(True)
 
@@ -192,7 +196,7 @@ async def open_fleet(
     connection = Nats()
     try:
         await connection.connect(url, **options)
-        yield await _make(connection, url)
+        yield await _open(connection, url, lasting)
     except GONE as error:
         raise _why(url, error, told) from error
     finally:
@@ -215,8 +219,29 @@ def _why(url: str, error: Exception, told: Sequence[Exception]) -> FleetError:
     return FleetUnreachable(url, str(error) or type(error).__name__)
 
 
-async def _make(connection: Nats, url: str) -> Fleet:
+async def _open(connection: Nats, url: str, lasting: bool) -> Fleet:
+    """Return the fleet of a connection, and make what it stores unless it exists."""
     stream = connection.jetstream(timeout=_CONNECT_SECONDS)
+    while True:
+        try:
+            try:
+                # The only bucket in memory, and the last one that is made.
+                await stream.stream_info(f"KV_{ALIVE}")
+            except NotFoundError:
+                await _make(stream)
+            break
+        except GONE:
+            if not lasting:
+                raise
+            await asyncio.sleep(_RETRY_SECONDS)
+    members, jobs, alive = (
+        KeyValue(name=name, stream=f"KV_{name}", pre=f"$KV.{name}.", js=stream, direct=True)
+        for name in (_MEMBERS, _RECORDS, ALIVE)
+    )
+    return Fleet(url, connection, stream, members, alive, jobs)
+
+
+async def _make(stream: JetStreamContext) -> None:
     await stream.add_stream(
         StreamConfig(
             name=JOBS,
@@ -230,18 +255,14 @@ async def _make(connection: Nats, url: str) -> Fleet:
             allow_direct=True,
         )
     )
-    buckets: Mapping[str, Mapping[str, Any]] = {
-        "fleet_members": {},
-        "fleet_alive": {"ttl": ALIVE_SECONDS, "storage": StorageType.MEMORY},
-        "fleet_jobs": {"ttl": _KEEP_SECONDS},
-    }
-    made = [
+    for bucket, ttl, storage in (
+        (_MEMBERS, None, StorageType.FILE),
+        (_RECORDS, _KEEP_SECONDS, StorageType.FILE),
+        (ALIVE, ALIVE_SECONDS, StorageType.MEMORY),
+    ):
         await stream.create_key_value(
-            KeyValueConfig(bucket=name, direct=True, storage=StorageType.FILE).evolve(**more)
+            KeyValueConfig(bucket=bucket, direct=True, ttl=ttl, storage=storage)
         )
-        for name, more in buckets.items()
-    ]
-    return Fleet(url, connection, stream, *made)
 
 
 def _credentials(url: str) -> dict[str, Any]:

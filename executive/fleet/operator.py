@@ -13,7 +13,7 @@ from nats.js.errors import KeyWrongLastSequenceError, NotFoundError
 from executive.api.outcome import CANCELED_CAUSE, GoalState
 from hardware import Clock
 
-from .connection import JOBS, Fleet, consumer_of, control_subject, job_subject
+from .connection import ALIVE, JOBS, Fleet, consumer_of, control_subject, job_subject
 from .errors import (
     BadJob,
     DuplicateJob,
@@ -125,9 +125,9 @@ class Operator:
     async def _is_served(self, pool: str) -> bool:
         try:
             await self._fleet.stream.get_msg(
-                "KV_fleet_alive",
+                f"KV_{ALIVE}",
                 seq=1,
-                subject=f"$KV.fleet_alive.{pool}.*",
+                subject=f"$KV.{ALIVE}.{pool}.*",
                 next=True,
                 direct=True,
             )

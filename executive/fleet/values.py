@@ -3,7 +3,7 @@
 import json
 import re
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields
 from typing import Any, TypeVar
 
 from executive.api import strict_json
@@ -152,7 +152,11 @@ _INNER: Mapping[str, type] = {"job": Job, "result": Result}
 
 def to_bytes(value: Any) -> bytes:
     """Return a value of this file as JSON."""
-    return json.dumps(asdict(value), ensure_ascii=False, allow_nan=False).encode()
+    return json.dumps(value, ensure_ascii=False, allow_nan=False, default=_fields).encode()
+
+
+def _fields(value: Any) -> dict[str, Any]:
+    return {each.name: getattr(value, each.name) for each in fields(value)}
 
 
 def from_bytes(kind: type[T], data: bytes | None) -> T:

@@ -27,6 +27,7 @@ from .values import PRIORITIES, Job, JobRecord, Member, Presence, Result, from_b
 logger = logging.getLogger(__name__)
 
 BEAT_SECONDS = 3.0  # time between two presences
+_LEAST_BEAT = 0.1  # least time between two presences [s]
 _PULL_SECONDS = 20.0  # longest time that a request for a job waits at the NATS server
 _LAST_SECONDS = 3.0  # longest time for the last result after `end`
 _PAUSE_SECONDS = 1.0  # before what failed is tried again
@@ -134,16 +135,30 @@ class Worker:
         end = self._clock.now() + ALIVE_SECONDS + 2 * _PAUSE_SECONDS
         while True:
             try:
+                await self._take_name(end)
+                await fleet.members.put(self.arm, to_bytes(mine))
+                await fleet.add_consumers(self._pool)
+                return
+            except GONE as error:
+                logger.debug("Fleet: %r", error)
+                await asyncio.sleep(_PAUSE_SECONDS)
+
+    async def _take_name(self, end: float) -> None:
+        """Create the presence of this arm; until a time [s], wait for that of a dead worker."""
+        fleet = self._fleet
+        while True:
+            try:
                 await fleet.alive.create(self.arm, to_bytes(self._presence))
-                break
+                return
             except KeyWrongLastSequenceError:
+                other = await fleet.get(fleet.alive, Presence, self.arm)
+                if other and other[0].worker == self._me:
+                    return
                 if self._clock.now() > end:
                     found = await fleet.get(fleet.members, Member, self.arm)
                     url = found[0].url if found else "unknown"
                     raise NameTaken(self.arm, url) from None
                 await asyncio.sleep(_PAUSE_SECONDS)
-        await fleet.members.put(self.arm, to_bytes(mine))
-        await fleet.add_consumers(self._pool)
 
     async def _leave(self) -> None:
         with suppress(*GONE):
@@ -157,6 +172,7 @@ class Worker:
             self._changed.clear()
             with suppress(*GONE):
                 await self._fleet.alive.put(self.arm, to_bytes(self._presence))
+            await asyncio.sleep(_LEAST_BEAT)  # short jobs change it often
             with suppress(TimeoutError):
                 async with asyncio.timeout(BEAT_SECONDS):
                     await self._changed.wait()
@@ -177,7 +193,8 @@ class Worker:
     async def _work(self) -> None:
         """Take one job after the other."""
         while True:
-            await self._free.wait()
+            if not await self._look():
+                await self._free.wait()
             try:
                 if message := await self._next():
                     await self._take(message)

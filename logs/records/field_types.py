@@ -2,9 +2,13 @@
 
 from collections.abc import Mapping
 from dataclasses import is_dataclass
+from functools import cache
 from typing import Any, get_args, get_origin, get_type_hints
 
 LARGEST = 2**64  # of an integer in place of a float, and of a time [ns]
+
+
+_hints = cache(get_type_hints)  # slow
 
 
 def frozen(value: Any) -> Any:
@@ -15,7 +19,7 @@ def frozen(value: Any) -> Any:
 def has_type(value: Any, type_: Any) -> bool:
     """Return whether a value has the type of a field; so must the fields of a dataclass."""
     if type(value) is type_:
-        kinds = get_type_hints(type_).items() if is_dataclass(type_) else ()
+        kinds = _hints(type_).items() if is_dataclass(type_) else ()
         return all(has_type(getattr(value, name), kind) for name, kind in kinds)
     origin, inner = get_origin(type_), get_args(type_)
     if origin is tuple:

@@ -172,7 +172,6 @@ def test_a_stop_holds_the_fleet_and_names_who_does_not_confirm(url: str) -> None
             assert sum((each.goals for each in confirmed), ()).count(running.identity) == 1
             assert (await ended(operator, running)).state == "CANCELED"
             queued = await operator.send(2, "bench", {})
-            assert {row.state for row in await operator.arms()} <= {"held", "busy"}
             assert (await operator.queued())[0] == 1
             for arm in arms:
                 arm.duration = 0.0
