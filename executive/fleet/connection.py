@@ -44,7 +44,7 @@ _CLAIM_SECONDS = 30.0  # a job that was delivered and not claimed is delivered a
 _REPEAT_SECONDS = 3600.0  # a repeated message id is refused for this time [s]
 _KEEP_SECONDS = 7 * 86400.0  # records of jobs are kept for this time [s]
 _QUEUE_BYTES = 2**30
-_CONNECT_SECONDS = 2.0
+_CONNECT_SECONDS, _ANSWER_SECONDS = 2.0, 5.0
 _RETRY_SECONDS = 1.0
 _WAITING = 20_000  # arms of a pool that wait for a job
 
@@ -221,7 +221,7 @@ def _why(url: str, error: Exception, told: Sequence[Exception]) -> FleetError:
 
 async def _open(connection: Nats, url: str, lasting: bool) -> Fleet:
     """Return the fleet of a connection, and make what it stores unless it exists."""
-    stream = connection.jetstream(timeout=_CONNECT_SECONDS)
+    stream = connection.jetstream(timeout=_ANSWER_SECONDS)
     while True:
         try:
             try:

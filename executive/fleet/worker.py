@@ -3,6 +3,7 @@
 import asyncio
 import json
 import logging
+import random
 import socket
 import uuid
 from collections.abc import Awaitable, Callable
@@ -27,7 +28,7 @@ from .values import PRIORITIES, Job, JobRecord, Member, Presence, Result, from_b
 logger = logging.getLogger(__name__)
 
 BEAT_SECONDS = 3.0  # time between two presences
-_LEAST_BEAT = 0.1  # least time between two presences [s]
+_SPREAD = 0.05, 0.5  # delay of a presence after a change [s]
 _PULL_SECONDS = 20.0  # longest time that a request for a job waits at the NATS server
 _LAST_SECONDS = 3.0  # longest time for the last result after `end`
 _PAUSE_SECONDS = 1.0  # before what failed is tried again
@@ -172,10 +173,11 @@ class Worker:
             self._changed.clear()
             with suppress(*GONE):
                 await self._fleet.alive.put(self.arm, to_bytes(self._presence))
-            await asyncio.sleep(_LEAST_BEAT)  # short jobs change it often
             with suppress(TimeoutError):
                 async with asyncio.timeout(BEAT_SECONDS):
                     await self._changed.wait()
+                # Short jobs change it often, and a stop changes that of all arms at once.
+                await asyncio.sleep(random.uniform(*_SPREAD))
 
     async def _look(self) -> bool:
         """Ask the server what the arm does; return True if it can take a job."""
