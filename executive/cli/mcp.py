@@ -35,7 +35,8 @@ def mcp(port: int | None, allow_move: bool, robot: Path | None, server: str) -> 
     and output. Put these lines into its configuration:
 
     \b
-      {"mcpServers": {"armtree": {"command": "armtree", "args": ["mcp"]}}}
+      {"mcpServers": {"armtree":
+        {"command": "armtree", "args": ["mcp"]}}}
 
     The tools list, check, plan and run tasks, and always stop the arm. A person activates the arm.
     Goals are canceled if this command ends. `make mcp` installs what it needs.
@@ -50,20 +51,23 @@ def mcp(port: int | None, allow_move: bool, robot: Path | None, server: str) -> 
     from hardware import load_robot
 
     try:
-        from executive.mcp.server import make_server, serve_http, serve_stdio
+        from executive.mcp.server import listen, make_server, serve_http, serve_stdio
     except ModuleNotFoundError as error:
         if not str(error.name).startswith("mcp"):
             raise
         why = "the packages of the extra mcp are missing; install them: make mcp"
         raise click.UsageError(why) from error
     served = make_server(server, load_robot(robot), allow_move)
-    if port is None and sys.stdin.isatty():
+    listener = listen(port) if port else None
+    if port:
+        echo(f"Clients connect to http://127.0.0.1:{port}/mcp. Ctrl-C ends this command.", err=True)
+    elif sys.stdin.isatty():
         echo(_TERMINAL, err=True)
     for number in (signal.SIGINT, signal.SIGTERM):
         # A thread that reads standard input never ends by itself. The server of the arm sees that
         # the connections end, and cancels the goals.
         signal.signal(number, lambda *_: end_process(INTERRUPTED_EXIT))
-    asyncio.run(serve_stdio(served) if port is None else serve_http(served, port))
+    asyncio.run(serve_http(served, listener) if listener else serve_stdio(served))
 
 
 _TERMINAL = (

@@ -13,7 +13,7 @@ from executive.api.move import Move
 from executive.api.outcome import GoalStatus
 from executive.client.asynchronous import AsyncClient
 from executive.client.values import PlannedTask, Task
-from executive.errors import Refused, ServerUnreachable
+from executive.errors import Refused, ServerLost, ServerUnreachable
 from hardware import Robot
 from hardware.printable import plural
 
@@ -210,6 +210,8 @@ class Calls:
         except asyncio.CancelledError:
             self._held.release(goal_id)
             raise
+        except ServerUnreachable as error:
+            raise ServerLost from error
         words = await self._goal_words(goal)
         if goal.outcome and not goal.outcome.success:
             raise NotDone(words)

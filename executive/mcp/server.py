@@ -2,6 +2,7 @@
 
 import json
 import logging
+import socket
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from typing import Any
@@ -25,7 +26,7 @@ from executive.api import strict_json
 from executive.api.checking import Mismatch, checked, checker
 from executive.api.outcome import Cause, cause_of
 from executive.client.asynchronous import AsyncClient
-from executive.errors import ClientError
+from executive.errors import AddressInUse, ClientError
 from executive.server.limits.token_bucket import TokenBucket
 from hardware import RealClock, Robot
 
@@ -37,6 +38,7 @@ from .tools import MOVE, TOOLS, Tool
 logger = logging.getLogger(__name__)
 
 NAME = "armtree"
+_ADDRESS = "127.0.0.1"
 RATE, BURST = 5.0, 20.0  # calls per second and at once; stops are not counted
 _NO_TOKEN = "none"  # an empty one would be replaced by that of the user
 _MAX_ARGUMENTS = 48 * 1024  # bytes; the server of the arm takes a little more
@@ -142,7 +144,23 @@ async def serve_stdio(server: Server[Any]) -> None:
         await server.run(read, write, server.create_initialization_options())
 
 
-async def serve_http(server: Server[Any], port: int) -> None:
+def listen(port: int) -> socket.socket:
+    """Return a socket for `serve_http`.
+
+    Args:
+        port: TCP port; 0 for any.
+
+    Raises:
+        AddressInUse: Another program listens there.
+    """
+    try:
+        return socket.create_server((_ADDRESS, port))
+    except OSError as error:
+        words = f"cannot listen on {_ADDRESS} port {port}: {error.strerror}; give another port"
+        raise AddressInUse(words) from error
+
+
+async def serve_http(server: Server[Any], listener: socket.socket) -> None:
     """Serve clients of this machine over HTTP, until a signal comes.
 
     A client sends the token of the server of the arm as `Authorization: Bearer TOKEN`; without it,
@@ -150,21 +168,19 @@ async def serve_http(server: Server[Any], port: int) -> None:
 
     Args:
         server: The server.
-        port: TCP port.
+        listener: What `listen` returned.
     """
     import uvicorn
 
-    hosts = [f"{host}:{port}" for host in ("127.0.0.1", "localhost")]
+    hosts = [f"{host}:{listener.getsockname()[1]}" for host in (_ADDRESS, "localhost")]
     rules = TransportSecuritySettings(
         allowed_hosts=hosts, allowed_origins=[f"http://{host}" for host in hosts]
     )
     app = server.streamable_http_app(
         transport_security=rules, max_request_body_size=_MAX_BODY, max_sessions=_MAX_SESSIONS
     )
-    config = uvicorn.Config(
-        app, "127.0.0.1", port, log_config=None, server_header=False, timeout_graceful_shutdown=1
-    )
-    await uvicorn.Server(config).serve()
+    config = uvicorn.Config(app, log_config=None, server_header=False, timeout_graceful_shutdown=1)
+    await uvicorn.Server(config).serve([listener])
 
 
 def _as_json(arguments: Mapping[str, Any] | None) -> Any:

@@ -28,7 +28,7 @@ LONGEST_S = 60  # also on a busy machine
 SAMPLE = Path("trees/examples/recordings/3_wave.mcap").resolve()
 
 # These last until Ctrl-C, or change the process that runs them; rows of tests/faults start them.
-LEFT_OUT = {"run", "serve", "view", "watch"}
+LEFT_OUT = {"mcp", "run", "serve", "view", "watch"}
 LEFT_OUT_OPTIONS = {"--on", "--watch", "--open", "--jobs"}
 
 WORDS = [

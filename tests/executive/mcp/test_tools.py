@@ -9,12 +9,15 @@ from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+import httpx2
 import pytest
 from mcp import Client
 from mcp.client.stdio import StdioServerParameters
+from mcp.client.streamable_http import streamable_http_client
 from mcp_types import CallToolResult, ElicitResult, ImageContent, Implementation, TextContent
 
-from executive.mcp.server import BURST, make_server
+from executive.errors import AddressInUse
+from executive.mcp.server import BURST, listen, make_server, serve_http
 from executive.mcp.tools import MOVE, TOOLS
 from hardware import load_robot
 from tests.support.servers.serving import Serve, Served
@@ -282,6 +285,40 @@ def test_a_flood_is_refused_and_a_stop_is_not(serve: Serve) -> None:
         ] * 50
 
     drive(Caller(make_server(served.server.url)), act)
+
+
+def test_over_http_a_client_needs_the_token_of_the_server(serve: Serve) -> None:
+    served = serve()
+
+    async def act() -> None:
+        listener = listen(0)
+        with pytest.raises(AddressInUse, match="give another port"):
+            listen(listener.getsockname()[1])
+        url = f"http://127.0.0.1:{listener.getsockname()[1]}/mcp"
+        serving = asyncio.create_task(serve_http(make_server(served.server.url), listener))
+
+        async def call(headers: dict[str, str], name: str, **arguments: Any) -> str:
+            async with httpx2.AsyncClient(headers=headers) as http:
+                caller = Caller(streamable_http_client(url, http_client=http))
+                async with caller.client:
+                    return words(await caller.call(name, **arguments))
+
+        token = {"authorization": f"Bearer {served.server.token}"}
+        assert "task 11 SUCCEEDED" in await call(token, "run_task", task=11)
+        for wrong in ({}, {"authorization": "Bearer"}, {"authorization": "Bearer x"}):
+            with unchanged(served):
+                assert "[request.token]" in await call(wrong, "run_task", task=11)
+            assert (await call(wrong, "stop")).startswith("stopped")
+        async with httpx2.AsyncClient() as http:
+            for headers, status in (
+                ({"host": "evil.example"}, 421),
+                ({"origin": "http://evil.example"}, 403),
+            ):
+                assert (await http.post(url, json={}, headers=headers)).status_code == status
+        serving.cancel()
+        await asyncio.wait([serving])
+
+    asyncio.run(act())
 
 
 def test_moves_are_offered_on_request_only(serve: Serve) -> None:
