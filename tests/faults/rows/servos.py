@@ -22,7 +22,7 @@ from executive.executive import Executive
 from executive.session import open_executive
 from executive.setup import Setup
 from executive.testing import SharedPool
-from hardware import BoardLink, Robot, SimulatedClock, State, load_robot
+from hardware import Arm, BoardLink, Robot, SimulatedClock, State, load_robot
 from hardware.drivers.feetech.packets import HEADER, Instruction, take_packets
 from hardware.drivers.feetech.virtual.bus import Bus, Fault
 from hardware.drivers.feetech.virtual.servo import Servo
@@ -255,6 +255,41 @@ def inject(scene: Scene, folder: Path, name: str, kind: Kind) -> None:
     for problem in [*problems, *untold(line, outcome)]:
         when = f"{name}, servo {servo.servo}, after {after:.3f} s"
         scene.check(False, f"{when}: {problem} ({outcome.code}: {outcome.message})")
+
+
+@row(
+    "bus-activation",
+    "the SO-101 is activated in a random pose, and its servos have the goals of another program",
+    "the first goal of each servo is its own position, before its torque; none moves",
+    worst=8,  # sum of six servos, each within a tick of its dead zone
+    unit="ticks",
+    times=100,
+)
+def activation(scene: Scene) -> None:
+    robot, clock, _ = shared()
+    model, dice = robot.model(), scene.random
+    assert isinstance(model, Bus)
+    line, signal = Line(model, clock, dice), clock.signal()
+    pose = [dice.uniform(joint.lower, joint.upper) for joint in robot.actuated]
+    there = robot.wire_format.encode(pose).servos
+    for servo, ticks in zip(line.servos, there, strict=True):
+        servo.put("goal_position", dice.randrange(4096))
+        servo.push(ticks)
+    with clock.working(), Arm(robot, line, clock) as arm:
+        arm.configure()
+        arm.activate()
+        until = clock.now() + AFTERWARDS
+        with signal:
+            while clock.now() < until:
+                signal.wait(until)
+        addresses = [address for _, address, _ in line.commands()]
+        goals = [
+            tuple(values.values()) for _, address, values in line.commands() if address == GOAL
+        ]
+        scene.check(goals == [there], f"at {there} the goals are {goals}")
+        scene.check(GOAL in addresses[: addresses.index(TORQUE)], "the torque came first")
+        moved = [abs(servo.position - q) for servo, q in zip(line.servos, there, strict=True)]
+        scene.figure(sum(moved))
 
 
 def result(executive: Executive, goal: str, until: float) -> Outcome | None:
