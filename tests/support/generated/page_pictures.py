@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from executive.api.move import Move
-from tests.support.recordings.finished import at_rest
+from tests.support.recordings.finished import at_rest, rest
 from tests.support.servers.browsing import shows
 from tests.support.servers.serving import Served, serving
 
@@ -61,6 +61,8 @@ def views(served: Served) -> Iterator[tuple[str, Callable[[Any], object]]]:
     yield "compared", compare
     yield "restored", delete_and_restore
     goal = executive.send(21).identity
+    while executive.status().node != "Wait":
+        rest(served.clock, 0.01)
     yield "large", id
     executive.pause(goal)
     yield "paused", id
