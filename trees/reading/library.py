@@ -150,7 +150,8 @@ class Library:
             self._seconds[path] = source
             place = _top(path, self._text(path), _what(source))
             if isinstance(source, int):
-                raise DuplicateTask(source, there, place, self._free_number(source), name)
+                free = self._free_number(source)
+                raise DuplicateTask(source, there, place, free, name)
             why = f"subtree {name} is in {there} already; rename this one, or add the line "
             raise FileError([Mistake(place, f"{why}replaces: {name}")])
         except FileError as error:
