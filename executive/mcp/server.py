@@ -180,7 +180,8 @@ async def serve_http(server: Server[Any], listener: socket.socket) -> None:
         transport_security=rules, max_request_body_size=_MAX_BODY, max_sessions=_MAX_SESSIONS
     )
     config = uvicorn.Config(app, log_config=None, server_header=False, timeout_graceful_shutdown=1)
-    await uvicorn.Server(config).serve([listener])
+    with listener:
+        await uvicorn.Server(config).serve([listener])
 
 
 def _as_json(arguments: Mapping[str, Any] | None) -> Any:
