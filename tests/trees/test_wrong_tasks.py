@@ -116,9 +116,9 @@ SLIPS = [
     ("arm: upright", "arm: Upright", "7:19 arm: no pose Upright; there are closed, folded, open, "
      "right, upright; did you mean upright?", f"      {REACH}"),
     ("task: 20", "Task: 20", "1:1 unknown key Task; there are description, grammar, name, "
-     "parameters, replaces, task, tree; did you mean task?", "task: 20"),
+     "parameters, replaces, retry, task, tree; did you mean task?", "task: 20"),
     ("joint_1: 20 deg", "joint_1: 20 deg, joint_1: 30 deg", "9:40 the key joint_1 is given twice, "
-     "first in line 9, column 23", ""),
+     "first in line 9, column 23; remove one", ""),
     ("- subtree: move", "\u2013 subtree: move", "8:5 write the plain dash -",
      "    - subtree: move_joints"),
     ("  sequence:", "  // all moves\n  sequence:", "5:3 a comment begins with #, not with //",

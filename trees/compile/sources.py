@@ -76,6 +76,8 @@ class Sources:
                 near = closest(source, subtrees)
                 right = place.replaced(source, near)
                 message = f"no subtree {source}; {there_are(source, subtrees)}"
+                if (number := self._library.names().get(source)) is not None:
+                    message = f"{source} is a task, not a subtree; write task: {number}"
             else:
                 there = ", ".join(map(str, numbers[:_SHOWN])) + (", …" if numbers[_SHOWN:] else "")
                 message = f"no task {source}; there are {there}"

@@ -310,7 +310,9 @@ class _Reader:
             elif name in values:
                 first = values[name].label
                 there = f"line {first.line}, column {first.column}"
-                self._wrong(key.place, f"the key {name} is given twice, first in {there}")
+                self._wrong(
+                    key.place, f"the key {name} is given twice, first in {there}; remove one"
+                )
             label = Place(self._path, key.place.line, key.place.column, below, self._lines)
             value = self._value(next(self._events), depth, below, label)
             odd = (in_braces and values) or re.search(r"\W\S", written)

@@ -268,8 +268,11 @@ class NodeParser:
         """Report ports beside a subtree or a task; return the values with them below `with`."""
         known = (head, *_FILES[head])
         ports = {key: value for key, value in keys.items() if key not in known}
-        if not ports or "with" in keys or corrections(keys, known):
+        if not ports or corrections(keys, known):
             return keys
+        if "with" in keys:
+            own = [key for key in ports if key not in _beside() and not begins_node(key)]
+            return self._below_with(keys, {key: ports[key] for key in own})
         first = next(iter(ports.values()))
         inner = Located(first.label, ports, first.label)
         instead = None
@@ -280,6 +283,24 @@ class NodeParser:
         what = "parameters of a task" if head == "task" else "ports of a subtree"
         self._wrong(first.label, f"the {what} are below the key with", instead)
         return {**{key: value for key, value in keys.items() if key in known}, "with": inner}
+
+    def _below_with(
+        self, keys: Mapping[str, Located], ports: Mapping[str, Located]
+    ) -> Mapping[str, Located]:
+        """Report ports beside `with` instead of below it; return the values with them below it."""
+        given, rows = keys["with"], [each.label.line for each in ports.values()]
+        if not ports or not isinstance(given.value, dict):
+            return keys
+        inner, right = replace(given, value={**nested(given), **ports}), None
+        *_, last = ports.values()
+        if [given.label.line, *rows] == [*range(given.label.line, last.label.line + 1)]:
+            line = f"{' ' * (given.label.column - 1)}with: {inner.as_yaml()}"
+            count = len(rows) + len(key_block(last.label))
+            right = Correction(line, given.label.line, count)
+        why = f"{', '.join(ports)} must be below the key with, like the other ports"
+        self._wrong(next(iter(ports.values())).label, why, right)
+        rest = {key: each for key, each in keys.items() if key not in ports}
+        return {**rest, "with": inner}
 
     def _beside(
         self, head: str, keys: Mapping[str, Located], known: tuple[str, ...]

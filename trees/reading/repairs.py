@@ -222,7 +222,7 @@ def _with_line(lines: tuple[str, ...], row: int, line: str) -> tuple[str, ...]:
     return (*lines[:row], line, *lines[row + 1 :])
 
 
-# Signs from other programs: what they are, what to write instead, and why.
+# Slips that are made in all lines: what they are, what to write instead, and why.
 _FOREIGN = (
     (re.compile("\t"), "  ", "tabs cannot indent; use spaces"),
     (re.compile("\t"), "    ", "tabs cannot indent; use spaces"),
@@ -230,6 +230,7 @@ _FOREIGN = (
     (re.compile("[\u201c\u201d\u201e]"), '"', 'write the plain quote "'),
     (re.compile("[\u2018\u2019\u201a]"), "'", "write the plain quote '"),
     (re.compile(r"(?<!\S)[\u2013\u2014\u2212](?= \w+:)"), "-", "write the plain dash -"),
+    (re.compile(r"^(\s*)-(?=[A-Za-z{\[])"), r"\1- ", "a space is missing after the `-`"),
 )
 
 
@@ -237,7 +238,7 @@ def _foreign_sign_edits(lines: tuple[str, ...]) -> Iterator[_Edit]:
     """Return edits of foreign signs in all lines."""
     for odd, instead, why in _FOREIGN:
         spots = (
-            (row, found.start()) for row, line in enumerate(lines) if (found := odd.search(line))
+            (row, found.end() - 1) for row, line in enumerate(lines) if (found := odd.search(line))
         )
         if spot := next(spots, None):
             yield _Edit(spot, why, why, tuple(odd.sub(instead, line) for line in lines))
@@ -246,6 +247,8 @@ def _foreign_sign_edits(lines: tuple[str, ...]) -> Iterator[_Edit]:
 _InLine = tuple[int, str, str]  # the column of a slip, what is wrong, and the line without it
 _KEY = r"(^[\s-]*|(?<=[{,\[])\s*)([A-Za-z_][\w-]*)"
 _TEXT = r"\s*[^\s\d$'\"{}\[\],:#][^'\"{}\[\],:#]*"
+
+_AMOUNT = r"[-+]?[\d.]+(?: ?[a-z]+)?"
 
 _CALL = r"the values of `\2` follow a colon, not in parentheses"
 _IN_ONE_LINE = "two keys of a node in one line need braces and a comma"
@@ -272,15 +275,16 @@ _SLIPS = (
     (
         r"()('([^',{}\[\]]*'[^',{}\[\]]*)')",
         r'"\3"',
-        r"put a text that contains ' in double quotes, \"",
+        r"put a text that contains ' in double quotes",
     ),
     (r"()(\()([^()]*)\)", r"{\3}", r"write braces, not parentheses"),
     (r"()(\()([^()]*)\)", r"[\3]", r"write brackets, not parentheses"),
     (r"^(\s*)(//)", r"\1#", r"a comment begins with #, not with //"),
     (r"^(\s*)(/\*+ ?)(.*?)( ?\*/)?$", r"\1# \3", r"a comment begins with #, not with /*"),
-    (r"()(;)$", r"", r"leave out the `;`"),
+    (r"()([;,])$", r"", r"leave out the `\2`"),
     (r"()(;)", r",", r"a comma separates values, not `;`"),
     (r"(: *[-+]?\d+)(,)(?=\d)", r"\1.", r"a point begins the decimals, not a comma"),
+    (rf"(: )({_AMOUNT}(, *{_AMOUNT})+)(?=[,}}]|$)", r"\1[\2]", r"a list needs brackets"),
     (rf"(: )({_TEXT}(,{_TEXT})+)(?=[,}}])", r'\1"\2"', r"a text with a comma needs quotes"),
     (rf"(: )([A-Za-z]+: {_TEXT})(?=[,}}])", r'\1"\2"', r"a text with a colon needs quotes"),
 )

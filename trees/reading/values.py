@@ -153,6 +153,8 @@ def _items(
     old = value.place.brackets or str(value.plain())
     if not isinstance(value.value, list):
         example = f"[{value.plain()}, 0, 0]" if measured(value) else "[0, 0, 0]"
+        if measured(value) and wanted.least and wanted.least > 0.0:  # such as the size of a box
+            near = near or f"[{', '.join([str(value.plain())] * wanted.count)}]"
         form = f"; write {near or example}" if numbers else "; write [a, b]"
         why = f"{value} is not {words(wanted.type)}{form}"
         wrong(value.place, why, value.place.replaced(old, near))
@@ -271,8 +273,13 @@ def _positions(
         if value.value in poses:
             return dict(poses[value.value]) or None  # an empty pose is wrong, and reported already
         near = closest(value.value, poses)
-        instead = value.place.replaced(value.value, near)
         there = f"no pose {value.value}; {there_are(value.value, poses)}"
+        if pairs := re.findall(
+            r"(\w+) ?[=:] ?([^\s,=:]+)", value.value
+        ):  # as `armtree move` has it
+            near = f"{{{', '.join(f'{joint}: {position}' for joint, position in pairs)}}}"
+            there = f"joint values are a mapping; write {near}"
+        instead = value.place.replaced(value.value, near)
         if value.value == _HOME:
             there += "; that of `armtree home` can be saved with `armtree pose save home`"
         wrong(value.place, there, instead)
