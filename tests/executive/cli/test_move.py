@@ -112,7 +112,7 @@ def test_a_move_needs_an_active_arm(typed: tuple[Served, Typed]) -> None:
         "the arm is inactive; activate it first [hw.not_active]\n  -> `armtree arm activate`\n"
     )
     assert refused in out
-    assert "known only of an active arm" in type_in("where")[1]
+    assert "The pose of an inactive arm is not known" in type_in("where")[1]
 
 
 def test_stop_stops_every_server_of_this_machine(serve: Serve, folder: Path) -> None:
