@@ -15,7 +15,7 @@ from executive.api.move import LEADER, Move
 from executive.api.outcome import Outcome
 from executive.cli.terminal.jog_screen import JogArm, outcome_words
 from executive.cli.terminal.key_screen import KeyScreen
-from hardware import HardwareError
+from hardware import HardwareError, State
 from hardware.joints import DISPLAY_UNITS
 from skills import Blocked
 
@@ -108,6 +108,8 @@ class View:
                 return "y release the leader   q leave"
             case Phase.LOST:
                 return "q leave"
+            case Phase.HOLDS if self.failed and self.where.arm is State.UNCONFIGURED:
+                return "q leave, then start armtree teleop again"  # a person leaves the error
             case Phase.HOLDS:
                 return "space follow   q leave"
             case _:

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from executive.replay.verification import verify
+from hardware.drivers.feetech.virtual.bus import Fault
 from hardware.drivers.virtual.board_process import BoardProcess
 from logs import Recording, Sent
 from tests.support.arms.bus_arms import push, so101_bus, so101_file
@@ -77,7 +78,7 @@ def test_an_arm_follows_holds_and_stops_before_a_collision(
     assert all(verify(path).holds for path in recordings(tmp_path))
 
 
-@pytest.mark.parametrize("way", ["Ctrl-C", "closed terminal", "leader unplugged"])
+@pytest.mark.parametrize("way", ["Ctrl-C", "closed terminal", "arm fails", "leader unplugged"])
 def test_the_arm_holds_whatever_ends_it(
     command: list[str], buses: tuple[BoardProcess, BoardProcess], tmp_path: Path, way: str
 ) -> None:
@@ -92,6 +93,11 @@ def test_the_arm_holds_whatever_ends_it(
         elif way == "closed terminal":
             terminal.close()
             terminal.process.wait()
+        elif way == "arm fails":
+            arm.call("fail", Fault("vanish", 6, 0.0))
+            terminal.until("hw.servo_silent", "q leave, then start armtree teleop again")
+            terminal.type("q")
+            assert "The leader holds where it is" in terminal.end()[1]
         else:
             leader.close()
             shown = terminal.until("the leader is lost", "q leave")
