@@ -1,6 +1,8 @@
-"""The address space that a process may use, which `ulimit -v` limits."""
+"""The address space that a process may use, which `ulimit -v` limits, and the memory left."""
 
 import resource
+from contextlib import suppress
+from pathlib import Path
 
 from skills.motion.errors import TooLittleMemory
 
@@ -24,6 +26,15 @@ def limit_memory() -> None:
     """Limit this process's memory to the planner's bound, or to the system's if that is lower."""
     limit = _limit()
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+
+
+def has_spare_memory(file: Path = Path("/proc/meminfo")) -> bool:
+    """Return True if the computer has memory left for a planner that may not be needed."""
+    with suppress(OSError):
+        for line in file.read_text().splitlines():
+            if line.startswith("MemAvailable:"):
+                return int(line.split()[1]) * 1024 >= NEEDED
+    return False
 
 
 def _limit() -> int:

@@ -12,7 +12,7 @@ from skills.motion.errors import MotionError, PlanCanceled
 from skills.motion.query import Carry, Reached, Request, Result, ToolQuery
 from skills.motion.world import Body
 
-from .memory import check_memory
+from .memory import check_memory, has_spare_memory
 from .worker_process import WorkerProcess
 
 T = TypeVar("T")
@@ -60,6 +60,7 @@ class Pool:
         self._signal = clock.signal()
         self._queue: deque[Job] = deque()
         self._slots = [_Slot() for _ in range(workers)]
+        self._standby: WorkerProcess | None = None
         self._closed = False
 
     def start(self) -> None:
@@ -135,6 +136,9 @@ class Pool:
         for slot in self._slots:
             if slot.thread:
                 slot.thread.join()
+        if self._standby:
+            self._standby.close()
+            self._standby = None
 
     def _serve(self, slot: "_Slot") -> None:
         """Main function of a slot's thread."""
@@ -149,9 +153,24 @@ class Pool:
     def _ensure_process(self, slot: "_Slot") -> None:
         if not slot.alive:
             slot.close()
+            with self._signal:
+                slot.process, self._standby = self._standby, None
+            if not slot.alive:
+                slot.close()
+                process = WorkerProcess(self._robot)
+                with self._signal:
+                    slot.process = process
+
+    def _prepare_standby(self) -> None:
+        """Start a process that replaces a worker if it is killed, unless memory is short."""
+        with self._signal:
+            wanted = self._standby is None and not self._closed
+        if wanted and has_spare_memory():
             process = WorkerProcess(self._robot)
             with self._signal:
-                slot.process = process
+                spare, self._standby = self._standby, process
+            if spare:  # of another thread
+                spare.close()
 
     def _assign(self, job: Job) -> bool:
         """Give a job to an idle worker. It starts to work while its thread here wakes up."""
@@ -178,7 +197,7 @@ class Pool:
         self._ensure_process(slot)  # it may have died while it was idle
         with self._signal:
             process = None if slot.canceled else slot.process
-        result = process.call(job.request) if process else PlanCanceled()
+        result = process.call(job.request, self._prepare_standby) if process else PlanCanceled()
         with self._signal:
             slot.job = None
             return PlanCanceled() if slot.canceled else result

@@ -2,12 +2,14 @@
 
 import contextlib
 import os
+import select
 import signal
 import socket
 import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +23,7 @@ from .messages import InvalidMessage, encode, receive, send
 _PROGRAM = "skills.motion.workers.worker_main"
 _MAX_TIMEOUT = 86_400.0  # largest timeout of a request [s]
 _GRACE = 0.008  # time after a request's timeout until the worker counts as hanging [s]
+_SLOW = 0.1  # a request that takes longer is likely to be canceled [s]
 _EXIT = 5.0  # longest wait for the exit status, once the worker closed its socket [s]
 _FEW = 100  # most via points and bodies of a request that is encoded quickly
 _STOPPED_NOW = os.WSTOPPED | os.WNOHANG | os.WNOWAIT
@@ -68,10 +71,14 @@ class WorkerProcess:
         """True while it runs, was not killed, and is not stopped (SIGSTOP)."""
         return not self._killed and self._process.poll() is None and not self._stopped()
 
-    def call(self, request: Request) -> Result:
+    def call(self, request: Request, slow: Callable[[], None] | None = None) -> Result:
         """Wait for the answer to a request and return it. Errors are answers.
 
         A worker that died, hung or sent an invalid answer is no longer alive afterwards.
+
+        Args:
+            request: The request.
+            slow: Callback if the answer takes longer than `_SLOW`.
         """
         ahead, self._ahead = self._ahead, None
         if invalid := _check(request):
@@ -82,6 +89,8 @@ class WorkerProcess:
             until, message = ahead or self._encode(request)
             if message:
                 send(self._socket, message, until)
+            if slow and not self._answers_soon():
+                slow()
             return self._answers.check(request, self._answer_of(receive(self._socket, until)))
         except BadQuery as error:
             return error
@@ -124,6 +133,11 @@ class WorkerProcess:
             return os.waitid(os.P_PID, self.pid, _STOPPED_NOW) is not None
         except ChildProcessError:  # another thread has taken its exit status meanwhile
             return False
+
+    def _answers_soon(self) -> bool:
+        poll = select.poll()
+        poll.register(self._socket, select.POLLIN)
+        return bool(poll.poll(1e3 * _SLOW))
 
     def _send_robot(self, robot: Robot) -> None:
         try:

@@ -38,6 +38,8 @@ from skills.motion import (
     WorkerDied,
     World,
 )
+from skills.motion.workers import pool as pool_module
+from skills.motion.workers.memory import has_spare_memory
 from tests.support.paths import ROOT
 
 PICK = Query("arm", (0.0, 0.0, 0.0, 0.0), (-1.4, -0.6, -0.07))
@@ -121,6 +123,14 @@ def test_answers(pool: Pool) -> None:
     assert ask(pool, Verify([PICK.start, (*PICK.goal, 0.0)], 0.002)) is None
 
 
+def test_memory_is_left_if_the_system_says_so(tmp_path: Path) -> None:
+    file = tmp_path / "meminfo"
+    for kib, left in ((2**19, False), (2**21, True)):
+        file.write_text(f"MemTotal: 8 kB\nMemAvailable: {kib} kB\n")
+        assert has_spare_memory(file) is left
+    assert not has_spare_memory(tmp_path / "missing")
+
+
 def test_errors_keep_their_attributes(pool: Pool) -> None:
     start = ask(pool, dataclasses.replace(PICK, start=UNDER_THE_TABLE))
     assert isinstance(start, StartInCollision)
@@ -200,6 +210,29 @@ def test_cancel_kills_the_process_and_the_next_job_succeeds(pool: Pool) -> None:
     assert isinstance(ask(pool, PICK), Plan)
     assert not running(worker)
     assert len(running_job.results) == 1
+
+
+def test_a_worker_that_is_killed_at_a_long_job_is_replaced_by_one_that_stands_by(
+    pool: Pool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("skills.motion.workers.worker_process._SLOW", 0.01)
+    assert isinstance(ask(pool, PICK), Plan)
+    if pool._standby:  # of an earlier test
+        pool._standby.close()
+        pool._standby = None
+    for memory_is_left in (False, True):
+        monkeypatch.setattr(pool_module, "has_spare_memory", lambda left=memory_is_left: left)
+        answer, started = Answer(), threading.Event()
+        job = pool.submit(LONG, answer)
+        until_at_work(pid(pool))
+        while memory_is_left and not pool._standby:
+            started.wait(0.005)
+        standby = pool._standby.pid if pool._standby else None
+        assert (standby is not None) is memory_is_left
+        job.cancel()
+        assert isinstance(answer.wait(), PlanCanceled)
+        assert isinstance(ask(pool, PICK), Plan)
+        assert (pid(pool) == standby) is memory_is_left
 
 
 @pytest.mark.slow
