@@ -190,7 +190,7 @@ async def open_fleet(
         "reconnected_cb": back,
         "connect_timeout": _CONNECT_SECONDS,
         "reconnect_time_wait": 0.5,
-        "max_reconnect_attempts": -1,
+        "max_reconnect_attempts": -1 if lasting else 1,  # it takes 0 for no limit
         "allow_reconnect": lasting,
     }
     connection = Nats()
@@ -216,7 +216,8 @@ def _why(url: str, error: Exception, told: Sequence[Exception]) -> FleetError:
     words = [str(each) for each in (error, *told)]
     if any(re.search("authorization|permissions", each, re.IGNORECASE) for each in words):
         return FleetRefused(url)
-    return FleetUnreachable(url, str(error) or type(error).__name__)
+    why = told[-1] if told else error
+    return FleetUnreachable(url, str(why) or type(why).__name__)
 
 
 async def _open(connection: Nats, url: str, lasting: bool) -> Fleet:

@@ -1,0 +1,54 @@
+"""What `armtree fleet` refuses, and how its commands print arms and jobs."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from executive.cli.terminal.fleet_tables import arm_row, arms_text, job_row, job_text
+from executive.fleet.operator import ArmRow
+from executive.fleet.values import Job, JobRecord, Member, Presence, Result
+from tests.support.command_line.typed import typed
+
+JOB = Job("a" * 32, "bench", "wave", {"swing": "20 deg"}, 1)
+RECORD = JobRecord(JOB, "bench.arm-7", "http://arm:8765", "b" * 32, 2)
+
+
+@pytest.mark.parametrize(
+    ("words", "status", "said"),
+    [
+        ("ls --fleet http://arm:4222", 2, "not the URL of a fleet, such as nats://127.0.0.1:4222"),
+        ("ls --fleet nats://127.0.0.1:9", 13, "[fleet.unreachable]"),
+        ("send 0 --id 12", 2, "is not the id of a goal"),
+        ("up --bind 0.0.0.0", 2, "--bind 0.0.0.0 would let other machines move every arm"),
+        ("up --bind 0.0.0.0 --tls-cert c --tls-key k", 2, "[fleet.unsafe]"),
+        ("join --pool a.b --name c", 2, "'a.b' is not the name of a pool"),
+    ],
+)
+def test_what_is_refused(words: str, status: int, said: str, tmp_path: Path) -> None:
+    found, _, errors = typed(tmp_path, "fleet", *words.split())
+    assert found == status, errors
+    assert said in " ".join(errors.split())
+
+
+def test_a_key_is_written_once_and_private(tmp_path: Path) -> None:
+    path = tmp_path / "arm.nkey"
+    status, public, _ = typed(tmp_path, "fleet", "key", str(path))
+    assert (status, public[0], len(public.strip())) == (0, "U", 56)
+    assert path.stat().st_mode & 0o777 == 0o600
+    assert typed(tmp_path, "fleet", "key", str(path))[0] == 3
+
+
+def test_arms_and_jobs_are_lines() -> None:
+    member = Member("bench.arm-7", "http://arm:8765", "arm", "b" * 32, 1)
+    rows = [ArmRow(member, Presence("b" * 32, "busy", "a" * 32, "ok", 3)), ArmRow(member, None)]
+    _, busy, gone = arms_text(rows).splitlines()
+    assert busy.split() == ["bench.arm-7", "busy", "a" * 32, "ok", "http://arm:8765"]
+    assert gone.split() == ["bench.arm-7", "gone", "-", "-", "http://arm:8765"]
+    assert arm_row(rows[1])["state"] == "gone"
+    assert job_text(JOB) == f"{JOB.identity}  QUEUED     task wave for bench, normal"
+    assert job_text(RECORD) == f"{JOB.identity}  CLAIMED    task wave on bench.arm-7"
+    lost = replace(RECORD, result=Result("ABORTED", "fleet.arm_lost", "gone", "look at it"))
+    assert job_text(lost).splitlines()[1:] == ["  gone [fleet.arm_lost]", "  -> look at it"]
+    assert job_row(lost)["result"]["code"] == "fleet.arm_lost"
+    assert (job_row(JOB)["job"], job_row(JOB)["state"]) == (JOB.identity, "QUEUED")

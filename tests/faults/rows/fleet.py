@@ -1,0 +1,136 @@
+"""A fleet whose worker, or whose NATS server, is killed or paused while an arm moves."""
+
+import json
+import signal
+import socket
+from pathlib import Path
+from typing import Any
+
+from tests.faults.process import Command, Server, kill, until
+from tests.faults.row import Scene, row
+
+NAMES = ("--pool", "arms", "--name", "arm-1")
+FREE = ("ready", "held")
+
+
+def fleet(scene: Scene) -> tuple[Command, str]:
+    """A fleet that runs, and its URL."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    return up(scene, port), f"nats://127.0.0.1:{port}"
+
+
+def up(scene: Scene, port: int) -> Command:
+    """`armtree fleet up`, once it runs."""
+    started = scene.armtree("fleet", "up", "--nats-port", str(port))
+    started.until_printed("The fleet is at")
+    return started
+
+
+def asked(scene: Scene, url: str, *words: str) -> dict[str, Any]:
+    """The last object that a command of the fleet prints."""
+    command = scene.armtree("fleet", *words, "--json", "--fleet", url)
+    command.wait()
+    lines = command.output.read_text().splitlines()
+    found: dict[str, Any] = json.loads(lines[-1]) if lines else {}
+    return found
+
+
+def record(scene: Scene, url: str, job: str, *states: str) -> dict[str, Any]:
+    """The record of a job, once it is in one of these states."""
+
+    def found() -> dict[str, Any]:
+        shown = asked(scene, url, "jobs", job)
+        return shown if shown.get("state") in states else {}
+
+    known: dict[str, Any] = until(f"the job is {' or '.join(states)}", found)
+    return known
+
+
+def child(command: Command, words: str) -> int:
+    """The process of a command whose command line has these words."""
+
+    def found() -> int:
+        return next((pid for pid in command.family() if words in line_of(pid)), 0)
+
+    return int(until(f"the process {words}", found))
+
+
+def line_of(pid: int) -> str:
+    try:
+        return Path(f"/proc/{pid}/cmdline").read_text().replace("\0", " ")
+    except OSError:
+        return ""
+
+
+def joined(scene: Scene, url: str) -> Server:
+    """A server whose arm has joined, and can take a job."""
+    server = scene.serve("--activate", "--fleet", url, *NAMES, board=scene.board())
+    until("the arm is ready", lambda: asked(scene, url, "ls").get("state") == "ready")
+    return server
+
+
+def ended(scene: Scene, *commands: Command) -> None:
+    for command in commands:
+        command.signal(signal.SIGINT)
+        scene.ended(command, 0)
+
+
+@row(
+    "fleet-worker",
+    "the worker of an arm is killed with `kill -9`, or paused for 1.5 s, while its job moves",
+    "the server stops the arm; the job ends CANCELED with what the arm did, and runs once; after "
+    "`fleet resume` the arm takes the next job",
+    times=4,
+)
+def worker(scene: Scene) -> None:
+    running, url = fleet(scene)
+    server, sent = joined(scene, url), list[str]()
+    for how in scene.share(["killed", "paused"]):
+        pid = child(server, "fleet join")
+        job = asked(scene, url, "send", "20")["job"]
+        until("it moves", lambda: server.get("/api/status")["percentage"] is not None)
+        kill(pid, signal.SIGKILL if how == "killed" else signal.SIGSTOP)
+        result = server.result(job)
+        scene.check(result["state"] == "CANCELED", f"{how}: the goal ended {result['state']}")
+        if how == "killed":
+            scene.armtree("fleet", "join", "--server", server.url, "--fleet", url, *NAMES)
+        kill(pid, signal.SIGCONT)
+        found = record(scene, url, job, "CANCELED", "ABORTED")["result"]
+        scene.check(found["frames"] == result["frames"], f"{how}: the record says {found}")
+        until("the arm is listed", lambda: asked(scene, url, "ls").get("state") in FREE)
+        asked(scene, url, "resume")
+        after = asked(scene, url, "send", "23")["job"]
+        record(scene, url, after, "SUCCEEDED")
+        sent += [job, after]
+        goals = [each["goal_id"] for each in server.get("/api/goals")["goals"]]
+        scene.check(goals == sent, f"{how}: the arm ran {goals}, not {sent}")
+    ended(scene, server, running)
+
+
+@row(
+    "fleet-nats",
+    "`kill -9` of the NATS server while an arm runs a job; it starts again",
+    "the arm finishes its job, its server answers meanwhile, and the result is stored afterwards; "
+    "a queued job is not lost, and a repeat of the first one is refused",
+    times=4,
+)
+def nats(scene: Scene) -> None:
+    running, url = fleet(scene)
+    server = joined(scene, url)
+    job = asked(scene, url, "send", "21")["job"]
+    queued = asked(scene, url, "send", "23")["job"]
+    until("it moves", lambda: server.get("/api/status")["percentage"] is not None)
+    kill(child(running, "nats-server"), signal.SIGKILL)
+    scene.ended(running, 13)
+    result = server.result(job)
+    scene.check(result["code"] == "ok", f"the goal ended {result['code']}: {result['message']}")
+    again = up(scene, int(url.rpartition(":")[2]))
+    for each in (job, queued):
+        record(scene, url, each, "SUCCEEDED")
+    repeated = scene.armtree("fleet", "send", "21", "--id", job, "--fleet", url)
+    scene.ended(repeated, 4, what="a repeat")
+    goals = [each["goal_id"] for each in server.get("/api/goals")["goals"]]
+    scene.check(sorted(goals) == sorted([job, queued]), f"the arm ran {goals}")
+    ended(scene, server, again)
