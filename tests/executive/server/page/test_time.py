@@ -4,7 +4,7 @@ import pytest
 
 import logs
 from executive.api.move import Move
-from tests.support.servers.browsing import Open, Tab, is_accessible, shows
+from tests.support.servers.browsing import Open, Tab, expect, is_accessible, shows
 from tests.support.servers.serving import Served
 
 pytestmark = pytest.mark.slow
@@ -65,10 +65,15 @@ def test_the_log_is_filtered_in_and_out(open_page: Open, page_server: Served) ->
     tab.locator("#log .at").first.focus()
     tab.keyboard.press("Enter")
     tab.wait_for_timeout(300)  # until it is drawn
+    shows(tab, "#shown", "task 10 wait, an earlier moment")  # tree and 3D are at that time, too
+    expect(tab, "#pause").to_be_enabled()  # the run goes on
     before = tab.inner_text("#plot-time")
     tab.wait_for_timeout(1100)  # the cursor does not follow the run any more
     assert tab.inner_text("#plot-time") == before
     is_accessible(tab)
+    tab.click("#live")
+    expect(tab, "#shown").to_have_text("")
+    shows(tab, "#running", "^wait$")
     executive.cancel(goal)
 
 

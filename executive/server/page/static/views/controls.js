@@ -25,8 +25,9 @@ export class Controls {
 
   /** @param {Status | null} status */
   draw(status) {
-    byId("controls", HTMLElement).hidden = !this.#shown.isLive;
-    const usable = isSignedIn() && this.#shown.isLive && this.#shown.live.active;
+    const { isLive, live } = this.#shown;
+    byId("controls", HTMLElement).hidden = !isLive && !live.active;
+    const usable = isSignedIn() && live.active;
     const paused = status?.paused ?? false;
     for (const button of this.#buttons) button.disabled = !usable || (button.id === "pause") === paused;
   }
