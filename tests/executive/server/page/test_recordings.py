@@ -10,7 +10,7 @@ from executive.server.server import Viewer
 from tests.support.recordings.bombs import BOMBS
 from tests.support.recordings.finished import at_rest
 from tests.support.recordings.long_recording import write_long
-from tests.support.servers.browsing import Open, Tab, forget, is_accessible, shows
+from tests.support.servers.browsing import Open, Tab, expect, forget, is_accessible, shows
 from tests.support.servers.serving import Served
 
 pytestmark = pytest.mark.slow
@@ -101,8 +101,10 @@ def test_a_recording_is_found_played_and_linked(open_page: Open, page_server: Se
     shows(tab, "#shown", "^task 12 say, recorded$")
     tab.fill("#runs-search", "task 0")
     shows(tab, "#runs li:first-child", "task 0 home")
-    tab.click("#runs button >> nth=0")
+    tab.focus("#runs button >> nth=0")
+    tab.keyboard.press("Enter")
     shows(tab, "#shown", "^task 0 home, recorded$")
+    expect(tab, "#runs .run[aria-current]").to_be_focused()  # keys go on from there
     end = moment(tab)
     assert end > 0.5
     is_accessible(tab)
@@ -170,9 +172,10 @@ def test_broken_recordings_and_bombs_are_refused(open_page: Open, page_server: S
 def test_two_recordings_are_compared_at_one_moment(open_page: Open, page_server: Served) -> None:
     moves = [Move((f"joint_1={angle}deg",), False, 1.0) for angle in (10, 20, 10)]
     run(page_server, *moves)
-    tab = open_page()
+    tab = open_page(viewport={"width": 390, "height": 844}, color_scheme="dark")
     shows(tab, "#shown", "^move joint_1=10deg, recorded$")
     tab.select_option("#compare", index=1)
+    assert tab.evaluate("document.documentElement.scrollWidth") == 390  # nothing is cut
     shows(tab, "#comparison tr", r"joint_1 *1\d\.\d° *[12]\d\.\d° *-\d+\.\d°")
     is_accessible(tab)
     tab.focus("#moment")

@@ -77,7 +77,9 @@ export class RunsView extends EventTarget {
     if (this.#list.dataset.key === key) return;
     this.#list.dataset.key = key;
     const items = this.recordings.map((each) => this.#item(each, each.name === shown));
+    const focused = this.#list.contains(document.activeElement) ? document.activeElement?.id : "";
     this.#list.replaceChildren(...(items.length ? items : [element("li", { class: "quiet" }, "none")]));
+    if (focused) document.getElementById(focused)?.focus({ preventScroll: true });
     this.#drawTasks();
   }
 
@@ -169,7 +171,7 @@ export class RunsView extends EventTarget {
     const duration = duration_s === null ? "" : `, ${duration_s.toFixed(1)} s`;
     const button = element(
       "button",
-      { type: "button", class: "run", title: `${name}\n${message}`.trim() },
+      { type: "button", class: "run", id: `run-${name}`, title: `${name}\n${message}`.trim() },
       element("span", { class: "name" }, `${pinned ? "◆ " : ""}${title || name}`),
       element("span", { "data-state": state }, stateWords(state)),
       element("span", { class: "quiet when" }, when(recording.stamp_ns)),
