@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from hardware.joints import DISPLAY_UNITS
 from hardware.printable import plural, printable
 
 from .support.command_group import command
@@ -82,9 +83,10 @@ def _declared(declared: "Declaration") -> str:
     value = "" if default is None else f" {default.value if text else default}"
     limits = ""
     if declared.least is not None or declared.most is not None:
-        least = "" if declared.least is None else f"{declared.least:g}"
-        most = "" if declared.most is None else f"{declared.most:g}"
-        limits = f", {least}..{most}{' ' + declared.unit if declared.unit else ''}"
+        scale, unit = DISPLAY_UNITS.get(declared.unit, (1.0, declared.unit))
+        least = "" if declared.least is None else f"{scale * declared.least:g}"
+        most = "" if declared.most is None else f"{scale * declared.most:g}"
+        limits = f", {least}..{most}{' ' + unit if unit else ''}"
     choices = f", {'|'.join(declared.choices)}" if declared.choices else ""
     return f"{declared.type.upper()}{limits}{choices}" + (f" (default{value})" if value else "")
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.core import ParameterSource
 
 from hardware.printable import plural
 
@@ -95,7 +96,12 @@ def teach(number: int, name: str, server: str | None, speed: float, **options: A
         )
     finally:
         terminal = LastingStream(sys.stdout)
-        given = {f"--{name}": options[name] for name in ("robot", "trees", "port")}
+        source, typed = (
+            click.get_current_context().get_parameter_source,
+            ParameterSource.COMMANDLINE,
+        )
+        names = (name for name in ("robot", "trees", "port") if source(name) is typed)
+        given = {f"--{name}": options[name] for name in names}
         terminal.write(f"{summary(task, server, url, given)}\n")
         terminal.flush()
     sys.exit(status)

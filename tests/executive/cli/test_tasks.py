@@ -104,7 +104,7 @@ def test_new_writes_a_task_that_is_right(tmp_path: Path) -> None:
     assert armtree("check", "--trees", str(folder)).output.startswith("1")
     listed = armtree("tasks", "--trees", str(folder), "--recordings", str(tmp_path)).output
     assert "3  wave" in listed
-    assert "--set swing=ANGLE, 0.0174533..1.0472 rad (default 20 deg)" in listed
+    assert "--set swing=ANGLE, 1..60 deg (default 20 deg)" in listed
     again = armtree("new", "3", "again", "--trees", str(folder))
     assert isinstance(again.exception, FileError)
     assert "task 3 is in" in str(again.exception)
