@@ -10,8 +10,6 @@ from executive.fleet.operator import ArmRow, Operator
 from executive.fleet.values import Job, JobRecord
 from hardware.printable import plural
 
-_COLUMNS = "{:<24}  {:<12}  {:<32}  {:<20}  {}"
-
 
 def record_row(record: JobRecord) -> dict[str, Any]:
     """Return the record of a job as a JSON object."""
@@ -61,14 +59,18 @@ def arm_row(row: ArmRow) -> dict[str, Any]:
 
 
 def arms_text(rows: Sequence[ArmRow]) -> str:
-    """Return a table of arms."""
+    """Return a table of arms. Of the id of a job it shows the first eight digits."""
     if not rows:
         return "no arm has joined; armtree serve --fleet URL --name NAME adds one"
-    lines = [_COLUMNS.format("ARM", "STATE", "JOB", "LAST", "SERVER")]
+    table = [("ARM", "STATE", "JOB", "LAST", "SERVER")]
     for row in rows:
-        known = arm_row(row)
-        shown = (known[name] or "-" for name in ("arm", "state", "job", "last", "url"))
-        lines.append(_COLUMNS.format(*shown).rstrip())
+        known = arm_row(row) | {"job": row.presence.job[:8] if row.presence else ""}
+        arm, state, job, last, url = (
+            str(known[name]) or "-" for name in ("arm", "state", "job", "last", "url")
+        )
+        table.append((arm, state, job, last, url))
+    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
+    lines = ("  ".join(map(str.ljust, line, widths)).rstrip() for line in table)
     return "\n".join(lines)
 
 

@@ -43,7 +43,7 @@ def test_arms_and_jobs_are_lines() -> None:
     member = Member("bench.arm-7", "http://arm:8765", "arm", "b" * 32, 1)
     rows = [ArmRow(member, Presence("b" * 32, "busy", "a" * 32, "ok", 3)), ArmRow(member, None)]
     _, busy, gone = arms_text(rows).splitlines()
-    assert busy.split() == ["bench.arm-7", "busy", "a" * 32, "ok", "http://arm:8765"]
+    assert busy.split() == ["bench.arm-7", "busy", "a" * 8, "ok", "http://arm:8765"]
     assert gone.split() == ["bench.arm-7", "gone", "-", "-", "http://arm:8765"]
     assert arm_row(rows[1])["state"] == "gone"
     assert job_text(JOB) == f"{JOB.identity}  QUEUED     task wave for bench, normal"
