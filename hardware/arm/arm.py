@@ -85,7 +85,7 @@ class Arm:
         self.robot, self._ready = robot, ready
         self._link, self._clock, self._observe = link, clock, observe
         self._signal = clock.signal()
-        self._canceled = False
+        self._canceled = self._faulting = False
         self._start_pose = robot.boot_pose
         self._refusal: HardwareError | None = None  # why the last request was refused
         self._failure: HardwareError | None = None  # the fault that ended the activation
@@ -174,6 +174,10 @@ class Arm:
         self._request("activate", State.ACTIVE)
         if connection := self._connection:
             connection.send_start_commands()
+        with self._signal:  # another thread may be reporting a fault, and hold the arm first
+            until = self._clock.now() + _SETTLE_TIMEOUT
+            while self._faulting and self._clock.now() < until:
+                self._signal.wait(until)
         if self._failure:  # a fault during the transition, when raise_error was refused
             with contextlib.suppress(TransitionRefused):
                 self._transition("raise_error")
@@ -304,8 +308,17 @@ class Arm:
         with self._signal:
             if self._failure:
                 return
-            self._failure = error
+            self._failure, self._faulting = error, True
             self._signal.notify()
+        try:
+            self._report(error)
+        finally:
+            with self._signal:
+                self._faulting = False
+                self._signal.notify()
+
+    def _report(self, error: HardwareError) -> None:
+        """Hold the arm after a fault, report the fault, and take the arm out of *active*."""
         if streamer := self._streamer:
             streamer.close(error)
         if (connection := self._connection) and self.state is State.ACTIVE:
