@@ -102,14 +102,14 @@ def show(name: str, robot: Path | None, trees: Path | None, as_json: bool) -> No
     """Print the joints of a pose, the point of the tool, and where the pose is from."""
     from executive.goals.poses import listed_poses
     from hardware.spelling import choices
-    from trees import FileError
+    from trees.export.saved_poses import PoseUnknown
 
     loaded, library = load_library(trees, robot)
     poses = {each: (positions, source) for each, positions, source in listed_poses(loaded, library)}
     if name not in poses:
         folder = trees or library.shipped[-1]
         why = f"no pose {name} is here; there are {choices(name, poses)}"
-        raise FileError.at(folder, why)
+        raise PoseUnknown.at(folder, why)
     positions, source = poses[name]
     moves_tool = all(joint.name in positions for joint in loaded.actuated_in("arm"))
     boot = {joint.name: joint.boot for joint in loaded.actuated}

@@ -27,6 +27,7 @@ HTTP_STATUS = {
     "goal.no_such_node": 404,
     "goal.not_held": 409,
     "file": 422,
+    "file.no_pose": 404,
     "hw": 409,
     "log": 409,
     "server": 409,

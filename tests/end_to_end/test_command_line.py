@@ -234,7 +234,7 @@ BAD = [
     (["run", "0", "9"], 4, "Invalid task number 9"),
     (["run", "1", "--port", ""], 3, "No serial port provided"),
     (["run", "1", "--port", "/dev/ttyNOPE"], 6, "There is no serial port /dev/ttyNOPE"),
-    (["run", "1", "--robot", "nope.toml"], 3, "nope.toml: cannot be read"),
+    (["run", "1", "--robot", "nope.toml"], 3, "nope.toml: there is no such file"),
     (["run", "1", "--trees", "nope"], 3, "nope: there is no such folder"),
     (["run", "1", "--recordings", "/dev/null/x"], 10, "cannot be created"),
 ]

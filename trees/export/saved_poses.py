@@ -27,6 +27,13 @@ class PoseExists(FileError):
     """A pose of that name exists, and was not to be replaced."""
 
 
+class PoseUnknown(FileError):
+    """No file has a pose of that name."""
+
+    code = "file.no_pose"
+    hint = "armtree pose ls lists the poses"
+
+
 def save_pose(
     robot: Robot,
     folder: Path,
@@ -126,11 +133,11 @@ def remove_pose(robot: Robot, folder: Path, name: str) -> Path:
     shipped, files = _poses(robot, folder)
     file = next((file for file in files if name in file.poses), None)
     if file is None:
-        own = [each for file in files for each in file.poses]
-        why = f"no pose {name} is here; there are {choices(name, own)}"
         if name in shipped:
             why = f"pose {name} ships with armtree and stays; `armtree pose save` can replace it"
-        raise FileError.at(folder, why)
+            raise FileError.at(folder, why)
+        own = [each for file in files for each in file.poses]
+        raise PoseUnknown.at(folder, f"no pose {name} is here; there are {choices(name, own)}")
     new = _without_pose(file.text, name)
     if name in file.replaces:
         new = _with_replaces(new, [each for each in file.replaces if each != name])

@@ -209,7 +209,7 @@ tree:
 def test_a_task_of_several_motions(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     drawn: list[str] = []  # instead of real drawings, of which each takes a second
     monkeypatch.setattr(
-        "executive.planning.explanation._draw", lambda *given: drawn.append(given[-1].name)
+        "executive.preview.explanation._draw", lambda *given: drawn.append(given[-1].name)
     )
     (tmp_path / "7_there_and_back.yaml").write_text(TWO_REACHES)
     result = plan(tmp_path, "7", "--trees", str(tmp_path))

@@ -348,7 +348,8 @@ def test_errors_say_what_to_do(serve: Serve, monkeypatch: pytest.MonkeyPatch) ->
         running = asyncio.create_task(caller.bad("run_task", task="wait"))
         await executing(served)
         await asyncio.to_thread(served.stop)
-        assert "CANCELED" in await running
+        end = await running
+        assert "CANCELED" in end or "server.unreachable" in end  # the connection may end first
         assert "armtree serve" in await caller.bad("list_tasks")
         assert "switch the power of its servos off" in await caller.bad("stop")
 
