@@ -57,7 +57,11 @@ class HeldGoals:
                 del self.tasks[goal_id]
 
         self.tasks[goal_id] = asyncio.create_task(hold())
-        return await accepted
+        try:
+            return await accepted
+        except asyncio.CancelledError:  # also in the moment of the acceptance
+            self.release(goal_id)
+            raise
 
     def release(self, goal_id: str) -> None:
         """Stop to hold a goal, so that the server cancels it."""

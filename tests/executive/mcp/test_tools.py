@@ -16,7 +16,9 @@ from mcp.client.stdio import StdioServerParameters
 from mcp.client.streamable_http import streamable_http_client
 from mcp_types import CallToolResult, ElicitResult, ImageContent, Implementation, TextContent
 
+from executive.client.asynchronous import AsyncClient
 from executive.errors import AddressInUse
+from executive.mcp.following import HeldGoals
 from executive.mcp.server import BURST, listen, make_server, serve_http
 from executive.mcp.tools import MOVE, TOOLS
 from hardware import load_robot
@@ -206,6 +208,25 @@ def test_the_goal_of_a_canceled_call_or_of_a_client_that_left_is_canceled(serve:
     assert (
         served.executive.result(served.executive.goals()[-1].identity, 5).state.name == "CANCELED"
     )
+
+
+def test_the_goal_of_a_call_that_is_canceled_at_its_acceptance_is_canceled(serve: Serve) -> None:
+    served, held = serve(), HeldGoals()
+
+    async def act() -> None:
+        async def send(client: AsyncClient, goal_id: str) -> str:
+            await client.send("wait", {}, goal_id, deadman=True)
+            asyncio.get_running_loop().call_soon(sending.cancel)
+            return goal_id
+
+        sending = asyncio.create_task(held.send(lambda: AsyncClient(served.server.url), send))
+        await asyncio.wait((sending,))
+        async with asyncio.timeout(20):
+            await asyncio.gather(*held.tasks.values(), return_exceptions=True)
+
+    asyncio.run(act())
+    (goal,) = served.executive.goals()
+    assert served.executive.result(goal.identity, 5).state.name == "CANCELED"
 
 
 HOSTILE: list[tuple[str, dict[str, Any]]] = [
