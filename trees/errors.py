@@ -212,6 +212,13 @@ class FileError(TreeError):
         return cls([Mistake(Place(path), message)])
 
 
+class PoseUnknown(FileError):
+    """No file has a pose of that name."""
+
+    code = "file.no_pose"
+    hint = "`armtree pose ls` lists the poses"
+
+
 def _combined(mistakes: Collection[Mistake]) -> list[Mistake]:
     """Merge the mistakes of a line, so that each correction contains the others.
 

@@ -102,7 +102,7 @@ def show(name: str, robot: Path | None, trees: Path | None, as_json: bool) -> No
     """Print the joints of a pose, the point of the tool, and where the pose is from."""
     from executive.goals.poses import listed_poses
     from hardware.spelling import choices
-    from trees.export.saved_poses import PoseUnknown
+    from trees.errors import PoseUnknown
 
     loaded, library = load_library(trees, robot)
     poses = {each: (positions, source) for each, positions, source in listed_poses(loaded, library)}

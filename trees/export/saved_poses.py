@@ -14,7 +14,7 @@ from hardware.files import write_file
 from hardware.joints import Joint
 from hardware.spelling import choices
 from trees.declarations import UNITS
-from trees.errors import FileError, Mistake, Place
+from trees.errors import FileError, Mistake, Place, PoseUnknown
 from trees.reading.document import read_text
 from trees.reading.grammar import PosesFile, draft_poses
 from trees.reading.library import POSES, Library
@@ -25,13 +25,6 @@ _NEW = "# Poses of the {}. A pose can replace joint values in any task.\nposes: 
 
 class PoseExists(FileError):
     """A pose of that name exists, and was not to be replaced."""
-
-
-class PoseUnknown(FileError):
-    """No file has a pose of that name."""
-
-    code = "file.no_pose"
-    hint = "armtree pose ls lists the poses"
 
 
 def save_pose(
