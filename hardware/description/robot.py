@@ -142,6 +142,10 @@ class Robot:
         """Whether the robot file names a driver. Without one only the port `virtual` exists."""
         return not isinstance(self.driver, NullDriver)
 
+    def __getstate__(self) -> dict[str, object]:
+        """Return a copy, since a thread may cache a property while another one pickles."""
+        return self.__dict__.copy()
+
     @cached_property
     def wire_format(self) -> WireFormat:
         """The conversion of joint positions to frames and back."""

@@ -2,8 +2,11 @@
 # ruff: noqa: E501 (tables of one mistake a line)
 
 import math
+import pickle
 import re
+from dataclasses import replace
 from pathlib import Path
+from typing import cast
 
 import pytest
 from hypothesis import HealthCheck, given, settings, strategies as st
@@ -386,3 +389,15 @@ def test_six_joints_at_the_most_let_a_stop_fit_the_sketch(tmp_path: Path) -> Non
     assert len(load_robot(chain(tmp_path, 6, "stock")).actuated) == 6
     said = refusal(chain(tmp_path, 7, "stock"))
     assert "joints: frames of 7 joints are too long for the 63 bytes that stock can hold" in said
+
+
+def test_a_robot_is_pickled_while_another_thread_caches_a_property() -> None:
+    class Caches:
+        """Stands for the other thread, in the middle of the pickling."""
+
+        def __reduce__(self) -> tuple[type[int], tuple[()]]:
+            assert robot.wire_format
+            return int, ()
+
+    robot = replace(SHIPPED, name=cast("str", Caches()))
+    assert pickle.loads(pickle.dumps(robot)).joints == SHIPPED.joints
