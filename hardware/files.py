@@ -1,4 +1,4 @@
-"""The only place that opens files of users: ordinary ones, up to a size; and that replaces them."""
+"""Opens files of users, ordinary ones up to a size, and replaces files atomically."""
 
 import errno
 import os
@@ -31,7 +31,7 @@ def read_file(path: Path, most: int) -> bytes:
 
 
 def write_file(path: Path, data: bytes) -> None:
-    """Replace the content of a file at once: it is the old one or the new one, also after a crash.
+    """Replace the content of a file atomically: after a crash it is the old one or the new one.
 
     Args:
         path: The file; it need not exist. A link stays, and the file that it names is replaced.

@@ -91,7 +91,7 @@ class DriverContract:
     # Motions on the model --------------------------------------------------------------------
 
     def test_the_model_can_be_pickled(self) -> None:
-        """It is sent to the process behind the port `virtual`."""
+        """The model is sent to the process behind the port `virtual`."""
         pickle.loads(pickle.dumps(self.robot.model()))
 
     def test_motions_are_played_to_their_end(self) -> None:

@@ -258,7 +258,7 @@ def kind_of(event: Event) -> str:
 
 
 def event_to_json(event: Event) -> dict[str, Any]:
-    """Return an event that has a name, as a JSON object."""
+    """Return an event as a JSON object. It must have a name: see `kind_of`."""
     if isinstance(event, GoalStatus):
         return {"event": STATUS, **event.to_json()}
     fields = {UNITS.get(key, key): value for key, value in dataclasses.asdict(event).items()}

@@ -41,10 +41,12 @@ _SEARCHED = range(30)  # ids of a servo that is alone on the bus
     "turn. Needed if a range contains the seam of a turn.",
 )
 @click.option(
-    "--import", "imported", metavar="FILE", type=PATH, help="Take a calibration by LeRobot."
+    "--import", "imported", metavar="FILE", type=PATH, help="Import a calibration made by LeRobot."
 )
 @click.option(
-    "--restore", is_flag=True, help="Write back what the servos kept before the calibration."
+    "--restore",
+    is_flag=True,
+    help="Write back the values that the servos had before the calibration.",
 )
 def calibrate(
     port: str | None,

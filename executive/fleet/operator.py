@@ -43,7 +43,7 @@ class ArmRow:
     """An arm, as a list shows it.
 
     Attributes:
-        member: What it said when it joined.
+        member: What its worker stored when it joined.
         presence: What it last said; None if it is gone.
     """
 

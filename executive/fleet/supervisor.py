@@ -56,7 +56,7 @@ class Supervisor:
         self._silent.clear()
 
     async def sweep(self) -> AsyncIterator[JobRecord]:
-        """Look at all claimed jobs once; yield those that are given up or sent again."""
+        """Check all claimed jobs once; yield those that end here or are sent again."""
         records = await self._fleet.values(self._fleet.jobs, JobRecord)
         alive = await self._fleet.values(self._fleet.alive, Presence)
         now = self._clock.now()

@@ -1,4 +1,4 @@
-"""The only reader of URDF files: links, joints, and the collision shapes of links.
+"""Reads URDF files: links, joints, and the collision shapes of links.
 
 It rejects what pinocchio would leave out silently, or reject without naming it. Its errors name the
 link or joint, the key and the value.

@@ -287,7 +287,7 @@ class NodeParser:
     def _below_with(
         self, keys: Mapping[str, Located], ports: Mapping[str, Located]
     ) -> Mapping[str, Located]:
-        """Report ports beside `with` instead of below it; return the values with them below it."""
+        """Report ports that stand beside `with`; return its values with those ports added."""
         given, rows = keys["with"], [each.label.line for each in ports.values()]
         if not ports or not isinstance(given.value, dict):
             return keys
