@@ -4,11 +4,10 @@ No other code reads the time, sleeps or starts a thread. So a program with a `Si
 the same code as with a `RealClock`, without waiting.
 """
 
-import os
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from typing import Protocol
 
 
@@ -38,16 +37,8 @@ class Clock(Protocol):
     def signal(self) -> Signal:
         """Return a new condition variable on this clock."""
 
-    def spawn(
-        self, target: Callable[[], None], name: str, urgent: bool = False
-    ) -> threading.Thread:
-        """Start a daemon thread that waits on this clock only through its signals.
-
-        Args:
-            target: What it runs.
-            name: Its name.
-            urgent: True if it moves bytes between armtree and a board.
-        """
+    def spawn(self, target: Callable[[], None], name: str) -> threading.Thread:
+        """Start a daemon thread that waits on this clock only through its signals."""
 
 
 class RealClock:
@@ -68,30 +59,11 @@ class RealClock:
         """Return a new condition variable."""
         return _RealSignal()
 
-    def spawn(
-        self, target: Callable[[], None], name: str, urgent: bool = False
-    ) -> threading.Thread:
-        """Start a daemon thread. See `run_first` for an urgent one."""
-
-        def run() -> None:
-            run_first()
-            target()
-
-        thread = threading.Thread(target=run if urgent else target, name=name, daemon=True)
+    def spawn(self, target: Callable[[], None], name: str) -> threading.Thread:
+        """Start a daemon thread."""
+        thread = threading.Thread(target=target, name=name, daemon=True)
         thread.start()
         return thread
-
-
-def run_first() -> None:
-    """Run this thread before all programs without real-time priority, if Linux allows it.
-
-    Only in a process with a negative niceness: a person, or a command that moves an arm, has asked
-    for it. Threads and processes that this thread starts have no priority.
-    """
-    if hasattr(os, "SCHED_RR") and os.getpriority(os.PRIO_PROCESS, 0) < 0:
-        with suppress(OSError):
-            policy = os.SCHED_RR | os.SCHED_RESET_ON_FORK
-            os.sched_setscheduler(0, policy, os.sched_param(os.sched_get_priority_min(os.SCHED_RR)))
 
 
 class _RealSignal:
@@ -149,9 +121,7 @@ class SimulatedClock:
         """Return a new condition variable on simulated time."""
         return _SimulatedSignal(self)
 
-    def spawn(
-        self, target: Callable[[], None], name: str, urgent: bool = False
-    ) -> threading.Thread:
+    def spawn(self, target: Callable[[], None], name: str) -> threading.Thread:
         """Start a daemon thread. It counts as working at once."""
         with self._lock:
             self._working += 1

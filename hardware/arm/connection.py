@@ -74,7 +74,7 @@ class Connection:
             LinkError: The port cannot be opened.
         """
         self._link.open()
-        self._reader = self._clock.spawn(self._read, "listener", urgent=True)
+        self._reader = self._clock.spawn(self._read, "listener")
 
     def start(self, waited: float) -> None:
         """Create the streamer of a booted board.

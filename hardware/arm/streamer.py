@@ -130,7 +130,7 @@ class Streamer:
         self._braking: tuple[float, float] | None = None  # start and duration [s]
         self._closing = False
         self._cause: HardwareError | None = None  # fault for which it was closed
-        self.thread = clock.spawn(self._run, "streamer", urgent=True)
+        self.thread = clock.spawn(self._run, "streamer")
 
     def play(
         self, schedule: Schedule, on_change: Callable[[], None], owner: str, generation: int

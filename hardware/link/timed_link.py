@@ -43,7 +43,7 @@ class TimedLink:
         """Open the link. Raises what the driver raises."""
         self._link.open()
         self._writes = deque()
-        self._writer = self._clock.spawn(partial(self._work, self._writes), "writer", urgent=True)
+        self._writer = self._clock.spawn(partial(self._work, self._writes), "writer")
 
     def write(self, data: bytes) -> None:
         """Send bytes. Raises what the driver raises.

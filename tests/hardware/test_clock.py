@@ -1,10 +1,8 @@
 """The clocks: simulated time jumps only when all threads wait, and no wake-up is lost."""
 
-import os
 import time
 from collections.abc import Callable
 from functools import partial
-from threading import Event
 
 import pytest
 
@@ -175,23 +173,3 @@ def test_no_wake_up_is_lost_between_many_threads() -> None:
         assert not thread.is_alive()
     assert turn[0] == players * rounds
     assert clock.now() == pytest.approx(rounds * 0.001)
-
-
-@pytest.mark.parametrize(
-    ("niceness", "urgent", "first"), [(-10, True, 1), (-10, False, 0), (0, True, 0)]
-)
-def test_an_urgent_thread_of_a_process_with_priority_runs_first(
-    monkeypatch: pytest.MonkeyPatch, niceness: int, urgent: bool, first: int
-) -> None:
-    asked = list[int]()
-
-    def refuse(who: int, policy: int, parameter: object) -> None:
-        asked.append(policy)
-        raise PermissionError
-
-    monkeypatch.setattr(os, "getpriority", lambda which, who: niceness)
-    monkeypatch.setattr(os, "sched_setscheduler", refuse)
-    done = Event()
-    RealClock().spawn(done.set, "test", urgent).join()
-    assert done.is_set()
-    assert asked == [os.SCHED_RR | os.SCHED_RESET_ON_FORK] * first

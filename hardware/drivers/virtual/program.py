@@ -14,7 +14,7 @@ import sys
 import termios
 from pathlib import Path
 
-from hardware.clock import RealClock, run_first
+from hardware.clock import RealClock
 
 from .model import BoardModel
 
@@ -100,7 +100,6 @@ def main() -> None:
     with contextlib.suppress(OSError):  # a board answers in time, however busy the host is
         os.setpriority(os.PRIO_PROCESS, 0, _NICE)
         Path("/proc/self/autogroup").write_text(str(_NICE))  # its session is its own
-    run_first()
     master, model, baud = sys.argv[1:]
     _Server(pickle.loads(base64.b64decode(model)), int(master), int(baud)).run()
 

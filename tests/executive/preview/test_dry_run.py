@@ -82,7 +82,7 @@ def test_poses_are_listed_saved_and_recalled(serve: Serve) -> None:
     assert served.ask("POST", "/api/poses", {"name": "left", "replace": True})[0] == 200
     removal = {"name": "left"}
     assert served.ask("POST", "/api/poses/remove", removal)[1]["source"] == saved["source"]
-    assert served.ask("POST", "/api/poses/remove", removal)[0] == 422
+    assert served.ask("POST", "/api/poses/remove", removal)[0] == 404
     assert served.ask("POST", "/api/poses", {"name": "left"})[0] == 200
     assert served.ask("POST", "/api/poses", {"name": "x1", "group": "leg"})[0] == 422
     served.executive.result(served.ask("POST", "/api/move", {"to": ["home"]})[1]["goal_id"])
