@@ -43,14 +43,9 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
-    """What is picked out runs right here, where -s works; the whole suite takes every core.
-
-    Slow tests wait for motions, terminals and browsers half of their time: three of them share two
-    cores.
-    """
+    """The whole suite takes every core; what is picked out runs right here, where -s works."""
     whole = all(map(os.path.isdir, config.option.file_or_dir)) and not config.option.keyword
-    cores = len(os.sched_getaffinity(0)) if whole else 0
-    return cores if config.option.markexpr == "not slow" else cores * 3 // 2
+    return len(os.sched_getaffinity(0)) if whole else 0
 
 
 R = TypeVar("R")

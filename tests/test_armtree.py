@@ -232,7 +232,8 @@ def test_the_sample_of_the_readme_runs(tmp_path: Path) -> None:
     arm = f"armtree.Arm(robot={str(quick_arm(tmp_path))!r}, "
     command = [sys.executable, "-P", "-c", sample.replace("armtree.Arm(", arm)]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr) == (0, "")
+    assert done.returncode == 0, done.stderr
+    assert "Traceback" not in done.stderr  # a busy computer or a slow disk may be reported there
     assert (tmp_path / done.stdout.strip()).is_file()
     assert len(list(tmp_path.glob("recordings/*.mcap"))) == 2
 
