@@ -9,7 +9,7 @@ FleetError
 ├── BadName             a name of an arm or a pool is malformed
 ├── NameTaken           another worker has that name
 ├── BadJob              a job is malformed
-├── NobodyServes        no arm serves the pool
+├── PoolNotServed       no arm serves the pool
 ├── DuplicateJob        a job with that id exists
 ├── UnknownJob          no job has that id
 ├── DeadlinePassed      a job was not started by its deadline
@@ -127,10 +127,10 @@ class BadJob(FleetError):
     hint = "send it with this version of `armtree fleet send`"
 
 
-class NobodyServes(FleetError):
+class PoolNotServed(FleetError):
     """No arm serves the pool."""
 
-    code = "fleet.nobody"
+    code = "fleet.no_arm"
     exit_status = 4
     hint = "`armtree fleet ls` lists the arms; `armtree serve --fleet URL --pool POOL` adds one"
 

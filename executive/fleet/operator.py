@@ -18,8 +18,8 @@ from .errors import (
     BadJob,
     DuplicateJob,
     FleetError,
-    NobodyServes,
     NotConfirmed,
+    PoolNotServed,
     UnknownJob,
     check_name,
 )
@@ -104,7 +104,7 @@ class Operator:
             start_within: Longest time until its start [s]; None for no limit.
 
         Raises:
-            NobodyServes: No arm serves the pool.
+            PoolNotServed: No arm serves the pool.
             DuplicateJob: A job with that id exists.
             BadName, BadJob: An argument is malformed.
         """
@@ -115,7 +115,7 @@ class Operator:
         job = Job(identity, pool, task, dict(arguments), now, priority, start_by)
         from_bytes(Job, to_bytes(job))
         if not await self._is_served(pool):
-            raise NobodyServes(pool)
+            raise PoolNotServed(pool)
         if await self._fleet.get(self._fleet.jobs, JobRecord, identity):
             raise DuplicateJob(identity)
         if await publish(self._fleet, job):

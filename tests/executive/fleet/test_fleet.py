@@ -15,8 +15,8 @@ from executive.fleet.errors import (
     BadName,
     DuplicateJob,
     NameTaken,
-    NobodyServes,
     NotConfirmed,
+    PoolNotServed,
     UnknownJob,
 )
 from executive.fleet.nats_server import NatsOptions, nats_server
@@ -144,7 +144,7 @@ def test_wrong_jobs_are_refused_at_once(url: str) -> None:
     async def main() -> None:
         arm = SimulatedArm(duration=0.0)
         async with joined(url, arm) as operator:
-            with pytest.raises(NobodyServes, match="pool other"):
+            with pytest.raises(PoolNotServed, match="pool other"):
                 await operator.send(1, "other", {})
             with pytest.raises(BadName):
                 await operator.send(1, "a.*", {})
