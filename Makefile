@@ -108,8 +108,9 @@ $(GROOT): tests/peers/build_behaviortree tests/peers/behaviortree.cpp tests/peer
 # For maintainers, with uv: resolve all pins together, then write the locks.
 lock:
 	mkdir -p build
-	$(COMPILE) --upgrade pyproject.toml --group build --group dev -o build/lock.txt
+	$(COMPILE) --upgrade pyproject.toml --group build --group dev --group ros2 -o build/lock.txt
 	$(COMPILE) -c build/lock.txt pyproject.toml --group build -o .ci/lock.txt
 	$(COMPILE) -c build/lock.txt --group dev -o .ci/lock-dev.txt
 	$(COMPILE) -c build/lock.txt --group fleet -o .ci/lock-fleet.txt
 	$(COMPILE) -c build/lock.txt --group mcp -o .ci/lock-mcp.txt
+	$(COMPILE) -c build/lock.txt --group ros2 -o .ci/lock-ros2.txt

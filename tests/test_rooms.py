@@ -106,7 +106,8 @@ def test_the_robot_page_lists_every_key() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "least"), [("lock", 30), ("lock-dev", 15), ("lock-fleet", 3), ("lock-mcp", 15)]
+    ("name", "least"),
+    [("lock", 30), ("lock-dev", 15), ("lock-fleet", 3), ("lock-mcp", 15), ("lock-ros2", 60)],
 )
 def test_a_lock_names_no_host_and_hashes_everything(name: str, least: int) -> None:
     lock = (ROOT / ".ci" / f"{name}.txt").read_text()
