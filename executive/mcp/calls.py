@@ -12,13 +12,14 @@ from executive.api.events import kind_of
 from executive.api.move import Move
 from executive.api.outcome import GoalStatus
 from executive.client.asynchronous import AsyncClient
+from executive.client.held_goals import Connect, HeldGoals, Send
 from executive.client.values import PlannedTask, Task
 from executive.errors import Refused, ServerLost, ServerUnreachable
 from hardware import Robot
 from hardware.printable import plural
 
 from .asking import Person
-from .following import Connect, HeldGoals, Send, follow
+from .following import follow
 from .tools import WAIT
 from .words import arguments_schema, goal_words, run_lines
 

@@ -1,72 +1,15 @@
-"""Sends a goal and follows it: progress, questions, outcome."""
+"""Follows a goal: progress, questions, outcome."""
 
 import asyncio
-import uuid
-from collections.abc import Awaitable, Callable
 from contextlib import suppress
 
 import logs
 from executive.api.events import Event, QuestionStatus
 from executive.api.outcome import GoalStatus
 from executive.client.asynchronous import AsyncClient
-from executive.errors import ClientError, Refused
+from executive.errors import ClientError
 
 from .asking import Person
-
-MOST_HELD = 4  # goals at a time; each takes three of the streams that the server has for all
-
-Connect = Callable[[], AsyncClient]
-Send = Callable[[AsyncClient, str], Awaitable[str]]
-
-
-class HeldGoals:
-    """The goals of this process. They are canceled if it ends, or can no longer reach the server.
-
-    Attributes:
-        tasks: Task that holds each goal, by id.
-    """
-
-    def __init__(self) -> None:
-        self.tasks: dict[str, asyncio.Task[None]] = {}
-
-    async def send(self, connect: Connect, send: Send) -> str:
-        """Send a goal, and hold it until it ends; return its id.
-
-        Args:
-            connect: Returns a client of the server.
-            send: Sends the goal with an id, and with `deadman`.
-
-        Raises:
-            ClientError: The server refuses it, or too many goals are held.
-        """
-        if len(self.tasks) >= MOST_HELD:
-            words = f"{MOST_HELD} goals of this process are under way, which is the limit"
-            raise Refused({"code": "request.too_many", "message": words, "hint": "wait"})
-        goal_id = uuid.uuid4().hex
-        accepted: asyncio.Future[str] = asyncio.get_running_loop().create_future()
-
-        async def hold() -> None:
-            try:
-                async with connect() as client, client.hold(goal_id):
-                    accepted.set_result(await send(client, goal_id))
-                    await client.result(goal_id)
-            except ClientError as error:
-                if not accepted.done():
-                    accepted.set_exception(error)
-            finally:
-                del self.tasks[goal_id]
-
-        self.tasks[goal_id] = asyncio.create_task(hold())
-        try:
-            return await accepted
-        except asyncio.CancelledError:  # also in the moment of the acceptance
-            self.release(goal_id)
-            raise
-
-    def release(self, goal_id: str) -> None:
-        """Stop to hold a goal, so that the server cancels it."""
-        if holding := self.tasks.get(goal_id):
-            holding.cancel()
 
 
 async def follow(client: AsyncClient, goal_id: str, person: Person, wait: float) -> GoalStatus:

@@ -26,13 +26,13 @@ from executive.api import strict_json
 from executive.api.checking import Mismatch, checked, checker
 from executive.api.outcome import Cause, cause_of
 from executive.client.asynchronous import AsyncClient
+from executive.client.held_goals import HeldGoals
 from executive.errors import AddressInUse, ClientError
 from executive.server.limits.token_bucket import TokenBucket
 from hardware import RealClock, Robot
 
 from .asking import MustRepeat, Person
 from .calls import Calls, NotDone
-from .following import HeldGoals
 from .tools import MOVE, TOOLS, Tool
 
 logger = logging.getLogger(__name__)

@@ -22,44 +22,13 @@ from .records import (
     Sent,
     Transition,
 )
+from .ros_lifecycle import STATE_NUMBERS, transition_number
 from .ros_types import RosTypes
 
 _NOTHING = np.zeros(0)
 _TX, _RX = 0, 1
 LATE = 0.02  # delay of a frame that is reported [s]
 _LOWEST_LEVEL, _HIGHEST_LEVEL = 10, 50
-
-_STATES = {
-    "unconfigured": 1,
-    "inactive": 2,
-    "active": 3,
-    "finalized": 4,
-    "configuring": 10,
-    "cleaningup": 11,
-    "shuttingdown": 12,
-    "activating": 13,
-    "deactivating": 14,
-    "errorprocessing": 15,
-}
-_REQUESTS = {
-    ("unconfigured", "configure"): 1,
-    ("inactive", "cleanup"): 2,
-    ("inactive", "activate"): 3,
-    ("active", "deactivate"): 4,
-    ("unconfigured", "shutdown"): 5,
-    ("inactive", "shutdown"): 6,
-    ("active", "shutdown"): 7,
-}
-_OUTCOMES = {"transition_success": 0, "transition_failure": 1, "transition_error": 2}
-_OUTCOME_BASES = {
-    "configuring": 10,
-    "cleaningup": 20,
-    "activating": 30,
-    "deactivating": 40,
-    "shuttingdown": 50,
-    "errorprocessing": 60,
-}
-_CALLBACK_ERROR = 99
 
 
 class Stamp(NamedTuple):
@@ -199,7 +168,9 @@ def transition_event(change: Transition, stamp: Stamp, ros: RosTypes) -> Any:
         "lifecycle_msgs/msg/TransitionEvent",
         timestamp=stamp.time_ns,
         transition=ros.make(
-            "lifecycle_msgs/msg/Transition", id=_transition_id(change), label=change.label
+            "lifecycle_msgs/msg/Transition",
+            id=transition_number(change.start, change.label),
+            label=change.label,
         ),
         start_state=_state(change.start, ros),
         goal_state=_state(change.goal, ros),
@@ -278,14 +249,4 @@ def _point(time: float, positions: tuple[float, ...], ros: RosTypes) -> Any:
 
 
 def _state(label: str, ros: RosTypes) -> Any:
-    return ros.make("lifecycle_msgs/msg/State", id=_STATES.get(label, 0), label=label)
-
-
-def _transition_id(change: Transition) -> int:
-    if not change.label:
-        return 0
-    if (change.start, change.label) in _REQUESTS:
-        return _REQUESTS[change.start, change.label]
-    if change.label in _OUTCOMES and change.start in _OUTCOME_BASES:
-        return _OUTCOME_BASES[change.start] + _OUTCOMES[change.label]
-    return _CALLBACK_ERROR  # raise_error, our own transition, has no number in ROS 2
+    return ros.make("lifecycle_msgs/msg/State", id=STATE_NUMBERS.get(label, 0), label=label)

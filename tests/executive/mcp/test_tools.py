@@ -17,8 +17,8 @@ from mcp.client.streamable_http import streamable_http_client
 from mcp_types import CallToolResult, ElicitResult, ImageContent, Implementation, TextContent
 
 from executive.client.asynchronous import AsyncClient
+from executive.client.held_goals import HeldGoals
 from executive.errors import AddressInUse
-from executive.mcp.following import HeldGoals
 from executive.mcp.server import BURST, listen, make_server, serve_http
 from executive.mcp.tools import MOVE, TOOLS
 from hardware import load_robot

@@ -1,0 +1,50 @@
+"""ROS 2's numbers of the states and transitions of a lifecycle: those of lifecycle_msgs."""
+
+STATE_NUMBERS = {
+    "unconfigured": 1,
+    "inactive": 2,
+    "active": 3,
+    "finalized": 4,
+    "configuring": 10,
+    "cleaningup": 11,
+    "shuttingdown": 12,
+    "activating": 13,
+    "deactivating": 14,
+    "errorprocessing": 15,
+}
+# By start and label.
+REQUEST_NUMBERS = {
+    ("unconfigured", "configure"): 1,
+    ("inactive", "cleanup"): 2,
+    ("inactive", "activate"): 3,
+    ("active", "deactivate"): 4,
+    ("unconfigured", "shutdown"): 5,
+    ("inactive", "shutdown"): 6,
+    ("active", "shutdown"): 7,
+}
+_OUTCOMES = {"transition_success": 0, "transition_failure": 1, "transition_error": 2}
+_OUTCOME_BASES = {
+    "configuring": 10,
+    "cleaningup": 20,
+    "activating": 30,
+    "deactivating": 40,
+    "shuttingdown": 50,
+    "errorprocessing": 60,
+}
+_CALLBACK_ERROR = 99
+
+
+def transition_number(start: str, label: str) -> int:
+    """Return the number of a transition.
+
+    Args:
+        start: State before it.
+        label: Its label; empty if nothing changed, whose number is 0.
+    """
+    if not label:
+        return 0
+    if (start, label) in REQUEST_NUMBERS:
+        return REQUEST_NUMBERS[start, label]
+    if label in _OUTCOMES and start in _OUTCOME_BASES:
+        return _OUTCOME_BASES[start] + _OUTCOMES[label]
+    return _CALLBACK_ERROR  # raise_error, our own transition, has no number in ROS 2
