@@ -29,7 +29,8 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A wheel of the files that git knows."""
     folder = tmp_path_factory.mktemp("wheel")
     source = folder / "source"
-    names = call("git", "ls-files", *ROOMS, "pyproject.toml", "README.md", folder=ROOT).split()
+    beside = ("pyproject.toml", "README.md", "docs/LICENSE")
+    names = call("git", "ls-files", *ROOMS, *beside, folder=ROOT).split()
     for name in names:
         path = source / name
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -48,6 +49,7 @@ def test_it_has_every_file_of_the_rooms(wheel: Path) -> None:
     assert not missing
     assert {name for name in tracked if name.startswith("executive/server/page/static/")} <= packed
     assert not {name for name in packed - tracked if ".dist-info/" not in name}
+    assert any(name.endswith(".dist-info/licenses/docs/LICENSE") for name in packed)
 
 
 def test_it_runs_without_the_repository(wheel: Path, tmp_path: Path) -> None:
