@@ -47,6 +47,7 @@ export class Connection extends EventTarget {
   crowded = false;
 
   #stream = new AbortController();
+  #started = false;
   #streaming = false;
   #timer = 0;
 
@@ -60,11 +61,13 @@ export class Connection extends EventTarget {
       if (document.hidden) this.#stream.abort();
       else this.refresh();
     });
+    this.#started = true;
     this.refresh();
   }
 
-  /** Ask for the status now, and then once a period. */
+  /** Ask for the status now, and then once a period; not before it is known if there is an arm. */
   async refresh() {
+    if (!this.#started) return;
     clearTimeout(this.#timer);
     try {
       const path = this.hasArm ? "api/status" : "api/health";

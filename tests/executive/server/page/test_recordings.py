@@ -2,6 +2,7 @@
 
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -92,6 +93,7 @@ def test_a_state_from_windows_is_that_of_playing_everything(
     assert windows > 5
     assert wrong == []
     assert tab.evaluate(SAME_STATES, [source.name, 30])[1] == []
+    tab.context.close()  # it may still load what comes next
     (folder / LONG).unlink()
 
 
@@ -161,8 +163,10 @@ def test_broken_recordings_and_bombs_are_refused(open_page: Open, page_server: S
         tab.click(f"#runs .run[title^='{name}.mcap']")
         shows(tab, "#control-error", rf"{name}\.mcap: ")
     tab.click("#runs .run[title^='cut.mcap']")
-    shows(tab, "#shown", "nothing, recorded")  # all of it, but its index
+    shows(tab, "#player-name", r"^cut\.mcap$")  # all of it, but its index
+    shows(tab, "#shown", "nothing, recorded")
     assert tab.inner_text("#control-error") == ""
+    tab.context.close()  # it may still load the robot
     forget(tab, "409")
     for name in (*bombs, "cut"):
         (folder / f"{name}.mcap").unlink()
@@ -218,7 +222,15 @@ def test_recordings_are_viewed_without_an_arm(open_page: Open, page_server: Serv
     newest = max(folder.glob("*Z-13.mcap"))
     with Viewer(folder, 0, page_server.clock) as viewer:
         viewer.start()
-        tab = open_page(f"{viewer.sign_in.link()}&recording={newest.name}&t=0")
+        held: dict[str, Any] = {}
+
+        def hold(route: Any) -> None:
+            held["health"] = route
+
+        link = f"{viewer.sign_in.link()}&recording={newest.name}&t=0"
+        tab = open_page(link, lambda tab: tab.route("**/api/health", hold, times=1))
+        shows(tab, "#session", "signed in")  # before it knows that there is no arm
+        held["health"].continue_()
         shows(tab, "#shown", "^task 13 fail, recorded$")
         shows(tab, "#robot", "arduinobot")
         shows(tab, ".no-arm-only dd", "recordings only, no arm")
