@@ -14,8 +14,9 @@ from hardware import VIRTUAL, Clock, Link, RealClock, Robot
 from logs.writing.retention import Rule, prune
 from skills import Leader, Operator
 from skills.motion import Pool
+from skills.user_skills import load_skills
 from trees import Library
-from trees.compile.plugins import load_skills
+from trees.nodes.kind import reserved_names
 
 from .api.events import Event
 from .api.move import Move, number_of
@@ -164,7 +165,7 @@ def load_own_skills(folder: Path | None) -> None:
     Raises:
         ValueError: One of them is broken.
     """
-    if broken := load_skills(folder):
+    if broken := load_skills(folder, reserved_names()):
         raise ValueError("; ".join(broken))
 
 

@@ -36,7 +36,7 @@ if typing.TYPE_CHECKING:
         Words as Words,
     )
     from .drivers.measurement import Measurement as Measurement
-    from .drivers.virtual.link import BoardLink as BoardLink
+    from .drivers.virtual.in_process_link import BoardLink as BoardLink
     from .drivers.wire_format import Frame as Frame
     from .errors import (
         ActivationStopped as ActivationStopped,

@@ -22,7 +22,7 @@ from .clock import RealClock, SimulatedClock
 from .description.robot import Robot
 from .description.robot_file import load_robot
 from .drivers.firmware_profile import Ability
-from .drivers.virtual.link import BoardLink
+from .drivers.virtual.in_process_link import BoardLink
 from .drivers.virtual.model import BoardModel
 from .errors import BadPosition, BoardError, HardwareError, PortLost
 from .link.link import Link

@@ -35,5 +35,5 @@ from .leaves.reach_point import (
     tool_query as tool_query,
 )
 from .leaves.target import check_distances as check_distances, check_joints as check_joints
-from .operator import NoOperator as NoOperator, Operator as Operator, Question as Question
 from .ports import Port as Port, Positions as Positions
+from .question import NoOperator as NoOperator, Operator as Operator, Question as Question

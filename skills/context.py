@@ -14,7 +14,7 @@ from .motion.query import Query
 from .motion.trajectory.plan import Plan
 from .motion.workers.pool import Pool
 from .motion.world import EMPTY, World
-from .operator import NoOperator, Operator
+from .question import NoOperator, Operator
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ from py_trees.common import Access, Status
 from hardware import Robot
 from skills import Context, Skill, SkillError, combine_errors
 
-from .analysis.reachability import check_outcomes
+from .analysis.unreachable_nodes import check_outcomes
 from .compile.arguments import FILE, as_text, wrong
 from .compile.compiler import CompiledTree, TreeCompiler
 from .compile.leaf import Leaf

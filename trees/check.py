@@ -21,7 +21,7 @@ from skills import (
 from skills.motion import Pool
 
 from .analysis.collisions import CollisionChecks
-from .analysis.reachability import check_outcomes
+from .analysis.unreachable_nodes import check_outcomes
 from .build import refusals
 from .compile.arguments import wrong
 from .compile.compiler import CompiledTree, TreeCompiler
@@ -31,7 +31,7 @@ from .errors import FileError, Mistake, Place, TreeError
 from .reading.document import Located, StandIn, nested
 from .reading.grammar import PosesFile
 from .reading.library import Library
-from .reading.values import in_other_unit, in_smaller_units
+from .reading.literals import in_other_unit, in_smaller_units
 
 # What a file is in its library: the number of a task, the name of a subtree, None for poses, or
 # the reason why it is not one of these.

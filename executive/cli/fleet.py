@@ -18,7 +18,7 @@ from .support.settings import ABOVE_0, PATH, Whole, local_server, option
 from .terminal.streams import LogFormatter, echo
 
 if TYPE_CHECKING:
-    from executive.fleet.operator import Operator
+    from executive.fleet.fleet_client import FleetClient
     from executive.fleet.values import Job, JobRecord
 
 _HERE = "nats://127.0.0.1:4222"
@@ -32,9 +32,9 @@ def _print(as_json: bool, row: Any, text: str) -> None:
     echo(json.dumps(row) if as_json else text)
 
 
-def _run(url: str, act: "Callable[[Operator], Coroutine[Any, Any, None]]") -> None:
-    """Connect to the fleet, and call a function with the operator."""
-    from executive.fleet.run import run
+def _run(url: str, act: "Callable[[FleetClient], Coroutine[Any, Any, None]]") -> None:
+    """Connect to the fleet, and call a function with the client."""
+    from executive.fleet.programs import run
 
     run(url, act)
 
@@ -105,7 +105,7 @@ def up(
 
     By default only programs of this user on this machine can connect.
     """
-    from executive.fleet.run import up as run_up
+    from executive.fleet.programs import up as run_up
 
     _print_log()
     run_up(data=data, address=address, port=port, certificate=tls_cert, key=tls_key, nkeys=nkeys)
@@ -118,7 +118,7 @@ def key(file: Path) -> None:
 
     The public key is for `fleet up --nkeys`. Programs take FILE from ARMTREE_FLEET_NKEY.
     """
-    from executive.fleet.run import make_key
+    from executive.fleet.programs import make_key
 
     echo(make_key(file))
 
@@ -134,7 +134,7 @@ def join(server: str, url: str, pool: str, name: str, child: bool) -> None:
 
     `armtree serve --fleet URL` does this for its own arm.
     """
-    from executive.fleet.run import join as run_join
+    from executive.fleet.programs import join as run_join
 
     _print_log()
     run_join(server, url, pool, name, child)
@@ -187,13 +187,11 @@ def send(
 
     ended: list[JobRecord] = []
 
-    async def act(operator: "Operator") -> None:
-        job = await operator.send(
-            task, pool, parameters(settings), identity, priority, start_within
-        )
+    async def act(client: "FleetClient") -> None:
+        job = await client.send(task, pool, parameters(settings), identity, priority, start_within)
         _print(as_json, {"event": "queued", "job": job.identity}, job.identity)
         if wait:
-            async for record in operator.wait(job.identity):
+            async for record in client.wait(job.identity):
                 _print_record(record, as_json)
                 ended[:] = [record]
 
@@ -215,8 +213,8 @@ def _print_record(record: "JobRecord", as_json: bool) -> None:
 def cancel(url: str, as_json: bool, identity: str) -> None:
     """Cancel JOB: a queued one ends at once, a running one when its arm has stopped."""
 
-    async def act(operator: "Operator") -> None:
-        _print_record(await operator.cancel(identity), as_json)
+    async def act(client: "FleetClient") -> None:
+        _print_record(await client.cancel(identity), as_json)
 
     _run(url, act)
 
@@ -228,8 +226,8 @@ def ls(url: str, as_json: bool) -> None:
     """List the arms, with state, job, last outcome and the URL of their pages."""
     from .terminal.fleet_tables import arm_row, arms_text
 
-    async def act(operator: "Operator") -> None:
-        rows = await operator.arms()
+    async def act(client: "FleetClient") -> None:
+        rows = await client.arms()
         if as_json:
             for row in rows:
                 echo(json.dumps(arm_row(row)))
@@ -250,14 +248,14 @@ def jobs(url: str, as_json: bool, identity: str, last: int) -> None:
     """List the jobs, the newest last, or show JOB."""
     from .terminal.fleet_tables import job_row, job_text
 
-    async def act(operator: "Operator") -> None:
+    async def act(client: "FleetClient") -> None:
         found: list[JobRecord | Job] = []
         if identity:
-            found.append(await operator.job(identity))
+            found.append(await client.job(identity))
         else:
-            number, queued = await operator.queued(last)
+            number, queued = await client.queued(last)
             echo(f"{number} queued", err=True)
-            found += await operator.records()
+            found += await client.records()
             found += queued
         for each in found[-last:]:
             _print(as_json, job_row(each), job_text(each))
@@ -288,8 +286,8 @@ def resume(url: str, as_json: bool, whom: tuple[str, ...]) -> None:
 
 
 def _confirmed(url: str, as_json: bool, request: str, whom: tuple[str, ...]) -> None:
-    async def act(operator: "Operator") -> None:
-        for each in await getattr(operator, request)(whom):
+    async def act(client: "FleetClient") -> None:
+        for each in await getattr(client, request)(whom):
             row = {"arm": each.arm, "goals": each.goals, "ms": round(1000 * each.seconds, 1)}
             _print(as_json, row, f"{each.arm}  {request} confirmed after {row['ms']} ms")
 
@@ -302,8 +300,8 @@ def _confirmed(url: str, as_json: bool, request: str, whom: tuple[str, ...]) -> 
 def forget(url: str, arm: str) -> None:
     """Remove ARM, which is gone, from the list of arms."""
 
-    async def act(operator: "Operator") -> None:
-        await operator.forget(arm)
+    async def act(client: "FleetClient") -> None:
+        await client.forget(arm)
 
     _run(url, act)
 
@@ -325,10 +323,10 @@ def logs(url: str, as_json: bool, identity: str, output: Path) -> None:
 
     A server on another machine needs ARMTREE_TOKEN.
     """
-    from executive.fleet.run import fetch_recording
+    from executive.fleet.programs import fetch_recording
 
-    async def act(operator: "Operator") -> None:
-        path = await fetch_recording(operator, identity, output)
+    async def act(client: "FleetClient") -> None:
+        path = await fetch_recording(client, identity, output)
         _print(as_json, {"file": str(path)}, str(path))
 
     _run(url, act)

@@ -51,7 +51,7 @@ def mcp(port: int | None, allow_move: bool, robot: Path | None, server: str) -> 
     from hardware import load_robot
 
     try:
-        from executive.mcp.server import listen, make_server, serve_http, serve_stdio
+        from executive.mcp.mcp_server import listen, make_server, serve_http, serve_stdio
     except ModuleNotFoundError as error:
         if not str(error.name).startswith("mcp"):
             raise

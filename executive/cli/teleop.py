@@ -47,6 +47,6 @@ def teleop(leader: str, leader_robot: Path | None, speed: float, **options: Any)
     Example:
       armtree teleop --robot so101 --leader /dev/ttyACM1
     """  # noqa: D301
-    from .teleoperation.run import run_teleop
+    from .teleoperation.run_teleop import run_teleop
 
     sys.exit(run_teleop(leader, leader_robot, speed, options))

@@ -12,7 +12,7 @@ from hardware import Clock
 
 from .connection import ALIVE_SECONDS, GONE, Fleet
 from .errors import ArmLost
-from .operator import publish
+from .fleet_client import publish
 from .values import JobRecord, Presence, Result, to_bytes
 
 logger = logging.getLogger(__name__)

@@ -24,7 +24,7 @@ from .goal import Goal
 from .mailbox import Mailbox
 from .move_task import draft_move
 from .queue import GoalQueue
-from .run import Run, decide_outcome
+from .run_loop import Run, decide_outcome
 from .start_pose import StartPose
 from .stop import GoalStopper
 

@@ -16,8 +16,8 @@ from logs.views.motion_figure import MotionDrawing
 from logs.views.narrative import bodies_text
 from logs.views.run_figure import Scene
 from skills.motion import World
-from skills.motion.collision.outline import convex_outlines
-from skills.motion.collision.scene import PlanningScene
+from skills.motion.collision.link_outlines import convex_outlines
+from skills.motion.collision.planning_scene import PlanningScene
 
 POSES = 14  # drawn poses of one motion
 _MOST_POSES = 4 * POSES

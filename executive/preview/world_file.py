@@ -9,7 +9,7 @@ from executive.errors import BadWorldFile
 from hardware import Robot
 from hardware.files import read_file
 from skills.motion import BadWorld, World
-from skills.motion.collision.scene import PlanningScene
+from skills.motion.collision.planning_scene import PlanningScene
 from trees import Mistake, Place
 
 _MAX_BYTES = 2**20

@@ -36,9 +36,9 @@ from logs.reading.file_state import why_incomplete
 from skills.motion import ModelUnusable
 
 from .cause import PLANNING, changes, contradiction, source
-from .frames import frames_difference
-from .plans import plans_difference
 from .recorded_run import RecordedRun
+from .verify_frames import frames_difference
+from .verify_plans import plans_difference
 
 _PLAN = "/plan/"
 _FRAMES, _PLANS = "plan -> frames", "goal -> plan"

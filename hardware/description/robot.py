@@ -14,7 +14,7 @@ from hardware.drivers.firmware_profile import Ability, Firmware
 from hardware.drivers.null_driver import NullDriver
 from hardware.drivers.servo_bus import ServoBus, ServoDriver
 from hardware.drivers.servo_errors import CalibrationMissing
-from hardware.drivers.virtual.link import BoardLink, NullLink
+from hardware.drivers.virtual.in_process_link import BoardLink, NullLink
 from hardware.drivers.virtual.model import BoardModel
 from hardware.drivers.wire_format import WireFormat
 from hardware.errors import NotAble

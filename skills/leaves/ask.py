@@ -9,8 +9,8 @@ from py_trees.ports import PortInformation
 from hardware import Robot
 from skills.base import Skill
 from skills.errors import BadQuestion, ConditionFails, Unanswered, refuse
-from skills.operator import Question
 from skills.ports import Port
+from skills.question import Question
 
 _CHOICES = ["yes", "no"]
 

@@ -3,10 +3,11 @@
 planner.py    the stages of a plan, from the straight line to the final check
 query.py      requests and answers; plan.py the motion that was found; world.py the bodies
 workers/      a pool of planner processes
-kinematics/   robot model, joint groups, inverse kinematics
+robot_model/  the robot for planning: joint groups, shapes, lever arms
+inverse_kinematics.py   joint positions for a tool position
 collision/    planning scene and collision checks
 path/         motion validator, bends, RRT-Connect, shortcutting, parabolic blends
-timing/       trapezoidal profiles and TOPP-RA
+timing/       trapezoidal profiles, TOPP-RA, and timing again after a pause
 
 Importing this package loads no planning library. Only the worker processes do.
 """

@@ -24,13 +24,11 @@ from hardware.joints import DISPLAY_UNITS
 
 from .arrays import Array, norms
 from .collision.checker import CollisionChecker
-from .collision.endpoints import EndpointChecker
-from .collision.scene import PlanningScene
+from .collision.endpoint_checker import EndpointChecker
+from .collision.planning_scene import PlanningScene
 from .deadline import Deadline, Stopwatch
 from .errors import BadQuery, MotionError, TooLong
-from .kinematics.inverse import solve_ik
-from .kinematics.joint_group import JointGroup
-from .kinematics.robot_model import RobotModel
+from .inverse_kinematics import solve_ik
 from .path.barrier import check_passable
 from .path.bend import find_bend, find_corner
 from .path.blend import blend
@@ -39,7 +37,9 @@ from .path.motion_verification import verify_plan, verify_rows
 from .path.rrt_connect import find_path
 from .path.shortcut import shortcut
 from .query import Answer, Carry, Query, Reached, Request, Rest, ToolQuery, Verify, check_types
-from .timing.remaining import check_rest, remaining_plan
+from .robot_model.joint_group import JointGroup
+from .robot_model.robot_model import RobotModel
+from .timing.retime_after_pause import check_rest, remaining_plan
 from .timing.time_parameterization import time_curve
 from .trajectory.curve import Curve
 from .trajectory.plan import Plan

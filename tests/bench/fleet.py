@@ -25,8 +25,8 @@ from pathlib import Path
 sys.path = [folder for folder in sys.path if Path(folder) != Path(__file__).parent]
 
 from executive.fleet.connection import GONE, Fleet, open_fleet
+from executive.fleet.fleet_client import Operator
 from executive.fleet.nats_server import NatsOptions, nats_server
-from executive.fleet.operator import Operator
 from executive.fleet.values import JobRecord, Presence, from_bytes
 from executive.fleet.worker import BEAT_SECONDS, Worker
 from hardware import RealClock

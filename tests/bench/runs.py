@@ -33,7 +33,7 @@ import logs
 from executive.api.events import Event, Policy
 from executive.api.outcome import GoalState
 from executive.executive import Executive
-from executive.goals.run import Run
+from executive.goals.run_loop import Run
 from executive.setup import Setup
 from hardware import (
     VIRTUAL,

@@ -21,14 +21,14 @@ from executive.api.events import Policy
 from executive.goals.goal import Goal
 from executive.goals.mailbox import Mailbox
 from executive.goals.queue import GoalQueue
-from executive.goals.run import Run
+from executive.goals.run_loop import Run
 from executive.goals.stop import GoalStopper
 from hardware import Arm, RealClock, Robot, load_robot
 from skills import Context
 from skills.motion import Pool
 from tests.bench.table import Row, arguments, show
 from trees import Library
-from trees.analysis.reachability import check_outcomes
+from trees.analysis.unreachable_nodes import check_outcomes
 from trees.build import build
 from trees.compile.compiler import TreeCompiler
 

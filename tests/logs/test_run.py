@@ -129,7 +129,7 @@ def pick_run(frames: int | None = None, begin: float = 40.0) -> list[Record]:
     texts = tuple(item.data.decode() for item in motion if isinstance(item, Sent))
     head: list[Record] = [
         Goal(t, GOAL_ID, 1, "pick", 1),
-        LogLine(t, 20, "executive.goals.run", "goal accepted"),
+        LogLine(t, 20, "executive.goals.run_loop", "goal accepted"),
         *lifecycle(t + 0.01),
         *(node(t + 0.63, name, "INVALID") for name in NODES),
         node(t + 0.64, "SetStart", "SUCCESS", "at zero"),
@@ -176,7 +176,7 @@ def refused_run() -> list[Record]:
     message = "Target position out of boundaries: joint_1 2 rad is above 1.57 rad"
     return [
         Goal(7.0, GOAL_ID, 9, "far", 1),
-        LogLine(7.0, 40, "executive.goals.run", message),
+        LogLine(7.0, 40, "executive.goals.run_loop", message),
         node(7.001, "SetStart", "SUCCESS"),
         node(7.0011, "CheckBounds", "FAILURE", message),
         node(7.0012, ROOT, "FAILURE", message),

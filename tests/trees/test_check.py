@@ -6,10 +6,11 @@ from pathlib import Path
 import pytest
 
 from hardware import Robot
+from skills.user_skills import load_skills
 from tests.support.paths import EXAMPLES, TASKS
 from trees import Library
 from trees.check import check
-from trees.compile.plugins import load_skills
+from trees.nodes.kind import reserved_names
 
 HEAD = "task: 3\nname: x\ndescription: y\n"
 MOVE = "{subtree: move_joints, with: {joints: upright}}"
@@ -258,7 +259,7 @@ def test_one_mistake_is_reported_once(robot: Robot, tmp_path: Path) -> None:
 
 
 def test_everything_that_ships_is_right(robot: Robot) -> None:
-    assert load_skills(EXAMPLES / "skills") == []
+    assert load_skills(EXAMPLES / "skills", reserved_names()) == []
     findings = check(robot, EXAMPLES)
     assert findings.mistakes == []
     assert len(findings.files) >= 16

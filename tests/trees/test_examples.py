@@ -9,12 +9,13 @@ import pytest
 import logs
 from executive.replay.verification import verify
 from hardware import SimulatedClock
+from skills.user_skills import load_skills
 from tests.conftest import Rig, RigMaker
 from tests.support.paths import EXAMPLES
-from trees.compile.plugins import load_skills
 from trees.compile.port_types import known_skills
 from trees.errors import BadArguments
 from trees.export.resolved import RESOLVED
+from trees.nodes.kind import reserved_names
 
 Near = Callable[[float, float], None]
 
@@ -22,7 +23,7 @@ Near = Callable[[float, float], None]
 @pytest.fixture
 def near(monkeypatch: pytest.MonkeyPatch) -> Near:
     """Says from when to when a person is near [s]."""
-    assert load_skills(EXAMPLES / "skills") == []
+    assert load_skills(EXAMPLES / "skills", reserved_names()) == []
     names = known_skills()["nobody_near"].function.__globals__  # type: ignore[attr-defined]
 
     def between(begin: float, end: float) -> None:

@@ -25,7 +25,7 @@ from trees.errors import Mistake, Place
 
 from .planned_times import PlannedTimes
 from .predicted_motion import predict_motions
-from .reachability import check_outcomes, slow_children
+from .unreachable_nodes import check_outcomes, slow_children
 
 _Use = tuple[Place, str]  # a place that uses a configuration, and the message if it collides
 

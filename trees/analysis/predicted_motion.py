@@ -26,7 +26,7 @@ from trees.compile.leaf import Leaf
 from trees.compile.skill_hooks import Pose, SkillHooks
 from trees.errors import Mistake, Place
 from trees.nodes.kind import Flow
-from trees.reading.values import in_unit_of
+from trees.reading.literals import in_unit_of
 
 _INSIDE = 1e-3  # distance of a suggested point from the end of the reach [m]
 _UNNAMED = "bodies named at run time"

@@ -17,8 +17,8 @@ from trees.reading.document import REFUSED, Located, StandIn, nested
 from trees.reading.grammar import UNTYPED, Draft, TaskFile
 from trees.reading.library import Library
 from trees.reading.lines import replaced_block
+from trees.reading.literals import doubt, fit
 from trees.reading.specs import ControlNode, Key, SkillNode, SubtreeNode, TreeNode, Value
-from trees.reading.values import doubt, fit
 
 from .arguments import MISSING
 from .data_flow import Keys

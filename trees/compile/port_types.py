@@ -8,12 +8,11 @@ from typing import Any, get_args, get_origin
 from py_trees.ports import PortInformation, get_ports_registry
 
 from skills import Port, Positions, Skill
+from skills.user_skills import is_broken
 from trees.declarations import ANY, LIST, Declaration, type_fits
 from trees.reading.document import Located
+from trees.reading.literals import measured
 from trees.reading.specs import Value
-from trees.reading.values import measured
-
-from .plugins import is_broken
 
 _TYPES: dict[Any, str] = {
     int: "integer",

@@ -18,7 +18,7 @@ from skills import Context, Skill, SkillBroken, SkillError, known_errors
 from skills.motion import Body, MotionError, ToolQuery, shown
 from trees.errors import Correction, Mistake, Place
 from trees.reading.document import Located
-from trees.reading.values import in_other_unit, in_smaller_units
+from trees.reading.literals import in_other_unit, in_smaller_units
 
 from .leaf import Leaf
 from .port_types import declaration

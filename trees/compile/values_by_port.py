@@ -8,8 +8,8 @@ from trees.declarations import LIST, Declaration
 from trees.errors import Correction, Mistakes, Place
 from trees.reading.document import REFUSED, Located, nested
 from trees.reading.lines import block, replaced_block
+from trees.reading.literals import fit
 from trees.reading.specs import Key, SkillNode, Value
-from trees.reading.values import fit
 
 from .arguments import MISSING
 from .data_flow import short_name

@@ -12,7 +12,7 @@ from trees.declarations import Declaration
 from trees.errors import BadArguments, FileError, Mistake, Place
 from trees.reading.grammar import parse_value
 from trees.reading.library import Library
-from trees.reading.values import fit
+from trees.reading.literals import fit
 
 from .new_task import prepare_file
 from .saved_poses import pose_text

@@ -190,6 +190,11 @@ class ControlNodeKind(ABC):
 KINDS: dict[str, ControlNodeKind] = {}
 
 
+def reserved_names() -> set[str]:
+    """Return the names that no skill may have: kinds of nodes, and other keys of a node."""
+    return {*KINDS, "subtree", "task", "name", "with"}
+
+
 @dataclass(frozen=True, slots=True)
 class Control:
     """The source of a compiled node.

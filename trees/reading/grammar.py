@@ -16,10 +16,10 @@ from trees.declarations import LIST, TYPES, UNITS, Declaration
 from trees.errors import Correction, FileError, Mistake, Mistakes
 
 from .document import Located, NotYaml, draft_document, names_within, nested
+from .literals import fit, measured
 from .node_parser import NodeParser
 from .repairs import repairing
 from .specs import ControlNode, Key, SkillNode, SubtreeNode, TreeNode, Value
-from .values import fit, measured
 
 VERSION = 1  # version of the grammar
 

@@ -130,11 +130,12 @@ def _load(context: click.Context, _option: click.Parameter, folder: Path | None)
     """Load the skills before the command runs; warn of broken ones."""
     if context.resilient_parsing:  # a shell completes it
         return
-    from trees.compile.plugins import load_skills
+    from skills.user_skills import load_skills
+    from trees.nodes.kind import reserved_names
 
     if folder is not None and not folder.is_dir():
         raise click.BadParameter(f"{folder}: there is no such folder for skills")
-    for wrong in load_skills(folder):
+    for wrong in load_skills(folder, reserved_names()):
         echo(f"Broken skills are left out: {wrong}", err=True)
 
 

@@ -15,10 +15,10 @@ from executive.api.codes import OK
 from executive.api.events import Event
 from executive.api.move import Move, number_of
 from executive.api.outcome import CANCELED_CAUSE, GoalState, GoalStatus, Outcome, cause_of
-from executive.cli.terminal.operator import Terminal
+from executive.cli.terminal.line_view import view_for
+from executive.cli.terminal.question_prompt import Terminal
 from executive.cli.terminal.streams import echo
 from executive.cli.terminal.view import Prompt, View
-from executive.cli.terminal.views import view_for
 from executive.errors import ClientError
 from executive.executive import Executive
 from executive.session import finish_recording, open_executive, port_line

@@ -11,8 +11,8 @@ from executive.api.codes import CLOSING
 from executive.api.events import Event, QuestionStatus
 from executive.api.move import Move, number_of
 from executive.api.outcome import GoalState, GoalStatus, Outcome
+from executive.cli.terminal.line_view import view_for
 from executive.cli.terminal.view import View
-from executive.cli.terminal.views import view_for
 from executive.client.synchronous import Client
 from executive.errors import ClientError, Refused, ServerLost, ServerUnreachable
 from hardware import RealClock, State

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
-from executive.fleet.operator import ArmRow, Operator
+from executive.fleet.fleet_client import ArmRow, FleetClient
 from executive.fleet.values import Job, JobRecord
 from hardware.printable import plural
 
@@ -74,13 +74,13 @@ def arms_text(rows: Sequence[ArmRow]) -> str:
     return "\n".join(lines)
 
 
-async def top(operator: Operator) -> None:
+async def top(client: FleetClient) -> None:
     """Show the arms and the queue once a second, until Ctrl-C."""
     from rich.live import Live
     from rich.text import Text
 
     with Live(screen=sys.stdout.isatty(), auto_refresh=False) as live:
         while True:
-            number, _ = await operator.queued(0)
-            live.update(Text(f"{number} queued\n{arms_text(await operator.arms())}"), refresh=True)
+            number, _ = await client.queued(0)
+            live.update(Text(f"{number} queued\n{arms_text(await client.arms())}"), refresh=True)
             await asyncio.sleep(1.0)

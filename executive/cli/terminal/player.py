@@ -12,8 +12,8 @@ from hardware import HardwareError, RealClock, State
 from logs import LogError, Record, Recording, Result
 
 from .keyboard import DOWN, LEFT, RIGHT, UP, key_by_key, keys_in
+from .line_view import view_for
 from .view import View
-from .views import view_for
 
 _TICK = 0.1  # longest time between two updates of the shown time [s]
 _STEP = 1.0  # move of an arrow key within the recording [s]

@@ -34,7 +34,7 @@ from executive.errors import (
 )
 from executive.server.errors import failure
 from executive.server.limits.token_bucket import TokenBucket
-from executive.server.page.files import page_routes
+from executive.server.page.page_files import page_routes
 from executive.server.security import (
     AccessRules,
     client_of,

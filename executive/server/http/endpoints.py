@@ -22,7 +22,7 @@ from executive.server.errors import http_status
 from executive.server.event_hub import EventHub
 from executive.server.limits.cancel_thread import CancelThread
 from executive.server.metrics import Metrics
-from executive.server.page.robot import RobotScene
+from executive.server.page.robot_shapes import RobotScene
 from executive.server.security import is_authenticated
 from executive.server.sign_in import SignIn
 from trees.live_library import LiveLibrary

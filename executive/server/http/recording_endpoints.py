@@ -13,8 +13,8 @@ from starlette.responses import FileResponse, Response
 from executive.api.operations import OPERATIONS
 from executive.api.schemas import MAX_LISTED
 from executive.errors import NotFound
-from executive.server.recordings.folder import Query, RecordingFolder
-from executive.server.recordings.timeline import POINTS
+from executive.server.playback.recording_list import Query, RecordingFolder
+from executive.server.playback.seek import POINTS
 from executive.server.sign_in import SignIn
 from logs import RecordingError
 

@@ -13,11 +13,11 @@ from hardware import Joint, Robot
 from hardware.description.neighbours import adjacent_links
 from hardware.description.urdf import Urdf
 from skills.motion.arrays import Array, Mask
-from skills.motion.kinematics.robot_model import RobotModel
+from skills.motion.robot_model.robot_model import RobotModel
 
 from .broad_phase import BATCH
 from .checker import CollisionChecker, Contact
-from .scene import PlanningScene
+from .planning_scene import PlanningScene
 
 _SAMPLES = 10_000
 _EXACT = 200  # samples in which the exact shapes of a pair are checked

@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from skills.motion.arrays import Array, Mask
 
-from .scene import PlanningScene
+from .planning_scene import PlanningScene
 
 BATCH = 500  # configurations per call
 # No call can be interrupted, so one call checks at most a few milliseconds' worth of pairs: of

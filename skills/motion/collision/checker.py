@@ -22,7 +22,7 @@ from .broad_phase import BATCH, BroadPhase
 from .containment import ContainmentChecker
 from .distance import SignedDistance
 from .narrow_phase import NarrowPhase, TouchingShapes
-from .scene import PlanningScene
+from .planning_scene import PlanningScene
 
 
 class Contact(NamedTuple):

@@ -13,7 +13,7 @@ import pinocchio as pin
 
 from skills.motion.arrays import Array
 
-from .scene import PlanningScene
+from .planning_scene import PlanningScene
 
 
 class ContainmentChecker:

@@ -16,7 +16,7 @@ import pinocchio as pin
 from skills.motion.arrays import Array
 
 from .containment import ContainmentChecker
-from .scene import PlanningScene
+from .planning_scene import PlanningScene
 
 _RESOLUTION = 0.05  # relative error of a penetration depth
 _FINEST = 1e-4  # smallest absolute error of the search [m]

@@ -9,7 +9,7 @@ import pinocchio as pin
 from skills.motion.arrays import Array, Mask
 
 from .broad_phase import BATCH, collide, repeatable_requests
-from .scene import PlanningScene
+from .planning_scene import PlanningScene
 
 
 class TouchingShapes:

@@ -10,7 +10,7 @@ import numpy as np
 
 from skills.motion.arrays import Array
 from skills.motion.errors import Barred
-from skills.motion.kinematics.joint_group import JointGroup
+from skills.motion.robot_model.joint_group import JointGroup
 
 from .motion_validator import MotionValidator
 

@@ -12,7 +12,7 @@ from functools import lru_cache
 import numpy as np
 
 from skills.motion.arrays import Array, norms
-from skills.motion.kinematics.joint_group import JointGroup
+from skills.motion.robot_model.joint_group import JointGroup
 from skills.motion.trajectory.curve import Curve
 
 from .motion_validator import MotionValidator

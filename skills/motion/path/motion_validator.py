@@ -1,7 +1,7 @@
 """Continuous collision checking of lines and curves in the joint space of one group.
 
 As OMPL's MotionValidator. A path is checked at sample points. Bounds on the travel of every pair of
-links prove what lies between the samples, see `kinematics/lever_arms.py`.
+links prove what lies between the samples, see `robot_model/lever_arms.py`.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -14,7 +14,7 @@ from skills.motion.arrays import Array
 from skills.motion.collision.broad_phase import BATCH
 from skills.motion.collision.checker import CollisionChecker, Proximity
 from skills.motion.deadline import Deadline
-from skills.motion.kinematics.joint_group import JointGroup
+from skills.motion.robot_model.joint_group import JointGroup
 from skills.motion.trajectory.curve import Curve
 
 # Least distance between checked configurations, in metres of travel. If the margin is so small that

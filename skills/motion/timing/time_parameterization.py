@@ -8,7 +8,7 @@ from skills.motion.arrays import Array
 from skills.motion.trajectory.curve import Curve
 from skills.motion.trajectory.time_law import TimeLaw
 
-from .reachability import time_section
+from .toppra import time_section
 
 
 def time_curve(curve: Curve, velocity: Array, acceleration: Array) -> TimeLaw | None:

@@ -17,8 +17,8 @@ from hardware.description.forward_kinematics import ForwardKinematics
 from hardware.description.urdf import Urdf
 from skills.motion.arrays import Array
 from skills.motion.errors import MotionError, shown
-from skills.motion.kinematics.joint_group import JointGroup
 from skills.motion.query import Carry, Query, Reached, Request, Rest, Result, ToolQuery, Verify
+from skills.motion.robot_model.joint_group import JointGroup
 from skills.motion.trajectory.curve import Curve
 from skills.motion.trajectory.plan import Plan
 from skills.motion.trajectory.time_law import TimeLaw

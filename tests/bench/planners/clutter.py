@@ -34,7 +34,7 @@ from skills.motion import (
     World,
 )
 from skills.motion.collision.checker import CollisionChecker
-from skills.motion.collision.scene import PlanningScene
+from skills.motion.collision.planning_scene import PlanningScene
 from skills.motion.planner import Planner
 from tests.bench.planners.reference_checker import Array, ticks
 

@@ -14,7 +14,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from skills.motion import MotionError, Plan
-from skills.motion.collision.scene import PlanningScene
+from skills.motion.collision.planning_scene import PlanningScene
 from skills.motion.planner import Planner
 from skills.motion.timing.time_parameterization import time_curve
 from skills.motion.trajectory.curve import Curve

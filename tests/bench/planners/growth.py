@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from hardware import Robot, load_robot
 from skills.motion import Body, Box, NoPath, PlanTimeout, Query, World
 from skills.motion.collision.checker import CollisionChecker
-from skills.motion.collision.scene import PlanningScene
+from skills.motion.collision.planning_scene import PlanningScene
 from skills.motion.planner import Planner
 from tests.bench.planners.problems import POST
 from tests.support.arms.robots import robot_of

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from hardware import RealClock, Robot
 from skills.motion import GoalInCollision, Plan, PlanTimeout, Pool, Query
 from skills.motion.collision.checker import CollisionChecker
-from skills.motion.collision.scene import PlanningScene
+from skills.motion.collision.planning_scene import PlanningScene
 from skills.motion.planner import Planner
 from tests.bench.planners.problems import POSTS
 from tests.bench.planners.worker_pool import ask

@@ -11,7 +11,7 @@ import pinocchio as pin
 from hardware import Robot, load_robot
 from skills.motion import Body, Box, MotionError, Query, World
 from skills.motion.collision.checker import CollisionChecker
-from skills.motion.collision.scene import PlanningScene
+from skills.motion.collision.planning_scene import PlanningScene
 from skills.motion.planner import Planner
 from tests.bench.planners import mesh_arms
 from tests.bench.planners.reference_checker import Array

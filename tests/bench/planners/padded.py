@@ -18,7 +18,7 @@ import pinocchio as pin
 from hardware import Robot
 from hardware.description.meshes import find_mesh
 from skills.motion import Body, Box, Cylinder, Sphere, World
-from skills.motion.collision.scene import FLOOR, PlanningScene, placement
+from skills.motion.collision.planning_scene import FLOOR, PlanningScene, placement
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from hardware import Robot, load_robot
 from skills.motion import EMPTY, Body, Box, Query, World
 from skills.motion.collision.checker import CollisionChecker
-from skills.motion.collision.scene import PlanningScene
+from skills.motion.collision.planning_scene import PlanningScene
 from tests.bench.planners.padded import padded
 from tests.bench.planners.reference_checker import ReferenceChecker
 from tests.support.arms.robots import foreign, robot_of

@@ -9,7 +9,7 @@ from py_trees.composites import Sequence
 from py_trees.decorators import FailureIsSuccess
 
 from executive.api.outcome import GoalState, cause_of
-from executive.goals.run import decide_outcome
+from executive.goals.run_loop import decide_outcome
 from hardware import ActivationStopped, BadPosition, NotActive, PortNotGiven
 from skills import OutOfBounds
 from skills.motion import MotionCollides, PlanCanceled, PlanTimeout

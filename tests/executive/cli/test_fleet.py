@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from executive.cli.terminal.fleet_tables import arm_row, arms_text, job_row, job_text
-from executive.fleet.operator import ArmRow
+from executive.fleet.fleet_client import ArmRow
 from executive.fleet.values import Job, JobRecord, Member, Presence, Result
 from tests.support.command_line.typed import typed
 

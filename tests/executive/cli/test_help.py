@@ -85,11 +85,11 @@ def test_debug_raises_the_error_wherever_it_is(words: tuple[str, ...], tmp_path:
 def test_the_log_is_printed_wherever_verbose_is(
     words: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def load_skills(_: object) -> list[str]:
+    def load_skills(*_: object) -> list[str]:
         logging.getLogger("armtree").info("a line")
         return []
 
-    monkeypatch.setattr("trees.compile.plugins.load_skills", load_skills)
+    monkeypatch.setattr("skills.user_skills.load_skills", load_skills)
     assert typed(tmp_path, *words, "no.yaml")[2].count("INFO armtree: a line\n") == 1
     assert "a line" not in typed(tmp_path, "check", "no.yaml")[2]
 

@@ -19,8 +19,8 @@ from executive.fleet.errors import (
     PoolNotServed,
     UnknownJob,
 )
+from executive.fleet.fleet_client import FleetClient, publish
 from executive.fleet.nats_server import NatsOptions, nats_server
-from executive.fleet.operator import Operator, publish
 from executive.fleet.supervisor import LOST_SECONDS, Supervisor
 from executive.fleet.values import Job, JobRecord, Member, Presence, to_bytes
 from executive.fleet.worker import Worker
@@ -59,10 +59,10 @@ def url(options: NatsOptions) -> Iterator[str]:
 
 
 @asynccontextmanager
-async def joined(url: str, *arms: SimulatedArm, pool: str = "bench") -> AsyncIterator[Operator]:
-    """An operator, once these arms have joined as bench.0, bench.1 ..."""
+async def joined(url: str, *arms: SimulatedArm, pool: str = "bench") -> AsyncIterator[FleetClient]:
+    """A client, once these arms have joined as bench.0, bench.1 ..."""
     async with open_fleet(url, "test") as fleet, asyncio.TaskGroup() as group:
-        operator, workers = Operator(fleet, CLOCK), []
+        client, workers = FleetClient(fleet, CLOCK), []
         for number, arm in enumerate(arms):
             workers.append(Worker(fleet, arm, pool, str(number), CLOCK))
             group.create_task(workers[-1].run())
@@ -74,15 +74,15 @@ async def joined(url: str, *arms: SimulatedArm, pool: str = "bench") -> AsyncIte
                 ready.add(entry.key)
         await watcher.stop()  # type: ignore[no-untyped-call]
         try:
-            yield operator
+            yield client
         finally:
             for worker in workers:
                 worker.end()
 
 
-async def ended(operator: Operator, job: Job) -> JobRecord:
+async def ended(client: FleetClient, job: Job) -> JobRecord:
     """The record of a job that has ended."""
-    return [record async for record in operator.wait(job.identity)][-1]
+    return [record async for record in client.wait(job.identity)][-1]
 
 
 def lost(attempt: int = 1, retry_safe: bool = False) -> JobRecord:
@@ -94,22 +94,22 @@ def lost(attempt: int = 1, retry_safe: bool = False) -> JobRecord:
 def test_a_job_runs_once_and_a_repeat_is_refused(url: str) -> None:
     async def main() -> None:
         arms = [SimulatedArm(duration=0.0), SimulatedArm(duration=0.0)]
-        async with joined(url, *arms) as operator:
-            job = await operator.send("wave", "bench", {"swing": "20 deg"})
-            record = await ended(operator, job)
+        async with joined(url, *arms) as client:
+            job = await client.send("wave", "bench", {"swing": "20 deg"})
+            record = await ended(client, job)
             assert record.result
             assert (record.state, record.result.frames) == ("SUCCEEDED", 3)
             with pytest.raises(DuplicateJob):
-                await operator.send("wave", "bench", {}, job.identity)
+                await client.send("wave", "bench", {}, job.identity)
             # As a sender of another version could: another message with the id of a known job.
-            fleet = operator._fleet
+            fleet = client._fleet
             assert not await publish(fleet, replace(job, attempt=0))
             assert await publish(fleet, replace(job, attempt=0))
-            after = await operator.send("wave", "bench", {})
-            await ended(operator, after)
+            after = await client.send("wave", "bench", {})
+            await ended(client, after)
             received = [identity for arm in arms for identity in arm.received]
             assert sorted(received) == sorted({job.identity, after.identity})
-            assert [each.job for each in await operator.records()] == [job, after]
+            assert [each.job for each in await client.records()] == [job, after]
 
     asyncio.run(main())
 
@@ -117,22 +117,22 @@ def test_a_job_runs_once_and_a_repeat_is_refused(url: str) -> None:
 def test_the_queue_has_priorities_deadlines_and_cancel(url: str) -> None:
     async def main() -> None:
         arm = SimulatedArm()
-        async with joined(url, arm) as operator:
-            first = await operator.send(1, "bench", {})
+        async with joined(url, arm) as client:
+            first = await client.send(1, "bench", {})
             await arm.started.wait()
             order = ("low", "normal", "high")
-            jobs = [await operator.send(each, "bench", {}, priority=each) for each in order]
-            late = await operator.send("late", "bench", {}, start_within=1e-9)
-            gone = await operator.send("gone", "bench", {})
-            assert (await operator.queued())[0] == 5
-            canceled = await operator.cancel(gone.identity)
+            jobs = [await client.send(each, "bench", {}, priority=each) for each in order]
+            late = await client.send("late", "bench", {}, start_within=1e-9)
+            gone = await client.send("gone", "bench", {})
+            assert (await client.queued())[0] == 5
+            canceled = await client.cancel(gone.identity)
             assert (canceled.state, canceled.arm) == ("CANCELED", "")
             arm.duration = 0.0
-            await operator.cancel(first.identity)
-            assert (await ended(operator, first)).state == "CANCELED"
+            await client.cancel(first.identity)
+            assert (await ended(client, first)).state == "CANCELED"
             for job in jobs:
-                assert (await ended(operator, job)).state == "SUCCEEDED"
-            result = (await ended(operator, late)).result
+                assert (await ended(client, job)).state == "SUCCEEDED"
+            result = (await ended(client, late)).result
             assert result
             assert result.code == "fleet.deadline"
             assert arm.tasks_of == [1, "high", "normal", "low"]
@@ -143,20 +143,20 @@ def test_the_queue_has_priorities_deadlines_and_cancel(url: str) -> None:
 def test_wrong_jobs_are_refused_at_once(url: str) -> None:
     async def main() -> None:
         arm = SimulatedArm(duration=0.0)
-        async with joined(url, arm) as operator:
+        async with joined(url, arm) as client:
             with pytest.raises(PoolNotServed, match="pool other"):
-                await operator.send(1, "other", {})
+                await client.send(1, "other", {})
             with pytest.raises(BadName):
-                await operator.send(1, "a.*", {})
+                await client.send(1, "a.*", {})
             with pytest.raises(BadJob):
-                await operator.send(1, "bench", {}, "not an id")
+                await client.send(1, "bench", {}, "not an id")
             with pytest.raises(UnknownJob):
-                await operator.cancel("f" * 32)
-            fleet = operator._fleet
+                await client.cancel("f" * 32)
+            fleet = client._fleet
             await fleet.stream.publish("fleet.job.bench.high", b'{"identity": 1}')
-            job = await operator.send(1, "bench", {})
-            assert (await ended(operator, job)).state == "SUCCEEDED"
-            assert (await operator.queued())[1] == []
+            job = await client.send(1, "bench", {})
+            assert (await ended(client, job)).state == "SUCCEEDED"
+            assert (await client.queued())[1] == []
 
     asyncio.run(main())
 
@@ -164,26 +164,26 @@ def test_wrong_jobs_are_refused_at_once(url: str) -> None:
 def test_a_stop_holds_the_fleet_and_names_who_does_not_confirm(url: str) -> None:
     async def main() -> None:
         arms = [SimulatedArm(), SimulatedArm()]
-        async with joined(url, *arms) as operator:
-            running = await operator.send(1, "bench", {})
-            await anext(operator.wait(running.identity))
-            confirmed = await operator.stop()
+        async with joined(url, *arms) as client:
+            running = await client.send(1, "bench", {})
+            await anext(client.wait(running.identity))
+            confirmed = await client.stop()
             assert [each.arm for each in confirmed] == ["bench.0", "bench.1"]
             assert sum((each.goals for each in confirmed), ()).count(running.identity) == 1
-            assert (await ended(operator, running)).state == "CANCELED"
-            queued = await operator.send(2, "bench", {})
-            assert (await operator.queued())[0] == 1
+            assert (await ended(client, running)).state == "CANCELED"
+            queued = await client.send(2, "bench", {})
+            assert (await client.queued())[0] == 1
             for arm in arms:
                 arm.duration = 0.0
-            await operator.resume(["bench"])
-            assert (await ended(operator, queued)).state == "SUCCEEDED"
+            await client.resume(["bench"])
+            assert (await ended(client, queued)).state == "SUCCEEDED"
             silent = Member("bench.silent", "http://silent", "host", "e" * 32, 1)
-            await operator._fleet.members.put(silent.arm, to_bytes(silent))
+            await client._fleet.members.put(silent.arm, to_bytes(silent))
             with pytest.raises(NotConfirmed, match=r"stop, 2 of 3: bench\.silent;"):
-                await operator.stop()
+                await client.stop()
             assert [arm.stops for arm in arms] == [2, 2]
-            await operator.forget(silent.arm)
-            assert len(await operator.arms()) == 2
+            await client.forget(silent.arm)
+            assert len(await client.arms()) == 2
 
     asyncio.run(main())
 
@@ -191,16 +191,16 @@ def test_a_stop_holds_the_fleet_and_names_who_does_not_confirm(url: str) -> None
 def test_an_arm_that_is_stopped_by_hand_takes_no_jobs(url: str) -> None:
     async def main() -> None:
         arm = SimulatedArm()
-        async with joined(url, arm) as operator:
-            job = await operator.send(1, "bench", {})
+        async with joined(url, arm) as client:
+            job = await client.send(1, "bench", {})
             await arm.started.wait()
             await arm.stop()
-            assert (await ended(operator, job)).state == "CANCELED"
-            after = await operator.send(2, "bench", {})
+            assert (await ended(client, job)).state == "CANCELED"
+            after = await client.send(2, "bench", {})
             arm.duration = 0.0
-            assert isinstance(await operator.job(after.identity), Job)
-            await operator.resume()
-            assert (await ended(operator, after)).state == "SUCCEEDED"
+            assert isinstance(await client.job(after.identity), Job)
+            await client.resume()
+            assert (await ended(client, after)).state == "SUCCEEDED"
 
     asyncio.run(main())
 
@@ -208,8 +208,8 @@ def test_an_arm_that_is_stopped_by_hand_takes_no_jobs(url: str) -> None:
 def test_the_job_of_a_lost_arm_is_given_up_or_sent_again_if_that_is_safe(url: str) -> None:
     async def main() -> None:
         arm = SimulatedArm(duration=0.0)
-        async with joined(url, arm) as operator:
-            fleet, clock = operator._fleet, SetClock()
+        async with joined(url, arm) as client:
+            fleet, clock = client._fleet, SetClock()
             supervisor = Supervisor(fleet, clock)
             safe = replace(lost(retry_safe=True), job=replace(lost().job, identity="c" * 32))
             for record in (lost(), safe):
@@ -218,11 +218,11 @@ def test_the_job_of_a_lost_arm_is_given_up_or_sent_again_if_that_is_safe(url: st
             clock.time += LOST_SECONDS + 1
             swept = {each.job.identity: each async for each in supervisor.sweep()}
             assert swept.keys() == {LOST_ID, "c" * 32}
-            record = await ended(operator, lost().job)
+            record = await ended(client, lost().job)
             assert record.result
             assert (record.state, record.result.code) == ("ABORTED", "fleet.arm_lost")
             assert "16 s" in record.result.message
-            again = await ended(operator, safe.job)
+            again = await ended(client, safe.job)
             assert (again.arm, again.job.attempt, again.state) == ("bench.0", 2, "SUCCEEDED")
             assert arm.received == ["c" * 32]
 
@@ -236,8 +236,8 @@ def test_an_arm_that_comes_back_reports_what_it_did(url: str) -> None:
         async with open_fleet(url, "earlier") as fleet:
             mine = replace(lost(), arm="bench.0")
             await fleet.jobs.create(LOST_ID, to_bytes(mine))
-        async with joined(url, arm) as operator:
-            record = await ended(operator, mine.job)
+        async with joined(url, arm) as client:
+            record = await ended(client, mine.job)
             assert (record.state, record.late) == ("SUCCEEDED", False)
             assert arm.received == [LOST_ID]
 
@@ -248,10 +248,10 @@ def test_a_name_is_taken_only_while_its_worker_lives(
     url: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     async def main() -> None:
-        async with joined(url, SimulatedArm("http://one")) as operator:
+        async with joined(url, SimulatedArm("http://one")) as client:
             monkeypatch.setattr("executive.fleet.worker.ALIVE_SECONDS", -9.0)
             with pytest.raises(NameTaken, match=r"bench\.0, with the server http://one"):
-                await Worker(operator._fleet, SimulatedArm(), "bench", "0", CLOCK).run()
+                await Worker(client._fleet, SimulatedArm(), "bench", "0", CLOCK).run()
         async with open_fleet(url, "after") as fleet:
             assert await fleet.values(fleet.members, Member) == {}
             assert await fleet.values(fleet.alive, Presence) == {}
@@ -279,7 +279,7 @@ def test_a_result_waits_until_the_nats_server_is_back(options: NatsOptions) -> N
                     arm.finish(job.identity)
                     with nats_server(options, CLOCK):
                         await asyncio.wait_for(up.wait(), 20)
-                        record = await ended(Operator(fleet, CLOCK), job)
+                        record = await ended(FleetClient(fleet, CLOCK), job)
                         assert record.state == "SUCCEEDED"
                         assert arm.received == [job.identity]
                         worker.end()
@@ -294,4 +294,4 @@ async def sent(fleet: Fleet) -> Job:
         if entry is not None:
             break
     await watcher.stop()  # type: ignore[no-untyped-call]
-    return await Operator(fleet, CLOCK).send(1, "bench", {})
+    return await FleetClient(fleet, CLOCK).send(1, "bench", {})

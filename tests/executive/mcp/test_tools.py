@@ -19,7 +19,7 @@ from mcp_types import CallToolResult, ElicitResult, ImageContent, Implementation
 from executive.client.asynchronous import AsyncClient
 from executive.client.held_goals import HeldGoals
 from executive.errors import AddressInUse
-from executive.mcp.server import BURST, listen, make_server, serve_http
+from executive.mcp.mcp_server import BURST, listen, make_server, serve_http
 from executive.mcp.tools import MOVE, TOOLS
 from hardware import load_robot
 from tests.support.servers.serving import Serve, Served
@@ -269,7 +269,7 @@ HOSTILE: list[tuple[str, dict[str, Any]]] = [
 
 
 def test_a_hostile_client_changes_nothing(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("executive.mcp.server.BURST", 1000.0)
+    monkeypatch.setattr("executive.mcp.mcp_server.BURST", 1000.0)
     served = serve()
     server = make_server(served.server.url, load_robot(None))
 

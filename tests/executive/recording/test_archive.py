@@ -15,7 +15,7 @@ from executive.replay.verification import verify
 from executive.testing import SimulatedArm
 from hardware import Robot, load_robot
 from logs import Recording, RecordingError
-from skills.motion.kinematics.robot_model import RobotModel
+from skills.motion.robot_model.robot_model import RobotModel
 from tests.hardware.description.test_calibration import calibrate
 from tests.support.arms.bus_arms import bus_arm
 from tests.support.paths import DATA

@@ -18,8 +18,8 @@ from executive.cli.support.log_handler import LogHandler
 from executive.goals.goal import Goal
 from executive.goals.mailbox import Mailbox
 from executive.recording import recordings
-from executive.replay.frames import result_difference
 from executive.replay.verification import verify
+from executive.replay.verify_frames import result_difference
 from hardware import RealClock, Robot
 from logs.reading.file_state import being_written, is_complete
 from logs.views.narrative import narrative, overview

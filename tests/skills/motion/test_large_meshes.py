@@ -12,7 +12,7 @@ from hardware import RealClock, Robot
 from skills.motion import Body, Box, MotionError, PlanTimeout, Query, ToolQuery, World
 from skills.motion.collision.broad_phase import MAX_MESH_PAIRS
 from skills.motion.collision.checker import CollisionChecker
-from skills.motion.collision.scene import PlanningScene
+from skills.motion.collision.planning_scene import PlanningScene
 from skills.motion.planner import Planner
 from tests.support.arms.real_arms import real
 from tests.support.arms.robots import free_poses

@@ -18,11 +18,11 @@ from skills.motion import (
     World,
 )
 from skills.motion.collision.checker import CollisionChecker
-from skills.motion.collision.scene import PlanningScene
-from skills.motion.kinematics.inverse import ToolChain
-from skills.motion.kinematics.joint_group import JointGroup
+from skills.motion.collision.planning_scene import PlanningScene
+from skills.motion.inverse_kinematics import ToolChain
 from skills.motion.path.blend import VIA_TOLERANCE
 from skills.motion.planner import Planner
+from skills.motion.robot_model.joint_group import JointGroup
 from tests.support.arms.robots import ARMS, foreign, free_poses
 
 POST = World((Body("post", Box((0.1, 0.1, 1.2)), (0.4, 0.0, 0.4)),))

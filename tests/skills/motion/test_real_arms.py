@@ -22,11 +22,11 @@ from skills.motion import (
     World,
 )
 from skills.motion.collision.checker import CollisionChecker
-from skills.motion.collision.scene import PlanningScene
-from skills.motion.kinematics.inverse import ToolChain
-from skills.motion.kinematics.joint_group import JointGroup
-from skills.motion.kinematics.robot_model import RobotModel
+from skills.motion.collision.planning_scene import PlanningScene
+from skills.motion.inverse_kinematics import ToolChain
 from skills.motion.planner import Planner
+from skills.motion.robot_model.joint_group import JointGroup
+from skills.motion.robot_model.robot_model import RobotModel
 from tests.support.arms.real_arms import FILES, real
 from tests.support.arms.robots import free_poses
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from hardware import Robot, load_robot
 from skills.motion import Plan, Query
 from skills.motion.collision.checker import CollisionChecker
-from skills.motion.collision.scene import PlanningScene
+from skills.motion.collision.planning_scene import PlanningScene
 from skills.motion.planner import Planner
 
 pytestmark = pytest.mark.slow

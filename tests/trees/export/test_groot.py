@@ -8,12 +8,13 @@ from pathlib import Path
 import pytest
 
 from hardware import Robot
+from skills.user_skills import load_skills
 from tests.support.paths import EXAMPLES
 from trees import Library
 from trees.check import compile_task
-from trees.compile.plugins import load_skills
 from trees.export.groot import as_groot
 from trees.export.outline import outline
+from trees.nodes.kind import reserved_names
 
 LOADER = Path(sys.prefix) / ".behaviortree"
 FOR_US = {"name", "_description"}  # attributes that are not ports
@@ -83,7 +84,7 @@ def same(text: str, reported: list[str]) -> None:
 
 @pytest.mark.parametrize("number", range(9))
 def test_every_task_that_ships_is_loaded_whole(robot: Robot, tmp_path: Path, number: int) -> None:
-    assert load_skills(EXAMPLES / "skills") == []
+    assert load_skills(EXAMPLES / "skills", reserved_names()) == []
     text = exported(robot, EXAMPLES, number)
     said = load(text, tmp_path)
     assert (said.returncode, said.stderr) == (0, "")

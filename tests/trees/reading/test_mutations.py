@@ -11,13 +11,14 @@ from pathlib import Path
 
 import pytest
 
+from skills.user_skills import load_skills
 from tests.support.paths import EXAMPLES, TASKS
 from tests.trees.test_build import Shop, shop  # noqa: F401  a fixture
 from trees import Library
 from trees.build import build
 from trees.check import check
-from trees.compile.plugins import load_skills
 from trees.export.resolved import RESOLVED
+from trees.nodes.kind import reserved_names
 from trees.reading.grammar import parse_value
 
 pytestmark = pytest.mark.slow
@@ -84,7 +85,7 @@ def said(path: Path, text: str) -> tuple[Said, dict[str, int]]:
 
 @pytest.mark.parametrize("file", FILES, ids=[path.stem for path in FILES])
 def test_slips(shop: Shop, file: Path) -> None:  # noqa: F811
-    assert not load_skills(EXAMPLES / "skills")
+    assert not load_skills(EXAMPLES / "skills", reserved_names())
     texts = {path.name: copied(path) for path in FILES}
     for name, text in texts.items():
         (shop.folder / name).write_text(text)

@@ -11,7 +11,7 @@ from skills.motion import Body, Box, Cylinder, Shape, Sphere, World
 from skills.motion.arrays import Array, Mask
 from skills.motion.collision import broad_phase
 from skills.motion.collision.broad_phase import BroadPhase
-from skills.motion.collision.scene import PlanningScene
+from skills.motion.collision.planning_scene import PlanningScene
 from tests.support.arms.robots import foreign
 
 ROBOTS: dict[str, Callable[[], Robot]] = {

@@ -23,8 +23,8 @@ from skills.motion import (
     Verify,
     World,
 )
-from skills.motion.kinematics.geometry import EnclosedVolume
 from skills.motion.planner import Planner
+from skills.motion.robot_model.geometry import EnclosedVolume
 from tests.support.arms.robots import foreign
 
 pytestmark = pytest.mark.slow

@@ -9,7 +9,7 @@ from hypothesis import given, settings, strategies as st
 from hardware import load_robot
 from skills.motion import Body, Box, Mesh, Query, Shape, Sphere, StartInCollision, World
 from skills.motion.collision.checker import CollisionChecker
-from skills.motion.collision.scene import PlanningScene
+from skills.motion.collision.planning_scene import PlanningScene
 from skills.motion.planner import Planner
 from tests.skills.motion.collision.test_containment import AWAY, STAND, cube
 

@@ -8,12 +8,12 @@ import pytest
 from hardware import SimulatedClock, load_robot
 from skills.motion import Body, Box, MotionError, Plan, PlanTimeout, Query, World
 from skills.motion.collision.checker import CollisionChecker
-from skills.motion.collision.scene import PlanningScene
+from skills.motion.collision.planning_scene import PlanningScene
 from skills.motion.deadline import Deadline
-from skills.motion.kinematics.joint_group import JointGroup
 from skills.motion.path.bend import find_bend, find_corner
 from skills.motion.path.motion_validator import MotionValidator
 from skills.motion.planner import Planner
+from skills.motion.robot_model.joint_group import JointGroup
 
 ROBOT = load_robot()
 POST = World((Body("post", Box((0.03, 0.03, 0.3)), (0.115, 0.115, 0.15)),))

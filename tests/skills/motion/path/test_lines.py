@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from hardware import Robot, load_robot
 from skills.motion import Body, MotionError, Plan, Query, Sphere, World
-from skills.motion.kinematics.joint_group import JointGroup
 from skills.motion.planner import Planner
+from skills.motion.robot_model.joint_group import JointGroup
 from tests.support.arms.real_arms import FILES, real
 from tests.support.arms.robots import ARMS, foreign, free_poses
 

@@ -9,11 +9,11 @@ from hardware import RealClock, load_robot
 from skills.motion import Body, Box, World
 from skills.motion.arrays import Array
 from skills.motion.collision.checker import CollisionChecker
-from skills.motion.collision.scene import PlanningScene
+from skills.motion.collision.planning_scene import PlanningScene
 from skills.motion.deadline import Deadline
-from skills.motion.kinematics.joint_group import JointGroup
 from skills.motion.path.motion_validator import MotionValidator
 from skills.motion.path.rrt_connect import find_path
+from skills.motion.robot_model.joint_group import JointGroup
 
 ROBOT = load_robot()
 POST = World((Body("post", Box((0.03, 0.03, 0.3)), (0.115, 0.115, 0.15)),))

@@ -6,8 +6,8 @@ from hypothesis import given, settings, strategies as st
 from numpy.typing import NDArray
 
 from skills.motion.arrays import norms
-from skills.motion.timing.reachability import time_section
 from skills.motion.timing.time_parameterization import line_duration, time_curve
+from skills.motion.timing.toppra import time_section
 from skills.motion.trajectory.curve import Curve
 from skills.motion.trajectory.time_law import TimeLaw
 

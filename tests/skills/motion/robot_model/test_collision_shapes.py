@@ -8,7 +8,7 @@ import pytest
 
 from hardware import Robot, load_robot
 from skills.motion import ModelUnusable
-from skills.motion.kinematics.robot_model import RobotModel
+from skills.motion.robot_model.robot_model import RobotModel
 from tests.support.arms.robots import pair_file
 from tests.support.paths import DATA
 

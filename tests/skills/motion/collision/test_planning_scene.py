@@ -22,10 +22,10 @@ from skills.motion import (
     World,
 )
 from skills.motion.collision.checker import CollisionChecker
-from skills.motion.collision.scene import PlanningScene
-from skills.motion.kinematics.geometry import corners
-from skills.motion.kinematics.lever_arms import floor_lever_arms
+from skills.motion.collision.planning_scene import PlanningScene
 from skills.motion.planner import Planner
+from skills.motion.robot_model.geometry import corners
+from skills.motion.robot_model.lever_arms import floor_lever_arms
 from tests.support.arms.robots import pair_file
 
 Array = NDArray[np.float64]

@@ -20,7 +20,7 @@ import logs
 from executive.errors import NotFound, TooMuch
 from executive.recording.archive import restore_robot
 from executive.recording.recordings import is_server_recording
-from executive.server.page.robot import RobotScene
+from executive.server.page.robot_shapes import RobotScene
 from logs.reading.file_state import is_complete
 from logs.reading.find import by_name
 from logs.reading.indexed import IndexedRecording
@@ -28,7 +28,7 @@ from logs.writing.recovery import copy_valid
 from logs.writing.retention import delete, pin, pinned, purge, restore
 
 from .recorded_nodes import recorded_nodes
-from .timeline import Timeline
+from .seek import Timeline
 
 UNDO = 900.0  # a deleted recording can be restored for this time [s]
 COPY_AGE = 30.0  # a copy of a recording that is being written is made again after this time [s]

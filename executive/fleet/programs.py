@@ -19,13 +19,13 @@ from .errors import FleetError, FleetMissing, check_name
 
 try:
     from .connection import open_fleet
+    from .fleet_client import FleetClient
     from .nats_server import (
         NatsOptions,
         make_key as make_key,
         nats_server,
         own_credentials,
     )
-    from .operator import Operator
     from .supervisor import Supervisor
     from .values import JobRecord
     from .worker import Worker
@@ -40,8 +40,8 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _RETRY_SECONDS = 1.0
 
 
-def run(url: str, act: Callable[[Operator], Coroutine[Any, Any, None]]) -> None:
-    """Connect to a fleet, and call a function with its operator.
+def run(url: str, act: Callable[[FleetClient], Coroutine[Any, Any, None]]) -> None:
+    """Connect to a fleet, and call a function with its client.
 
     Raises:
         FleetError: The fleet cannot be reached, or refuses.
@@ -49,7 +49,7 @@ def run(url: str, act: Callable[[Operator], Coroutine[Any, Any, None]]) -> None:
 
     async def main() -> None:
         async with open_fleet(url, "armtree") as fleet:
-            await act(Operator(fleet, RealClock()))
+            await act(FleetClient(fleet, RealClock()))
 
     asyncio.run(main())
 
@@ -171,11 +171,11 @@ async def _signals() -> AsyncIterator[asyncio.Event]:
     yield ended
 
 
-async def fetch_recording(operator: Operator, identity: str, folder: Path) -> Path:
+async def fetch_recording(client: FleetClient, identity: str, folder: Path) -> Path:
     """Fetch the recording of a job from the server of its arm.
 
     Args:
-        operator: The fleet.
+        client: The fleet.
         identity: Id of the job.
         folder: Folder for the file.
 
@@ -187,7 +187,7 @@ async def fetch_recording(operator: Operator, identity: str, folder: Path) -> Pa
         FleetError: It has no recording.
         ClientError: The server of its arm does not answer, or refuses.
     """
-    found = await operator.job(identity)
+    found = await client.job(identity)
     result = found.result if isinstance(found, JobRecord) else None
     if not isinstance(found, JobRecord) or not result or not result.recording:
         raise FleetError(f"the job {identity} has no recording; `armtree fleet jobs` shows why")

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from executive.server import page
-from executive.server.page.files import POLICY
+from executive.server.page.page_files import POLICY
 from tests.support.servers.serving import Serve, Served
 
 STATIC = Path(page.__file__).parent / "static"

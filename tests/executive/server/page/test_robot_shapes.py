@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from executive.errors import NotFound
-from executive.server.page.robot import RobotScene
+from executive.server.page.robot_shapes import RobotScene
 from hardware import load_robot
 from tests.support.paths import ROOT
 

@@ -16,9 +16,9 @@ from hardware import CollisionRules, Robot
 from hardware.description.meshes import MAX_MESH_BYTES
 from skills.motion.arrays import Array
 from skills.motion.errors import BadWorld
-from skills.motion.kinematics.geometry import EnclosedVolume, convex_hull
-from skills.motion.kinematics.lever_arms import travel_bounds
-from skills.motion.kinematics.robot_model import RobotModel
+from skills.motion.robot_model.geometry import EnclosedVolume, convex_hull
+from skills.motion.robot_model.lever_arms import travel_bounds
+from skills.motion.robot_model.robot_model import RobotModel
 from skills.motion.world import EMPTY, Body, Box, Cylinder, Mesh, Shape, Sphere, World
 
 FLOOR = "floor"

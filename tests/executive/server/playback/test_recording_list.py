@@ -5,8 +5,8 @@ from urllib.parse import quote
 
 import pytest
 
-from executive.server.recordings import folder as folder_of_recordings
-from executive.server.recordings.folder import RecordingFolder
+from executive.server.playback import recording_list as folder_of_recordings
+from executive.server.playback.recording_list import RecordingFolder
 from tests.support.recordings.finished import at_rest, rest
 from tests.support.servers.serving import Serve, Served
 

@@ -36,8 +36,8 @@ from skills.motion.timing.time_parameterization import line_duration
 from skills.motion.validation import MAX_MAGNITUDE, check_seed, joint_positions
 from skills.motion.world import Vector
 
-from .joint_group import JointGroup
-from .robot_model import RobotModel
+from .robot_model.joint_group import JointGroup
+from .robot_model.robot_model import RobotModel
 
 # The budget is counted in descents, not in seconds: equal queries give equal answers.
 _FIRST_SEEDS = 16  # starting points of the first round, the current configuration included

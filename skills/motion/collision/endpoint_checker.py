@@ -15,8 +15,8 @@ from skills.motion.errors import (
     StartOutOfBounds,
     shown,
 )
-from skills.motion.kinematics.joint_group import JointGroup
 from skills.motion.query import MIN_SPEED, Query
+from skills.motion.robot_model.joint_group import JointGroup
 from skills.motion.validation import MAX_MAGNITUDE, check_seed, is_number, joint_positions
 
 from .checker import CollisionChecker

@@ -10,7 +10,7 @@ import pytest
 from hardware import RealClock, Robot, load_robot
 from skills.motion import Body, Box, NotFinite, Query, ToolQuery, Unreachable, World
 from skills.motion.collision.checker import CollisionChecker
-from skills.motion.collision.scene import PlanningScene
+from skills.motion.collision.planning_scene import PlanningScene
 from skills.motion.planner import Planner
 from tests.support.arms.robots import foreign
 

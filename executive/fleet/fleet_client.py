@@ -73,8 +73,8 @@ class Confirmation:
     seconds: float
 
 
-class Operator:
-    """The requests of a person to a fleet.
+class FleetClient:
+    """A client of a fleet, for a person.
 
     Args:
         fleet: The fleet.

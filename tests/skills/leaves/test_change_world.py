@@ -9,7 +9,7 @@ import logs
 from executive.api.outcome import Outcome
 from hardware import Robot
 from skills import Skill
-from skills.leaves.scene import AddBox, Attach, Detach
+from skills.leaves.change_world import AddBox, Attach, Detach
 from skills.motion.planner import Planner
 from tests.conftest import Bench, Rig, RigMaker
 

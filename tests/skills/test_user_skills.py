@@ -10,8 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from trees.compile.plugins import load_skills
+from skills.user_skills import load_skills
 from trees.compile.port_types import known_skills
+from trees.nodes.kind import reserved_names
 
 pytestmark = pytest.mark.slow
 
@@ -67,7 +68,7 @@ def test_a_file_that_may_never_end_is_not_read(
 ) -> None:
     path = tmp_path / "endless.py"
     make(path)
-    assert load_skills(tmp_path) == [f"{path}: {why}"]
+    assert load_skills(tmp_path, reserved_names()) == [f"{path}: {why}"]
 
 
 @pytest.fixture(scope="module")
@@ -121,7 +122,7 @@ def test_its_skills_are_in_the_schema_and_in_tasks(installed: Path, tmp_path: Pa
 )
 def test_functions_that_no_task_could_call(tmp_path: Path, function: str, words: str) -> None:
     (tmp_path / "own.py").write_text(f"from skills import skill\n\n@skill\n{function}\n")
-    (wrong,) = load_skills(tmp_path)
+    (wrong,) = load_skills(tmp_path, reserved_names())
     assert words in wrong
     assert not {"wipe", "sequence", "name"} & set(known_skills())
 
@@ -135,7 +136,7 @@ def test_a_plugin_that_raises_costs_only_itself(tmp_path: Path, raised: str) -> 
     (tmp_path / "right.py").write_text(
         f"from skills import skill\n\n@skill\ndef {name}() -> None: ...\n"
     )
-    (wrong,) = load_skills(tmp_path)
+    (wrong,) = load_skills(tmp_path, reserved_names())
     assert f"own.py:1: {raised.partition('(')[0]}" in wrong
     assert name in known_skills()
 
@@ -144,7 +145,7 @@ def test_what_a_plugin_prints_goes_to_stderr(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "own.py").write_text("print('hello')\n")
-    assert load_skills(tmp_path) == []
+    assert load_skills(tmp_path, reserved_names()) == []
     assert capsys.readouterr() == ("", "hello\n")
 
 
@@ -155,7 +156,7 @@ def test_a_skill_with_an_old_name_is_loaded_with_a_warning(tmp_path: Path) -> No
     )
     words = f"{tmp_path / 'own.py'}: OldPump.judge is deprecated; rename it to validate"
     with pytest.warns(DeprecationWarning, match=re.escape(words)):
-        assert load_skills(tmp_path) == []
+        assert load_skills(tmp_path, reserved_names()) == []
 
 
 def test_ctrl_c_while_a_plugin_loads_is_meant_for_the_command(tmp_path: Path) -> None:

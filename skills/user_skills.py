@@ -1,21 +1,19 @@
-"""Users' skills: Python files in a folder, and installed packages."""
+"""Loads users' skills: Python files in a folder (`--skills`), and installed packages."""
 
 import importlib.util
 import signal
 import sys
 import threading
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 from typing import NoReturn
 
 from py_trees.ports import get_ports_registry, register_ports_class
 
-import skills  # noqa: F401  registers the shipped skills
 from hardware.drivers.installed import EntryPoint, entry_points
 from hardware.files import read_file
-from trees.nodes.kind import KINDS
 
 GROUP = "armtree.skills"
 _MAX_BYTES = 2**20  # of a file
@@ -23,21 +21,22 @@ _MAX_BYTES = 2**20  # of a file
 _loaded: dict[str, str] = {}  # the error of every loaded plugin; empty for none
 
 
-def load_skills(folder: Path | None) -> list[str]:
+def load_skills(folder: Path | None, reserved: Collection[str]) -> list[str]:
     """Load users' skills, each once in a process. A broken one does not affect the others.
 
     Args:
         folder: Folder of Python files; None for only installed packages.
+        reserved: Names that no skill may have, because the grammar of task files uses them.
 
     Returns:
         What is broken, and why.
     """
-    wrong = [_load_package(entry) for entry in entry_points(GROUP).values()]
+    wrong = [_load_package(entry, reserved) for entry in entry_points(GROUP).values()]
     if folder is not None:
         if not folder.is_dir():
             return [*filter(None, wrong), f"{folder}: there is no such folder for skills"]
         files = sorted(path for path in folder.glob("*.py") if not path.name.startswith("_"))
-        wrong += [_load_file(path) for path in files]
+        wrong += [_load_file(path, reserved) for path in files]
     return [reason for reason in wrong if reason]
 
 
@@ -46,14 +45,14 @@ def is_broken(module: str) -> bool:
     return bool(_loaded.get(module))
 
 
-def _load_package(entry: EntryPoint) -> str:
+def _load_package(entry: EntryPoint, reserved: Collection[str]) -> str:
     module = entry.module
     if module not in _loaded:
-        _loaded[module] = _guarded(module, f"{entry.name} ({entry.value})", entry.load)
+        _loaded[module] = _guarded(f"{entry.name} ({entry.value})", reserved, entry.load)
     return _loaded[module]
 
 
-def _load_file(path: Path) -> str:
+def _load_file(path: Path, reserved: Collection[str]) -> str:
     module = f"armtree_skills.{path.resolve().as_posix().replace('.', '_')}"
     if module not in _loaded:
         try:
@@ -66,11 +65,11 @@ def _load_file(path: Path) -> str:
         made = importlib.util.module_from_spec(spec)
         sys.modules[module] = made  # as import does, so that annotations can be resolved
         loader = spec.loader
-        _loaded[module] = _guarded(module, str(path), lambda: loader.exec_module(made))
+        _loaded[module] = _guarded(str(path), reserved, lambda: loader.exec_module(made))
     return _loaded[module]
 
 
-def _guarded(module: str, source: str, load: Callable[[], object]) -> str:
+def _guarded(source: str, reserved: Collection[str], load: Callable[[], object]) -> str:
     """Load a plugin; return why it is broken, or an empty text."""
     before, pressed = get_ports_registry(), list[int]()
     try:
@@ -85,9 +84,8 @@ def _guarded(module: str, source: str, load: Callable[[], object]) -> str:
         return f"{source}{_line(error, source)}: {type(error).__name__}: {error}"
     after = get_ports_registry()
     taken = [name for name, kind in after.items() if before.get(name, kind) is not kind]
-    keys = {*KINDS, "subtree", "task", "name", "with"}
-    if reserved := [name for name in after if name not in before and name in keys]:
-        return f"{source}: {', '.join(reserved)}: the grammar has that name already; rename it"
+    if wrong := [name for name in after if name not in before and name in reserved]:
+        return f"{source}: {', '.join(wrong)}: the grammar has that name already; rename it"
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         for name in taken:

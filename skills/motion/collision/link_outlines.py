@@ -5,9 +5,9 @@ import numpy as np
 import pinocchio as pin
 
 from skills.motion.arrays import Array
-from skills.motion.kinematics.geometry import corners
+from skills.motion.robot_model.geometry import corners
 
-from .scene import PlanningScene
+from .planning_scene import PlanningScene
 
 _ANGLES = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
 _RING = np.column_stack((np.cos(_ANGLES), np.sin(_ANGLES), np.zeros(len(_ANGLES))))

@@ -9,7 +9,7 @@ from toppra.constraint import LinearConstraint
 from toppra.solverwrapper.cy_seidel_solverwrapper import seidelWrapper
 
 from skills.motion.arrays import Array, norms
-from skills.motion.timing.reachability import time_section
+from skills.motion.timing.toppra import time_section
 from skills.motion.trajectory.curve import Curve
 from skills.motion.trajectory.time_law import TimeLaw
 

@@ -10,8 +10,8 @@ import pytest
 
 import logs
 from executive.api.events import EVENTS, event_to_json, kind_of
-from executive.server.recordings.node_state import NodeState
-from executive.server.recordings.timeline import Timeline
+from executive.server.playback.node_state import NodeState
+from executive.server.playback.seek import Timeline
 from executive.testing import SimulatedArm
 from tests.support.recordings.alterations import lacking
 from tests.support.recordings.long_recording import write_long

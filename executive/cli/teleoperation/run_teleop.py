@@ -17,8 +17,8 @@ from executive.session import open_executive, port_line
 from executive.setup import Setup
 from hardware import load_robot
 
-from .leader import HandGuidedArm
 from .screen import TeleopScreen
+from .servo_leader import HandGuidedArm
 
 
 def run_teleop(
