@@ -14,10 +14,10 @@ import click
 
 from hardware.printable import plural
 
+from .settings import PATH
 from .support.command_group import command
 from .support.failures import Refusal
 from .support.options import port_option, robot_option
-from .support.settings import PATH
 from .terminal.full_screen import FullScreen
 from .terminal.keyboard import ENTER, key_by_key, keys_in
 from .terminal.streams import echo

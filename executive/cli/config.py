@@ -4,8 +4,7 @@ import json
 
 import click
 
-from .support.command_group import command
-from .support.settings import (
+from .settings import (
     FILE,
     SETTINGS,
     environment_name,
@@ -14,6 +13,7 @@ from .support.settings import (
     read_files,
     user_file,
 )
+from .support.command_group import command
 from .terminal.streams import echo
 
 

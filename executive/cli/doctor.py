@@ -15,6 +15,7 @@ from click.core import ParameterSource
 
 from executive.api.codes import look_up
 
+from .settings import PATH
 from .support.command_group import command
 from .support.names import first_motion, load_library
 from .support.options import (
@@ -23,7 +24,6 @@ from .support.options import (
     robot_option,
     trees_option,
 )
-from .support.settings import PATH
 from .terminal.streams import echo
 
 if TYPE_CHECKING:

@@ -11,10 +11,10 @@ import click
 
 from executive.api.codes import look_up
 
+from .settings import ABOVE_0, PATH, Whole, local_server, option
 from .support.command_group import CommandGroup
 from .support.names import TASK, check_goal_id
 from .support.options import set_option
-from .support.settings import ABOVE_0, PATH, Whole, local_server, option
 from .terminal.streams import LogFormatter, echo
 
 if TYPE_CHECKING:

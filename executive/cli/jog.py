@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .move import pose_of
+from .settings import option
 from .support.command_group import command
 from .support.options import run_options, source_options, speed_option
-from .support.settings import option
 
 if TYPE_CHECKING:
     from executive.api.events import Where

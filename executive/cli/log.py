@@ -10,11 +10,11 @@ import click
 
 from executive.api.codes import DIFFERS, look_up
 
+from .settings import AT_LEAST_0, PATH, find_setting
 from .support.command_group import CommandGroup
 from .support.failures import for_each, print_incomplete
 from .support.names import RECORDING, recordings_folder
 from .support.options import drawing_option
-from .support.settings import AT_LEAST_0, PATH, find_setting
 from .terminal.streams import echo
 
 if TYPE_CHECKING:

@@ -8,10 +8,10 @@ import click
 
 from executive.api.codes import INTERRUPTED_EXIT
 
+from .settings import Whole, local_server, option
 from .support.command_group import command
 from .support.options import robot_option
 from .support.process import end_process
-from .support.settings import Whole, local_server, option
 from .terminal.streams import echo
 
 

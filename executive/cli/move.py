@@ -11,6 +11,7 @@ import click
 
 from executive.api.codes import look_up
 
+from .settings import option
 from .support.command_group import command, diagnostics
 from .support.failures import Refusal
 from .support.names import complete_pose
@@ -22,7 +23,6 @@ from .support.options import (
     speed_option,
     target_argument,
 )
-from .support.settings import option
 from .terminal.streams import echo
 
 if TYPE_CHECKING:

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 
 import click
 
+from .settings import PATH
 from .support.command_group import command
 from .support.failures import Refusal
 from .support.names import first_motion
 from .support.options import own_trees_option
-from .support.settings import PATH
 from .terminal.streams import echo
 
 if TYPE_CHECKING:

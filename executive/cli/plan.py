@@ -5,6 +5,7 @@ from pathlib import Path
 
 import click
 
+from .settings import option
 from .support.command_group import command
 from .support.names import complete_goal, load_library
 from .support.options import (
@@ -14,7 +15,6 @@ from .support.options import (
     target_argument,
     trees_option,
 )
-from .support.settings import option
 from .terminal.streams import echo
 
 

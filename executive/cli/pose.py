@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import click
 
 from .move import find_arm, pose_of
+from .settings import option
 from .support.command_group import CommandGroup
 from .support.names import complete_own_pose, complete_pose, load_library
 from .support.options import own_trees_option, recordings_option, robot_option, trees_option
-from .support.settings import option
 from .terminal.streams import echo
 
 if TYPE_CHECKING:

@@ -9,10 +9,10 @@ import click
 
 from executive.api.codes import DIFFERS, look_up
 
+from .settings import ABOVE_0, AT_LEAST_0, Whole, option
 from .support.command_group import command, diagnostics
 from .support.failures import Refusal, print_incomplete
 from .support.names import RECORDING, complete_port
-from .support.settings import ABOVE_0, AT_LEAST_0, Whole, option
 from .terminal.streams import echo
 
 

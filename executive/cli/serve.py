@@ -4,9 +4,9 @@ from typing import Any
 
 import click
 
+from .settings import option
 from .support.command_group import command
 from .support.options import run_options, source_options
-from .support.settings import option
 
 
 @command()

@@ -11,10 +11,10 @@ import click
 
 from executive.api.codes import look_up
 
+from .settings import Whole, local_server, option
 from .support.command_group import command, diagnostics
 from .support.names import RECORDING, TASK, check_goal_id, complete_node
 from .support.options import pose_option, robot_option, set_option
-from .support.settings import Whole, local_server, option
 from .terminal.streams import echo
 
 if TYPE_CHECKING:

@@ -11,6 +11,7 @@ import click
 from hardware.joints import DISPLAY_UNITS
 from hardware.printable import plural, printable
 
+from .settings import PATH, Whole, option
 from .support.command_group import command
 from .support.failures import plain_mistake, print_incomplete
 from .support.names import TASK_OR_RECORDING, load_library
@@ -20,7 +21,6 @@ from .support.options import (
     skills_option,
     trees_option,
 )
-from .support.settings import PATH, Whole, option
 from .terminal.streams import echo, fit
 
 if TYPE_CHECKING:

@@ -11,9 +11,9 @@ from click.core import ParameterSource
 from hardware.printable import plural
 
 from .jog import saving
+from .settings import Whole, option
 from .support.command_group import command
 from .support.options import run_options, source_options, speed_option
-from .support.settings import Whole, option
 from .terminal.streams import LastingStream
 
 if TYPE_CHECKING:

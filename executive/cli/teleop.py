@@ -6,10 +6,10 @@ from typing import Any
 
 import click
 
+from .settings import PATH
 from .support.command_group import command
 from .support.names import complete_port
 from .support.options import run_options, source_options, speed_option
-from .support.settings import PATH
 
 
 @command()

@@ -9,10 +9,10 @@ from typing import Any
 
 import click
 
+from executive.cli.settings import SETTINGS_SECTION
 from executive.cli.terminal.streams import LogFormatter
 from hardware.spelling import did_you_mean, suggestion
 
-SETTINGS_SECTION = "Settings, also in armtree.toml, or ARMTREE_SEED and so on"
 _OWN, _COMMON = "Options", "Options of every command"
 _SECTIONS = (_OWN, SETTINGS_SECTION, _COMMON)
 COMPLETION_VARIABLE = "_ARMTREE_COMPLETE"  # the environment variable with which a shell asks

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.shell_completion import CompletionItem
 
-from .settings import find_setting
+from executive.cli.settings import find_setting
 
 if TYPE_CHECKING:
     from hardware import Robot

@@ -9,11 +9,11 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
+from executive.cli.settings import F, Finite, configured, option
 from executive.cli.terminal.streams import echo
 from hardware.spelling import closest
 
 from .names import Complete, complete_port, complete_robot
-from .settings import F, Finite, configured, option
 
 _NUMBER = re.compile(r"-\.?[0-9]")
 

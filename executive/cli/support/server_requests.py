@@ -15,13 +15,13 @@ from click.core import ParameterSource
 from executive.api import token_file
 from executive.api.events import Status, Where
 from executive.api.outcome import CancelCode, CancelResult
+from executive.cli.settings import configured, environment_name, local_server
 from executive.cli.terminal.streams import echo
 from executive.client.synchronous import Client
 from executive.errors import ClientError
 from logs import goal_title
 
 from .failures import Refusal, print_error
-from .settings import configured, environment_name, local_server
 
 if TYPE_CHECKING:
     from hardware import Robot

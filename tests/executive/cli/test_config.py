@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 from click.testing import CliRunner, Result
 
+from executive.cli import settings
 from executive.cli.main import cli
-from executive.cli.support import settings
 from executive.errors import BadConfiguration
 
 

@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from executive.cli.main import cli
-from executive.cli.support.settings import SETTINGS
+from executive.cli.settings import SETTINGS
 from tests.support.command_line.commands import commands_of
 from tests.support.command_line.typed import typed
 from trees import UnknownTask

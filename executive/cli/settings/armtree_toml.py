@@ -1,0 +1,112 @@
+"""Reads the settings in files: the nearest `armtree.toml`, and the user's own."""
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import click
+
+from .rows import SETTINGS
+
+FILE = "armtree.toml"
+
+
+@dataclass(frozen=True, slots=True)
+class Configured:
+    """A value in a file.
+
+    Attributes:
+        value: The value.
+        place: The file and the line.
+    """
+
+    value: Any
+    place: str
+
+
+def configured(ctx: click.Context) -> Mapping[str, Configured]:
+    """Return the values of the files, by name of the setting. The files are read once.
+
+    Raises:
+        BadConfiguration: A file is wrong.
+    """
+    found, wrong = read_files(ctx)
+    if wrong and not ctx.resilient_parsing:  # a shell completes it
+        from executive.errors import BadConfiguration  # slow to import
+
+        raise BadConfiguration("\n".join(wrong))
+    return found
+
+
+def read_files(ctx: click.Context) -> tuple[Mapping[str, Configured], Sequence[str]]:
+    """Return the values of the files, by name of the setting; and what is wrong in the files."""
+    if __name__ not in ctx.meta:
+        values, wrong = dict[str, Configured](), list[str]()
+        for path in reversed(files()):
+            found, mistakes = _read(path)
+            values |= found
+            wrong += mistakes
+        ctx.meta[__name__] = values, wrong
+    read: tuple[Mapping[str, Configured], Sequence[str]] = ctx.meta[__name__]
+    return read
+
+
+def files() -> list[Path]:
+    """Return the files of settings that exist; the first one counts most."""
+    return [path for path in (*_upwards(), user_file()) if path.exists()]
+
+
+def user_file() -> Path:
+    """Return the path of the user's own file."""
+    own = Path(os.environ.get("XDG_CONFIG_HOME", ""))
+    folder = own if own.is_absolute() else Path("~/.config").expanduser()
+    return folder / "armtree" / FILE
+
+
+def _upwards() -> Iterator[Path]:
+    """Yield the nearest file in the working directory or above it."""
+    try:
+        here = Path.cwd()
+    except OSError:  # the working directory was deleted
+        return
+    paths = (folder / FILE for folder in (here, *here.parents))
+    if found := next((path for path in paths if path.exists()), None):
+        yield found
+
+
+def _read(path: Path) -> tuple[dict[str, Configured], list[str]]:
+    """Return the values of a file that are right, and what is wrong in it."""
+    from hardware import DescriptionError
+    from hardware.spelling import there_are
+    from hardware.toml_table import TomlTable  # only where there is a file
+
+    values, wrong = dict[str, Configured](), list[str]()
+    try:
+        _check_owner(path)
+        table = TomlTable.read(path)
+    except DescriptionError as error:
+        return {}, [str(error)]
+    for name in table:
+        try:
+            if name not in SETTINGS:
+                table.fail(name, f"unknown key; {there_are(name, SETTINGS)}")
+            value = SETTINGS[name].read(table, name, path.parent)
+            values[name] = Configured(value, f"{path}:{table.line(name)}")
+        except DescriptionError as error:
+            wrong.append(str(error))
+    return values, wrong
+
+
+def _check_owner(path: Path) -> None:
+    """Reject a file that another user has put into a folder for all, such as the one above theirs.
+
+    Its skills would run as this user.
+    """
+    from hardware import DescriptionError
+
+    owner, folder = path.stat().st_uid, path.parent.stat().st_uid
+    if owner not in (os.getuid(), folder, 0):
+        why = "belongs to another user, so it is not read; delete it, or work in another folder"
+        raise DescriptionError(path, 0, why)

@@ -1,0 +1,89 @@
+"""The option of a setting, and its value.
+
+Precedence: option, environment, the file nearest to the working directory, the user's file,
+default.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Any, TypeVar
+
+import click
+from click.core import ParameterSource
+
+from .armtree_toml import configured
+from .rows import SETTINGS, environment_name
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+SETTINGS_SECTION = "Settings, also in armtree.toml, or ARMTREE_SEED and so on"
+
+
+class SettingOption(click.Option):
+    """The option of a setting. If neither it nor its variable is given, the files count."""
+
+    section = SETTINGS_SECTION
+
+    def get_help_extra(self, ctx: click.Context) -> Any:
+        """Return what follows the help text: the default. An error names the range."""
+        return {"default": extra} if (extra := super().get_help_extra(ctx).get("default")) else {}
+
+    def consume_value(
+        self, ctx: click.Context, opts: Mapping[str, Any]
+    ) -> tuple[Any, ParameterSource]:
+        """Return the value, and where it comes from."""
+        value, source = super().consume_value(ctx, opts)
+        (flag, *_) = self.opts
+        if source in (ParameterSource.COMMANDLINE, ParameterSource.ENVIRONMENT):
+            return value, source
+        if found := configured(ctx).get(flag.removeprefix("--").replace("-", "_")):
+            return found.value, ParameterSource.DEFAULT_MAP
+        return value, source
+
+
+def option(name: str, *declared: str, **changes: Any) -> Callable[[F], F]:
+    """Return a decorator that adds the option of a setting to a command.
+
+    Args:
+        name: Name of the setting.
+        declared: Another name of the parameter of the function.
+        changes: Arguments of the option that differ for this command.
+    """
+    return click.option(_flag(name), *declared, cls=SettingOption, **_arguments(name) | changes)
+
+
+def _flag(name: str) -> str:
+    return f"--{name.replace('_', '-')}"
+
+
+def _arguments(name: str) -> dict[str, Any]:
+    row = SETTINGS[name]
+    return {
+        "type": row.type,
+        "envvar": environment_name(name),
+        "show_envvar": True,  # in errors
+        "help": row.help,
+        "metavar": row.metavar,
+        "default": row.default,
+        "show_default": row.default is not None and not callable(row.default),
+    }
+
+
+def find_setting(ctx: click.Context, name: str) -> tuple[Any, str]:
+    """Return the value of a setting that no option gives, and where it comes from.
+
+    Raises:
+        UsageError: The value of the environment is wrong.
+        BadConfiguration: A file is wrong.
+    """
+    parameter = SettingOption([_flag(name)], **_arguments(name))
+    value, source = parameter.consume_value(ctx, {})
+    found = parameter.type_cast_value(ctx, value)
+    if source is ParameterSource.ENVIRONMENT:
+        return found, environment_name(name)
+    return found, configured(ctx)[name].place if source is ParameterSource.DEFAULT_MAP else ""
+
+
+def local_server() -> str:
+    """Return the URL of a server on this machine at the port of the settings."""
+    port, _ = find_setting(click.get_current_context(), "tcp_port")
+    return f"http://localhost:{port}"

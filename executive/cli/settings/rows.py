@@ -1,0 +1,136 @@
+"""The settings: one row for each option, environment variable and key of `armtree.toml`."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from executive.api import PORT
+
+from .value_types import ABOVE_0, AT_LEAST_0, PATH, Finite, FleetUrl, Url, Whole
+
+if TYPE_CHECKING:
+    from hardware.toml_table import TomlTable
+
+_LARGEST = 2**31 - 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Setting:
+    """A setting.
+
+    Attributes:
+        type: Type of its value.
+        help: Meaning, for `--help`.
+        default: Default, or a function that returns it; None for none.
+        metavar: Stands for its value in `--help`; None for the name of its type.
+    """
+
+    type: "click.ParamType[Any]"
+    help: str
+    default: Any = None
+    metavar: str | None = None
+
+    def read(self, table: "TomlTable", key: str, folder: Path) -> Any:
+        """Return the value of a key of a file. A relative path is in the folder of the file.
+
+        Raises:
+            DescriptionError: The value is wrong.
+        """
+        kind = self.type
+        if isinstance(kind, click.IntRange):
+            most = _LARGEST if kind.max is None else int(kind.max)
+            return table.integer(key, range(int(kind.min or 0), most + 1))
+        given = table.number(key) if isinstance(kind, click.FloatRange) else table.text(key)
+        if isinstance(kind, click.Path):
+            from hardware import shipped_robots
+
+            if key == "robot" and str(given) in shipped_robots():
+                return Path(str(given))
+            return folder / Path(str(given)).expanduser()
+        try:
+            return kind.convert(given, None, None)
+        except click.BadParameter as error:
+            table.fail(key, error.message)
+
+
+def _own_trees() -> Path | None:
+    return own if (own := Path("trees")).is_dir() else None
+
+
+SETTINGS = {
+    "port": Setting(
+        metavar="PORT",
+        type=click.STRING,
+        help="Serial port, or `virtual` for a simulated board. Default: that of the robot file.",
+    ),
+    "robot": Setting(
+        metavar="FILE",
+        type=PATH,
+        help="Robot file, or a name that `armtree robots` lists. Default: arduinobot.",
+    ),
+    "trees": Setting(
+        metavar="FOLDER",
+        type=PATH,
+        default=_own_trees,
+        help="Folder with your own task files. Default: ./trees, if it exists.",
+    ),
+    "skills": Setting(
+        metavar="FOLDER", type=PATH, help="Folder with your own skills: Python files."
+    ),
+    "world": Setting(
+        metavar="FILE",
+        type=PATH,
+        help="JSON file with the bodies around the arm, as in the example.",
+    ),
+    "recordings": Setting(
+        metavar="FOLDER", type=PATH, default=Path("recordings"), help="Folder for recordings."
+    ),
+    "server": Setting(
+        type=Url(),
+        metavar="URL",
+        help="URL of the server. Default: the one on this machine.",
+    ),
+    "fleet": Setting(
+        type=FleetUrl(), metavar="URL", help="URL of the NATS server of a fleet of arms."
+    ),
+    "tcp_port": Setting(
+        metavar="PORT",
+        type=Whole(0, 65535),
+        default=PORT,
+        help="TCP port of the server; 0 for any free one.",
+    ),
+    "policy": Setting(
+        type=click.Choice(["reject", "queue", "preempt"]),
+        default="reject",
+        help="What happens to a goal while another one runs.",
+    ),
+    "result_timeout": Setting(
+        type=Finite(-1),
+        default=900.0,
+        metavar="SECONDS",
+        help="How long a result is kept [s]; -1 to keep it until there are 1000 newer ones.",
+    ),
+    "seed": Setting(metavar="N", type=Whole(1), default=1, help="Seed of the planner."),
+    "workers": Setting(metavar="N", type=Whole(1), default=1, help="Number of planner processes."),
+    "recording_timeout": Setting(
+        type=ABOVE_0,
+        default=5.0,
+        metavar="SECONDS",
+        help="Longest time that a frame may wait for the recording of the previous frame [s]. "
+        "After that time the motion ends with log.behind. While a frame waits, the arm stands "
+        "still in the middle of its motion; a shorter time ends more motions on a slow disk.",
+    ),
+    "keep_days": Setting(metavar="DAYS", type=AT_LEAST_0, help="Delete recordings that are older."),
+    "keep_mb": Setting(
+        metavar="MB",
+        type=AT_LEAST_0,
+        help="Delete the oldest recordings if all of them together are larger.",
+    ),
+}
+
+
+def environment_name(name: str) -> str:
+    """Return the environment variable of a setting."""
+    return f"ARMTREE_{name.upper()}"

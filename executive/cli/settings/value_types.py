@@ -1,0 +1,66 @@
+"""Types of the values of options and settings."""
+
+import math
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+import click
+
+PATH = click.Path(path_type=Path)
+
+
+class Finite(click.FloatRange):
+    """A number in a range. NaN, which no comparison excludes, and infinity are rejected."""
+
+    name = "number"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        """Return the number; raise a usage error for anything else."""
+        number: float = super().convert(value, param, ctx)
+        if not math.isfinite(number):
+            self.fail(f"{value} is not a finite number", param, ctx)
+        return number
+
+
+class Whole(click.IntRange):
+    """A whole number in a range."""
+
+    name = "whole number"
+
+
+class Url(click.types.StringParamType):
+    """The URL of a server."""
+
+    name = "url"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        """Return the URL; raise a usage error for anything else."""
+        if not str(value).startswith(("http://", "https://")):
+            why = f"{value!r} is not the URL of a server, such as http://arm:8765"
+            self.fail(why, param, ctx)
+        return str(value)
+
+
+class FleetUrl(click.types.StringParamType):
+    """The URL of the NATS server of a fleet."""
+
+    name = "url"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        """Return the URL; raise a usage error for anything else."""
+        try:
+            parts = urlsplit(str(value))
+            valid = parts.scheme in ("nats", "tls") and parts.hostname and parts.port != 0
+        except ValueError:
+            valid = False
+        if not valid:
+            why = f"{value!r} is not the URL of a fleet, such as nats://127.0.0.1:4222"
+            self.fail(why, param, ctx)
+        return str(value)
+
+
+AT_LEAST_0 = Finite(0)
+ABOVE_0 = Finite(0, min_open=True)
