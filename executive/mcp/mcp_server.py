@@ -25,10 +25,10 @@ from mcp_types import (
 from executive.api import strict_json
 from executive.api.checking import Mismatch, checked, checker
 from executive.api.outcome import Cause, cause_of
+from executive.api.token_bucket import TokenBucket
 from executive.client.asynchronous import AsyncClient
 from executive.client.held_goals import HeldGoals
 from executive.errors import AddressInUse, ClientError
-from executive.server.limits.token_bucket import TokenBucket
 from hardware import RealClock, Robot
 
 from .asking import MustRepeat, Person

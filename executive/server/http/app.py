@@ -22,6 +22,7 @@ from executive.api import strict_json
 from executive.api.checking import Checker, Mismatch, checked, checker
 from executive.api.operations import OPERATIONS, Access, Operation
 from executive.api.outcome import cause_of
+from executive.api.token_bucket import TokenBucket
 from executive.errors import (
     BadMethod,
     BadRequest,
@@ -33,7 +34,6 @@ from executive.errors import (
     TooSlow,
 )
 from executive.server.errors import failure
-from executive.server.limits.token_bucket import TokenBucket
 from executive.server.page.page_files import page_routes
 from executive.server.security import (
     AccessRules,

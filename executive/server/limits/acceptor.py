@@ -11,11 +11,11 @@ from functools import partial
 from typing import Any
 
 from executive.api.outcome import CancelResult
+from executive.api.token_bucket import TokenBucket
 
 from .connections import MAX_HEAD, HttpConnection, SharedState, peek
 from .fair_queue import busy_rest
 from .quick_stop import QuickStop
-from .token_bucket import TokenBucket
 
 logger = logging.getLogger(__name__)
 

@@ -5,9 +5,8 @@ import logging
 from concurrent.futures import Future, ThreadPoolExecutor
 
 from executive.api.outcome import CancelResult
+from executive.api.token_bucket import TokenBucket
 from executive.executive import Executive
-
-from .token_bucket import TokenBucket
 
 logger = logging.getLogger(__name__)
 

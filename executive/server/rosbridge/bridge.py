@@ -15,11 +15,11 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 import logs
 from executive.api.events import Event
 from executive.api.outcome import GoalStatus
+from executive.api.token_bucket import TokenBucket
 from executive.errors import UnknownGoal
 from executive.executive import Executive
 from executive.server.event_hub import EventHub
 from executive.server.limits.cancel_thread import CancelThread
-from executive.server.limits.token_bucket import TokenBucket
 from hardware import Ability, joint_positions
 
 from . import protocol as ros

@@ -4,7 +4,6 @@ import pytest
 from starlette.datastructures import Headers
 
 from executive.errors import RequestError
-from executive.server.limits.token_bucket import TokenBucket
 from executive.server.security import AccessRules, host_names, is_loopback
 from tests.support.servers.serving import Serve
 
@@ -114,13 +113,3 @@ def test_the_token_passes() -> None:
 def test_loopback_addresses() -> None:
     assert [is_loopback(a) for a in ("127.0.0.1", "127.8.8.8", "::1")] == [True] * 3
     assert [is_loopback(a) for a in ("0.0.0.0", "::", "192.168.0.1")] == [False] * 3
-
-
-def test_a_token_bucket_allows_a_burst_and_then_its_rate() -> None:
-    now = [0.0]
-    bucket = TokenBucket(rate=10.0, burst=3.0, now=lambda: now[0])
-    assert [bucket.take() for _ in range(4)] == [True, True, True, False]
-    now[0] = 0.1
-    assert [bucket.take() for _ in range(2)] == [True, False]
-    now[0] = 100.0
-    assert [bucket.take() for _ in range(4)] == [True, True, True, False]
