@@ -25,7 +25,7 @@ from pathlib import Path
 sys.path = [folder for folder in sys.path if Path(folder) != Path(__file__).parent]
 
 from executive.fleet.connection import GONE, Fleet, open_fleet
-from executive.fleet.fleet_client import Operator
+from executive.fleet.fleet_client import FleetClient
 from executive.fleet.nats_server import NatsOptions, nats_server
 from executive.fleet.values import JobRecord, Presence, from_bytes
 from executive.fleet.worker import BEAT_SECONDS, Worker
@@ -68,13 +68,13 @@ async def until_ready(fleet: Fleet, number: int) -> None:
 
 async def dispatch(fleet: Fleet, number: int) -> list[float]:
     """Times from the start of `send` to the claim's end, one job after the other [ms]."""
-    operator, found = Operator(fleet, CLOCK), []
+    client, found = FleetClient(fleet, CLOCK), []
     for _ in range(number):
         watcher = await fleet.jobs.watchall()
         while await watcher.updates(10.0) is not None:  # type: ignore[no-untyped-call]
             pass
         begun = time.monotonic()
-        await operator.send(1, POOL, {})
+        await client.send(1, POOL, {})
         await watcher.updates(10.0)  # type: ignore[no-untyped-call]
         found.append(1000 * (time.monotonic() - begun))
         await watcher.stop()  # type: ignore[no-untyped-call]
@@ -83,7 +83,7 @@ async def dispatch(fleet: Fleet, number: int) -> list[float]:
 
 async def throughput(fleet: Fleet, number: int) -> float:
     """Jobs per second, from the first `send` to the last stored result."""
-    operator, left = Operator(fleet, CLOCK), number
+    client, left = FleetClient(fleet, CLOCK), number
     watcher = await fleet.jobs.watchall()
     while await watcher.updates(10.0) is not None:  # type: ignore[no-untyped-call]
         pass
@@ -91,7 +91,7 @@ async def throughput(fleet: Fleet, number: int) -> float:
 
     async def one() -> None:
         async with gate:
-            await operator.send(1, POOL, {})
+            await client.send(1, POOL, {})
 
     begun = time.monotonic()
     sending = asyncio.gather(*(one() for _ in range(number)))
@@ -105,10 +105,10 @@ async def throughput(fleet: Fleet, number: int) -> float:
 
 async def stop(fleet: Fleet) -> list[float]:
     """Times from the request to each confirmation [ms]."""
-    operator = Operator(fleet, CLOCK)
-    found = [1000 * each.seconds for each in await operator.stop()]
+    client = FleetClient(fleet, CLOCK)
+    found = [1000 * each.seconds for each in await client.stop()]
     await asyncio.sleep(1.0)  # the arms say what they do
-    await operator.resume()
+    await client.resume()
     return found
 
 

@@ -1,4 +1,4 @@
-/** What the page uses of the libraries. `npm run build` makes static/libraries.js of it. */
+/** What the page uses of the libraries. `npm run build` makes static/libraries/libraries.js of it. */
 
 export {
   AmbientLight,

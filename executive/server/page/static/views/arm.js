@@ -64,7 +64,7 @@ export class ArmView {
    */
   async #begin(size) {
     // @ts-ignore: the bundle has the types of libraries.js
-    const three = /** @type {import("../arm/model.js").Libraries} */ (await import("../libraries.js"));
+    const three = /** @type {import("../arm/model.js").Libraries} */ (await import("../libraries/libraries.js"));
     try {
       this.#stage = new Stage(three, this.#box, size);
       this.#three = three;

@@ -71,7 +71,7 @@ export class PlotsView {
     this.#joints = moved;
     this.#keys.replaceChildren(...this.#joints.map((joint, index) => this.#key(joint, index)));
     // @ts-ignore: the bundle has the types of libraries.js
-    this.#libraries = /** @type {Libraries} */ (await import("../libraries.js"));
+    this.#libraries = /** @type {Libraries} */ (await import("../libraries/libraries.js"));
     changed();
   }
 
