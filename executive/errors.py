@@ -1,44 +1,7 @@
 """Errors of goals, of a server, and of its clients.
 
-GoalError
-├── UnknownGoal         no goal has that identity, or its result is forgotten
-├── ResultTimeout       TimeoutError: the goal has not ended yet
-├── NotExecuting        only an executing goal can be paused
-├── NotPaused           only a paused goal can be resumed
-├── TooManyBreakpoints  the limit of breakpoints is reached
-├── NoSuchNode          no task has a node with that path
-├── GoalPreempted       another goal took its place
-├── NotHeld             a goal that needs a hold was sent without one
-├── UnknownQuestion     no open question has that identity
-├── BadAnswer           an answer is not one of the choices
-├── ExecutorBlocked     the code of a skill does not return, so no goal can be executed
-└── ServerRestarted     the server ended before the goal did
-ServerError             the server cannot start with these options
-├── AddressInUse        another program listens at that address
-└── TooFewFiles         the limit of open files is too low
-RequestError            a request that the server refuses before it reads the goal
-├── BadRequest          400, 422: malformed
-├── NotFound            404: no such address
-├── BadMethod           405: not a method of that address
-├── Forbidden           403
-│   ├── WrongHost       Host is not a name of this server
-│   └── WrongOrigin     a page of another site
-├── Unauthorized        401: the token is missing or wrong
-└── TooMuch             429, 503: too many requests or clients
-    ├── TooLarge        413: the body is too large
-    └── TooSlow         408: the body arrives too slowly
-ClientError             a client of a server
-├── ServerUnreachable   ConnectionError: no server answers
-│   └── ServerLost      it answered until the arm moved
-├── WrongAnswer         another program answers
-├── Refused             the server rejected a request
-└── GoalFailed          a goal ended, but did not succeed; also raised without a server
-PoseUnconfirmed         HardwareError: the position of the arm is unknown
-RecordingBehind         WriteRefused: the last frame is not recorded yet
-BadWorldFile            FileError: a file of obstacles is wrong
-BadConfiguration        a file of settings is wrong
-
-Every error carries a stable `code`, and its message says what to do next.
+The roots are GoalError, ServerError, RequestError (a server refuses a request before it reads the
+goal) and ClientError. Every error has a stable `code`, and its message says what to do next.
 """
 
 from collections.abc import Mapping

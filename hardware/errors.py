@@ -1,45 +1,8 @@
 """Errors of the arm.
 
-    HardwareError
-    ├── DescriptionError          the robot file or its URDF is wrong
-    ├── NoDriver                  the robot file names no driver, so no real arm can move
-    ├── NotAble                   the board cannot do what a command needs
-    ├── LinkError                 the serial port
-    │   ├── PortNotGiven          no port is configured
-    │   ├── PortMissing           the port does not exist
-    │   ├── PortDenied            no permission
-    │   ├── PortBusy              another program has the port
-    │   ├── PortLost              the port disappeared, or a write failed
-    │   └── PortStalled           the other end accepts no more bytes
-    ├── BoardError                the board misbehaves
-    │   ├── BoardSilent           it did not report in time; the arm may not move before
-    │   ├── WrongFirmware         it runs another firmware than the robot file names
-    │   ├── PoseOutsideLimits     it holds a servo outside the limits of its joint
-    │   ├── BoardReset            it restarted while the arm was active
-    │   ├── FrameLost             it received other frames than were sent
-    │   └── MeasuredFault         a measured value is beyond its limit
-    │       ├── JointNotFollowing a joint is too far from its commanded position
-    │       ├── JointStalled      a joint pushes and does not move
-    │       ├── NotArrived        a joint did not reach the end of a motion
-    │       ├── ServoTooHot       a servo is too hot
-    │       └── SupplyTooLow      a servo has too low a voltage
-    ├── DriverFailed              the driver raised another exception, or armtree has a bug
-    ├── TransitionRefused         the lifecycle does not allow the transition now
-    │   └── ActivationStopped     the arm was stopped while its board booted
-    ├── CancelTimeout             the goal did not stop in time
-    └── WriteRefused              the write guard refused; nothing was sent
-        ├── NotActive             the arm is not active
-        ├── InterfaceUnknown      the arm has no such command interface
-        ├── InterfaceClaimed      another owner has claimed the joint
-        ├── StaleGeneration       the motion was stopped
-        ├── TorqueOff             the servos have no torque
-        ├── BadPosition           a position is missing, not finite or outside the limits
-        ├── TooFast               the board cannot process the frame now
-        ├── TooLong               a motion would take longer than any may
-        └── JointTooFast          a joint would exceed its velocity limit
-
-`drivers/servo_errors.py` has the errors of servos on a bus. Every error has a stable `code`, and
-its message says what to do.
+The root is HardwareError. Below it, LinkError concerns the serial port, BoardError the board, and
+WriteRefused a frame that the write guard did not send. `drivers/servo_errors.py` has the errors of
+servos on a bus. Every error has a stable `code`, and its message says what to do.
 """
 
 import math

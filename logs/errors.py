@@ -1,19 +1,6 @@
 """Errors of recordings.
 
-    LogError
-    ├── RecordingExists            FileExistsError: a file of that name exists and was not changed
-    ├── RecordingNotCreated        the folder or the file cannot be created
-    ├── NoSpace                    the disk is too full to begin a run
-    ├── DiskFull                   the disk filled up while a run was recorded
-    ├── RecordingIncomplete        something of a run could not be written
-    ├── RecordingInUse             it is still being written
-    └── RecordingError             ValueError: a file cannot be read
-        ├── RecordingEmpty         it was cut off before its first message
-        ├── NoSuchRecording        no recording, or several, have the given name
-        ├── RecordingTruncated     its end is missing; the valid part was read
-        └── RecordingCut           it was recovered after a crash; the end of the run is missing
-
-Each error has a stable `code`; its message says what to do.
+The root is LogError. Every error has a stable `code`, and its message says what to do.
 """
 
 import errno

@@ -1,20 +1,6 @@
 """Errors of skills.
 
-SkillError
-├── OutOfBounds     a target is outside the limits
-├── BadTarget       a target names an unknown or missing joint, or contradicts itself
-├── BadBody         a body to add to the world is invalid
-├── NotReplayable   the frames of a recording cannot be sent to this arm
-├── BadQuestion     a question is invalid
-├── StartMoved      the arm is no longer at the start of the plan
-├── Interrupted     the motion was stopped from outside the tree
-├── SkillBroken     the code of a skill raised an unexpected exception
-└── TaskFailed      the task failed by its own tree
-    ├── ConditionFails  a condition is false
-    ├── FunctionFailed  a registered function raised an exception
-    ├── TookTooLong     a timeout of the task expired
-    ├── Unanswered      the operator did not answer
-    └── NoLeader        there is no arm to follow
+The root is SkillError. Below it, TaskFailed is for tasks that failed by their own tree.
 """
 
 from collections.abc import Sequence

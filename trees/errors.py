@@ -1,11 +1,4 @@
-"""Errors of task files.
-
-TreeError
-├── FileError           a file has mistakes; it holds all of them
-│   ├── DuplicateTask   two files have the same number
-│   └── BadArguments    the arguments of a task are wrong
-└── UnknownTask         no task has that number or name
-"""
+"""Errors of task files. The root is TreeError."""
 
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field, replace

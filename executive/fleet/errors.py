@@ -1,21 +1,4 @@
-"""Errors of a fleet.
-
-FleetError
-├── FleetUnreachable    ConnectionError: no NATS server answers
-├── FleetRefused        the NATS server refuses the credentials
-├── FleetMissing        the libraries of the extra `fleet` are not installed
-├── FleetUnsafe         a fleet for other machines needs TLS and nkeys
-├── NotStarted          nats-server does not start
-├── BadName             a name of an arm or a pool is malformed
-├── NameTaken           another worker has that name
-├── BadJob              a job is malformed
-├── PoolNotServed       no arm serves the pool
-├── DuplicateJob        a job with that id exists
-├── UnknownJob          no job has that id
-├── DeadlinePassed      a job was not started by its deadline
-├── ArmLost             the arm that had claimed a job is gone
-└── NotConfirmed        some arms did not confirm a request
-"""
+"""Errors of a fleet. The root is FleetError."""
 
 import re
 

@@ -1,28 +1,7 @@
 """Errors of motion planning.
 
-    MotionError
-    ├── BadQuery                the request is not valid
-    │   ├── NotFinite           a number is NaN or infinite
-    │   └── BadWorld            a body is not valid, or names an unknown link or body
-    ├── ModelUnusable           the robot's URDF or numbers are unusable
-    ├── OutOfBounds             a joint would start or end outside its limits
-    │   ├── StartOutOfBounds
-    │   └── GoalOutOfBounds
-    ├── EndInCollision          the arm would start or end closer to something than the margin
-    │   ├── StartInCollision
-    │   └── GoalInCollision
-    ├── Unreachable             the tool cannot reach the point, or not in that direction
-    ├── Barred                  proved: every path passes a position of a joint in collision
-    ├── NoPath                  no search found a path within its samples
-    ├── TooLong                 the motion would take longer than the limit
-    ├── PlanTimeout             the deadline passed
-    ├── MotionCollides          the final check of the motion found a collision
-    ├── TooLittleMemory         the operating system allows less memory than planners need
-    ├── PlanCanceled            the request was canceled
-    └── WorkerDied              the planning process ended or its answer was not valid
-
-Every error has a stable `code`, and its message says what to do next. All of them can be pickled
-with their attributes.
+The root is MotionError. Every error has a stable `code`, and its message says what to do next. All
+of them can be pickled with their attributes.
 """
 
 import math
