@@ -19,7 +19,7 @@ from .support.command_group import command
 from .support.failures import Refusal
 from .support.options import port_option, robot_option
 from .terminal.full_screen import FullScreen
-from .terminal.keyboard import ENTER, key_by_key, keys_in
+from .terminal.keyboard import ENTER, ask, key_by_key, keys_in
 from .terminal.streams import echo
 
 if TYPE_CHECKING:
@@ -108,7 +108,7 @@ def calibrate(
 
 def _confirm(question: str) -> None:
     """Ask a question; anything but yes ends the command."""
-    if not click.confirm(question):
+    if ask(f"{question} [y/N]:").lower() not in {"y", "yes"}:
         raise click.Abort
 
 
@@ -198,8 +198,7 @@ def _number(arm: "Robot", port: str) -> None:
 
     for joint, wanted in arm.servos.items():
         while True:
-            question = f"Connect only the servo of {joint} (id {wanted}), then press Enter"
-            click.prompt(question, default="", show_default=False, prompt_suffix=" ")
+            ask(f"Connect only the servo of {joint} (id {wanted}), then press Enter")
             baud, found = search_speeds(arm, port, _SEARCHED)
             if len(found.servos) == 1 and not found.damaged:
                 break

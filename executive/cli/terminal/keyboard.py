@@ -1,12 +1,17 @@
-"""The keyboard, key by key."""
+"""The keyboard: a line that answers a question, or key by key."""
 
 import contextlib
+import os
 import re
+import select
+import signal
 import sys
 import termios
 import tty
 from collections.abc import Iterator
 from typing import Any
+
+import click
 
 LEFT, RIGHT, UP, DOWN = "\x1b[D", "\x1b[C", "\x1b[A", "\x1b[B"
 ENTER, ESCAPE, DELETE = "\n", "\x1b", "\x7f"
@@ -16,6 +21,30 @@ _KEY = re.compile("\x1b[O\\[][0-9;]*[A-Za-z~]|.", re.DOTALL)
 _before: dict[int, list[Any]] = {}  # attributes of the terminals that are read key by key
 _NAMES = {ENTER: "Enter", ESCAPE: "Escape", DELETE: "Backspace", "\t": "Tab"}
 _SAME = {"\r": ENTER, "\x08": DELETE}
+
+
+def ask(question: str) -> str:
+    """Print a question and return the line that is typed.
+
+    `input` may lose a Ctrl-C that arrives just before it begins to read.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C, at any moment.
+        click.Abort: Standard input has ended.
+    """
+    click.echo(f"{question} ", nl=False)
+    reader, writer = os.pipe()
+    os.set_blocking(writer, False)
+    before = signal.set_wakeup_fd(writer)
+    try:
+        select.select([sys.stdin, reader], [], [])
+    finally:
+        signal.set_wakeup_fd(before)
+        os.close(reader)
+        os.close(writer)
+    if line := sys.stdin.readline():
+        return line.strip()
+    raise click.Abort
 
 
 def keys_in(data: bytes) -> list[str]:

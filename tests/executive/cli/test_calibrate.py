@@ -139,7 +139,7 @@ def test_servos_get_their_ids_one_by_one(arm: Arm) -> None:
         terminal.until("Write the id 1 to the servo, which has 3?")
         terminal.type("y\r")
         terminal.until("The servo reads back the id 1", "Connect only the servo of joint_2 (id 2)")
-        terminal.type("\x03")  # between two prompts, the library of the prompt may lose it
+        terminal.type("\x03")
         assert terminal.end()[0] == 130
     arm.board.call("connect")
     with arm.calibrate() as terminal:
