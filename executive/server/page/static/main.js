@@ -137,10 +137,12 @@ setInterval(draw, 1000); // the age of what is shown
 async function catchUp() {
   const { live } = shown;
   const goal = runs.goals.find((each) => each.goal_id === live.goalId);
-  if (!live.active || !goal?.result) return;
+  if (live.complete || !goal?.result) return;
   live.end(goal);
   const recording = runs.recordings.find((each) => each.name === runs.recordingOf(live));
-  if (shown.isLive && recording && recording.state !== "UNFINISHED") await open(recording.name, undefined, false);
+  if (!shown.isLive || !recording) return;
+  if (recording.state !== "UNFINISHED") await open(recording.name, undefined, false);
+  else setTimeout(() => runs.refresh().then(catchUp).then(draw), FINISHING);
 }
 
 async function showRobot() {

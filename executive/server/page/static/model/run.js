@@ -94,6 +94,8 @@ export class Run {
   length = 0;
   /** @type {Outcome | null} */
   outcome = null;
+  /** True when the event of its end has arrived. */
+  complete = false;
   /** @type {Map<string, TreeNode>} by path, parents first */
   nodes = new Map();
   /** @type {Set<TreeNode>} nodes that have changed since they were drawn */
@@ -136,6 +138,7 @@ export class Run {
         break;
       case "status":
         this.updateGoal(event);
+        this.complete ||= event.goal_id === this.goalId && event.result !== null;
         break;
     }
     if (this.active && "time_s" in event) this.length = Math.max(this.length, event.time_s - this.began);
