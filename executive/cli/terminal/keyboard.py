@@ -13,6 +13,8 @@ from typing import Any
 
 import click
 
+from .streams import echo
+
 LEFT, RIGHT, UP, DOWN = "\x1b[D", "\x1b[C", "\x1b[A", "\x1b[B"
 ENTER, ESCAPE, DELETE = "\n", "\x1b", "\x7f"
 
@@ -32,7 +34,7 @@ def ask(question: str) -> str:
         KeyboardInterrupt: Ctrl-C, at any moment.
         click.Abort: Standard input has ended.
     """
-    click.echo(f"{question} ", nl=False)
+    echo(f"{question} ", nl=False)
     reader, writer = os.pipe()
     os.set_blocking(writer, False)
     before = signal.set_wakeup_fd(writer)
