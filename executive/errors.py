@@ -7,7 +7,7 @@ goal) and ClientError. Every error has a stable `code`, and its message says wha
 from collections.abc import Mapping
 from typing import Any
 
-from hardware import HardwareError, WriteRefused
+from hardware.errors import ArmtreeError, HardwareError, WriteRefused
 from logs import goal_title
 from trees import FileError
 
@@ -16,7 +16,7 @@ from .api.outcome import Cause, Outcome
 _LONGEST = 300  # characters of a refusal: it may quote what the client sent
 
 
-class GoalError(Exception):
+class GoalError(ArmtreeError):
     """The goal is invalid. Root of the errors of goals."""
 
     code = "goal.error"
@@ -166,7 +166,7 @@ class NotHeld(GoalError):
         super().__init__(f"no client holds goal {identity}; hold it, then send it")
 
 
-class ServerError(Exception):
+class ServerError(ArmtreeError):
     """The server cannot start with these options."""
 
     code = "server.options"
@@ -200,7 +200,7 @@ class TooFewFiles(ServerError):
         )
 
 
-class RequestError(Exception):
+class RequestError(ArmtreeError):
     """The server rejected a request. Root of the errors of requests.
 
     Args:
@@ -341,7 +341,7 @@ class BadWorldFile(FileError):
     hint = "correct it at the line that the message names"
 
 
-class BadConfiguration(Exception):
+class BadConfiguration(ArmtreeError):
     """A file of settings is wrong."""
 
     code = "file.settings"
@@ -349,7 +349,7 @@ class BadConfiguration(Exception):
     hint = "correct it at the line that the message names; `armtree config` lists the settings"
 
 
-class ClientError(Exception):
+class ClientError(ArmtreeError):
     """The server failed. Root of the errors of a client."""
 
     code = "server.error"

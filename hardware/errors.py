@@ -9,9 +9,33 @@ import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any, ClassVar
 
 
-class HardwareError(Exception):
+class ArmtreeError(Exception):
+    """armtree failed. Root of the errors of all rooms.
+
+    Attributes:
+        code: Stable name of the cause.
+        exit_status: Exit status of a command that it ends.
+        hint: What to do next.
+        heading: Text before the message of the cause; empty for none.
+        by_code: The loaded classes that have a code of their own, by that code.
+    """
+
+    code = "internal"
+    exit_status = 1
+    hint = ""
+    heading = ""
+    by_code: ClassVar[dict[str, type["ArmtreeError"]]] = {}
+
+    def __init_subclass__(cls, **more: Any) -> None:
+        super().__init_subclass__(**more)
+        if "code" in vars(cls):
+            cls.by_code.setdefault(cls.code, cls)
+
+
+class HardwareError(ArmtreeError):
     """The arm failed. Root of the errors of this room."""
 
     code = "hw.error"

@@ -6,11 +6,13 @@ The root is LogError. Every error has a stable `code`, and its message says what
 import errno
 from pathlib import Path
 
+from hardware.errors import ArmtreeError
+
 # Numbers of the operating system's errors for a full disk, and for a full quota.
 DISK_FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
-class LogError(Exception):
+class LogError(ArmtreeError):
     """Something could not be recorded. Root of the errors of this room.
 
     Attributes:
@@ -166,7 +168,6 @@ class RecordingCut(RecordingError):
 
     code = "log.cut"
     exit_status = 10
-    meaning = "A crash cut the run off"
     hint = "nothing: what was recorded is kept"
 
     def __init__(self, path: Path) -> None:

@@ -6,12 +6,12 @@ The root is SkillError. Below it, TaskFailed is for tasks that failed by their o
 from collections.abc import Sequence
 from typing import Self, TypeVar
 
-from hardware import BadPosition, HardwareError
+from hardware.errors import ArmtreeError, BadPosition, HardwareError
 
 from .motion.errors import MotionError
 
 
-class SkillError(Exception):
+class SkillError(ArmtreeError):
     """A skill failed without a specific cause. Root of the errors of skills.
 
     Attributes:

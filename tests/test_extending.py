@@ -12,9 +12,9 @@ import pytest
 
 from armtree import Client
 from executive.api import schemas
-from executive.api.codes import look_up
 from executive.api.operations import OPERATIONS, Access, Operation
 from executive.api.outcome import Cause, GoalState, Outcome
+from executive.code_table import look_up
 from executive.server.http.endpoints import Endpoints
 from executive.testing import SimulatedArm
 from tests.support.paths import ROOT

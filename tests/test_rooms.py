@@ -13,9 +13,10 @@ import pytest
 from py_trees.ports import get_ports_registry
 
 import skills  # noqa: F401  registers the skills
-from executive.api.codes import INTERRUPTED_EXIT, READER_ENDED_EXIT, all_codes
+from executive.api.codes import INTERRUPTED_EXIT, READER_ENDED_EXIT
 from executive.api.events import EVENTS, UNITS
 from executive.cli.main import cli
+from tests.support.codes import all_codes
 from tests.support.paths import ROBOT_FILE, ROOT
 
 ROOMS = ("executive", "skills", "hardware", "trees", "logs")
@@ -32,13 +33,6 @@ def test_a_room_marks_its_public_names(name: str) -> None:
     assert len(public) > 10
     assert {name for name, marked in public.items() if marked != name} == set()
     assert [name for name in public if getattr(room, name) is None] == []
-
-
-def test_no_file_is_long() -> None:
-    files = [path for room in (*ROOMS, "tests") for path in (ROOT / room).rglob("*.py")]
-    assert len(files) > 50
-    long = {str(path): n for path in files if (n := len(path.read_text().splitlines())) > 600}
-    assert not long
 
 
 def test_the_top_level_is_as_agreed() -> None:

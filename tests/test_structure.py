@@ -1,12 +1,14 @@
 """The structure: which file may import which, and how much a folder or a file holds."""
 
 import ast
+import re
 from collections.abc import Iterator
 from itertools import takewhile
 from pathlib import Path
 
 import pytest
 
+from executive.cli.main import SECTIONS
 from tests.support.paths import ROOT
 
 BELOW = {
@@ -28,6 +30,14 @@ CROWDED = {
     "tests/executive": "one folder per part, as the code",
     "tests/executive/cli": "one file per group of commands, as the code",
 }
+# Files that import others by name, and why.
+LOADERS = {
+    "hardware.lazy_exports": "public names of a room, from the imports that its package lists",
+    "hardware.drivers.installed": "drivers and skills of other packages",
+    "skills.leaves": "a skill is one file of this folder",
+    "trees.nodes": "in the order in which messages list the kinds",
+    "executive.cli.support.command_group": "a command when it is typed, from the table of `main`",
+}
 SIBLINGS = 14  # about a dozen
 LINES = 600
 
@@ -43,7 +53,7 @@ MODULES = modules()
 
 
 def imports(name: str, path: Path) -> Iterator[str]:
-    """The files of ours that a file imports, wherever in it the import is."""
+    """The files of ours that a file imports or names in a string, wherever in it that is."""
     package = name if path.name == "__init__.py" else name.rpartition(".")[0]
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.Import):
@@ -56,15 +66,29 @@ def imports(name: str, path: Path) -> Iterator[str]:
                 found = inner if inner in MODULES else source
                 if found in MODULES and found != name:
                     yield found
+        elif isinstance(node, ast.Constant) and "." in str(node.value) and node.value in MODULES:
+            yield str(node.value)
 
 
 ARROWS = {name: set(imports(name, path)) for name, path in MODULES.items()}
+for folder in ("skills.leaves", "trees.nodes"):
+    ARROWS[folder] |= {name for name in MODULES if name.rpartition(".")[0] == folder}
+COMMANDS = " ".join(SECTIONS.values()).split()
+ARROWS["executive.cli.main"] |= {f"executive.cli.{way.partition('.')[0]}" for way in COMMANDS}
 
 
 def test_the_arrows_are_seen() -> None:
     assert "hardware.arm.arm" in ARROWS["hardware"]
     assert "skills" in ARROWS["executive.executive"]
     assert len(ARROWS) > 150
+
+
+def test_only_a_loader_imports_by_name() -> None:
+    by_name = re.compile(r"\b(import_module|__import__|run_module)\b")
+    found = {name for name, path in MODULES.items() if by_name.search(path.read_text())}
+    assert found == {*LOADERS}
+    assert "executive.cli.run" in ARROWS["executive.cli.main"]
+    assert "skills.motion.workers.worker_main" in ARROWS["skills.motion.workers.worker_process"]
 
 
 def test_rooms_import_only_rooms_below() -> None:

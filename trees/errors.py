@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Self
 
+from hardware.errors import ArmtreeError
 from hardware.spelling import there_are
 
 SHIPPED_ROBOT = "arduinobot"  # name of the robot that the shipped tasks and examples are for
@@ -174,7 +175,7 @@ def _where(place: Place) -> tuple[Place, str]:
     return place, place.location
 
 
-class TreeError(Exception):
+class TreeError(ArmtreeError):
     """A folder or file of tasks cannot be read. Root of the errors of task files."""
 
     code = "file.error"

@@ -11,9 +11,10 @@ from enum import Enum
 from typing import Any, TypeVar
 
 import logs
+from hardware.errors import ArmtreeError
 from hardware.printable import plural
 
-from .codes import CANCELED, INTERNAL, OK, look_up
+from .codes import CANCELED, INTERNAL, OK, ROWS
 
 T = TypeVar("T")
 
@@ -294,9 +295,11 @@ def cause_of(error: Exception, node: str = "", message: str = "") -> Cause:
         node: Path of the node that failed; default: the node that the error names.
         message: Description for people; default: the message of the error.
     """
-    code = getattr(error, "code", INTERNAL)
-    known = look_up(code)
-    heading, words = getattr(error, "heading", known.heading), message or str(error)
+    bug = ROWS[INTERNAL]
+    code, heading, hint = INTERNAL, bug.heading, bug.hint
+    if isinstance(error, ArmtreeError):
+        code, heading, hint = error.code, error.heading, error.hint
+    words = message or str(error)
     return Cause(
         code=code,
         message=f"{heading}: {words}" if heading else words,
@@ -304,7 +307,7 @@ def cause_of(error: Exception, node: str = "", message: str = "") -> Cause:
         joint=str(getattr(error, "joint", "")),
         value=_number(error, _VALUES),
         limit=_limit(error),
-        hint=str(getattr(error, "hint", "")) if code != INTERNAL else known.hint,
+        hint=hint,
     )
 
 
@@ -315,7 +318,7 @@ def cause_for(code: str, message: str = "") -> Cause:
         code: One of `executive.api.codes`.
         message: Description for people; default: the heading of the code.
     """
-    known = look_up(code)
+    known = ROWS[code]
     return Cause(code, message or known.heading, hint=known.hint)
 
 

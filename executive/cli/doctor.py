@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import click
 from click.core import ParameterSource
 
-from executive.api.codes import look_up
+from executive.code_table import look_up
 
 from .settings import PATH
 from .support.command_group import command

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from executive.api.codes import DIFFERS, look_up
+from executive.api.codes import DIFFERS
+from executive.code_table import look_up
 
 from .settings import AT_LEAST_0, PATH, find_setting
 from .support.command_group import CommandGroup

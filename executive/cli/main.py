@@ -30,6 +30,7 @@ SECTIONS = {
 @click.group(
     cls=CommandGroup,
     sections=SECTIONS,
+    package=__package__,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 @click.version_option(package_name="armtree")

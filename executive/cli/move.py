@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from executive.api.codes import look_up
+from executive.code_table import look_up
 
 from .settings import option
 from .support.command_group import command, diagnostics

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import click
 
-from executive.api.codes import DIFFERS, look_up
+from executive.api.codes import DIFFERS
+from executive.code_table import look_up
 
 from .settings import ABOVE_0, AT_LEAST_0, Whole, option
 from .support.command_group import command, diagnostics

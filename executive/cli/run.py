@@ -5,7 +5,7 @@ from typing import Any
 
 import click
 
-from executive.api.codes import look_up
+from executive.code_table import look_up
 
 from .support.command_group import command, diagnostics
 from .support.names import TASK, load_library

@@ -2,10 +2,12 @@
 
 import re
 
+from hardware.errors import ArmtreeError
+
 _NAME = re.compile(r"[A-Za-z0-9_-]{1,32}")
 
 
-class FleetError(Exception):
+class FleetError(ArmtreeError):
     """The fleet failed. Root of the errors of a fleet."""
 
     code = "fleet.error"

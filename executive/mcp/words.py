@@ -3,9 +3,10 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from executive.api.codes import OK, look_up
+from executive.api.codes import OK
 from executive.api.outcome import GoalStatus
 from executive.client.values import OpenQuestion, Task
+from executive.code_table import look_up
 from logs import goal_title
 
 _JSON_TYPES = {

@@ -10,10 +10,11 @@ from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import Any
 
+from hardware.errors import ArmtreeError
 from hardware.joints import DISPLAY_UNITS
 
 
-class MotionError(Exception):
+class MotionError(ArmtreeError):
     """No motion was found. Root of the errors of motion planning.
 
     Attributes:

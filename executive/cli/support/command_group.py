@@ -91,6 +91,7 @@ class CommandGroup(click.Group):
         sections: Commands by the title of their section in the help: the module and function of
             each, such as `new_arm.new_arm`, separated by spaces. They are imported when they are
             needed. Without sections, commands are added by the decorator `command`.
+        package: Package of these modules.
     """
 
     command_class = Command
@@ -99,9 +100,11 @@ class CommandGroup(click.Group):
         self,
         *arguments: Any,
         sections: Mapping[str, str] | None = None,
+        package: str | None = None,
         **settings: Any,
     ) -> None:
         super().__init__(*arguments, **settings)
+        self._package = package
         self._places = {
             title: {_name(place): place for place in places.split()}
             for title, places in (sections or {}).items()
@@ -124,7 +127,7 @@ class CommandGroup(click.Group):
         }
         if cmd_name in places and cmd_name not in self.commands:
             module, function = places[cmd_name].split(".")
-            found = getattr(import_module(f"executive.cli.{module}"), function)
+            found = getattr(import_module(f".{module}", self._package), function)
             self.add_command(found, cmd_name)
         return super().get_command(ctx, cmd_name)
 

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from executive.api.codes import INTERNAL, USAGE, look_up
+from executive.api.codes import INTERNAL, USAGE
 from executive.cli.terminal.streams import echo
+from executive.code_table import look_up
 
 if TYPE_CHECKING:
     from executive.api.outcome import Cause

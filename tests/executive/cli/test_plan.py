@@ -8,8 +8,8 @@ import pytest
 from click.testing import CliRunner, Result
 from matplotlib.image import imread
 
-from executive.api.codes import look_up
 from executive.cli.main import cli
+from executive.code_table import look_up
 from hardware import load_robot
 from skills import BadTarget
 from skills.motion import GoalInCollision, Unreachable

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
-from executive.api.codes import look_up
 from executive.cli.main import cli
+from executive.code_table import look_up
 from hardware import load_robot
 from skills.motion.errors import ModelUnusable
 

@@ -9,8 +9,8 @@ from typing import Any, get_args
 import pytest
 from click.testing import CliRunner, Result
 
-from executive.api.codes import look_up
 from executive.cli.main import cli
+from executive.code_table import look_up
 from executive.errors import BadWorldFile
 from executive.preview.world_file import read_world
 from skills.motion import Body, Box, Shape, Sphere

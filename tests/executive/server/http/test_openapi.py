@@ -10,12 +10,12 @@ import fastjsonschema
 import pytest
 
 import executive.server as server
-from executive.api.codes import all_codes
 from executive.api.operations import OPERATIONS, Operation
 from executive.cli.server_commands import arm
 from executive.server.http.endpoints import Endpoints
 from hardware import TRANSITIONS
 from tests.executive.server.rosbridge.test_bridge import GOAL, heard, say, websocket
+from tests.support.codes import all_codes
 from tests.support.servers.serving import Serve
 
 pytestmark = pytest.mark.slow

@@ -10,8 +10,10 @@ import hardware
 import logs
 import skills
 import trees
-from executive.api.codes import INTERNAL, all_codes, look_up
+from executive.api.codes import INTERNAL
+from executive.code_table import look_up
 from hardware import HardwareError
+from tests.support.codes import all_codes
 from tests.support.paths import ROOT
 
 ROOMS = (executive, hardware, logs, skills, trees)
