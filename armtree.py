@@ -4,14 +4,32 @@ with armtree.Arm() as arm:
     result = arm.run("pick")
 """
 
-import importlib
 import typing
 
+from hardware.lazy_exports import lazy_exports, public_names
+
+__all__ = public_names(__file__)  # noqa: PLE0605, as the imports below list them
+
+# A name is loaded at its first use, so that a client does not wait for what only an arm needs.
 if typing.TYPE_CHECKING:
-    from executive.api.outcome import Cause as Cause, Outcome as Outcome
+    from executive.api.events import Event as Event, Status as Status, Where as Where
+    from executive.api.move import Move as Move
+    from executive.api.outcome import (
+        CancelCode as CancelCode,
+        CancelResult as CancelResult,
+        Cause as Cause,
+        GoalState as GoalState,
+        GoalStatus as GoalStatus,
+        Outcome as Outcome,
+    )
     from executive.arm import Arm as Arm
     from executive.client.asynchronous import AsyncClient as AsyncClient
     from executive.client.synchronous import Client as Client
+    from executive.client.values import (
+        OpenQuestion as OpenQuestion,
+        PlannedTask as PlannedTask,
+        Task as Task,
+    )
     from executive.errors import (
         ClientError as ClientError,
         GoalError as GoalError,
@@ -21,13 +39,18 @@ if typing.TYPE_CHECKING:
     )
     from executive.testing import SimulatedArm as SimulatedArm
     from hardware import HardwareError as HardwareError
+    from hardware.errors import ArmtreeError as ArmtreeError
     from logs import LogError as LogError
     from skills import (
         Cancel as Cancel,
         Operator as Operator,
+        Port as Port,
+        Positions as Positions,
         Question as Question,
         Skill as Skill,
+        SkillBroken as SkillBroken,
         SkillError as SkillError,
+        TaskFailed as TaskFailed,
         condition as condition,
         skill as skill,
     )
@@ -38,31 +61,8 @@ if typing.TYPE_CHECKING:
         TreeError as TreeError,
         UnknownTask as UnknownTask,
     )
-
-# Loaded at their first use, so that a client does not wait for what only an arm needs.
-_MODULES = {
-    "executive.arm": ("Arm",),
-    "executive.client.asynchronous": ("AsyncClient",),
-    "executive.client.synchronous": ("Client",),
-    "executive.errors": ("ClientError", "GoalError", "GoalFailed", "Refused", "ServerUnreachable"),
-    "executive.api.outcome": ("Cause", "Outcome"),
-    "executive.testing": ("SimulatedArm",),
-    "hardware": ("HardwareError",),
-    "logs": ("LogError",),
-    "skills": ("Cancel", "Operator", "Question", "Skill", "SkillError", "condition", "skill"),
-    "skills.motion": ("MotionError",),
-    "trees": ("EXAMPLES", "FileError", "TreeError", "UnknownTask"),
-}
-
-__all__ = [name for names in _MODULES.values() for name in names]
-
-
-def __getattr__(name: str) -> typing.Any:
-    for module, names in _MODULES.items():
-        if name in names:
-            globals()[name] = value = getattr(importlib.import_module(module), name)
-            return value
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+else:
+    __getattr__ = lazy_exports(__name__)
 
 
 def __dir__() -> list[str]:

@@ -30,13 +30,19 @@ def lazy_exports(package: str) -> Callable[[str], Any]:
     return load
 
 
+def public_names(file: str) -> list[str]:
+    """Return the public names of a package or module, from its file."""
+    return [*_sources(file)]
+
+
 @cache
 def _sources(file: str) -> dict[str, str]:
-    """Return the module of each name that a file imports by `from`."""
+    """Return the module of each name that a file imports as public: `from x import A as A`."""
     nodes = ast.walk(ast.parse(Path(file).read_bytes()))
     return {
         alias.name: "." * node.level + (node.module or "")
         for node in nodes
         if isinstance(node, ast.ImportFrom)
         for alias in node.names
+        if alias.name == alias.asname
     }
