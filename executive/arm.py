@@ -18,8 +18,9 @@ from .api.events import Where
 from .api.move import HOME, Move
 from .api.outcome import Outcome
 from .errors import GoalFailed
-from .session import load_own_skills, open_executive, run_task
+from .session import load_own_skills, open_executive
 from .setup import Setup
+from .task_runner import TaskRunner
 
 OWN_TREES = Path("trees")  # as on the command line
 
@@ -84,6 +85,7 @@ class Arm:
         self.executive = resources.enter_context(
             open_executive(setup, link=link, operator=operator)
         )
+        self._runner = TaskRunner(self.executive)
         self._close, self._lock = weakref.finalize(self, resources.close), Lock()  # also at exit
         self.executive.start()
 
@@ -122,7 +124,7 @@ class Arm:
     def attempt(self, task: int | str | Move, /, **arguments: Any) -> Outcome:
         """Run a task as `run` does, but return the outcome of one that fails, too."""
         with self._lock:
-            return run_task(self.executive, task, arguments)
+            return self._runner.run(task, arguments)
 
     def move(
         self, *to: str | float, relative: bool = False, speed: float = 1.0, **joints: str | float

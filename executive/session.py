@@ -1,13 +1,10 @@
 """From a set-up to an executive: for the command line, the server, tests and users."""
 
-import json
 import logging
-import uuid
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack, closing, contextmanager, suppress
-from dataclasses import replace
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import logs
 from hardware import VIRTUAL, Clock, Link, RealClock, Robot
@@ -19,9 +16,6 @@ from trees import Library
 from trees.nodes.kind import reserved_names
 
 from .api.events import Event
-from .api.move import Move, number_of
-from .api.outcome import GoalState, Outcome
-from .errors import ResultTimeout, UnknownGoal
 from .executive import Executive
 from .setup import Setup
 
@@ -29,8 +23,6 @@ if TYPE_CHECKING:
     from trees.live_library import LiveLibrary
 
 logger = logging.getLogger(__name__)
-
-_SLICE = 0.5  # longest single wait for an outcome, so that Ctrl-C is noticed [s]
 
 
 @contextmanager
@@ -93,70 +85,6 @@ def _library(setup: Setup, robot: Robot) -> "Library | LiveLibrary":
     from trees.live_library import LiveLibrary  # slow to import: it checks whole files
 
     return LiveLibrary(setup.trees, robot)
-
-
-def run_task(executive: Executive, task: int | str | Move, arguments: Mapping[str, Any]) -> Outcome:
-    """Run a task or a move, wait for its end, and finish its recording. Ctrl-C cancels it.
-
-    Args:
-        executive: A started executive with a single user.
-        task: Number or name of the task, or a move.
-        arguments: Values of its parameters, by name.
-
-    Returns:
-        The outcome, also that of a goal that was rejected.
-
-    Raises:
-        UnknownTask: No task has that number or name.
-        TypeError: A value is of a type that no parameter has.
-        KeyboardInterrupt: Ctrl-C was pressed. The goal has ended, and the arm has stopped.
-    """
-    number = task if isinstance(task, Move) else executive.library.number(task)
-    texts = {name: _text(name, value) for name, value in arguments.items()}
-    goal = uuid.uuid4().hex
-    try:
-        outcome = _outcome(executive, number, texts, goal)
-    except KeyboardInterrupt:
-        executive.cancel()
-        with suppress(UnknownGoal):
-            finish_recording(executive, executive.result(goal))
-        raise
-    return finish_recording(executive, outcome)
-
-
-def _outcome(
-    executive: Executive, task: int | Move, texts: Mapping[str, str], goal: str
-) -> Outcome:
-    answer = executive.send(task, texts, goal)
-    if answer.cause:
-        return Outcome.of(number_of(task), GoalState.ABORTED, answer.cause)
-    while True:
-        # A Ctrl-C just before the wait does not end the wait: the next slice raises it.
-        with suppress(ResultTimeout):
-            return executive.result(goal, _SLICE)
-
-
-def _text(name: str, value: object) -> str:
-    """Return an argument as text, as it is written in a task file."""
-    try:
-        return value if isinstance(value, str) else json.dumps(value)
-    except TypeError as error:
-        raise TypeError(f"argument {name} = {value!r}: {error}") from None
-
-
-def finish_recording(executive: Executive, outcome: Outcome) -> Outcome:
-    """Finish the recording of a goal; return its outcome, with what is wrong with the recording."""
-    try:
-        executive.finish_recording()
-    except logs.LogError as error:
-        if outcome.success:
-            return replace(outcome, code=error.code, message=str(error))
-        cause, words = outcome.cause, str(error)
-        if cause and words not in cause.message:
-            cause = replace(cause, message=f"{cause.message}; {words}")
-        message = outcome.message if words in outcome.message else f"{outcome.message}; {words}"
-        return replace(outcome, message=message, cause=cause)
-    return outcome
 
 
 def load_own_skills(folder: Path | None) -> None:

@@ -20,8 +20,9 @@ from trees.compile.port_types import known_skills
 
 from .api.events import Event, QuestionStatus
 from .api.outcome import GoalStatus, Outcome
-from .session import load_own_skills, open_executive, run_task
+from .session import load_own_skills, open_executive
 from .setup import Setup
+from .task_runner import TaskRunner
 
 
 class SharedPool(Pool):
@@ -127,7 +128,7 @@ class SimulatedArm:
             ) as executive,
         ):
             executive.start()
-            return run_task(executive, task, arguments)
+            return TaskRunner(executive).run(task, arguments)
 
     def _watch(self, event: Event) -> None:
         if not isinstance(event, GoalStatus | QuestionStatus):

@@ -14,9 +14,9 @@ import logs
 from executive.api.events import Event, QuestionStatus
 from executive.api.outcome import GoalStatus, Outcome
 from executive.cli.support import process
-from executive.cli.support.run_tasks import TaskSequence
 from executive.executive import Executive
 from executive.setup import Setup
+from executive.task_runner import TaskRunner
 from executive.testing import SharedPool
 from hardware import Arm, BoardLink, Clock, RealClock, Robot, SimulatedClock, load_robot
 from skills import Context, Operator, Skill, SkillEvent
@@ -75,17 +75,17 @@ class Rig:
         setup = Setup(recordings=recordings, single_user=single_user, **settings)
         self.executive = Executive(setup, robot, self.link, Library(tasks), pool, clock, operator)
         self.executive.subscribe(self._watch)
-        self._sequence = TaskSequence(self.executive)
+        self._runner = TaskRunner(self.executive)
 
     def run(self, *numbers: int, settings: Sequence[str] = ()) -> list[Outcome]:
         """Run tasks in turn on this thread, with parameters as NAME=VALUE."""
         arguments = read_arguments(settings, numbers)
         with self.clock.working():
-            return self._sequence.run(numbers, self.outcomes.append, arguments)
+            return self._runner.run_all(numbers, arguments, self.outcomes.append)
 
     def cancel(self) -> None:
         """Cancel what runs, and what would follow."""
-        self._sequence.stop()
+        self._runner.stop()
 
     def rest(self, seconds: float) -> None:
         """Let time pass."""

@@ -20,8 +20,9 @@ from executive.cli.terminal.streams import echo
 from executive.client.synchronous import Client
 from executive.errors import Refused, ServerUnreachable
 from executive.executive import Executive
-from executive.session import finish_recording, open_executive, port_line
+from executive.session import open_executive, port_line
 from executive.setup import Setup
+from executive.task_runner import TaskRunner
 from hardware import HardwareError, NotActive
 from logs import MOVE, Measured, Sent, Transition
 from trees import TreeError
@@ -47,16 +48,12 @@ class OwnArm:
     """
 
     def __init__(self, executive: Executive) -> None:
-        self._executive, self.by_hand = executive, False
+        self._executive, self._runner, self.by_hand = executive, TaskRunner(executive), False
         self._path: list[Mapping[str, float]] | None = None
 
     def move(self, move: Move, accepted: Callable[[], None]) -> Outcome:
         """Move, and wait for the end."""
-        answer = self._executive.send(move)
-        if answer.cause:
-            return Outcome.of(MOVE, GoalState.ABORTED, answer.cause)
-        accepted()
-        return finish_recording(self._executive, self._executive.result(answer.identity))
+        return self._runner.run(move, accepted=accepted)
 
     def stop(self) -> None:
         """Stop the arm at once."""

@@ -1,7 +1,7 @@
 """Runs tasks for `armtree run` and `armtree replay --on`, on their own executive."""
 
 import shlex
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
@@ -11,22 +11,22 @@ from click.core import ParameterSource
 
 import logs
 from executive.api import token_file
-from executive.api.codes import OK
 from executive.api.events import Event
 from executive.api.move import Move, number_of
-from executive.api.outcome import CANCELED_CAUSE, GoalState, GoalStatus, Outcome, cause_of
+from executive.api.outcome import GoalState, GoalStatus, Outcome, cause_of
 from executive.cli.terminal.line_view import view_for
 from executive.cli.terminal.question_prompt import Terminal
 from executive.cli.terminal.streams import echo
 from executive.cli.terminal.view import Prompt, View
 from executive.errors import ClientError
 from executive.executive import Executive
-from executive.session import finish_recording, open_executive, port_line
+from executive.session import open_executive, port_line
 from executive.setup import Setup
-from hardware import VIRTUAL, HardwareError, State
+from executive.task_runner import TaskRunner
+from hardware import VIRTUAL, HardwareError
 from hardware.errors import PortBusy
 from hardware.link.serial_ports import owner_of
-from trees import Located, TreeError
+from trees import TreeError
 from trees.compile.arguments import read_arguments
 
 from .failures import Refusal
@@ -82,16 +82,16 @@ def execute(
             for server in token_file.running():
                 if held := _held_by(server, executive, number_of(tasks[0]), settings):
                     raise Refusal(f"{held}; or give --port virtual for another, virtual arm")
-        sequence = TaskSequence(executive)
+        runner = TaskRunner(executive)
 
         def cancel() -> None:
-            sequence.stop()
+            runner.stop()
             view.put(CANCELING)
 
         interrupts.on_cancel(cancel)
         with recorded_log(executive):
             report = partial(_report, view, executive, settings) if known else view.put
-            outcomes = interrupts.run(lambda: sequence.run(tasks, report, arguments))
+            outcomes = interrupts.run(lambda: runner.run_all(tasks, arguments, report))
         remaining = [number_of(task) for task in tasks]
         for outcome in outcomes:
             remaining.remove(outcome.task)
@@ -157,65 +157,3 @@ def _prompt(view: View) -> Callable[[str], None]:
 def _to_errors(text: str) -> None:
     if text:
         echo(text, err=True)
-
-
-class TaskSequence:
-    """Tasks that one executive runs in turn, before it closes.
-
-    Args:
-        executive: Runs the tasks. It was not started, and has a single user.
-    """
-
-    def __init__(self, executive: Executive) -> None:
-        self._executive, self._canceled = executive, False
-
-    def stop(self) -> None:
-        """Stop the arm; cancel the task that runs and those that follow. Any thread may call."""
-        self._canceled = True
-        self._executive.cancel()
-
-    def run(
-        self,
-        tasks: Sequence[int | Move],
-        report: Callable[[Outcome], None],
-        arguments: Mapping[str, str | Located],
-    ) -> list[Outcome]:
-        """Run the tasks, then close the executive.
-
-        Every task is validated first, as far as this is possible without the arm. The arm shuts
-        down before the last recording ends, so that the recording shows it.
-
-        Args:
-            tasks: Numbers of the tasks, or moves.
-            report: Receives each outcome when its recording is complete.
-            arguments: Values of the parameters, by name.
-
-        Returns:
-            The outcomes of the tasks that began or were rejected.
-        """
-        executive = self._executive
-        rejected = executive.find_invalid(tasks, arguments) if len(tasks) > 1 else None
-        remaining: list[int | Move] = list(tasks) if rejected is None else [rejected]
-        outcomes: list[Outcome] = []
-        try:
-            executive.start()
-            while remaining and (not outcomes or outcomes[-1].code == OK):
-                outcome = self._outcome(remaining.pop(0), arguments)
-                active = executive.status().arm is not State.UNCONFIGURED
-                if active and not (remaining and outcome.success):
-                    executive.arm_to("shutdown")
-                outcomes.append(finish_recording(executive, outcome))
-                report(outcomes[-1])
-        finally:
-            executive.close()
-        return outcomes
-
-    def _outcome(self, task: int | Move, arguments: Mapping[str, str | Located]) -> Outcome:
-        if self._canceled:
-            return Outcome.of(number_of(task), GoalState.CANCELED, CANCELED_CAUSE)
-        answer = self._executive.send(task, arguments, strict=True)
-        if answer.cause:
-            return Outcome.of(number_of(task), GoalState.ABORTED, answer.cause)
-        if self._canceled:  # canceled before the goal was sent
-            self._executive.cancel(answer.identity)
-        return self._executive.result(answer.identity)

@@ -9,7 +9,7 @@ import logs
 from executive.api.move import Move
 from executive.api.outcome import GoalState
 from executive.replay.verification import verify
-from executive.session import run_task
+from executive.task_runner import TaskRunner
 from hardware import SimulatedClock, load_robot
 from tests.conftest import RigMaker
 from tests.support.servers.server_acts import at_frame
@@ -55,7 +55,7 @@ def test_a_slow_move_takes_longer_and_is_verified(
     with shared_clock.working():
         arm.executive.start()
         for target, speed in ((0.8, 1.0), (0.0, 0.5)):
-            outcome = run_task(arm.executive, Move((f"joint_1={target}",), speed=speed), {})
+            outcome = TaskRunner(arm.executive).run(Move((f"joint_1={target}",), speed=speed))
             assert Path(outcome.recording).name.endswith("-move.mcap")
             assert verify(Path(outcome.recording)).holds
             plan = [each for each in arm.recorded(logs.Plan) if each.group == "arm"][-1]
@@ -70,7 +70,7 @@ def test_a_move_is_canceled_like_any_goal(rig: RigMaker, shared_clock: Simulated
     at_frame(arm, 5, arm.executive.cancel)
     with shared_clock.working():
         arm.executive.start()
-        outcome = run_task(arm.executive, Move(("folded",)), {})
+        outcome = TaskRunner(arm.executive).run(Move(("folded",)))
         arm.executive.close()
     assert outcome.state is GoalState.CANCELED
     assert verify(Path(outcome.recording)).holds
@@ -131,7 +131,7 @@ def test_a_move_that_its_tree_refuses_has_no_place(
     arm = rig()
     with shared_clock.working():
         arm.executive.start()
-        outcome = run_task(arm.executive, Move(("joint_1=170deg",), relative=True), {})
+        outcome = TaskRunner(arm.executive).run(Move(("joint_1=170deg",), relative=True))
         arm.executive.close()
     assert outcome.code == "goal.out_of_bounds"
     assert "move.yaml" not in outcome.text()

@@ -14,8 +14,9 @@ from executive.api.move import LEADER, Move
 from executive.api.outcome import Outcome
 from executive.executive import Executive
 from executive.replay.verification import verify
-from executive.session import open_executive, run_task
+from executive.session import open_executive
 from executive.setup import Setup
+from executive.task_runner import TaskRunner
 from executive.testing import SharedPool
 from hardware import Robot, SimulatedClock, load_robot
 from hardware.errors import PortLost
@@ -65,7 +66,7 @@ def followed(
         open_executive(setup, clock=clock, link=link, pool=pool, leader=hand) as executive,
     ):
         executive.start()
-        yield run_task(executive, Move((LEADER,)), {}), hand, executive
+        yield TaskRunner(executive).run(Move((LEADER,))), hand, executive
 
 
 def sent(outcome: Outcome) -> list[Sent]:
