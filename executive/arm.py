@@ -40,7 +40,7 @@ class Arm:
         seed: Seed of planning, from 1.
         pose: Confirmed position of the arm, `boot` or `last`; needed if opening the port does not
             reset the board.
-        operator: Answers the questions of tasks (`Ask`); default: none does.
+        operator: Answers the questions of tasks; default: none does.
 
     Attributes:
         executive: Runs the tasks; it can also pause, resume and report.

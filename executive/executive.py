@@ -81,7 +81,7 @@ class Executive:
         pool: The planners.
         clock: Time source.
         operator: Answers the questions of tasks; default: none does.
-        leader: Arm that is moved by hand, for `FollowLeader`; default: none.
+        leader: Arm that is moved by hand, for tasks that follow it; default: none.
 
     Attributes:
         setup, robot, library, clock: The same.
@@ -301,7 +301,7 @@ class Executive:
         """Set a breakpoint: every goal pauses before the node starts. Conditions do not pause.
 
         Args:
-            path: Path of the node in its tree, such as `pick/Execute`.
+            path: Path of the node in its tree, as in its events.
             on: False to remove the breakpoint.
 
         Raises:

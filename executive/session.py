@@ -48,7 +48,7 @@ def open_executive(
         link: Link to the board; default: that of the set-up's port.
         pool: Planners; they stay open. Default: planners of its own.
         operator: Answers the questions of tasks; default: none does.
-        leader: Arm that is moved by hand, for `FollowLeader`; default: none.
+        leader: Arm that is moved by hand, for tasks that follow it; default: none.
         subscriber: Callback for every event, from any thread.
         report: Receives what was done to earlier recordings, one line each.
 

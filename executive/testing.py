@@ -3,7 +3,7 @@
 with SimulatedArm(trees=Path("trees"), skills=Path("skills")) as arm:
     arm.replace("door_closed", lambda: True)
     assert arm.run(3, swing="10 deg").success
-    assert arm.said("Say") == ["done"]
+    assert arm.said("greet") == ["done"]
 """
 
 import dataclasses

@@ -29,11 +29,13 @@ from .errors import (
 from .function import Cancel as Cancel, condition as condition, skill as skill
 from .joint_targets import check_targets as check_targets
 from .leader import Blocked as Blocked, Leader as Leader, NobodyLeads as NobodyLeads
+from .leaves.check_hardware import EXAMPLE_CONDITION as EXAMPLE_CONDITION
 from .leaves.reach_point import (
     TOOL_PORTS as TOOL_PORTS,
     check_tool as check_tool,
     tool_query as tool_query,
 )
 from .leaves.target import check_distances as check_distances, check_joints as check_joints
+from .leaves.wait import wait_node as wait_node
 from .ports import Port as Port, Positions as Positions
 from .question import NoOperator as NoOperator, Operator as Operator, Question as Question

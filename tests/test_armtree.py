@@ -19,6 +19,7 @@ from executive.arm import Arm
 from executive.executive import Executive
 from executive.session import open_executive
 from executive.setup import Setup
+from executive.task_runner import TaskRunner
 from hardware import BoardLink, Robot, SimulatedClock
 from skills.motion import Pool
 from tests.support.arms.quick_arm import quick_arm
@@ -42,7 +43,7 @@ class _SimulatedArm(Arm):
     """An arm on an executive in simulated time."""
 
     def __init__(self, executive: Executive) -> None:
-        self.executive, self._lock = executive, Lock()
+        self.executive, self._runner, self._lock = executive, TaskRunner(executive), Lock()
         executive.start()
 
     def close(self) -> None:
@@ -177,7 +178,7 @@ def test_a_broken_skill_is_reported(tmp_path: Path) -> None:
 
 def test_an_unknown_name_of_the_module() -> None:
     with pytest.raises(AttributeError, match="no attribute 'Leg'"):
-        armtree.Leg  # noqa: B018
+        armtree.Leg  # type: ignore[attr-defined]  # noqa: B018
     assert set(armtree.__all__) == set(dir(armtree))
 
 

@@ -55,7 +55,7 @@ class Place:
         path: The file.
         line: Line, from 1; 0 for the whole file.
         column: Column, from 1; 0 for the whole file.
-        location: Path through the document, such as `tree.sequence[2].Wait.duration`.
+        location: Path through the document, such as `tree.sequence[2].repeat.times`.
         lines: All lines of the file.
     """
 

@@ -332,7 +332,7 @@ _ROWS = (
         s.answer("Breakpoints", breakpoints=s.array(s.TEXT)),
         body=s.body(
             "node",
-            node=s.words("Path of the node, such as `pick/Execute`."),
+            node=s.words("Path of the node, as in its events."),
             on=s.described(s.BOOLEAN, "False to clear the breakpoint; default true."),
         ),
         errors=("goal.no_such_node", "goal.too_many_breakpoints", "file"),

@@ -221,8 +221,8 @@ step = _goal_command(
 def break_(client: "Client", as_json: bool, node: str | None, off: bool) -> None:
     """Set or remove a breakpoint on a server, or list them.
 
-    Each goal pauses before it starts NODE, such as pick/Execute. Without NODE, list all
-    breakpoints.
+    Each goal pauses before it starts NODE, a path that `armtree watch` prints. Without NODE, list
+    all breakpoints.
     """
     if off and not node:
         raise click.UsageError("--off needs a NODE")

@@ -243,7 +243,7 @@ class Client:
         """Set or clear a breakpoint: every goal pauses before that node starts.
 
         Args:
-            node: Path of the node, such as `pick/Execute`.
+            node: Path of the node, as in its events.
             on: False to clear the breakpoint.
 
         Returns:

@@ -108,10 +108,8 @@ def _tree(read: Words, relative: bool, speed: float) -> dict[str, object]:
     """Return the tree of a move. Without words to read, it follows the leader."""
     ports: dict[str, object] = {}
     if read == Words({}, {}):
-        from skills.leaves.follow_leader import FollowLeader
-
-        return {FollowLeader.__name__: {"speed": speed}}
-    if read.point is not None:
+        subtree = "follow_leader"
+    elif read.point is not None:
         subtree, ports = "move_tool", {"point": list(read.point), "relative": relative}
     elif not read.changes:
         subtree, ports = "move_joints", {"joints": dict(read.joints)}

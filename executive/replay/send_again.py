@@ -17,8 +17,8 @@ from logs import (
     Sent as RecordedFrame,
 )
 from skills.errors import NotReplayable
-from skills.leaves.execute import Execute
 from skills.merged_motion import MergedMotion
+from skills.streamed_motion import StreamedMotion
 
 _ROUNDING = 1e-6  # [rad]
 _FIRST_NUMBER = 1000  # a replay of task 1 is task 1001
@@ -37,7 +37,7 @@ tree:
 """
 
 
-class Replay(Execute):
+class Replay(StreamedMotion):
     """Send the frames of a recording at their times. The arm must be at the recorded start."""
 
     INPUT_PORTS = {

@@ -1,26 +1,15 @@
-"""A leaf that moves the arm: it compiles plans into frames and streams them."""
+"""A leaf that moves the arm along plans."""
 
-import math
-from dataclasses import replace
-
-from py_trees.common import Status
 from py_trees.ports import PortInformation
 
-from hardware import Playback, PlaybackState, Schedule, compile_schedule
-from skills.base import Skill
-from skills.context import Scheduled
-from skills.errors import Interrupted, StartMoved
-from skills.merged_motion import MergedMotion, verify_query
-from skills.motion.errors import MotionError
-from skills.motion.query import Rest
+from hardware import Schedule
+from skills.merged_motion import MergedMotion
 from skills.motion.trajectory.plan import Plan
-from skills.planning_skill import PlannerJob
+from skills.streamed_motion import StreamedMotion
 
 
-class Execute(Skill):
+class Execute(StreamedMotion):
     """Check the frames of a motion, then stream them. Succeed when the last one is carried out."""
-
-    moves = True
 
     INPUT_PORTS = {
         "arm_plan": PortInformation(Plan, description="the arm's motion"),
@@ -32,193 +21,7 @@ class Execute(Skill):
         ),
     }
 
-    _job: PlannerJob | None = None
-    _playback: Playback | None = None
-    _schedule: Schedule | None = None
-    _motion: MergedMotion | None = None
-    _start: tuple[float, ...] = ()
-    _generation = 0
-    _frames_before = 0  # frames of this motion that were sent before the last pause
-    _progress_before: float | None = None  # progress at the last pause
-    _paused = False
-    _remaining: list[Plan | PlannerJob] | None = None  # plans of the rest of a paused motion
-    _resumed = 0.0  # time within the motion at which it is resumed [s]
-
-    @property
-    def busy(self) -> bool:
-        """True while a planner works for it, or the motion continues."""
-        jobs = [self._job, *(self._remaining or [])]
-        return self._playing or any(isinstance(j, PlannerJob) and not j.done for j in jobs)
-
-    @property
-    def progress(self) -> float | None:
-        """Fraction of the frames that the board has received; None until the motion starts."""
-        if self._playback is None:
-            return self._progress_before
-        total = self._frames_before + len(self._playback.schedule.setpoints)
-        return (self._frames_before + self._playback.arrived) / total if total else 1.0
-
-    @property
-    def time_left(self) -> float:
-        """Time until the last frame is carried out [s]; 0 until the motion starts."""
-        if self._playback is None:
-            return 0.0
-        schedule, arrived = self._playback.schedule, self._playback.arrived
-        return schedule.duration - (schedule.setpoints[arrived - 1].time if arrived else 0.0)
-
-    def on_start(self) -> Status:
-        """Compile the plans into frames, and have the frames checked."""
-        arm = self.context.arm
-        self._playback, self._remaining, self._paused = None, None, False
-        self._frames_before, self._progress_before = 0, None
-        schedule, motion = self.compile_motion(arm.commanded)
-        return self._check(schedule, motion, None)
-
-    def on_running(self) -> Status:
-        """Start the motion when the check has passed; then follow it to its end."""
-        if self._paused:
-            return self._resume()
-        if self._remaining is not None:
-            return self._play_remaining(self._remaining)
-        assert self._job
-        assert self._schedule
-        if not self._job.done:
-            return Status.RUNNING
-        if isinstance(self._job.answer, MotionError):
-            raise self._job.answer
-        if self._playback is None:
-            arm, wake = self.context.arm, self.context.wake
-            self._playback = arm.play(self._schedule, wake, self.name, self._generation)
-        return self._follow(self._playback)
-
     def compile_motion(self, start: tuple[float, ...]) -> tuple[Schedule, MergedMotion | None]:
-        """Return the frames to play from a start position [rad], and the motion they come from."""
+        """Return the frames of the plans, and their motion."""
         plans: list[Plan] = [self.get_input("arm_plan"), self.get_input("gripper_plan")]
-        return self._merge(start, plans, self.get_input("together"))
-
-    def _merge(
-        self, start: tuple[float, ...], plans: list[Plan], together: bool
-    ) -> tuple[Schedule, MergedMotion]:
-        robot = self.context.robot
-        merged = MergedMotion(robot, start, plans, together)
-        if not merged.begins_at(start):
-            raise StartMoved("the arm was moved after it was planned; plan again")
-        return compile_schedule(robot, start, merged.sample, merged.duration), merged
-
-    def _check(
-        self, schedule: Schedule, motion: MergedMotion | None, resumed: float | None
-    ) -> Status:
-        context = self.context
-        self._generation, self._start = context.arm.generation, context.arm.commanded
-        start = self._start
-        self._schedule, self._motion, self._playback = schedule, motion, None
-        context.publish(Scheduled(schedule, start, motion, resumed))
-        world = context.scene.world
-        request = verify_query(context.robot, start, schedule, context.timeout, world)
-        self._job = PlannerJob(context, request)
-        return Status.RUNNING
-
-    def on_pause(self) -> None:
-        """Stop the arm."""
-        if self._playing:
-            self._paused = True
-            self.context.arm.stop()
-
-    def _resume(self) -> Status:
-        """Send a request to time the rest of the motion from the position of the paused arm."""
-        playback = self._playback
-        assert playback
-        if playback.state is PlaybackState.PLAYING:  # it still decelerates
-            return Status.RUNNING
-        self._paused = False
-        if playback.state is not PlaybackState.STOPPED:
-            return self._follow(playback)
-        position = self.context.arm.commanded
-        if not _stopped_at(playback, self._start, position):
-            raise StartMoved("the arm was moved while the motion was paused; plan again")
-        self._progress_before = self.progress
-        self._frames_before += playback.written
-        if self._motion is None:
-            joints = self.context.robot.actuated
-            ramp = max(joint.velocity / joint.acceleration for joint in joints)
-            return self._check(_remaining_frames(playback, ramp), None, None)
-        self._resumed, self._playback = _time_at(playback, self._motion, position), None
-        self._remaining = [
-            PlannerJob(self.context, rest) if isinstance(rest, Rest) else rest
-            for rest in self._motion.rest(self._resumed, position)
-        ]
-        return self._play_remaining(self._remaining)
-
-    def _play_remaining(self, remaining: list[Plan | PlannerJob]) -> Status:
-        """Compile the rest of the motion into frames when all of it is timed."""
-        assert self._motion
-        plans = [part.answer if isinstance(part, PlannerJob) else part for part in remaining]
-        if any(isinstance(part, PlannerJob) and not part.done for part in remaining):
-            return Status.RUNNING
-        self._remaining = None
-        for plan in plans:
-            if isinstance(plan, MotionError):
-                raise plan
-        start = self.context.arm.commanded
-        schedule, motion = self._merge(
-            start, [plan for plan in plans if isinstance(plan, Plan)], self._motion.together
-        )
-        return self._check(schedule, motion, self._resumed)
-
-    def _follow(self, playback: Playback) -> Status:
-        before, frames = self._frames_before, len(playback.schedule.setpoints)
-        self.feedback_message = f"{before + playback.arrived} of {before + frames} frames"
-        if playback.state is PlaybackState.PLAYING:
-            return Status.RUNNING
-        if playback.error:
-            raise playback.error
-        if playback.state is PlaybackState.STOPPED:
-            raise Interrupted(f"the motion was stopped after {self.feedback_message}")
-        return Status.SUCCESS
-
-    def on_halt(self) -> None:
-        """Stop the arm, and cancel planners that still work."""
-        for job in (self._job, *(self._remaining or ())):
-            if isinstance(job, PlannerJob):
-                job.cancel()
-        if self._playing:
-            self.context.arm.stop()
-
-    @property
-    def _playing(self) -> bool:
-        return self._playback is not None and self._playback.state is PlaybackState.PLAYING
-
-
-def _time_at(playback: Playback, motion: MergedMotion, position: tuple[float, ...]) -> float:
-    """Return the time within a motion [s] at which it has the position of a stopped arm [rad]."""
-    if not playback.written:
-        return 0.0
-    last = playback.schedule.setpoints[playback.written - 1]
-    expected = last.time - last.delay
-    times = [time for time, row in motion.sampled.items() if tuple(row) == position]
-    return min(times, key=lambda time: abs(time - expected))
-
-
-def _stopped_at(playback: Playback, start: tuple[float, ...], position: tuple[float, ...]) -> bool:
-    """Return True if the arm is at the position at which a playback was stopped [rad]."""
-    schedule, written = playback.schedule, playback.written
-    last = schedule.setpoints[written - 1].positions if written else start
-    return position == last or (written == len(schedule.setpoints) and position == schedule.end)
-
-
-def _remaining_frames(playback: Playback, ramp: float) -> Schedule:
-    """Return the frames that were not sent, for a schedule without a known motion.
-
-    They start from standstill. Their rate grows linearly to the scheduled rate within `ramp` [s].
-    """
-    schedule, written = playback.schedule, playback.written
-    if not written:
-        return schedule
-    remaining, passed = schedule.setpoints[written:], schedule.setpoints[written - 1].time
-
-    def later(time: float) -> float:
-        ahead = time - passed
-        return math.sqrt(2 * ramp * ahead) if ahead < ramp / 2 else ahead + ramp / 2
-
-    setpoints = tuple(replace(setpoint, time=later(setpoint.time)) for setpoint in remaining)
-    return replace(schedule, setpoints=setpoints, duration=later(schedule.duration))
+        return self.merge(start, plans, self.get_input("together"))

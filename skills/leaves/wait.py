@@ -39,3 +39,8 @@ class Wait(Skill):
             return Status.SUCCESS
         self.context.wake_at(self._deadline)
         return Status.RUNNING
+
+
+def wait_node(duration: str) -> str:
+    """Return a node that waits, as a task file has it, such as for `2 s`."""
+    return f"{Wait.__name__}: {{duration: {duration}}}"

@@ -13,32 +13,7 @@ from trees.reading.library import Library
 
 from .schema import NAME, schema_text
 
-_TEXT = """\
-# yaml-language-server: $schema={schema}
-# trees/README.md describes everything that a task can contain. `armtree check` finds mistakes.
-task: {number}
-name: {name}
-description: Move a joint to and fro.
-
-# Parameters, given when the task is run: armtree run {number} --set swing="{most}"
-parameters:
-  swing: {{type: {kind}, default: {default}, min: {least}, max: {most}, description: how far}}
-
-# The tree. `armtree skills` lists the skills, `armtree show {number}` draws this tree.
-tree:
-  sequence:
-    - subtree: move_joints          # some joints, to a position in {unit}, or with a unit
-      with: {{joints: {{{all}}}}}
-    - repeat:
-        sequence:
-          - subtree: move_relative  # some joints, by a distance; the others do not move
-            with: {{by: {{{joint}: $swing}}}}
-          - Wait: {{duration: 200 ms}}
-          - subtree: move_joints
-            with: {{joints: {{{joint}: {start}}}}}
-      times: 2
-    - Say: {{text: "{name}: done"}}
-"""
+_TEXT = Path(__file__).with_suffix(".yaml.txt")  # with places for numbers and names
 _MOST = 60.0  # largest swing [deg or mm]
 
 
@@ -46,7 +21,8 @@ def write_task(robot: Robot, folder: Path, number: int, name: str) -> Path:
     """Write a task file; see `prepare_file`. Returns its path."""
     path = prepare_file(robot, folder, number, name)
     try:
-        path.write_text(_TEXT.format(number=number, name=name, schema=NAME, **_values(robot)))
+        values = {"number": number, "name": name, "schema": NAME, **_values(robot)}
+        path.write_text(_TEXT.read_text().format(**values))
     except OSError as error:
         raise FileError.at(path, f"cannot be written: {error.strerror}") from error
     return path

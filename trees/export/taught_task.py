@@ -8,6 +8,7 @@ from typing import NoReturn
 from hardware import Robot
 from hardware.files import write_file
 from hardware.printable import plural
+from skills import wait_node
 from trees.declarations import Declaration
 from trees.errors import BadArguments, FileError, Mistake, Place
 from trees.reading.grammar import parse_value
@@ -162,7 +163,7 @@ class TaughtTask:
             seconds = fit(parse_value(duration, "wait"), longest, {}, wrong)
         except FileError as error:
             raise BadArguments(error.mistakes) from None
-        node = f"    - Wait: {{duration: {seconds:g} s}}\n"
+        node = f"    - {wait_node(f'{seconds:g} s')}\n"
         return self._add(Step(f"wait {seconds:g} s", (node,), {}))
 
     def undo(self) -> Step | None:

@@ -225,7 +225,9 @@ class NodeParser:
 
     def _children(self, kind: str, inner: Located) -> tuple[TreeNode, ...]:
         if _kinds()[kind].only_asks and _is_amount(inner):
-            wait = f"Wait: {{duration: {inner.as_yaml()}}}"
+            from skills import wait_node  # slow, and only a mistake needs it
+
+            wait = wait_node(inner.as_yaml())
             why = f"{kind} takes a condition; to wait for some time, write {wait}"
             right = inner.label.replaced(f"{kind}: {inner.as_yaml()}", wait)
             self._wrong(inner.place, why, right)
@@ -249,7 +251,9 @@ class NodeParser:
     ) -> tuple[TreeNode, ...]:
         if key in keys:
             return (self.node(keys[key]),)
-        right = added_below(place, f"{key}: CheckHardware")
+        from skills import EXAMPLE_CONDITION  # slow, and only a mistake needs it
+
+        right = added_below(place, f"{key}: {EXAMPLE_CONDITION}")
         self._wrong(place, f"{kind} needs {key}: the condition", right)
         return ()
 
