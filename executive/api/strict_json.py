@@ -1,4 +1,4 @@
-"""JSON from the network. Texts that different readers understand differently are refused."""
+"""JSON from outside. Texts that different readers understand differently are refused."""
 
 import json
 import math
@@ -9,7 +9,18 @@ MAX_BYTES = 64 * 1024  # largest body or message [bytes]
 
 
 class NotJson(ValueError):
-    """The text is not JSON, or it is ambiguous."""
+    """The text is not JSON, or it is ambiguous.
+
+    Attributes:
+        why: What is wrong, without the place.
+        line, column: The place, from 1; 0 if this is not known.
+    """
+
+    def __init__(self, cause: str | ValueError) -> None:
+        found = cause if isinstance(cause, json.JSONDecodeError) else None
+        self.why = found.msg if found else str(cause)
+        self.line, self.column = (found.lineno, found.colno) if found else (0, 0)
+        super().__init__(str(cause))
 
 
 def parse(data: bytes | str) -> Any:
@@ -27,9 +38,21 @@ def parse(data: bytes | str) -> Any:
         if "\\u" in text:
             json.dumps(value, ensure_ascii=False).encode()  # raises for half a surrogate pair
     except RecursionError as error:
-        raise NotJson("too deep") from error
+        raise NotJson("it is nested too deep") from error
     except ValueError as error:
-        raise NotJson(str(error)) from error
+        raise NotJson(error) from error
+    return value
+
+
+def parse_object(data: bytes | str) -> dict[str, Any]:
+    """Read a JSON object in UTF-8.
+
+    Raises:
+        NotJson: As of `parse`, or the text is another value.
+    """
+    value = parse(data)
+    if not isinstance(value, dict):
+        raise NotJson("it is not a JSON object")
     return value
 
 
@@ -37,7 +60,9 @@ def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     made = dict(pairs)
     if len(made) < len(pairs):
         (key, _), *_ = Counter(key for key, _ in pairs).most_common(1)
-        raise ValueError(f"the key {key!r} is given twice")
+        name = made.get("name")
+        where = f" in {name}" if isinstance(name, str) and key != "name" else ""
+        raise ValueError(f"the key {key!r} is given twice{where}")
     return made
 
 

@@ -10,6 +10,7 @@ from typing import Any
 
 from nats.js.errors import KeyWrongLastSequenceError, NotFoundError
 
+from executive.api import strict_json
 from executive.api.outcome import CANCELED_CAUSE, GoalState
 from hardware import Clock
 
@@ -278,10 +279,11 @@ class FleetClient:
         news = asyncio.Event()
 
         async def note(message: Any) -> None:
-            answer = json.loads(message.data)
-            goals = tuple(answer.get("goals", ()))
             took = self._clock.now() - begin
-            found[answer["arm"]] = Confirmation(answer["arm"], answer["error"], goals, took)
+            with suppress(strict_json.NotJson, KeyError, TypeError):  # then it is not confirmed
+                answer = strict_json.parse_object(message.data)
+                arm, goals = str(answer["arm"]), tuple(map(str, answer.get("goals", ())))
+                found[arm] = Confirmation(arm, str(answer["error"]), goals, took)
             news.set()
 
         subscription = await connection.subscribe(inbox, cb=note)

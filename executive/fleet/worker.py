@@ -14,6 +14,7 @@ from typing import Any, Protocol
 from nats.aio.msg import Msg
 from nats.js.errors import APIError, KeyWrongLastSequenceError
 
+from executive.api import strict_json
 from executive.api.codes import BUSY, QUEUE_FULL
 from executive.api.events import Status
 from executive.api.outcome import CancelResult, GoalState, GoalStatus, Outcome, cause_for, cause_of
@@ -387,15 +388,14 @@ class Worker:
             logger.warning("Fleet: earlier jobs are not looked up: %s", error)
 
     async def _listen(
-        self, request: str, answer: Callable[[dict[str, Any]], Awaitable[dict[str, Any]]]
+        self, request: str, answer: Callable[[bytes], Awaitable[dict[str, Any]]]
     ) -> None:
         """Answer requests to this arm, to its pool, and to all arms."""
 
         async def respond(message: Msg) -> None:
             try:
-                body = json.loads(message.data or b"{}")
-                found = {"arm": self.arm, "error": "", **await answer(body)}
-            except (ClientError, ValueError, KeyError) as error:
+                found = {"arm": self.arm, "error": "", **await answer(message.data)}
+            except (ClientError, ValueError) as error:
                 found = {"arm": self.arm, "error": str(error)}
             with suppress(*GONE):
                 if message.reply:
@@ -404,7 +404,7 @@ class Worker:
         for whom in ("", self._pool, self.arm):
             await self._fleet.nats.subscribe(control_subject(request, whom), cb=respond)
 
-    async def _stop(self, _: dict[str, Any]) -> dict[str, Any]:
+    async def _stop(self, _: bytes) -> dict[str, Any]:
         self._held = "stopped by the fleet"
         self._free.clear()
         goals = (await self._server.stop()).goals
@@ -414,13 +414,13 @@ class Worker:
         self._changed.set()
         return {"goals": list(goals)}
 
-    async def _resume(self, _: dict[str, Any]) -> dict[str, Any]:
+    async def _resume(self, _: bytes) -> dict[str, Any]:
         self._held = ""
         self._changed.set()
         return {}
 
-    async def _cancel(self, body: dict[str, Any]) -> dict[str, Any]:
-        identity = str(body["job"])
+    async def _cancel(self, data: bytes) -> dict[str, Any]:
+        identity = str(strict_json.parse_object(data).get("job", ""))
         self._canceled.add(identity)
         async with self._sending:
             pass  # then the arm knows it

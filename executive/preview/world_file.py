@@ -1,10 +1,8 @@
 """World files: bodies around the arm, as JSON."""
 
-import json
-from collections import Counter
 from pathlib import Path
-from typing import Any
 
+from executive.api import strict_json
 from executive.errors import BadWorldFile
 from hardware import Robot
 from hardware.files import read_file
@@ -22,21 +20,18 @@ def read_world(file: Path) -> World:
         BadWorldFile: The file cannot be read, or does not contain a list of bodies.
     """
     try:
-        text = read_file(file, _MAX_BYTES).decode("utf-8")
-        return World.parse(json.loads(text, object_pairs_hook=_once))
+        data = read_file(file, _MAX_BYTES)
+        return World.parse(strict_json.parse(data))
     except BadWorld as error:
         raise BadWorldFile.at(file, str(error)) from error
     except OSError as error:
         raise BadWorldFile.at(file, f"cannot be read: {error.strerror}") from error
-    except json.JSONDecodeError as error:
-        why = f"is not JSON: {error.msg}"
-        lines = error.doc.splitlines()
-        place = Place(file, error.lineno, error.colno, lines=lines)
-        raise BadWorldFile([Mistake(place, why)]) from error
-    except RecursionError as error:
-        raise BadWorldFile.at(file, "its lists or objects are nested too deep") from error
-    except ValueError as error:  # not UTF-8, or a huge number
-        raise BadWorldFile.at(file, f"is not JSON: {error}") from error
+    except strict_json.NotJson as error:
+        lines = data.decode(errors="replace").splitlines() if error.line else []
+        place = Place(file, error.line, error.column, lines=lines)
+        raise BadWorldFile([Mistake(place, f"is not JSON: {error.why}")]) from error
+    except ValueError as error:  # of the path
+        raise BadWorldFile.at(file, str(error)) from error
 
 
 def check_world(file: Path, world: World, robot: Robot) -> None:
@@ -49,16 +44,3 @@ def check_world(file: Path, world: World, robot: Robot) -> None:
         PlanningScene(robot, world)
     except BadWorld as error:
         raise BadWorldFile.at(file, str(error)) from error
-
-
-def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Return an object; reject duplicate keys, of which `json` would keep the last one."""
-    found = dict(pairs)
-    if len(found) < len(pairs):
-        duplicate = next(
-            key for key, times in Counter(key for key, _ in pairs).items() if times > 1
-        )
-        name = found.get("name")
-        where = name if isinstance(name, str) and duplicate != "name" else "one object"
-        raise BadWorld(f"{json.dumps(duplicate)} is given twice in {where}; leave one out")
-    return found

@@ -1,6 +1,7 @@
 """Jobs of a fleet: a real nats-server, real workers, simulated arms."""
 
 import asyncio
+import json
 import socket
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager
@@ -8,8 +9,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from nats.aio.msg import Msg
 
-from executive.fleet.connection import Fleet, open_fleet
+from executive.fleet.connection import Fleet, control_subject, open_fleet
 from executive.fleet.errors import (
     BadJob,
     BadName,
@@ -184,6 +186,28 @@ def test_a_stop_holds_the_fleet_and_names_who_does_not_confirm(url: str) -> None
             assert [arm.stops for arm in arms] == [2, 2]
             await client.forget(silent.arm)
             assert len(await client.arms()) == 2
+
+    asyncio.run(main())
+
+
+def test_a_malformed_request_is_answered_and_a_malformed_answer_ignored(url: str) -> None:
+    async def main() -> None:
+        arm = SimulatedArm()
+        async with joined(url, arm) as client:
+            nats = client._fleet.nats
+            for body in (b"[]", b"7", b"not JSON", b'{"job": "a", "job": "b"}'):
+                answer = await nats.request(control_subject("cancel", "bench.0"), body, 5.0)
+                assert json.loads(answer.data)["error"]
+            answer = await nats.request(control_subject("stop", "bench.0"), b"[]", 5.0)
+            assert json.loads(answer.data)["error"] == ""  # a stop needs no body
+
+            async def disturb(message: Msg) -> None:
+                for garbage in (b"[]", b"not JSON", b'{"arm": "bench.0"}'):
+                    await message.respond(garbage)
+
+            await nats.subscribe(control_subject("stop"), cb=disturb)
+            assert [each.arm for each in await client.stop()] == ["bench.0"]
+            assert arm.stops == 2
 
     asyncio.run(main())
 

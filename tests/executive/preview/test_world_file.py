@@ -54,12 +54,12 @@ def test_the_keys_of_the_readme() -> None:
     [
         (f'[{POST}, {{"name": "b", "spere": 1}}]', 'Body 2: "spere" is not a key of b; .* sphere?'),
         ('{"a": 1}', '{"a": 1} is not a list of bodies'),
-        ('[{"name": "b", "link": "x", "link": "y"}]', '"link" is given twice in b; leave one out'),
+        ('[{"name": "b", "link": "x", "link": "y"}]', "'link' is given twice in b"),
         (
             '[{"name": "b", "box": {"size": 1, "size": 2}}]',
-            '"size" is given twice in one object',
+            "'size' is given twice",
         ),
-        ('[{"link": "x", "link": "y", "name": 7}]', '"link" is given twice in one object; leave'),
+        ('[{"link": "x", "link": "y", "name": 7}]', "'link' is given twice"),
         (f"[{POST},\n", ":2:1: is not JSON: Expecting value"),
         ("[" * 100_000, "nested too deep"),
         (" " * (2**20 + 1), "cannot be read: it is larger than 1048576 bytes"),
