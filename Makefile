@@ -53,8 +53,8 @@ damage: $(TOOLS)
 	ARMTREE_CORRUPTIONS=100000 $(VENV)/bin/pytest -k corruptions --durations=2 \
 		tests/hardware/drivers/arduino/firmware/test_avr_armtree.py tests/hardware/drivers/arduino/virtual/test_armtree_firmware.py
 
-# Takes up to 20 minutes on 2 cores. Injects every fault of docs/faults.md, and fails if one does not
-# hold. `make faults ARGS="--only unplug --times 50 --seed 7 --keep"` selects.
+# Takes up to 20 minutes on 2 cores. Injects every fault of docs/faults.md, writes that page, and
+# fails if one does not hold. `make faults ARGS="--only unplug --times 50 --seed 7 --keep"` selects.
 faults: $(TOOLS)
 	$(VENV)/bin/python tests/faults/run.py $(ARGS)
 

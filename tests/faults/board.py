@@ -7,10 +7,9 @@ one a line, and answers each with a line of JSON:
 |---|---|
 | `state` | nothing |
 | `stall` | read nothing more |
-| `take N` | read N bytes although it is stalled; they are not logged |
 | `go` | read again |
 | `damage N` | change one bit of the Nth byte that it reads next, after it is logged |
-| `garbage N` | send N random bytes |
+| `garbage N SEED` | send N random bytes |
 | `mute` | send nothing more |
 | `send TEXT` | send this line, as a firmware does |
 | `reset` | boot, as after the reset button |
@@ -58,6 +57,7 @@ class Board:
     def __init__(self, folder: Path, firmware: str = "stock", boot_s: float = 0.1) -> None:
         number = len(list(folder.glob("board*.log")))
         self.port, self._log = folder / "ttyACM0", folder / f"board{number}.log"
+        self.period = 0.1 if firmware == "stock" else 0.02  # between two frames to it [s]
         self._known, self._rest = 0, b""  # bytes of the log that are in the lists; of no frame yet
         self._reads: list[Read] = []
         self._frames: list[Read] = []
@@ -87,9 +87,9 @@ class Board:
         answer: dict[str, Any] = json.loads(self._process.stdout.readline())
         return answer
 
-    def at(self, name: str) -> None:
-        """The port has this name from now on."""
-        self.port = self.port.with_name(name)
+    def at(self, name: Path) -> None:
+        """Commands are given this name of the port from now on."""
+        self.port = name
 
     def reads(self) -> list[Read]:
         """Everything that it read until now, on all its pseudo-terminals."""
@@ -123,8 +123,12 @@ class Board:
         assert self._process.stdout
         with contextlib.suppress(BrokenPipeError):
             self._process.stdin.close()
-        self._process.wait(5)
-        self._process.stdout.close()
+        try:
+            self._process.wait(5)
+        finally:
+            self._process.kill()
+            self._process.wait()
+            self._process.stdout.close()
 
 
 class Sketch:
@@ -284,11 +288,9 @@ class Terminal:
     def do_go(self, _: str) -> None:
         self.stalled = False
 
-    def do_take(self, count: str) -> None:
-        os.read(self.master, int(count))
-
-    def do_garbage(self, count: str) -> None:
-        self.unsent += random.Random(count).randbytes(int(count))
+    def do_garbage(self, words: str) -> None:
+        count, seed = words.split()
+        self.unsent += random.Random(seed).randbytes(int(count))
 
     def do_send(self, text: str) -> None:
         self.unsent += text.encode() + b"\n"

@@ -7,6 +7,7 @@ import asyncio
 import contextlib
 import itertools
 import json
+import random
 import sys
 from collections.abc import AsyncIterator, Callable
 
@@ -32,6 +33,16 @@ WEBSOCKET = head(
     *("connection: upgrade", "upgrade: websocket", "sec-websocket-version: 13"),
     "sec-websocket-key: AAAAAAAAAAAAAAAAAAAAAA==",
 )
+GOALS = head("POST /api/goals", "content-type: application/json", "content-length: 60000")
+# Valid and invalid frames of a WebSocket: pings, no mask, no end, 2^62 bytes, other codes, no JSON.
+FRAMES = (
+    *(Frame(Opcode.PING, b"x" * 125).serialize(mask=True) * 100 for _ in range(3)),
+    Frame(Opcode.TEXT, b"{}").serialize(mask=False),
+    Frame(Opcode.TEXT, b"x" * 60_000, fin=False).serialize(mask=True),
+    b"\x81\xff" + (2**62).to_bytes(8) + b"mask" + b"x" * 60_000,
+    b"\xff\x80mask" * 1000,
+    *(Frame(Opcode.TEXT, text).serialize(mask=True) for text in (b"[" * 60_000, b"\xff" * 1000)),
+)
 GOAL = {"op": "send_action_goal", "action": "/task_server", "args": {"task_number": 23}}
 KIND = {"action_type": "arduinobot_msgs/action/ArduinobotTask", "id": "a"}
 CANCEL = {"op": "cancel_action_goal", "action": "/task_server", "id": "a"}
@@ -47,6 +58,7 @@ CONNECTING: dict[str, Data] = {
     "pipelined stops": lambda port: STOP(port) * 500,
     "stops with bodies": lambda port: head("POST /api/stop", "content-length: 9")(port) + b"x",
     "long cancels": head("POST /api/cancel", *MANY),
+    "bad JSON": lambda port: GOALS(port) + b"[" * 60_000,
 }
 # What each client sends on a new connection, which it soon closes, whatever the answer.
 LEAVING: dict[str, Data] = {"unfinished stops": lambda port: STOP(port)[:-2]}
@@ -58,6 +70,11 @@ STAYING: dict[str, tuple[Data, Data]] = {
         head("POST /api/stop", "transfer-encoding: chunked"),
         lambda port: b"1\r\nx\r\n" * 1000,
     ),
+    "huge bodies": (
+        head("POST /api/goals", "content-type: application/json", f"content-length: {10**9}"),
+        lambda port: b"[" * 65_536,
+    ),
+    "rosbridge frames": (WEBSOCKET, lambda port: random.choice(FRAMES)),
     "rosbridge goals": (WEBSOCKET, lambda port: message(**GOAL, **KIND)),
     "rosbridge cancels": (WEBSOCKET, lambda port: message(**CANCEL)),
 }

@@ -3,11 +3,13 @@
 import contextlib
 import dataclasses
 import difflib
+import json
 import random
 import re
 import shutil
 import signal
-from collections.abc import Callable, Iterable, Iterator, Mapping
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -17,6 +19,7 @@ from mcap.stream_reader import StreamReader
 
 from tests.faults.board import Board
 from tests.faults.process import Command, Hang, Server, until
+from tests.faults.small_disk import SmallDisk
 from tests.faults.wrong_calls import WrongCalls
 from tests.support.paths import ROBOT_FILE
 
@@ -25,6 +28,7 @@ K = TypeVar("K")
 TASKS = Path(__file__).with_name("tasks")
 FRAME = re.compile(rb"b\d{3},s\d{3},e\d{3},g\d{3},")
 _TOKENS = re.compile(FRAME.pattern + rb"|[^b]+|b")
+LATE_S = 0.1  # by so much a board may read a frame later than it was sent, on a busy machine
 
 
 @dataclasses.dataclass(frozen=True)
@@ -76,6 +80,8 @@ class Scene:
         self._seed, self._number, self._times = seed, number, times
         self.problems: list[str] = []
         self.figures: list[float] = []
+        self.means: set[str] = set()
+        self.cleanup = contextlib.ExitStack()  # of what must last until all is compared
         self.injections = 1
         # What the fault may cost: frames that only the board has, that only a recording has.
         self.unrecorded, self.unreceived = 0, 0
@@ -91,6 +97,10 @@ class Scene:
     def figure(self, value: float) -> None:
         """Add a figure, in the unit of the row."""
         self.figures.append(value)
+
+    def by(self, means: str) -> None:
+        """Note by which means the fault is injected, if that depends on the machine."""
+        self.means.add(means)
 
     def ended(self, command: Command, *statuses: int, what: str = "") -> None:
         """Wait for the end of a command, and check its exit status."""
@@ -153,21 +163,35 @@ class Scene:
         task: str = "20",
         frames: tuple[int, int] = (1, 12),
         calls: WrongCalls | None = None,
+        disk: SmallDisk | None = None,
     ) -> Command:
-        """A run of a task, once it has sent a random number of frames within `frames`."""
-        run = self.run(task, board=board, environment=calls and calls.environment)
+        """A run of a task, a random part of a period after a random number of frames."""
+        faulty = calls or disk
+        options = {"argv": disk.argv} if disk else {}
+        run = self.run(task, board=board, environment=faulty and faulty.environment, **options)
         run.until_event("sent", self.random.randint(*frames))
+        time.sleep(self.random.uniform(0.0, board.period))  # noqa: TID251, a random moment
         return run
 
     def faulted(self, run: Command, *codes: str) -> float:
-        """Check that a run ends with a hardware fault and sends nothing after it; when [s]."""
+        """Check that a run ends with a hardware fault and sends nothing after it; when [s].
+
+        What a board has read afterwards is known from its own log.
+        """
         self.ended(run, 6)
         (result,) = run.events("result")
         self.check(result["code"] in codes, f"the code is {result['code']}")
         failing = next(each for each in run.events("lifecycle") if each["label"] == "raise_error")
-        late = [each for each in run.events("sent") if each["time_s"] > failing["time_s"]]
+        failed, sent = float(failing["time_s"]), run.events("sent")
+        late = [each for each in sent if each["time_s"] > failed]
         self.check(not late, f"{len(late)} frames were sent after the fault")
-        return float(failing["time_s"])
+        for board in self._boards:
+            read = board.frames()
+            more = len(read) - len(sent) - self.unrecorded
+            self.check(more <= 0, f"{more} frames reached the board, and were not reported")
+            after = [each for each in read if each.time > failed + LATE_S]
+            self.check(not after, f"the board has read {len(after)} frames after the fault")
+        return failed
 
     def serve(
         self, *arguments: str | Path, board: Board | None = None, **options: object
@@ -223,19 +247,19 @@ class Scene:
 
     def finish(self) -> None:
         """End all, and compare each board with the recordings."""
-        for command in self._commands:
-            if isinstance(command, Server) and command.popen.poll() is None:
-                command.signal(signal.SIGTERM)  # after SIGKILL, a frame could be unrecorded
-                command.signal(signal.SIGCONT)
-                with contextlib.suppress(Hang):
-                    command.wait(20)
-        self.no_survivors()
-        for command in self._commands:
-            with contextlib.suppress(ProcessLookupError):
-                command.close()
+        with contextlib.ExitStack() as stack:  # whatever fails, nothing is left
+            for board in self._boards:
+                stack.callback(board.close)
+            for command in self._commands:
+                stack.callback(command.close)
+            for command in self._commands:
+                if isinstance(command, Server) and command.popen.poll() is None:
+                    command.signal(signal.SIGTERM)  # after SIGKILL, a frame could be unrecorded
+                    command.signal(signal.SIGCONT)
+                    with contextlib.suppress(Hang):
+                        command.wait(20)
+            self.no_survivors()
         self.no_traceback()
-        for board in self._boards:
-            board.close()
         if self._boards:
             read = b"".join(board.data() for board in self._boards)
             unrecorded, unreceived = compare(read, recorded(self.recordings()))
@@ -261,16 +285,40 @@ class Recorded(NamedTuple):
 
 
 def frames_of(path: Path) -> Iterator[Recorded]:
-    """What a recording, finished or not, says was written to the port. Reads no code of armtree."""
+    """What a recording, finished or not, says was written to the port."""
+    for when, data in messages(path, "/serial/tx"):
+        # CDR: 4 bytes of header, seq, direction, padding, length of the data, data.
+        length = int.from_bytes(data[16:20], "little")
+        yield Recorded(when, data[20 : 20 + length])
+
+
+def motions_of(path: Path) -> list[list[float]]:
+    """When each frame of each motion of a recording was due, from the begin of the motion [s]."""
+    # CDR: 4 bytes of header, length of the text, text with a zero.
+    return [json.loads(data[8:-1])["times"] for _, data in messages(path, "/schedule")]
+
+
+def delays(times: Sequence[float], motions: Iterable[Sequence[float]]) -> Iterator[Sequence[float]]:
+    """How late each frame of each motion was [s], but for a time that all of a motion share.
+
+    Args:
+        times: When the frames came, motion after motion; the last may be incomplete [s].
+        motions: When they were due, from the begin of their motion [s].
+    """
+    for planned in motions:
+        seen, times = times[: len(planned)], times[len(planned) :]
+        yield [when - due for when, due in zip(seen, planned, strict=False)]
+
+
+def messages(path: Path, topic: str) -> Iterator[tuple[float, bytes]]:
+    """Times [s since 1970] and data of a topic. Reads no code of armtree."""
     channels: dict[int, str] = {}
     with path.open("rb") as stream, contextlib.suppress(McapError, EOFError):
         for record in StreamReader(stream, record_size_limit=2**26).records:
             if isinstance(record, Channel):
                 channels[record.id] = record.topic
-            elif isinstance(record, Message) and channels.get(record.channel_id) == "/serial/tx":
-                # CDR: 4 bytes of header, seq, direction, padding, length of the data, data.
-                length = int.from_bytes(record.data[16:20], "little")
-                yield Recorded(record.log_time / 1e9, record.data[20 : 20 + length])
+            elif isinstance(record, Message) and channels.get(record.channel_id) == topic:
+                yield record.log_time / 1e9, record.data
 
 
 def recorded(paths: Iterable[Path]) -> bytes:
@@ -311,7 +359,11 @@ def inject(one: Row, folder: Path, seed: str, number: int, keep: bool) -> Scene:
     except Exception as error:  # the row is wrong, or what it talks to
         scene.problems.append(f"{type(error).__name__}: {error}")
     finally:
-        scene.finish()
+        with scene.cleanup:
+            try:
+                scene.finish()
+            except Exception as error:
+                scene.problems.append(f"at the end: {type(error).__name__}: {error}")
     if not (keep and scene.problems):
         shutil.rmtree(folder, ignore_errors=True)
     return scene

@@ -7,6 +7,7 @@ import os
 import shutil
 import subprocess
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
 
 _SOURCES = Path(__file__).with_name("preload")
@@ -30,10 +31,13 @@ class WrongCalls:
         folder: Folder of the switch.
         path: Text in the name of the file: of the pseudo-terminal, or `.mcap`.
         calls: `write`, or `sync` for fsync and fdatasync.
+        name: Name of the switch.
     """
 
-    def __init__(self, folder: Path, path: str | Path, calls: str = "write") -> None:
-        self._switch = folder / "fault.switch"
+    def __init__(
+        self, folder: Path, path: str | Path, calls: str = "write", name: str = "fault"
+    ) -> None:
+        self._switch = folder / f"{name}.switch"
         self.environment = {
             "LD_PRELOAD": str(library("calls")),
             "FAULT_PATH": os.path.realpath(path) if os.path.islink(path) else str(path),
@@ -55,6 +59,16 @@ class WrongCalls:
     def stop(self) -> None:
         with contextlib.suppress(FileNotFoundError):
             self._switch.unlink()
+
+
+def together(*environments: Mapping[str, str]) -> dict[str, str]:
+    """The environment of a command with all these faults."""
+    names = dict.fromkeys(name for each in environments for name in each)
+    lists = {name: [each[name] for each in environments if name in each] for name in names}
+    return {
+        name: ":".join(dict.fromkeys(texts) if name == "LD_PRELOAD" else texts)
+        for name, texts in lists.items()
+    }
 
 
 class WallClock:

@@ -9,7 +9,8 @@
  *                  short N     write at most N bytes
  *                followed by `once` to remove the file at the first call
  *                The file FAULT_TRIGGER.calls gets a line for each: seconds of the monotonic clock.
- * FAULT_CALLS    write (default), or sync for fsync and fdatasync
+ * FAULT_CALLS    write, or sync for fsync and fdatasync
+ * Each may be a list, with colons between: the first path belongs to the first file and call.
  */
 #define _GNU_SOURCE
 #include <dlfcn.h>
@@ -38,13 +39,21 @@ static void note(const char *trigger) {
 
 struct fault { char kind[16]; long number; int active; };
 
-static struct fault now(int fd, const char *call) {
+/* Copies an item of the list in a variable; whether there is one. */
+static int item(const char *variable, int number, char *copy, size_t size) {
+    const char *list = getenv(variable);
+    while (list && number--) list = (list = strchr(list, ':')) ? list + 1 : NULL;
+    if (list) snprintf(copy, size, "%.*s", (int)strcspn(list, ":"), list);
+    return list != NULL;
+}
+
+static struct fault of(int number, int fd, const char *call) {
     struct fault fault = {"", 0, 0};
-    int kept = errno;
-    const char *trigger = getenv("FAULT_TRIGGER"), *path = getenv("FAULT_PATH");
-    const char *calls = getenv("FAULT_CALLS");
+    char trigger[512], path[512], calls[16];
     char link[64], name[512], text[64] = "", once[8] = "";
-    if (trigger && path && !strcmp(calls ? calls : "write", call)) {
+    if (item("FAULT_TRIGGER", number, trigger, sizeof trigger) &&
+        item("FAULT_PATH", number, path, sizeof path) &&
+        item("FAULT_CALLS", number, calls, sizeof calls) && !strcmp(calls, call)) {
         snprintf(link, sizeof link, "/proc/self/fd/%d", fd);
         ssize_t length = readlink(link, name, sizeof name - 1);
         name[length > 0 ? length : 0] = 0;
@@ -59,6 +68,15 @@ static struct fault now(int fd, const char *call) {
             if (!strcmp(once, "once")) unlink(trigger);
         }
     }
+    return fault;
+}
+
+static struct fault now(int fd, const char *call) {
+    struct fault fault = {"", 0, 0};
+    int kept = errno;
+    char path[512];
+    for (int number = 0; !fault.active && item("FAULT_PATH", number, path, sizeof path); number++)
+        fault = of(number, fd, call);
     errno = kept;
     return fault;
 }

@@ -1,6 +1,7 @@
 """Pages of other sites in a real browser, which attack a server on the same machine."""
 
 import json
+import re
 import shutil
 import threading
 from collections.abc import Iterator
@@ -69,6 +70,7 @@ def attacked(scene: Scene, made: Site, host: str, server: Server) -> dict[str, A
     profile = scene.folder / f"profile-{host}"
     options = ["--headless", "--no-sandbox", "--disable-gpu", "--no-first-run"]
     options += ["--disable-background-networking", f"--user-data-dir={profile}"]
+    options += ["--enable-logging=stderr"]  # what the browser refuses
     options += [f"--host-resolver-rules=MAP {FOREIGN} 127.0.0.1"]
     url = f"http://{host}:{made.server_port}/page?{facts}"
     browser = scene.armtree(
@@ -78,11 +80,15 @@ def attacked(scene: Scene, made: Site, host: str, server: Server) -> dict[str, A
         environment={"TMPDIR": str(scene.folder)},  # it is killed, and leaves files there
     )
     try:
-        return made.reports.get(timeout=60)
+        report = made.reports.get(timeout=60)
     except Empty:
         return {}
     finally:
         browser.close()
+    for target in targets:
+        refused = re.search(rf"Framing '{re.escape(target)}/'.*frame-ancestors", browser.text())
+        scene.check(refused, f"{host}: the browser shows {target} in a frame")
+    return report
 
 
 @row(

@@ -1,18 +1,24 @@
 """A bus with servos is not what the robot file says, or something happens to it during a motion."""
 
 import contextlib
-from collections.abc import Callable, Iterator
+import time
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 from hardware import load_robot
 from hardware.description.calibration import CalibratedJoint, calibration_file, write_calibration
+from hardware.drivers.feetech.packets import Instruction, take_packets
 from hardware.drivers.feetech.virtual.bus import Bus, Fault
 from hardware.drivers.virtual.board_process import BoardProcess
+from tests.faults.logged_bus import LoggedBus, logged
 from tests.faults.process import Command
-from tests.faults.row import TASKS, Scene, last_line, row
+from tests.faults.row import LATE_S, TASKS, Scene, frames_of, last_line, row
 from tests.support.arms.bus_arms import bus_arm
 
 ALWAYS = 1_000_000  # answers
+PERIOD = 0.02  # between two frames [s]
+NEAR = 34  # 3 degrees, which a servo may be off where it is held [ticks]
+COMMANDS = {Instruction.WRITE, Instruction.SYNC_WRITE}
 # Faults during a motion, and the codes with which it may end.
 SUDDEN = {
     "vanish": {"hw.servo_silent"},
@@ -73,13 +79,13 @@ WRONG: dict[str, tuple[str, Callable[[Bus, Path], object]]] = {
 def running(
     folder: Path, change: Callable[[Bus, Path], object] | None = None
 ) -> Iterator[tuple[Path, BoardProcess]]:
-    """A robot file, and the bus of its arm behind a port."""
+    """A robot file, and the bus of its arm behind a port. Its log is `bus.log` in the folder."""
     file = bus_arm(folder)
     model = load_robot(file).model()
     assert isinstance(model, Bus)
     if change:
         change(model, file)
-    board = BoardProcess(model, 1_000_000)
+    board = BoardProcess(LoggedBus(model, folder / "bus.log"), 1_000_000)
     board.state()  # it has started
     try:
         yield file, board
@@ -118,17 +124,34 @@ def wrong(scene: Scene) -> None:
     "bus-fault-port",
     "during a motion a servo vanishes, answers for another, sends damaged answers, is blocked,"
     " has a low voltage, or restarts",
-    "the goal ends with the code of the cause; the servos hold where they are; nothing is sent"
-    " afterwards, and the recording says all of it",
+    "the goal ends with the code of the cause; the servos hold where they are; the log of the bus"
+    " has nothing afterwards, and before it the commands that are recorded",
     times=6,
 )
 def sudden(scene: Scene) -> None:
-    for kind in scene.share(SUDDEN):
-        with running(scene.folder) as (file, board):
-            command = run(scene, file, board)
-            command.until_event("sent", scene.random.randint(5, 60))
-            board.call("fail", Fault(kind, 2, 0.0, 3 if kind == "impersonate" else ALWAYS))
-            scene.faulted(command, *SUDDEN[kind])
-            packets = board.state().packets
-            scene.check(board.state().packets == packets, "packets come after the end")
+    (kind,) = scene.share(SUDDEN)
+    with running(scene.folder) as (file, board):
+        command = run(scene, file, board)
+        command.until_event("sent", scene.random.randint(5, 60))
+        time.sleep(scene.random.uniform(0.0, PERIOD))  # noqa: TID251, a random moment
+        board.call("fail", Fault(kind, 2, 0.0, 3 if kind == "impersonate" else ALWAYS))
+        failed = scene.faulted(command, *SUDDEN[kind])
+        before = board.state().positions
+        time.sleep(0.5)  # noqa: TID251, so long a servo could still move
+        after = board.state().positions
+        moved = max(abs(after[servo] - before[servo]) for servo in after)
+        scene.check(moved < NEAR, f"{kind}: a servo moves by {moved:.0f} ticks after the end")
+        read = logged(scene.folder / "bus.log")
+    late = [data for when, data in read if when > failed + LATE_S]
+    scene.check(not late, f"{kind}: {len(late)} pieces reached the bus after the fault")
+    wanted = commands(each.data for path in scene.recordings() for each in frames_of(path))
+    found = commands(data for _, data in read)
+    scene.check(found, "the bus has read no command")
+    scene.check(found == wanted, f"{kind}: {len(found)} commands, {len(wanted)} recorded")
     scene.verified()
+
+
+def commands(pieces: Iterable[bytes]) -> list[bytes]:
+    """The whole packets among these bytes that command servos, in their order."""
+    packets = take_packets(bytearray(b"".join(pieces)))
+    return [packet.data for packet in packets if packet.code in COMMANDS]

@@ -26,7 +26,8 @@ with subprocess.Popen(sys.argv[2:], stdout=subprocess.PIPE) as process:
 sys.exit(status if status >= 0 else 128 - status)
 """
 
-# Runs a command on a terminal of its own, and closes the terminal when a file appears.
+# Runs a command on a terminal of its own. When a file appears, types what it holds, or closes the
+# terminal if it holds nothing.
 TERMINAL = """
 import fcntl, os, pathlib, sys, termios, time
 master, slave = os.openpty()
@@ -39,11 +40,20 @@ if not (pid := os.fork()):
     os.execv(sys.argv[2], sys.argv[2:])
 os.close(slave)
 os.set_blocking(master, False)
-while not pathlib.Path(sys.argv[1]).exists():
+keys = pathlib.Path(sys.argv[1])
+while True:
+    if keys.exists():
+        typed = keys.read_bytes()
+        if not typed:
+            break
+        os.write(master, typed)
+        keys.unlink()
     try:
         os.write(1, os.read(master, 65536))
     except BlockingIOError:
-        time.sleep(0.005)
+        time.sleep(0.001)
+    except OSError:  # it has ended
+        break
 os.close(master)
 status = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
 sys.exit(status if status >= 0 else 128 - status)
@@ -191,19 +201,56 @@ def closed_streams(scene: Scene) -> None:
     times=6,
 )
 def closed_terminal(scene: Scene) -> None:
-    board, close = scene.board(), scene.folder / "close"
-    argv = (sys.executable, "-c", TERMINAL, close, ARMTREE)
-    common: list[str | Path] = ["--port", board.port, "--robot", scene.robot(), "--trees", TASKS]
-    run = scene.armtree("run", "20", *common, argv=argv)
-    moving(board, scene.random.randint(1, 12))
-    close.touch()
+    board, keys = scene.board(), scene.folder / "keys"
+    run = on_terminal(scene, board, keys)
     begin = time.monotonic()
+    keys.touch()
     scene.ended(run, 7)
     scene.figure(time.monotonic() - begin)
     (recording,) = scene.recordings()
     *_, before, hold = frames_of(recording)
     scene.check(before.data == hold.data, "the last frame is not a hold")
     scene.verified()
+
+
+@row(
+    "typed-ctrl-c",
+    "a person types Ctrl-C in the terminal of a run during a motion, once or twice",
+    "the arm is stopped with a hold frame, exit status 7, and the recording holds; twice: the"
+    " command ends at once with 130, or with 7 if it had stopped before",
+    limit=300,
+    unit="ms",
+    times=6,
+)
+def typed_ctrl_c(scene: Scene) -> None:
+    board, keys = scene.board(), scene.folder / "keys"
+    (count,) = scene.share([1, 2])
+    run = on_terminal(scene, board, keys)
+    begin = time.monotonic()
+    for _ in range(count):
+        typed = keys.with_suffix(".new")
+        typed.write_bytes(b"\x03")
+        typed.rename(keys)
+        until("it is typed", lambda: not keys.exists())
+    scene.ended(run, *((7,) if count == 1 else (7, 130)), what=f"typed {count} times")
+    frames = board.frames()
+    if count == 1 or run.wait() == 7:
+        scene.check(frames[-1].data == frames[-2].data, "the last frame is not a hold")
+        scene.verified()
+    else:
+        scene.unrecorded = scene.unreceived = 1
+        scene.recovered(0, 10)
+    scene.figure(1000 * max(0.0, frames[-1].time - begin))
+
+
+def on_terminal(scene: Scene, board: Board, keys: Path) -> Command:
+    """A run on a terminal of its own, at a random moment of its first motions."""
+    argv = (sys.executable, "-c", TERMINAL, keys, ARMTREE)
+    common: list[str | Path] = ["--port", board.port, "--robot", scene.robot(), "--trees", TASKS]
+    run = scene.armtree("run", "20", *common, argv=argv)
+    moving(board, scene.random.randint(2, 12))
+    time.sleep(scene.random.uniform(0.0, board.period))  # noqa: TID251, a random moment
+    return run
 
 
 def moving(board: Board, frames: int) -> None:

@@ -1,6 +1,7 @@
 """The process is killed while it records, or a skill ends it."""
 
 import signal
+import time
 
 from tests.faults.process import until
 from tests.faults.row import Scene, last_line, row
@@ -30,6 +31,32 @@ def kill(scene: Scene) -> None:
     until("its processes end", lambda: not run.family())
     scene.recovered(0, 10)
     scene.verified(10)
+
+
+@row(
+    "kill-9-early",
+    "`kill -9` of a run while it starts, while the board boots, or while it plans",
+    "the next run on this board is done; nothing of the first one is left but a recording that"
+    " holds or is recovered",
+    times=6,
+)
+def kill_early(scene: Scene) -> None:
+    board = scene.board()
+    (phase,) = scene.share(["starts", "boots", "plans"])
+    run = scene.run("20", board=board)
+    if phase == "boots":
+        until("it boots", lambda: board.ask("state")["open"])
+    elif phase == "plans":
+        run.until_event("lifecycle", 4)  # configured and activated
+    longest = {"starts": 0.6, "boots": 1.0, "plans": 0.2}[phase]
+    time.sleep(scene.random.uniform(0.0, longest))  # noqa: TID251, a random moment
+    scene.unrecorded = scene.unreceived = 1
+    run.signal(signal.SIGKILL)
+    run.wait()
+    until("its processes end", lambda: not run.family())
+    again = scene.run("21", board=board)
+    scene.ended(again, 0, what=f"after a kill while it {phase}")
+    scene.verified(0, 10)
 
 
 @row(

@@ -1,6 +1,7 @@
 """Several programs on one port, things that are not a port, and an arm that a program drops."""
 
 import fcntl
+import itertools
 import os
 import re
 import socket
@@ -10,7 +11,7 @@ import time
 from pathlib import Path
 
 from tests.faults.process import until
-from tests.faults.row import TASKS, Scene, last_line, row
+from tests.faults.row import TASKS, Scene, delays, last_line, motions_of, row
 
 DROPS = """
 import armtree, sys
@@ -72,6 +73,43 @@ def two_runs(scene: Scene) -> None:
     state = board.ask("state")
     scene.check(state["resets"] == 1, f"the board was reset {state['resets']} times")
     scene.verified()
+
+
+@row(
+    "two-servers",
+    "start a server at the TCP port, and one on the serial port, of a server that moves an arm",
+    "the first ends with exit status 13, the second leaves its arm inactive and names the process;"
+    " the motion is undisturbed",
+    limit=100,
+    unit="ms",
+    times=3,
+)
+def two_servers(scene: Scene) -> None:
+    board = scene.board()
+    server = scene.serve("--activate", board=board)
+    goal = server.goal(20)
+    until("it moves", lambda: len(board.frames()) > 2)
+    same = scene.armtree(
+        *("serve", "--tcp-port", str(server.address[1]), "--port", "virtual"),
+        *("--robot", scene.folder / "robot.toml", "--trees", TASKS),
+    )
+    scene.ended(same, 13, what="at the TCP port")
+    scene.check(str(server.address[1]) in same.text(), f"it says {last_line(same)}")
+    other = scene.serve(board=board)
+    refused = other.post("/api/arm/activate")
+    scene.check(refused.get("code") == "hw.port_busy", f"the second server: {refused}")
+    scene.check(str(server.pid) in str(refused), f"it does not name {server.pid}: {refused}")
+    scene.check(other.state() != "active", f"the second arm is {other.state()}")
+    end = time.monotonic()
+    until("frames after it", lambda: board.frames()[-1].time > end)
+    scene.check(server.stop() < 1, "the first server does not stop")
+    scene.check(server.result(goal)["state"] == "CANCELED", "the goal has ended")
+    scene.check(board.ask("state")["resets"] == 1, "the board was reset")
+    recording = max(scene.recordings(), key=lambda path: len(motions_of(path)))
+    times = [each.time for each in board.frames()[:-1]]  # without the hold
+    for late in delays(times, motions_of(recording)):
+        for number, least in enumerate(itertools.accumulate(late, min)):
+            scene.figure(1000 * (late[number] - least))
 
 
 @row(

@@ -10,7 +10,8 @@ import sys
 import time
 from pathlib import Path
 
-from tests.faults.process import until
+from tests.faults.board import Board
+from tests.faults.process import Server, until
 from tests.faults.row import Scene, last_line, row
 from tests.support.paths import ROBOT_FILE
 
@@ -62,6 +63,47 @@ def planner_lies(scene: Scene) -> None:
         scene.check("answered" in message, f"{kind}: the message is {message}")
         scene.check(len(board.frames()) == before, f"{kind}: frames were sent")
         scene.succeeds(server, f"after {kind}")
+
+
+DEATHS = ("exits", "raises", "hangs", "SIGKILL", "SIGSEGV", "SIGABRT")
+PATIENCE = 5.0  # a motion must be planned in this time [s]
+
+
+@row(
+    "planner-dies",
+    "a planner process, while it plans, ends, raises an exception, is killed (SIGKILL, SIGSEGV,"
+    " SIGABRT), or does not answer",
+    "the goal ends `plan.worker_died`, or after its 5 s `plan.timeout`, and nothing is sent; the"
+    " figure is the time beyond that, and until the next goal moves the arm",
+    limit=1,
+    unit="s",
+    times=6,
+)
+def planner_dies(scene: Scene) -> None:
+    board = scene.board()
+    fault = scene.folder / "fault"
+    environment = {"PYTHONPATH": str(PRELOAD), "PLANNER_FAULT": str(fault)}
+    server = scene.serve("--activate", board=board, environment=environment)
+    for kind in scene.share(DEATHS):
+        before, begin = len(board.frames()), time.monotonic()
+        fault.write_text(kind)
+        result = server.result(server.goal(21))
+        scene.check(not fault.exists(), f"{kind}: the planner was not asked")
+        code = "plan.timeout" if kind == "hangs" else "plan.worker_died"
+        scene.check(result["code"] == code, f"{kind}: {result['code']}: {result['message']}")
+        scene.check(len(board.frames()) == before, f"{kind}: frames were sent")
+        scene.figure(time.monotonic() - begin - (PATIENCE if kind == "hangs" else 0.0))
+        moves_again(scene, server, board, f"after {kind}")
+
+
+def moves_again(scene: Scene, server: Server, board: Board, what: str) -> None:
+    """Run a task; the figure is how long it takes to the first frame."""
+    before, begin = len(board.frames()), time.monotonic()
+    goal = server.goal(21)
+    until("the next goal moves", lambda: len(board.frames()) > before)
+    scene.figure(board.frames()[before].time - begin)
+    result = server.result(goal)
+    scene.check(result["code"] == "ok", f"{what}: {result['code']}: {result['message']}")
 
 
 @row(
@@ -117,11 +159,15 @@ def planner_memory(scene: Scene) -> None:
 @row(
     "planner-stopped",
     "stop or kill the planner process (SIGSTOP, SIGKILL, SIGABRT, SIGSEGV) at a random moment",
-    "at most the goal that needs it fails, with `plan.timeout` or `plan.worker_died`; not the next",
+    "at most the goal that needs it fails, with `plan.timeout` or `plan.worker_died`; not the next,"
+    " and the figure is how long that takes to move the arm",
+    limit=1,
+    unit="s",
     times=3,
 )
 def planner_stopped(scene: Scene) -> None:
-    server = scene.serve("--activate", board=scene.board())
+    board = scene.board()
+    server = scene.serve("--activate", board=board)
     kinds = ("SIGSTOP", "SIGSTOP", scene.random.choice(["SIGKILL", "SIGABRT", "SIGSEGV"]))
     scene.injections = len(kinds)
     for kind in kinds:
@@ -138,7 +184,7 @@ def planner_stopped(scene: Scene) -> None:
         code = server.result(goal)["code"]
         may = ("ok", "plan.timeout") if kind == "SIGSTOP" else ("ok", "plan.worker_died")
         scene.check(code in may, f"{kind}, {moment}: the goal ends {code}")
-        scene.succeeds(server, f"after {kind}, {moment}")
+        moves_again(scene, server, board, f"after {kind}, {moment}")
         scene.check(not Path(f"/proc/{planner}").exists(), f"{kind}, {moment}: it still exists")
 
 

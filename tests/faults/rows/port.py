@@ -1,11 +1,14 @@
 """The port disappears, returns, takes no bytes, or takes them in pieces."""
 
+import contextlib
 import os
+import random
 import signal
 import time
+from pathlib import Path
 
 from tests.faults.board import Board
-from tests.faults.process import until
+from tests.faults.process import Server, until
 from tests.faults.row import Scene, row
 from tests.faults.wrong_calls import WrongCalls
 
@@ -66,40 +69,106 @@ def replug(scene: Scene) -> None:
     result = server.result(goal)
     scene.check(result["code"] == "hw.port_lost", f"the code is {result['code']}")
     until("the fault is processed", lambda: server.state() == "unconfigured")
-    before = board.ask("replug ttyACM0")["resets"]
+    returned(scene, server, board, board.ask("replug ttyACM0")["resets"])
+
+
+def returned(scene: Scene, server: Server, board: Board, resets: int) -> None:
+    """Check that a server leaves a board alone that came back, until a person activates it."""
     refused = server.result(server.goal(21))
     scene.check(refused["code"] == "hw.not_active", f"a goal meanwhile: {refused['code']}")
     time.sleep(scene.random.uniform(0.5, 1.5))  # noqa: TID251, the server could open it meanwhile
     now = board.ask("state")
-    scene.check(now["resets"] == before, "the server opened the port by itself")
+    scene.check(now["resets"] == resets, "the server opened the port by itself")
     server.post("/api/arm/configure")
     server.post("/api/arm/activate")
     scene.succeeds(server, "after the activation")
     scene.check(board.ask("state")["angles"] == [90, 90, 90, 0], "the board is elsewhere")
 
 
+BY_ID = Path("/dev/serial/by-id")
+
+
+def remove_empty(*folders: Path) -> None:
+    """Remove folders that this program may have made."""
+    with contextlib.suppress(OSError):
+        for each in folders:
+            each.rmdir()
+
+
+def persistent(scene: Scene, board: Board) -> Path:
+    """A link to the port, as udev makes it: named after the board, not after the plug."""
+    name, folder = f"usb-armtree-faults-{random.randrange(10**9)}", BY_ID
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        scene.cleanup.callback(remove_empty, folder, folder.parent)
+    except OSError:  # only root may
+        folder = scene.folder / "by-id"
+        folder.mkdir()
+    scene.by(f"a link in {folder}" if folder == BY_ID else "a link elsewhere than in /dev")
+    path = folder / name
+    path.symlink_to(board.port)
+    scene.cleanup.callback(path.unlink, missing_ok=True)
+    return path
+
+
+@row(
+    "replug-other-name",
+    "unplug the board of a server during a motion, and plug it in again: it gets another device"
+    " name, to which its link in `/dev/serial/by-id` then leads",
+    "the server moves nothing until a person activates the arm; then it works, on the other device",
+    times=3,
+)
+def replug_other_name(scene: Scene) -> None:
+    board = scene.board()
+    link = persistent(scene, board)
+    board.at(link)
+    server = scene.serve("--activate", board=board)
+    goal = server.goal(20)
+    until("the first frame", board.frames)
+    time.sleep(scene.random.uniform(0.0, 1.0))  # noqa: TID251, a random moment
+    scene.unreceived = 1
+    before = os.path.realpath(link)
+    board.ask("unplug")
+    link.unlink()
+    result = server.result(goal)
+    scene.check(result["code"] == "hw.port_lost", f"the code is {result['code']}")
+    until("the fault is processed", lambda: server.state() == "unconfigured")
+    time.sleep(scene.random.uniform(0.2, 1.0))  # noqa: TID251, so long it is unplugged
+    taken = os.openpty()  # so that the kernel gives the board another one
+    resets = board.ask("replug ttyACM7")["resets"]
+    for each in taken:
+        os.close(each)
+    link.symlink_to(scene.folder / "ttyACM7")
+    scene.check(os.path.realpath(link) != before, f"the device is {before} again")
+    if link.parent == BY_ID:
+        server.until_printed(f"is back as {os.path.realpath(link)}")
+    returned(scene, server, board, resets)
+
+
 @row(
     "stalled-board",
-    "the board reads nothing more, and the buffer of the kernel is full",
-    "the goal ends `hw.port_stalled` with exit status 6, at most 300 ms after the frame was due",
-    limit=450,
+    "the board reads nothing more during a motion, and the buffer of the kernel is full",
+    "the goal ends `hw.port_stalled` with exit status 6; the board has read every frame but one,"
+    " and none follows when it reads again",
+    limit=450,  # a write may take 300; it waits up to a period behind the frames before it
     unit="ms",
     times=4,
 )
 def stalled_board(scene: Scene) -> None:
     board = scene.board()
+    run = scene.moving(board)
     board.ask("stall")
     fill(board)
-    board.ask(f"take {scene.random.randint(20, 400)}")  # room for some frames
-    run = scene.run("20", board=board)
+    scene.unrecorded, scene.unreceived = 1, 2  # what filled the buffer; a frame before, one stalls
     failed = scene.faulted(run, "hw.port_stalled")
     sent = [each["time_s"] for each in run.events("sent")]
-    scene.unreceived = len(sent) + 1  # all of them, and the one that stalled
     *before, motion = run.events("schedule")
     done = len(sent) - sum(len(each["times"]) for each in before)
     due = motion["time_s"] if done == 0 else sent[-done] - motion["times"][0]
     scene.figure(1000 * (failed - due - motion["times"][done]))
+    board.ask("go")
     scene.verified()
+    scene.check(len(board.frames()) <= len(sent), "it has read more frames than were sent")
 
 
 def fill(board: Board) -> None:
@@ -119,7 +188,7 @@ def fill(board: Board) -> None:
     "writes to the port make no progress: they fail with EAGAIN for ever, take zero bytes, or"
     " return after seconds",
     "the goal ends `hw.port_stalled` with exit status 6; then no call is made again",
-    limit=400,
+    limit=400,  # the deadline of 300, and the last call that was made before it
     unit="ms",
     times=8,
     quick=1,

@@ -1,6 +1,6 @@
 """Recordings: files of other programs, disks that fail, and processes that are killed."""
 
-import errno
+import itertools
 import json
 import resource
 import shutil
@@ -8,17 +8,26 @@ import signal
 import time
 
 from tests.faults.process import until
-from tests.faults.row import Scene, last_line, row
+from tests.faults.row import Scene, last_line, messages, row
+from tests.faults.small_disk import small_disk
 from tests.faults.wrong_calls import WrongCalls
 from tests.support.recordings.alterations import records_of, rewritten
 from tests.support.recordings.bombs import BOMBS
 from tests.support.recordings.single_changes import single_changes
 
+READERS = (
+    *("log info {}", "log show {}", "log export {} -o out", "log robot {} -o out"),
+    *("log diff {0} {0}", "log plot {} -o out.png", "log recover {}", "replay {} --verify"),
+    *("replay {} --watch --at 0", "replay {} --on virtual"),
+)
+
 
 @row(
     "recording-bombs",
-    "small recordings that unpack to 0.3 GB, claim any length, or are nested 100,000 deep",
-    "a server whose folder they are in starts; every command ends with a code of its own",
+    "small recordings that unpack to 0.3 GB, claim any length, or are nested 100,000 deep, for"
+    " every command that reads recordings, and for the page of a server",
+    "a server whose folder they are in starts and answers, below 300 MiB; every command ends with a"
+    " code of its own, within 1 GiB of addresses",
     limit=30,
     unit="s",
     times=3,
@@ -31,19 +40,27 @@ def unpack(scene: Scene) -> None:
         (folder / name).write_bytes(make())
     server = scene.serve()
     scene.figure(time.monotonic() - server.started)
+    for name in (path.name for path in scene.share(scene.recordings())):
+        for part in ("", "/events", "/series", "/robot", "/nodes"):
+            begin = time.monotonic()
+            status, answer = server.request("GET", f"/api/recordings/{name}{part}")
+            scene.figure(time.monotonic() - begin)
+            known = status == 200 or (isinstance(answer, dict) and "code" in answer)
+            scene.check(known and status != 500, f"{part} of {name}: {status}: {answer!r:.200}")
+    scene.check(server.get("/api/recordings")["recordings"], "the page lists nothing")
     scene.check(server.memory() < 300, f"the server takes {server.memory():.0f} MiB")
     server.stop()
     server.signal(15)
     server.wait()
     little = {resource.RLIMIT_AS: 1 << 30}
-    for command, limits in (
-        (["log", "ls"], little),
-        (["tasks"], little),
-        (["replay", "recordings", "--verify"], {}),
-    ):
+    commands = [(["log", "ls"], little), (["replay", "recordings", "--verify"], {})]
+    for words, bomb in scene.share(itertools.product(READERS, scene.recordings())):
+        commands.append(([each.format(bomb) for each in words.split()], little))
+    scene.injections = len(commands)
+    for command, limits in commands:
         begin = time.monotonic()
         done = scene.armtree(*command, limits=limits)
-        scene.ended(done, 0, 3, 10, 12)
+        scene.ended(done, 0, 3, 4, 10, 12, what=" ".join(command))
         for wrong in ("a bug in armtree", "Traceback", "MemoryError"):
             scene.check(wrong not in done.text(), f"{command}: {last_line(done)}")
         scene.figure(time.monotonic() - begin)
@@ -185,22 +202,38 @@ def lost_sync(scene: Scene) -> None:
 
 @row(
     "full-disk",
-    "every write to the recording fails with ENOSPC, from a random moment of a motion",
-    "the arm stops and the goal ends with exit status 10; `log recover` keeps what was recorded",
+    "the disk of the recordings fills up at a random moment of a motion",
+    "the arm stops with a hold frame and the goal ends `log.disk_full` with exit status 10; the"
+    " recording has every frame and the result, and verifies when there is space again",
     times=3,
 )
 def full_disk(scene: Scene) -> None:
-    board = scene.board()
-    calls = WrongCalls(scene.folder, "-20.mcap")
-    run = scene.moving(board, calls=calls)
-    calls.start(f"errno {errno.ENOSPC}")
-    scene.ended(run, 10)
-    calls.stop()
-    (result,) = run.events("result")
-    scene.check(result["code"] in ("log.disk_full", "log.incomplete"), str(result))
-    scene.unrecorded = 2  # the frame whose recording failed, and the hold
-    scene.recovered(0, 10)
-    scene.verified(10)
+    with small_disk(scene) as disk:
+        board = scene.board()
+        run = scene.moving(board, disk=disk)
+        disk.fill()
+        scene.ended(run, 10)
+        (result,) = run.events("result")
+        frames = board.frames()
+        if disk.real:
+            scene.check(result["code"] == "log.disk_full", str(result))
+            scene.check("its end was still recorded" in result["message"], result["message"])
+            scene.check(frames[-1].data == frames[-2].data, "the last frame is not a hold")
+            refused = scene.run("21", board=board, argv=disk.argv)
+            scene.ended(refused, 10, what="a run on the full disk")
+            code = refused.events("result")[-1]["code"]
+            scene.check(code == "log.no_space", f"a run on the full disk ends {code}")
+            scene.check(len(board.frames()) == len(frames), "that run has moved the arm")
+        else:
+            scene.unrecorded = 2  # the frame whose recording failed, and the hold
+            scene.check(result["code"] in ("log.disk_full", "log.incomplete"), str(result))
+        disk.empty()
+        paths = [f"recordings/{name}" for name in disk.names()]
+        scene.ended(scene.armtree("log", "recover", *paths, argv=disk.argv), 0, 10)
+    if disk.real:
+        ends = [data for path in scene.recordings() for _, data in messages(path, "/result")]
+        scene.check(any(b"log.disk_full" in data for data in ends), "no recording has the result")
+    scene.verified(0, 10)
 
 
 @row(

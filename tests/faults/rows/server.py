@@ -15,12 +15,13 @@ from websockets.sync.client import connect
 
 from tests.faults.board import Board, Read
 from tests.faults.process import Hang, Server, until
-from tests.faults.row import Row, Scene, row
+from tests.faults.row import Row, Scene, delays, motions_of, row
 
 HOSTILE = Path(__file__).parents[1] / "hostile.py"
 CLIENTS = 80
-GOALS = 20  # per flood
-STOPS = 5  # per goal: one in motion, and more while nothing moves
+GOALS = 12  # per flood
+STOPS = 8  # per goal: one in motion, and more while nothing moves
+MEMORY = 20  # that a server may take more in a flood [MiB]
 
 
 def flood(kind: str, fault: str, stops: bool = False) -> Row:
@@ -37,7 +38,8 @@ def flood(kind: str, fault: str, stops: bool = False) -> Row:
         f"flood-{kind.replace(' ', '-')}",
         f"{CLIENTS} clients: {fault}",
         "from a stop of another client, or the first of such a flood, to its answer and to the"
-        " last frame on the wire; the arm is in motion at every fifth stop",
+        " last frame on the wire, and from when each frame was due to the board; the server takes"
+        f" less than {MEMORY} MiB more",
         limit=50,
         worst=250,
         unit="ms",
@@ -49,8 +51,9 @@ def flood(kind: str, fault: str, stops: bool = False) -> Row:
         server = scene.serve("--activate", "--rosbridge", board=board)
         line = kind, str(server.address[1]), str(CLIENTS)
         crowd = scene.armtree(*line, argv=(sys.executable, HOSTILE))
-        begin = server.processor()
+        begin, memory = server.processor(), server.memory()
         until("the flood to work", lambda: server.processor() > begin + 0.3)
+        earlier = 0
         for _ in range(GOALS):
             if stops:
                 crowd.signal(signal.SIGSTOP)
@@ -58,15 +61,21 @@ def flood(kind: str, fault: str, stops: bool = False) -> Row:
             begin = crowd.signal(signal.SIGCONT)
             server.stop()
             answered = time.monotonic()
-            state = server.result(goal)["state"]
+            result = server.result(goal)
+            state = result["state"]
             scene.check(state == "CANCELED", f"the goal ended {state}")
             frames = until("the hold frame", partial(held, board))
             scene.figure(1000 * (max(answered, frames[-1].time) - begin))
+            since, earlier = [each.time for each in frames[earlier:-1]], len(frames)
+            for late in delays(since, motions_of(scene.folder / result["recording"])):
+                scene.figure(1000 * (max(late, default=0.0) - min(late, default=0.0)))
             for _ in range(STOPS - 1):
                 until("a while", lambda: scene.random.random() < 0.1)
                 scene.figure(1000 * server.stop())
             scene.check(len(board.frames()) == len(frames), "a frame was sent after the stop")
         scene.check(crowd.popen.poll() is None, "the clients ended too early")
+        more = server.memory() - memory
+        scene.check(more < MEMORY, f"the server takes {more:.0f} MiB more")
         scene.injections = GOALS * STOPS
 
     return inject
@@ -105,6 +114,12 @@ flood_chunks = flood(
     "chunks", "stops whose bodies have a thousand chunks and do not end", stops=True
 )
 flood_cancels = flood("long cancels", "cancels with 11,000 header lines")
+flood_bodies_huge = flood("huge bodies", "goals with bodies of 1 GB")
+flood_json = flood("bad JSON", "goals of 60,000 brackets")
+flood_frames = flood(
+    "rosbridge frames",
+    "WebSocket frames: pings, no mask, no end, 2^62 bytes, other codes, no JSON; 16 are let in",
+)
 flood_goals = flood("rosbridge goals", "goals through rosbridge; 16 of them are let in")
 flood_rosbridge = flood("rosbridge cancels", "cancels through rosbridge; 16 are let in")
 

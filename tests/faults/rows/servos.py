@@ -211,6 +211,7 @@ def close(pool: SharedPool, clock: SimulatedClock) -> None:
     " they are, once, and nothing is sent afterwards; a few lost answers end nothing; the recording"
     " has the fault and every command",
     times=3,
+    alone=True,  # it computes in this process, which measures other rows
 )
 def fault(scene: Scene) -> None:
     scene.injections = len(KINDS)
@@ -264,6 +265,7 @@ def inject(scene: Scene, folder: Path, name: str, kind: Kind) -> None:
     worst=8,  # sum of six servos, each within a tick of its dead zone
     unit="ticks",
     times=100,
+    alone=True,
 )
 def activation(scene: Scene) -> None:
     robot, clock, _ = shared()

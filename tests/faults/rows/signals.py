@@ -1,11 +1,12 @@
 """Signals, and the end of the process that started the command."""
 
 import signal
+import sys
 import time
 from itertools import pairwise
 
-from tests.faults.process import kill, until
-from tests.faults.row import Scene, row
+from tests.faults.process import ARMTREE, kill, until
+from tests.faults.row import Scene, frames_of, row
 from tests.faults.wrong_calls import WrongCalls
 
 
@@ -48,6 +49,64 @@ def signals_early(scene: Scene) -> None:
     scene.ended(run, *allowed, what=which.name)
     scene.figure(time.monotonic() - sent)
     until("the end of its processes", lambda: not run.family())
+
+
+# Starts a command, on a terminal of which this program is the session's leader or without one, and
+# writes its process id to a file. Then it waits; what it leaves when it is killed is the command.
+PARENT = """
+import os, pathlib, pty, subprocess, sys, time
+file, kind, *command = sys.argv[1:]
+if kind == "terminal":
+    pid, master = pty.fork()
+    if pid:  # keeps the terminal open until all have left it
+        pathlib.Path(file + ".parent").write_text(str(pid))
+        try:
+            while True:
+                os.read(master, 65536)
+        except OSError:
+            sys.exit()
+child = subprocess.Popen(command)
+if kind == "none":
+    pathlib.Path(file + ".parent").write_text(str(os.getpid()))
+pathlib.Path(file + ".tmp").write_text(str(child.pid))
+os.rename(file + ".tmp", file)
+child.wait()
+"""
+
+
+@row(
+    "parent-dies",
+    "`kill -9` of the process that started a run: the shell of its terminal, or a program without"
+    " a terminal",
+    "if its terminal has lost its shell, the arm is stopped with a hold frame; without a terminal"
+    " the run continues, as with `nohup`, and stops at SIGTERM; the recording is finished",
+    limit=300,
+    unit="ms",
+    times=6,
+)
+def parent_dies(scene: Scene) -> None:
+    board, pid = scene.board(), scene.folder / "child.pid"
+    (kind,) = scene.share(["terminal", "none"])
+    argv = (sys.executable, "-c", PARENT, pid, kind, ARMTREE)
+    run = scene.run("20", board=board, argv=argv)
+    count = scene.random.randint(2, 12)
+    until("the arm moves", lambda: len(board.frames()) >= count)
+    time.sleep(scene.random.uniform(0.0, board.period))  # noqa: TID251, a random moment
+    child = int(pid.read_text())
+    kill(int(pid.with_suffix(".pid.parent").read_text()), signal.SIGKILL)
+    begin = time.monotonic()
+    if kind == "none":
+        count = len(board.frames())
+        until("more frames", lambda: len(board.frames()) > count + 5)
+        kill(child, signal.SIGTERM)
+        begin = time.monotonic()
+    until("its end", lambda: child not in run.family())
+    *_, before, hold = board.frames()
+    scene.check(before.data == hold.data, "the last frame is not a hold")
+    scene.figure(1000 * (hold.time - begin))
+    (recording,) = scene.recordings()
+    scene.check(list(frames_of(recording))[-1].data == hold.data, "it lacks the hold")
+    scene.verified()
 
 
 @row(

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from tests.faults.process import kill
+from tests.faults.rows.server import HOSTILE
 
 from .clients import pause
 from .site import Site
@@ -27,7 +28,7 @@ def stall(site: Site, random: random.Random) -> None:
 
 
 def noise(site: Site, random: random.Random) -> None:
-    site.board.ask(f"garbage {random.choice([1, 100, 4000])}")
+    site.board.ask(f"garbage {random.choice([1, 100, 4000])} {random.random()}")
 
 
 def words(site: Site, random: random.Random) -> None:
@@ -48,6 +49,34 @@ def wrong_writes(site: Site, random: random.Random) -> None:
         site.calls.stop()
 
 
+def slow_disk(site: Site, random: random.Random) -> None:
+    """Writes of recordings take long for a while, up to too long."""
+    site.starved = True
+    site.spoiled += 1
+    site.disk.start(f"delay {random.choice([50, 300, 1000, 8000])}")
+    pause(random, 4.0)
+    site.disk.stop()
+
+
+def failing_disk(site: Site, random: random.Random) -> None:
+    """A write or a sync of a recording fails: no space, or an error of the disk."""
+    site.starved = True
+    site.spoiled += 2  # the frame whose recording failed, and the hold
+    random.choice([site.disk, site.sync]).start(random.choice(["errno 28", "errno 5 once"]))
+    pause(random, 2.0)
+    for each in (site.disk, site.sync):
+        each.stop()
+
+
+def flood(site: Site, random: random.Random) -> None:
+    """Hostile clients for a while, which need no token."""
+    kind = random.choice(["connections", "long cancels", "foreign stops", "chunks", "huge bodies"])
+    line = [sys.executable, str(HOSTILE), kind, str(site.server.address[1]), "40"]
+    with subprocess.Popen(line, start_new_session=True) as crowd:
+        pause(random, 4.0)
+        crowd.kill()
+
+
 def worker(site: Site, random: random.Random) -> None:
     """A process of the server is killed, or stops."""
     family = site.server.family()
@@ -66,8 +95,11 @@ def freeze(site: Site, random: random.Random) -> None:
 
 def busy(site: Site, random: random.Random) -> None:
     """Other programs take the processors for a moment."""
+    site.starved = True
     script = "import time; end = time.monotonic() + 3\nwhile time.monotonic() < end: pass"
-    others = [subprocess.Popen([sys.executable, "-I", "-c", script]) for _ in range(2)]
+    line = [sys.executable, "-I", "-c", script]
+    # Linux schedules sessions, so each gets as much as the server.
+    others = [subprocess.Popen(line, start_new_session=True) for _ in range(random.randint(2, 6))]
     for other in others:
         other.wait()
 
@@ -96,6 +128,9 @@ INJECTIONS: tuple[tuple[Callable[[Site, random.Random], None], int], ...] = (
     (wrong_writes, 3),
     (worker, 3),
     (freeze, 1),
+    (slow_disk, 2),
+    (failing_disk, 1),
+    (flood, 2),
     (busy, 1 if len(os.sched_getaffinity(0)) > 1 else 0),
 )
 OF_THE_BOARD = (unplug, stall, noise, words, reset)

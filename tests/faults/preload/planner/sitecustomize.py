@@ -65,6 +65,8 @@ if "skills.motion.workers.worker_main" in sys.orig_argv:
     def misbehave(fault: str) -> None:
         if fault == "exits":
             os._exit(0)
+        if fault == "raises":
+            raise MemoryError
         if fault == "hangs":
             time.sleep(3600)  # noqa: TID251, it hangs
         if fault.startswith("SIG"):
@@ -81,7 +83,9 @@ if "skills.motion.workers.worker_main" in sys.orig_argv:
         if not (fault and lies):
             return found
         path.unlink()
+        if fault in LIES:
+            return LIES[fault](found)
         misbehave(fault)
-        return LIES[fault](found)
+        return found
 
     Planner.answer = answer  # type: ignore[method-assign]
