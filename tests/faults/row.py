@@ -18,9 +18,9 @@ from mcap.records import Channel, Message
 from mcap.stream_reader import StreamReader
 
 from tests.faults.board import Board
+from tests.faults.means.small_disk import SmallDisk
+from tests.faults.means.wrong_calls import WrongCalls
 from tests.faults.process import Command, Hang, Server, until
-from tests.faults.small_disk import SmallDisk
-from tests.faults.wrong_calls import WrongCalls
 from tests.support.paths import ROBOT_FILE
 
 C = TypeVar("C", bound=Command)

@@ -14,7 +14,7 @@ from executive.api.token_file import running
 from executive.replay.verification import verify
 from logs import Recording, Sent
 from tests.end_to_end.test_command_line import robot
-from tests.faults.wrong_calls import WrongCalls
+from tests.faults.means.wrong_calls import WrongCalls
 from tests.support.command_line.pseudo_terminal import ARMTREE, PseudoTerminal
 from tests.support.servers.serving import Serve
 

@@ -10,7 +10,7 @@ from hardware.description.calibration import CalibratedJoint, calibration_file, 
 from hardware.drivers.feetech.packets import Instruction, take_packets
 from hardware.drivers.feetech.virtual.bus import Bus, Fault
 from hardware.drivers.virtual.board_process import BoardProcess
-from tests.faults.logged_bus import LoggedBus, logged
+from tests.faults.means.logged_bus import LoggedBus, logged
 from tests.faults.process import Command
 from tests.faults.row import LATE_S, TASKS, Scene, frames_of, last_line, row
 from tests.support.arms.bus_arms import bus_arm

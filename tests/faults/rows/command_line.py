@@ -11,9 +11,9 @@ import time
 from pathlib import Path
 
 from tests.faults.board import Board
+from tests.faults.means.wrong_calls import WrongCalls
 from tests.faults.process import ARMTREE, Command, until
 from tests.faults.row import TASKS, Scene, frames_of, last_line, row
-from tests.faults.wrong_calls import WrongCalls
 
 # Runs a command, reads so many lines of its output, and closes the pipe.
 READER = """

@@ -11,9 +11,9 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from tests.faults.board import Board
+from tests.faults.means.wrong_calls import WallClock
 from tests.faults.process import ARMTREE, Command, kill, until
 from tests.faults.row import Scene, delays, frames_of, last_line, motions_of, row
-from tests.faults.wrong_calls import WallClock
 
 PERIOD = 0.1  # between two frames to the published sketch [s]
 

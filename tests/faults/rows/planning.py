@@ -15,7 +15,7 @@ from tests.faults.process import Server, until
 from tests.faults.row import Scene, last_line, row
 from tests.support.paths import ROBOT_FILE
 
-PRELOAD = Path(__file__).parents[1] / "preload" / "planner"
+PRELOAD = Path(__file__).parents[1] / "means" / "preload" / "planner"
 
 
 # As the file in that folder names them.

@@ -8,9 +8,9 @@ import time
 from pathlib import Path
 
 from tests.faults.board import Board
+from tests.faults.means.wrong_calls import WrongCalls
 from tests.faults.process import Server, until
 from tests.faults.row import Scene, row
-from tests.faults.wrong_calls import WrongCalls
 
 
 @row(

@@ -7,10 +7,10 @@ import shutil
 import signal
 import time
 
+from tests.faults.means.small_disk import small_disk
+from tests.faults.means.wrong_calls import WrongCalls
 from tests.faults.process import until
 from tests.faults.row import Scene, last_line, messages, row
-from tests.faults.small_disk import small_disk
-from tests.faults.wrong_calls import WrongCalls
 from tests.support.recordings.alterations import records_of, rewritten
 from tests.support.recordings.bombs import BOMBS
 from tests.support.recordings.single_changes import single_changes

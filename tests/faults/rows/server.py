@@ -17,7 +17,7 @@ from tests.faults.board import Board, Read
 from tests.faults.process import Hang, Server, until
 from tests.faults.row import Row, Scene, delays, motions_of, row
 
-HOSTILE = Path(__file__).parents[1] / "hostile.py"
+HOSTILE = Path(__file__).parents[1] / "means" / "hostile.py"
 CLIENTS = 80
 GOALS = 12  # per flood
 STOPS = 8  # per goal: one in motion, and more while nothing moves
@@ -28,7 +28,7 @@ def flood(kind: str, fault: str, stops: bool = False) -> Row:
     """A row: hostile clients of one kind, and another client that stops goals in motion.
 
     Args:
-        kind: As in `hostile.py`.
+        kind: As in `means/hostile.py`.
         fault: What each client does.
         stops: Whether that stops the arm. Such clients are frozen while a goal begins to move, and
             then it counts from their first stop.

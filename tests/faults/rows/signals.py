@@ -5,9 +5,9 @@ import sys
 import time
 from itertools import pairwise
 
+from tests.faults.means.wrong_calls import WrongCalls
 from tests.faults.process import ARMTREE, kill, until
 from tests.faults.row import Scene, frames_of, row
-from tests.faults.wrong_calls import WrongCalls
 
 
 @row(

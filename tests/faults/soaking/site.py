@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from tests.faults.board import Board
+from tests.faults.means.wrong_calls import WrongCalls, together
 from tests.faults.process import HANG_S, Command, Hang, Server, until
 from tests.faults.row import TASKS, Scene, compare, frames_of
-from tests.faults.wrong_calls import WrongCalls, together
 
 _OWN_TASKS = Path(__file__).with_name("tasks")
 RESULTS_S = 120  # the server keeps results for longer than a round takes, but not for long

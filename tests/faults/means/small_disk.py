@@ -9,8 +9,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from tests.faults.means.wrong_calls import WrongCalls
 from tests.faults.process import ARMTREE
-from tests.faults.wrong_calls import WrongCalls
 
 if TYPE_CHECKING:
     from tests.faults.row import Scene
