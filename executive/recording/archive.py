@@ -18,7 +18,7 @@ from typing import Any
 
 from hardware import Robot, load_robot
 from hardware.description.meshes import MAX_MESH_BYTES
-from hardware.description.urdf import Urdf, UrdfError
+from hardware.description.urdf import UrdfError
 from hardware.files import read_file
 from logs import Attachment, Recording, RecordingError, pack
 from skills.motion import World
@@ -47,7 +47,7 @@ class RobotMeshes:
 def archive_meshes(robot: Robot) -> RobotMeshes:
     """Return the meshes that the URDF of a robot names, each once. Missing ones are left out."""
     names, files, size = dict[str, str](), dict[str, Attachment](), 0
-    for name, collides in Urdf.read(robot.urdf).meshes().items():
+    for name, collides in robot.description.meshes().items():
         with suppress(UrdfError, OSError):  # the planner reports it
             path = robot.mesh(name)
             data = read_file(path, MAX_MESH_BYTES)
@@ -124,8 +124,8 @@ def extract_robot(recording: Recording, folder: Path) -> list[Path]:
     text = robot.path.read_text()
     file.write_text(re.sub(r"(?m)^urdf\s*=.*$", lambda _: f"urdf = {json.dumps(urdf.name)}", text))
     kinds = ("collision", "visual")
-    described = Urdf.read(robot.urdf)
-    urdf.write_text(described.text_with_meshes(lambda name: meshes.get(name, name), kinds))
+    text = robot.description.text_with_meshes(lambda name: meshes.get(name, name), kinds)
+    urdf.write_text(text)
     written = {name: folder / name for name in set(meshes.values()) & recording.files.keys()}
     for name, path in written.items():
         path.write_bytes(recording.files[name])

@@ -2,9 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
 from math import cos, hypot, sin
-from pathlib import Path
 
 from hardware.joints import Mimic
 
@@ -85,15 +83,10 @@ class ForwardKinematics:
         return names
 
 
-@cache
-def reach(urdf: Path) -> float:
-    """Return an upper bound of the distance of any link from the root [m].
-
-    Raises:
-        UrdfError: The URDF is wrong.
-    """
+def reach(urdf: Urdf) -> float:
+    """Return an upper bound of the distance of any link from the root [m]."""
     lengths = dict[str, float]()
-    for joint in Urdf.read(urdf).joints:  # parents come first
+    for joint in urdf.joints:  # parents come first
         travel = max(abs(joint.lower), abs(joint.upper)) if joint.type == "prismatic" else 0.0
         lengths[joint.child] = lengths.get(joint.parent, 0.0) + hypot(*joint.xyz) + travel
     return max(lengths.values(), default=0.0)

@@ -41,7 +41,7 @@ def advice_for_contact(robot: Robot, first: str, second: str) -> str:
     Returns:
         The advice, or an empty text if they are not neighbours.
     """
-    urdf = Urdf.read(robot.urdf)
+    urdf = robot.description
     shaped = [link for link, count in urdf.shape_counts().items() if count]
     if frozenset((first, second)) not in adjacent_links(urdf, shaped):
         return ""
@@ -52,7 +52,7 @@ def advice_for_contact(robot: Robot, first: str, second: str) -> str:
 
 def advice_for_missing_shapes(robot: Robot) -> str:
     """Return which visible links are not checked for collision, and what to do; empty for none."""
-    urdf = Urdf.read(robot.urdf)
+    urdf = robot.description
     counts, visible = urdf.shape_counts(), urdf.shape_counts("visual")
     if not any(counts.values()):
         return "no <collision> in the URDF, so no collision is found; add one to each link"

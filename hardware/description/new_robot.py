@@ -155,7 +155,7 @@ def robot_text(robot: Robot, folder: Path, allowed: Mapping[tuple[str, str], str
         folder: Folder of the robot file. The path of the URDF is written relative to it.
         allowed: Pairs of links that are not checked, and why.
     """
-    urdf = Urdf.read(robot.urdf)
+    urdf = robot.description
     assert robot.tool
     head = _HEAD.format(
         name=json.dumps(robot.name),

@@ -143,8 +143,22 @@ class Robot:
         return not isinstance(self.driver, NullDriver)
 
     def __getstate__(self) -> dict[str, object]:
-        """Return a copy, since a thread may cache a property while another one pickles."""
-        return self.__dict__.copy()
+        """Return a copy, since a thread may cache a property while another one pickles.
+
+        The parsed URDF is large, and few processes need it.
+        """
+        state = self.__dict__.copy()
+        state.pop("description", None)
+        return state
+
+    @cached_property
+    def description(self) -> Urdf:
+        """The URDF. It is read once, when it is first needed.
+
+        Raises:
+            OSError, ValueError, LookupError, UrdfError: As `Urdf.read`.
+        """
+        return Urdf.read(self.urdf)
 
     @cached_property
     def wire_format(self) -> WireFormat:
@@ -272,14 +286,15 @@ class Robot:
         """
         return self.meshes.get(name) or find_mesh(self.urdf, name)
 
-    @property
+    @cached_property
     def reach(self) -> float:
         """Upper bound of the distance of any link from the root [m]."""
-        return reach(self.urdf)
+        return reach(self.description)
 
     @cached_property
-    def _kinematics(self) -> ForwardKinematics:
-        return ForwardKinematics(Urdf.read(self.urdf))
+    def kinematics(self) -> ForwardKinematics:
+        """Its forward kinematics."""
+        return ForwardKinematics(self.description)
 
     def tool_position(self, positions: Mapping[str, float]) -> tuple[float, float, float] | None:
         """Return where the tool is in the root frame [m]; None if the robot file names no tool.
@@ -289,7 +304,7 @@ class Robot:
         """
         if self.tool is None:
             return None
-        return self._kinematics.locate(self.tool.link, self.tool.offset, positions)
+        return self.kinematics.locate(self.tool.link, self.tool.offset, positions)
 
     def width(self, positions: Mapping[str, float]) -> float | None:
         """Return the width of the gripper [m]; None if the robot file does not say how to measure.
@@ -299,7 +314,7 @@ class Robot:
         """
         if self.gripper is None:
             return None
-        return self.gripper.width(self._kinematics, positions[self.gripper.joint.name])
+        return self.gripper.width(self.kinematics, positions[self.gripper.joint.name])
 
     def at_width(self, width: float) -> dict[str, float]:
         """Return the position of the joint of the gripper [rad] by name, from its width [m].
@@ -308,7 +323,7 @@ class Robot:
             BadPosition: The gripper does not open or close so far.
         """
         assert self.gripper
-        return {self.gripper.joint.name: self.gripper.position(self._kinematics, width)}
+        return {self.gripper.joint.name: self.gripper.position(self.kinematics, width)}
 
     def joint(self, name: str) -> Joint:
         """Return the joint of that name.

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 from hardware import Clock
 
-from .errors import BadQuery, PlanTimeout, shown
+from .errors import BadQuery, MotionError, PlanTimeout, shown
 from .validation import is_number
 
 
@@ -59,9 +59,15 @@ class Stopwatch:
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
-        """Measure the `with` block. A stage may run more than once; its durations are added."""
+        """Measure the `with` block. A stage may run more than once; its durations are added.
+
+        An error that ends a stage has the durations of all stages so far.
+        """
         try:
             yield
+        except MotionError as error:
+            error.milliseconds = self.milliseconds
+            raise
         finally:
             now = self._clock.now()
             spent = 1e3 * (now - self._since)

@@ -27,7 +27,7 @@ from .collision.checker import CollisionChecker
 from .collision.endpoint_checker import EndpointChecker
 from .collision.planning_scene import PlanningScene
 from .deadline import Deadline, Stopwatch
-from .errors import BadQuery, MotionError, TooLong
+from .errors import BadQuery, TooLong
 from .inverse_kinematics import solve_ik
 from .path.barrier import check_passable
 from .path.bend import find_bend, find_corner
@@ -43,7 +43,6 @@ from .timing.retime_after_pause import check_rest, remaining_plan
 from .timing.time_parameterization import time_curve
 from .trajectory.curve import Curve
 from .trajectory.plan import Plan
-from .trajectory.time_law import TimeLaw
 from .validation import joint_positions
 from .world import EMPTY, Body, World
 
@@ -69,7 +68,7 @@ class Planner:
         self._robot, self._clock = robot, clock or RealClock()
         self._model = RobotModel(robot)
         self._checkers = dict[World, CollisionChecker]()
-        self._groups = dict[str, _PlanningGroup]()
+        self._groups = dict[str, EndpointChecker]()
         self.checker = self._checker(EMPTY)
 
     def answer(self, request: Request) -> Answer:
@@ -78,7 +77,6 @@ class Planner:
         Raises:
             MotionError: As `plan`, `rest`, `reach`, `carry` and `verify`.
         """
-        check_types(request)
         match request:
             case Query():
                 return self.plan(request)
@@ -91,6 +89,8 @@ class Planner:
                 return self.carry(request)
             case Rest():
                 return self.rest(request)
+            case _:
+                return check_types(request)  # raises: it is none of these
 
     def plan(self, query: Query) -> Plan:
         """Return the motion for a query.
@@ -101,22 +101,15 @@ class Planner:
             that fails. The error has the durations of all stages so far.
         """
         check_types(query)
-        watch = Stopwatch(self._clock)
-        try:
-            return self._plan(query, watch)
-        except MotionError as error:
-            error.milliseconds = watch.milliseconds
-            raise
-
-    def _plan(self, query: Query, watch: Stopwatch) -> Plan:
-        deadline, margin = Deadline(self._clock, query.timeout), self._robot.collision.margin
+        watch, deadline = Stopwatch(self._clock), Deadline(self._clock, query.timeout)
+        margin = self._robot.collision.margin
         if query.world not in self._checkers:
             with watch.stage("world"):
                 self._checker(query.world)
         with watch.stage("ends"):
-            checker, planning = self._checker(query.world), self._group(query.group)
-            group = planning.joints
-            start, points = planning.endpoints.check(checker, query)
+            checker, endpoints = self._checker(query.world), self._endpoints(query.group)
+            start, points = endpoints.check(checker, query)
+            group = endpoints.group
         validator = MotionValidator(
             checker=checker,
             group=group,
@@ -127,9 +120,14 @@ class Planner:
             deadline=deadline,
         )
         with checker.within(deadline):
-            paths = _paths(validator, points, query.seed, watch)
             limits = group.limits_at(query.speed)
-            waypoints, curve, profile = _first_timed(paths, *limits, watch)
+            for path in _paths(validator, points, query.seed, watch):
+                with watch.stage("time"):
+                    profile = time_curve(path[1], *limits)
+                if profile:
+                    break
+            assert profile, "a path that stops at every waypoint can be timed"
+            waypoints, curve = path
         with watch.stage("time"):
             plan = Plan(
                 group=query.group,
@@ -145,11 +143,12 @@ class Planner:
                 profile=profile.within_sum(curve, group.most_acceleration),
                 milliseconds=watch.milliseconds,  # the same dictionary: later stages are added
             )
-        _check_duration(plan, group)
+            _check_duration(plan, group)
+            deadline.check()
         if not curve.straight:
             with watch.stage("check"), checker.within(deadline):
                 verify_plan(validator, plan)
-        deadline.check()
+                deadline.check()
         return plan
 
     def verify(self, request: Verify) -> None:
@@ -174,7 +173,7 @@ class Planner:
         """
         check_types(query)
         checker, deadline = self._checker(query.world), Deadline(self._clock, query.timeout)
-        group = self._group(query.group).joints
+        group = self._endpoints(query.group).group
         with checker.within(deadline):
             return solve_ik(self._robot, self._model, group, checker, query, deadline)
 
@@ -189,7 +188,7 @@ class Planner:
         watch = Stopwatch(self._clock)
         check_rest(request)
         start = joint_positions("start", request.start, self._robot.actuated)
-        group = self._group(request.plan.group).joints
+        group = self._endpoints(request.plan.group).group
         if request.plan.joints != group.names:
             moves, own = ", ".join(request.plan.joints), ", ".join(group.names)
             raise BadQuery(
@@ -214,10 +213,10 @@ class Planner:
         positions = joint_positions("position", request.positions, self._robot.actuated)
         return self._checker(EMPTY).scene.attached(body, request.link, positions)
 
-    def _group(self, name: str) -> "_PlanningGroup":
-        if name not in self._groups:
-            self._groups[name] = _PlanningGroup(self._robot, name)
-        return self._groups[name]
+    def _endpoints(self, group: str) -> EndpointChecker:
+        if group not in self._groups:
+            self._groups[group] = EndpointChecker(self._robot, JointGroup(self._robot, group))
+        return self._groups[group]
 
     def _checker(self, world: World) -> CollisionChecker:
         """Return the checker of a world. Those of the empty and of the latest worlds are kept."""
@@ -228,14 +227,6 @@ class Planner:
             del self._checkers[next(other for other in self._checkers if other != EMPTY)]
         self._checkers[world] = checker
         return checker
-
-
-class _PlanningGroup:
-    """Data of a group that the planner keeps between queries."""
-
-    def __init__(self, robot: Robot, name: str) -> None:
-        self.joints = JointGroup(robot, name)
-        self.endpoints = EndpointChecker(robot, self.joints)
 
 
 def _paths(
@@ -312,18 +303,6 @@ def _leg_paths(
         here = path[-1]
         turns = turns + (here - goal)
         yield path
-
-
-def _first_timed(
-    paths: Iterator[tuple[Array, Curve]], velocity: Array, acceleration: Array, watch: Stopwatch
-) -> tuple[Array, Curve, TimeLaw]:
-    """Return the first path that can be timed, and its time law."""
-    for waypoints, curve in paths:
-        with watch.stage("time"):
-            profile = time_curve(curve, velocity, acceleration)
-        if profile:
-            return waypoints, curve, profile
-    raise AssertionError("a path that stops at every waypoint can be timed")
 
 
 def _check_duration(plan: Plan, group: JointGroup) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 from executive.errors import NotFound
 from hardware import Robot
-from hardware.description.urdf import Shape, Urdf, UrdfError, UrdfJoint
+from hardware.description.urdf import Shape, UrdfError, UrdfJoint
 from hardware.files import read_file
 
 MAX_MESH_BYTES = 2**24
@@ -47,7 +47,7 @@ class RobotScene:
     def _description(self) -> dict[str, Any]:
         robot = self._robot
         tool = robot.tool and {"link": robot.tool.link, "offset": robot.tool.offset}
-        urdf = Urdf.read(robot.urdf)
+        urdf = robot.description
         return {
             "name": robot.name,
             "opening": robot.open_effect,

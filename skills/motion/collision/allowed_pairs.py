@@ -11,7 +11,6 @@ import numpy as np
 
 from hardware import Joint, Robot
 from hardware.description.neighbours import adjacent_links
-from hardware.description.urdf import Urdf
 from skills.motion.arrays import Array, Mask
 from skills.motion.robot_model.robot_model import RobotModel
 
@@ -73,7 +72,7 @@ def find_allowed_pairs(
     scene = _scene(robot, model, ())
     pairs = scene.hulls.collisionPairs
     names = [_names(scene, pair.first, pair.second) for pair in pairs]
-    adjacent = adjacent_links(Urdf.read(robot.urdf), {link for pair in names for link in pair})
+    adjacent = adjacent_links(robot.description, {link for pair in names for link in pair})
     checker, reasons = CollisionChecker(scene), dict[tuple[str, str], str]()
     for k, pair in enumerate(names):
         if frozenset(pair) in adjacent:

@@ -30,10 +30,13 @@ class EndpointChecker:
     Args:
         robot: The robot.
         group: The group that moves.
+
+    Attributes:
+        group: The group that moves.
     """
 
     def __init__(self, robot: Robot, group: JointGroup) -> None:
-        self._group, self._actuated, self._margin = group, robot.actuated, robot.collision.margin
+        self.group, self._actuated, self._margin = group, robot.actuated, robot.collision.margin
         columns = {joint.name: i for i, joint in enumerate(self._actuated)}
         # For each joint: column, multiplier and offset of its position, and the joint.
         self._positions = [
@@ -58,7 +61,7 @@ class EndpointChecker:
             BadQuery, NotFinite, StartOutOfBounds, GoalOutOfBounds, StartInCollision,
             GoalInCollision: The first that applies, in this order. A via point counts as a goal.
         """
-        group = self._group
+        group = self.group
         check_seed(query.seed)
         if not is_number(query.spare, 0.0, _MAX_SPARE):
             raise BadQuery(f"The spare is {shown(query.spare)} m; give 0 to {_MAX_SPARE:g}")

@@ -11,7 +11,6 @@ import numpy as np
 import pinocchio as pin
 
 from hardware import Robot
-from hardware.description.urdf import Urdf
 from skills.motion.arrays import Array
 from skills.motion.errors import BadWorld, ModelUnusable, shown
 from skills.motion.validation import MAX_MAGNITUDE, is_number
@@ -51,7 +50,7 @@ class RobotModel:
         self.joints = tuple(joint.name for joint in robot.actuated)
         self.units = tuple(joint.unit for joint in robot.actuated)
         try:
-            described = Urdf.read(robot.urdf)
+            described = robot.description
             for mistake in described.shape_mistakes(MAX_MAGNITUDE):
                 raise mistake
             counts = described.shape_counts()

@@ -7,14 +7,12 @@ computed again: that takes as long as in the worker.
 
 import math
 from collections.abc import Mapping, Sequence
-from functools import cached_property, partial
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hardware import MAX_DURATION, Joint, Robot
-from hardware.description.forward_kinematics import ForwardKinematics
-from hardware.description.urdf import Urdf
 from skills.motion.arrays import Array
 from skills.motion.errors import MotionError, shown
 from skills.motion.query import Carry, Query, Reached, Request, Rest, Result, ToolQuery, Verify
@@ -110,7 +108,7 @@ class AnswerChecker:
         _check_positions(reached, group)
         link, offset, axis = request.link, np.array(request.offset), request.axis or (0.0, 0.0, 1.0)
         if not link:
-            if not own or not set(self._kinematics.joints_above(own.link)) & set(group.names):
+            if not own or not set(self._robot.kinematics.joints_above(own.link)) & set(group.names):
                 return
             link, offset, axis = own.link, offset + own.offset, request.axis or own.axis
         start = joint_positions("start", request.start, self._joints)
@@ -135,11 +133,7 @@ class AnswerChecker:
         names = (joint.name for joint in self._joints)
         positions = dict(zip(names, configuration.tolist(), strict=True))
         x, y, z = offset.tolist()
-        return np.array(self._kinematics.locate(link, (x, y, z), positions))
-
-    @cached_property
-    def _kinematics(self) -> ForwardKinematics:
-        return ForwardKinematics(Urdf.read(self._robot.urdf))
+        return np.array(self._robot.kinematics.locate(link, (x, y, z), positions))
 
     def _group(self, name: str) -> JointGroup:
         if name not in self._groups:

@@ -26,10 +26,10 @@ def test_only_neighbours_are_advised_to_be_allowed() -> None:
 def test_links_without_a_shape_are_named(tmp_path: Path) -> None:
     robot, text = load_robot(), load_robot().urdf.read_text()
     assert advice_for_missing_shapes(robot) == ""
-    bare = dataclasses.replace(robot, urdf=tmp_path / "arm.urdf")
     before, claw, after = text.partition('name="claw_support"')
     one = before + claw + after.replace("collision>", "hidden>", 2 * 4)  # its shapes
     for urdf, said in ((one, "for claw_support in"), (text.replace("collision>", "x>"), "in")):
+        bare = dataclasses.replace(robot, urdf=tmp_path / "arm.urdf")
         bare.urdf.write_text(urdf)
         assert advice_for_missing_shapes(bare).startswith(f"no <collision> {said} the URDF, so ")
 
