@@ -1,13 +1,16 @@
 """The connection to the NATS server of a fleet: credentials, stream, buckets, subjects."""
 
 import asyncio
+import json
 import logging
+import math
 import os
 import re
 import ssl
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequence
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 from typing import Any, TypeVar
 from urllib.parse import urlsplit
@@ -15,6 +18,7 @@ from urllib.parse import urlsplit
 import nats
 import nats.errors
 from nats.aio.client import Client as Nats
+from nats.aio.msg import Msg
 from nats.js import JetStreamContext
 from nats.js.api import (
     ConsumerConfig,
@@ -29,8 +33,8 @@ from nats.js.kv import KeyValue
 
 from executive.api import token_file
 
-from .errors import FleetError, FleetRefused, FleetUnreachable
-from .values import PRIORITIES, from_bytes
+from .errors import BadJob, FleetError, FleetRefused, FleetUnreachable
+from .values import PRIORITIES, Job, JobRecord, Member, Presence, from_bytes
 
 T = TypeVar("T")
 
@@ -38,6 +42,7 @@ logger = logging.getLogger(__name__)
 
 NATS_PORT = 4222  # of a URL without a port
 _MEMBERS, _RECORDS, ALIVE = "fleet_members", "fleet_jobs", "fleet_alive"
+_BUCKETS: Mapping[type, str] = {Member: _MEMBERS, JobRecord: _RECORDS, Presence: ALIVE}
 JOBS = "fleet_jobs_queue"  # stream of the jobs that no arm has claimed
 ALIVE_SECONDS = 10.0  # an arm that is silent for this time is gone
 _CLAIM_SECONDS = 30.0  # a job that was delivered and not claimed is delivered again [s]
@@ -47,14 +52,15 @@ _QUEUE_BYTES = 2**30
 _CONNECT_SECONDS, _ANSWER_SECONDS = 2.0, 5.0
 _RETRY_SECONDS = 1.0
 _WAITING = 20_000  # arms of a pool that wait for a job
+_BATCH = 500  # values that are read with one request
 
 # What NATS and its libraries raise if the server is gone, slow, or starts again.
 GONE = (nats.errors.Error, OSError, asyncio.TimeoutError)
 
 
-def job_subject(pool: str, priority: str) -> str:
-    """Return the subject of the jobs of a pool with a priority."""
-    return f"fleet.job.{pool}.{priority}"
+def job_subject(pool: str, priority: str, identity: str) -> str:
+    """Return the subject of a job; `*` for all pools, priorities or jobs."""
+    return f"fleet.job.{pool}.{priority}.{identity}"
 
 
 def consumer_of(pool: str, priority: str) -> str:
@@ -92,37 +98,87 @@ class Fleet:
     alive: KeyValue
     jobs: KeyValue
 
-    async def values(self, bucket: KeyValue, kind: type[T], keys: str = ">") -> dict[str, T]:
-        """Return the values of a bucket, by key.
+    async def values(self, kind: type[T]) -> dict[str, T]:
+        """Return all values of a type, by key. Malformed values are logged and left out."""
+        found, _ = await self.changes(kind)
+        return {key: value for key, value in found.items() if value is not None}
+
+    async def changes(self, kind: type[T], after: int = 0) -> tuple[dict[str, T | None], int]:
+        """Return the values of a type that changed, by key, and the last revision.
 
         Args:
-            bucket: The bucket.
-            kind: Type of its values.
-            keys: Subject of the keys, such as `bench.*`.
+            kind: The type.
+            after: Revision after which they changed.
 
-        Raises:
-            BadJob: A value is malformed.
+        Returns:
+            The values, None for those that were deleted, and the `after` of the next call.
         """
-        watcher = await bucket.watch(keys, ignore_deletes=True)
-        found = dict[str, T]()
-        async for entry in watcher:
-            if entry is None:
-                break
-            found[entry.key] = from_bytes(kind, entry.value)
-        await watcher.stop()  # type: ignore[no-untyped-call]
-        return found
+        bucket, found, more = _BUCKETS[kind], dict[str, T | None](), True
+        prefix = f"$KV.{bucket}."
+        subscription = await self.nats.subscribe(inbox := self.nats.new_inbox())
+        try:
+            while more:
+                request = {"seq": after + 1, "batch": _BATCH, "next_by_subj": f"{prefix}>"}
+                subject = f"$JS.API.DIRECT.GET.KV_{bucket}"
+                await self.nats.publish(subject, json.dumps(request).encode(), inbox)
+                while True:
+                    message = await subscription.next_msg(_ANSWER_SECONDS)
+                    headers = message.headers or {}
+                    if "Status" in headers:  # the end of the batch
+                        break
+                    after = int(headers["Nats-Sequence"])
+                    key = headers["Nats-Subject"].removeprefix(prefix)
+                    try:
+                        gone = "KV-Operation" in headers
+                        found[key] = None if gone else from_bytes(kind, message.data)
+                    except BadJob as error:
+                        logger.warning("Fleet: %s in the bucket %s: %s", key, bucket, error)
+                more = headers.get("Nats-Num-Pending", "0") != "0"
+        finally:
+            await subscription.unsubscribe()
+        return found, after
 
-    async def get(self, bucket: KeyValue, kind: type[T], key: str) -> tuple[T, int] | None:
-        """Return a value of a bucket and its revision, or None if there is no such key.
+    async def get(self, kind: type[T], key: str) -> tuple[T, int] | None:
+        """Return a value of a type and its revision, or None if there is no such key.
 
         Raises:
             BadJob: The value is malformed.
         """
+        buckets = {Member: self.members, JobRecord: self.jobs, Presence: self.alive}
         try:
-            entry = await bucket.get(key)
+            entry = await buckets[kind].get(key)
         except KeyNotFoundError:
             return None
         return from_bytes(kind, entry.value), entry.revision or 0
+
+    async def queued(self, identity: str) -> Job | None:
+        """Return a job of the queue, or None if it is not queued.
+
+        Raises:
+            BadJob: The job is malformed.
+        """
+        wanted = job_subject("*", "*", identity)
+        try:
+            found = await self.stream.get_msg(JOBS, 1, wanted, direct=True, next=True)
+        except NotFoundError:
+            return None
+        return from_bytes(Job, found.data)
+
+    async def lateness(self, message: Msg, job: Job) -> float:
+        """Return how long after its latest start a job was received [s]; negative before it.
+
+        Both times are of the clock of the NATS server.
+
+        Args:
+            message: Message of the job.
+            job: The job.
+        """
+        if job.start_within_s is None:
+            return -math.inf
+        consumer = consumer_of(job.pool, job.priority)
+        answer = await self.nats.request(f"$JS.API.CONSUMER.INFO.{JOBS}.{consumer}", b"")
+        now = datetime.fromisoformat(json.loads(answer.data)["ts"])
+        return (now - message.metadata.timestamp).total_seconds() - job.start_within_s
 
     async def add_consumers(self, pool: str) -> None:
         """Make the consumers of a pool, unless they exist."""
@@ -134,7 +190,7 @@ class Fleet:
                 JOBS,
                 ConsumerConfig(
                     durable_name=consumer_of(pool, priority),
-                    filter_subject=job_subject(pool, priority),
+                    filter_subject=job_subject(pool, priority, "*"),
                     ack_wait=_CLAIM_SECONDS,
                     max_deliver=-1,
                     max_ack_pending=-1,
@@ -164,48 +220,96 @@ async def open_fleet(
         FleetUnreachable: No server answers, or it does not answer any more.
         FleetRefused: The server refuses the credentials, or what this program wants to do.
     """
-    told, closing = list[Exception](), asyncio.Event()
-
-    async def note(error: Exception) -> None:
-        # Without this callback the library logs a traceback for every failed attempt.
-        if lasting and not told:
-            logger.warning("Fleet: %s", _why(url, error, told))
-        told.append(error)
-
-    async def lost() -> None:
-        if changed and not closing.is_set():
-            await changed(False)
-
-    async def back() -> None:
-        told.clear()
-        await _open(connection, url, lasting)  # a bucket in memory is lost in a restart
-        if changed:
-            await changed(True)
-
+    connection = Nats()
+    watch = _Watch(url, connection, lasting, changed)
     options: dict[str, Any] = {
         **(_credentials(url) if credentials is None else credentials),
         "name": name,
-        "error_cb": note,
-        "disconnected_cb": lost,
-        "reconnected_cb": back,
+        "error_cb": watch.note,
+        "disconnected_cb": watch.disconnected,
+        "reconnected_cb": watch.reconnected,
+        "closed_cb": watch.closed,
         "connect_timeout": _CONNECT_SECONDS,
         "reconnect_time_wait": 0.5,
         "max_reconnect_attempts": -1 if lasting else 1,  # it takes 0 for no limit
         "allow_reconnect": lasting,
     }
-    connection = Nats()
     try:
         await connection.connect(url, **options)
         yield await _open(connection, url, lasting)
     except GONE as error:
-        raise _why(url, error, told) from error
+        raise watch.why(error) from error
+    except asyncio.CancelledError as error:
+        if watch.has_canceled():
+            raise watch.why(error) from error
+        raise
     finally:
-        closing.set()
+        watch.closing = True
         with suppress(*GONE):
             await connection.close()
 
 
-def _why(url: str, error: Exception, told: Sequence[Exception]) -> FleetError:
+class _Watch:
+    """What nats-py says of a connection.
+
+    Args:
+        url: URL of the NATS server.
+        connection: The connection.
+        lasting: True if it reconnects for ever.
+        changed: As of `open_fleet`.
+
+    Attributes:
+        closing: True if the connection may end.
+    """
+
+    def __init__(
+        self,
+        url: str,
+        connection: Nats,
+        lasting: bool,
+        changed: Callable[[bool], Awaitable[None]] | None,
+    ) -> None:
+        self._url, self._connection, self._lasting = url, connection, lasting
+        self._changed = changed
+        self._told = list[Exception]()
+        self._user, self._canceled = asyncio.current_task(), False
+        self.closing = False
+
+    async def note(self, error: Exception) -> None:
+        """Note an error. Without this callback the library logs every failed attempt."""
+        if self._lasting and not self._told:
+            logger.warning("Fleet: %s", self.why(error))
+        self._told.append(error)
+
+    async def disconnected(self) -> None:
+        """Say that the connection is lost."""
+        if self._changed and not self.closing:
+            await self._changed(False)
+
+    async def reconnected(self) -> None:
+        """Say that the connection is back, once what the fleet stores exists."""
+        self._told.clear()
+        await _open(self._connection, self._url, self._lasting)  # a restart loses memory
+        if self._changed:
+            await self._changed(True)
+
+    async def closed(self) -> None:
+        """Cancel the user of a connection that will not come back: what it waits for neither."""
+        if self._user and not self.closing:
+            self._canceled = True
+            self._told.append(ConnectionError("the connection was lost"))
+            self._user.cancel()
+
+    def has_canceled(self) -> bool:
+        """Return True if `closed`, and nothing else, has canceled the user."""
+        return bool(self._canceled and self._user and self._user.uncancel() == 0)
+
+    def why(self, error: BaseException) -> FleetError:
+        """Return the error of this project for one of nats-py."""
+        return _why(self._url, error, self._told)
+
+
+def _why(url: str, error: BaseException, told: Sequence[Exception]) -> FleetError:
     """Return the error of this project for one of nats-py.
 
     Args:

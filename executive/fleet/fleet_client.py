@@ -110,17 +110,16 @@ class FleetClient:
             BadName, BadJob: An argument is malformed.
         """
         check_name("a pool", pool)
-        now = self._now()
-        start_by = None if start_within is None else now + round(start_within * 1e9)
-        identity = identity or uuid.uuid4().hex
-        job = Job(identity, pool, task, dict(arguments), now, priority, start_by)
+        chosen = identity or uuid.uuid4().hex
+        job = Job(chosen, pool, task, dict(arguments), self._now(), priority, start_within)
         from_bytes(Job, to_bytes(job))
         if not await self._is_served(pool):
             raise PoolNotServed(pool)
-        if await self._fleet.get(self._fleet.jobs, JobRecord, identity):
+        # The queue knows the ids of an hour, and the records those of a week.
+        if identity and await self._fleet.get(JobRecord, identity):
             raise DuplicateJob(identity)
         if await publish(self._fleet, job):
-            raise DuplicateJob(identity)
+            raise DuplicateJob(chosen)
         return job
 
     async def _is_served(self, pool: str) -> bool:
@@ -138,13 +137,13 @@ class FleetClient:
 
     async def arms(self) -> list[ArmRow]:
         """Return the arms of the fleet, those that are gone too, by name."""
-        members = await self._fleet.values(self._fleet.members, Member)
-        alive = await self._fleet.values(self._fleet.alive, Presence)
+        members = await self._fleet.values(Member)
+        alive = await self._fleet.values(Presence)
         return [ArmRow(members[arm], alive.get(arm)) for arm in sorted(members)]
 
     async def records(self) -> list[JobRecord]:
         """Return what is known of the jobs that are not queued, in the order of their sending."""
-        found = await self._fleet.values(self._fleet.jobs, JobRecord)
+        found = await self._fleet.values(JobRecord)
         return sorted(found.values(), key=lambda record: record.job.sent_ns)
 
     async def queued(self, most: int = 100) -> tuple[int, list[Job]]:
@@ -168,7 +167,7 @@ class FleetClient:
                 job = from_bytes(Job, message.data)
             except BadJob:
                 continue  # a worker will drop it
-            known = await self._fleet.get(self._fleet.jobs, JobRecord, job.identity)
+            known = await self._fleet.get(JobRecord, job.identity)
             if known is None or known[0].job.attempt < job.attempt:
                 found.append(job)
         return max(info.state.messages, len(found)), found
@@ -179,12 +178,12 @@ class FleetClient:
         Raises:
             UnknownJob: No job has that id.
         """
-        if found := await self._fleet.get(self._fleet.jobs, JobRecord, identity):
+        if found := await self._fleet.get(JobRecord, identity):
             return found[0]
-        _, queued = await self.queued(10_000)
-        for job in queued:
-            if job.identity == identity:
-                return job
+        if job := await self._fleet.queued(identity):
+            return job
+        if found := await self._fleet.get(JobRecord, identity):  # it was claimed meanwhile
+            return found[0]
         raise UnknownJob(identity)
 
     async def wait(self, identity: str) -> AsyncIterator[JobRecord]:
@@ -291,7 +290,7 @@ class FleetClient:
             data = json.dumps(dict(body or {})).encode()
             await connection.publish(control_subject(request, each), data, inbox)
         await connection.flush()
-        members = await self._fleet.values(self._fleet.members, Member)
+        members = await self._fleet.values(Member)
         wanted = {arm for arm in members if not whom or {arm, arm.partition(".")[0]} & {*whom}}
         if unknown := {each for each in whom if not any(_names(each, arm) for arm in members)}:
             raise FleetError(f"no arm is {', '.join(sorted(unknown))}; `armtree fleet ls`")
@@ -335,7 +334,7 @@ async def publish(fleet: Fleet, job: Job) -> bool:
     It is on disk when this returns.
     """
     repeated = await fleet.stream.publish(
-        job_subject(job.pool, job.priority),
+        job_subject(job.pool, job.priority, job.identity),
         to_bytes(job),
         headers={"Nats-Msg-Id": f"{job.identity}.{job.attempt}"},
     )

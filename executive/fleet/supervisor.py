@@ -35,6 +35,8 @@ class Supervisor:
     def __init__(self, fleet: Fleet, clock: Clock) -> None:
         self._fleet, self._clock = fleet, clock
         self._silent: dict[str, float] = {}  # since when, by job [s]
+        self._claimed: dict[str, JobRecord] = {}
+        self._revision = 0  # of the last record that was read
 
     async def run(self) -> None:
         """Supervise for ever."""
@@ -52,23 +54,29 @@ class Supervisor:
             await asyncio.sleep(_SWEEP_SECONDS)
 
     def reconnected(self) -> None:
-        """Give all arms the time to reconnect as well."""
+        """Give all arms the time to reconnect as well, and read all records again."""
         self._silent.clear()
+        self._claimed.clear()
+        self._revision = 0
 
     async def sweep(self) -> AsyncIterator[JobRecord]:
         """Check all claimed jobs once; yield those that end here or are sent again."""
-        records = await self._fleet.values(self._fleet.jobs, JobRecord)
-        alive = await self._fleet.values(self._fleet.alive, Presence)
+        changed, self._revision = await self._fleet.changes(JobRecord, self._revision)
+        for identity, record in changed.items():
+            self._claimed.pop(identity, None)
+            if record and record.result is None:
+                self._claimed[identity] = record
+        alive = await self._fleet.values(Presence)
         now = self._clock.now()
         silent = {
             identity: self._silent.get(identity, now)
-            for identity, record in records.items()
-            if record.result is None and not _has(alive.get(record.arm), record)
+            for identity, record in self._claimed.items()
+            if not _has(alive.get(record.arm), record)
         }
         self._silent = silent
         for identity, since in silent.items():
             if now - since >= LOST_SECONDS and (
-                given_up := await self._give_up(records[identity], now - since)
+                given_up := await self._give_up(self._claimed[identity], now - since)
             ):
                 yield given_up
 
@@ -78,7 +86,7 @@ class Supervisor:
             # Its worker replaces this record. A repeat of this message is refused.
             again = replace(job, attempt=job.attempt + 1)
             return None if await publish(self._fleet, again) else replace(record, job=again)
-        found = await self._fleet.get(self._fleet.jobs, JobRecord, job.identity)
+        found = await self._fleet.get(JobRecord, job.identity)
         if found is None or found[0] != record:
             return None
         lost = ArmLost(record.arm, record.url, silence)

@@ -29,7 +29,8 @@ class Job:
         arguments: Values of the task's parameters, by name.
         sent_ns: When it was sent, UTC [ns since 1970].
         priority: One of `PRIORITIES`.
-        start_by_ns: Latest start, UTC [ns since 1970]; None for no deadline.
+        start_within_s: Longest time until its start [s], by the clock of the NATS server; None for
+            no limit.
         attempt: Number of the attempt, from 1.
     """
 
@@ -39,7 +40,7 @@ class Job:
     arguments: Mapping[str, Any]
     sent_ns: int
     priority: str = "normal"
-    start_by_ns: int | None = None
+    start_within_s: float | None = None
     attempt: int = 1
 
 

@@ -22,18 +22,17 @@ from executive.client.values import Task
 from executive.errors import ClientError, Refused
 from hardware import Clock, State
 
-from .connection import ALIVE_SECONDS, GONE, JOBS, Fleet, consumer_of, control_subject
+from .connection import ALIVE_SECONDS, GONE, Fleet, control_subject
 from .errors import ArmLost, BadJob, DeadlinePassed, FleetError, NameTaken
-from .values import PRIORITIES, Job, JobRecord, Member, Presence, Result, from_bytes, to_bytes
+from .job_requests import JobRequests
+from .values import Job, JobRecord, Member, Presence, Result, from_bytes, to_bytes
 
 logger = logging.getLogger(__name__)
 
 BEAT_SECONDS = 3.0  # time between two presences
 _SPREAD = 0.05, 0.5  # delay of a presence after a change [s]
-_PULL_SECONDS = 20.0  # longest time that a request for a job waits at the NATS server
 _LAST_SECONDS = 3.0  # longest time for the last result after `end`
 _PAUSE_SECONDS = 1.0  # before what failed is tried again
-_NEXT = f"$JS.API.CONSUMER.MSG.NEXT.{JOBS}."
 _NOT_NOW = (BUSY, QUEUE_FULL)  # the arm has refused, so nothing has moved: another arm may do it
 
 READY, BUSY_ARM, HELD, UNREACHABLE = "ready", "busy", "held", "unreachable"
@@ -89,10 +88,12 @@ class Worker:
         self._presence = Presence(self._me, UNREACHABLE)
         self._held = ""  # why it takes no job; empty if it does
         self._canceled: set[str] = set()  # jobs whose cancel the fleet asked for
+        self._revision = 0  # of the stored presence; 0 if it is not stored
+        self._joined = False  # whether the NATS server knows the member and its pool
         self._changed, self._free = asyncio.Event(), asyncio.Event()
         self._idle, self._ending = asyncio.Event(), asyncio.Event()
         self._sending = asyncio.Lock()  # from the claim of a job until its arm has accepted it
-        self._inbox = ""
+        self._requests = JobRequests(fleet, pool)
         self._idle.set()
 
     async def run(self) -> None:
@@ -110,11 +111,12 @@ class Worker:
             await self._listen("resume", self._resume)
             await self._listen("cancel", self._cancel)
             done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-            for task in done:
-                task.result()  # raises what only a bug raises
+            self.end()
             with suppress(TimeoutError):
                 async with asyncio.timeout(_LAST_SECONDS):
                     await self._idle.wait()
+            for task in done:
+                task.result()  # raises NameTaken, and what only a bug raises
         finally:
             await _end_all(recovering, *tasks)
             await self._leave()
@@ -127,45 +129,57 @@ class Worker:
     async def reconnected(self) -> None:
         """Request a job again, because the NATS server has forgotten the request."""
         self._changed.set()
-        if self._inbox:
-            await self._fleet.nats.publish(self._inbox, headers={"Status": "reconnected"})
+        self._requests.repeat()
 
     async def _join(self) -> None:
-        """Add the arm to the members; a worker that died leaves its name after a while."""
-        fleet, now = self._fleet, self._clock.epoch_ns() + round(self._clock.now() * 1e9)
-        mine = Member(self.arm, self._server.url, socket.gethostname(), self._me, now)
+        """Store presence and member; the name of a worker that died is free after a while."""
         end = self._clock.now() + ALIVE_SECONDS + 2 * _PAUSE_SECONDS
         while True:
             try:
-                await self._take_name(end)
-                await fleet.members.put(self.arm, to_bytes(mine))
-                await fleet.add_consumers(self._pool)
+                await self._say()
                 return
+            except NameTaken:
+                if self._clock.now() > end:
+                    raise
             except GONE as error:
                 logger.debug("Fleet: %r", error)
-                await asyncio.sleep(_PAUSE_SECONDS)
+            await asyncio.sleep(_PAUSE_SECONDS)
 
-    async def _take_name(self, end: float) -> None:
-        """Create the presence of this arm; until a time [s], wait for that of a dead worker."""
-        fleet = self._fleet
-        while True:
-            try:
-                await fleet.alive.create(self.arm, to_bytes(self._presence))
-                return
-            except KeyWrongLastSequenceError:
-                other = await fleet.get(fleet.alive, Presence, self.arm)
-                if other and other[0].worker == self._me:
-                    return
-                if self._clock.now() > end:
-                    found = await fleet.get(fleet.members, Member, self.arm)
-                    url = found[0].url if found else "unknown"
-                    raise NameTaken(self.arm, url) from None
-                await asyncio.sleep(_PAUSE_SECONDS)
+    async def _say(self) -> None:
+        """Store the presence, and the member if the NATS server may not know it.
+
+        Raises:
+            NameTaken: Another worker has stored its presence with this name.
+        """
+        fleet, data = self._fleet, to_bytes(self._presence)
+        try:
+            if self._revision:
+                self._revision = await fleet.alive.update(self.arm, data, last=self._revision)
+            else:
+                self._revision = await fleet.alive.create(self.arm, data)
+        except KeyWrongLastSequenceError:
+            found = await fleet.get(Presence, self.arm)
+            self._revision = 0
+            if found and found[0].worker != self._me:
+                member = await fleet.get(Member, self.arm)
+                raise NameTaken(self.arm, member[0].url if member else "unknown") from None
+            if found:  # an answer was lost
+                self._revision = found[1]
+            else:  # it expired, or the NATS server has started again, perhaps without its disk
+                self._joined = False
+            await self._say()
+        if not self._joined:
+            url, host = self._server.url, socket.gethostname()
+            mine = Member(self.arm, url, host, self._me, self._now())
+            await fleet.members.put(self.arm, to_bytes(mine))
+            await fleet.add_consumers(self._pool)
+            self._joined = True
 
     async def _leave(self) -> None:
-        with suppress(*GONE):
-            await self._fleet.members.purge(self.arm)
-            await self._fleet.alive.purge(self.arm)
+        if self._revision:  # the name is not another worker's
+            with suppress(*GONE):
+                await self._fleet.members.purge(self.arm)
+                await self._fleet.alive.purge(self.arm)
 
     async def _beat(self) -> None:
         """Say what the arm does, every few seconds and at every change."""
@@ -173,7 +187,7 @@ class Worker:
             await self._look()
             self._changed.clear()
             with suppress(*GONE):
-                await self._fleet.alive.put(self.arm, to_bytes(self._presence))
+                await self._say()
             with suppress(TimeoutError):
                 async with asyncio.timeout(BEAT_SECONDS):
                     await self._changed.wait()
@@ -199,37 +213,11 @@ class Worker:
             if not await self._look():
                 await self._free.wait()
             try:
-                if message := await self._next():
+                if message := await self._requests.next():
                     await self._take(message)
             except GONE as error:  # what is not claimed is delivered again
                 logger.debug("Fleet: %r", error)
                 await asyncio.sleep(_PAUSE_SECONDS)
-
-    async def _next(self) -> Msg | None:
-        """Return the queued job of the highest priority; None if none comes for a while."""
-        connection = self._fleet.nats
-        self._inbox = inbox = connection.new_inbox()
-        subscription = await connection.subscribe(inbox)
-
-        async def ask(priority: str, **how: Any) -> None:
-            subject = _NEXT + consumer_of(self._pool, priority)
-            await connection.publish(subject, json.dumps({"batch": 1, **how}).encode(), inbox)
-
-        try:
-            for priority in PRIORITIES:
-                await ask(priority, no_wait=True)
-                message = await subscription.next_msg(_PAUSE_SECONDS)
-                if not _is_status(message):
-                    return message
-            for priority in PRIORITIES:
-                await ask(priority, expires=round(_PULL_SECONDS * 1e9))
-            message = await subscription.next_msg(_PULL_SECONDS)
-            return None if _is_status(message) else message
-        except TimeoutError:
-            return None
-        finally:
-            with suppress(*GONE):
-                await subscription.unsubscribe()  # withdraws the requests that are open
 
     async def _take(self, message: Msg) -> None:
         """Run a job, unless another arm has claimed it."""
@@ -239,25 +227,16 @@ class Worker:
             logger.warning("Fleet: a job was dropped: %s", error)
             await message.term()
             return
-        if not await self._look():
+        ready, safe = await asyncio.gather(self._look(), self._is_retry_safe(job))
+        if not ready:
             await message.nak(_PAUSE_SECONDS)
             return
-        late = (self._now() - job.start_by_ns) / 1e9 if job.start_by_ns else 0.0
-        if late > 0:
-            record = self._record(job, Result.failed(cause_of(DeadlinePassed(late))))
-            await self._claim(record)
-            await message.ack()
-            return
-        await self._run(job, message)
-
-    async def _run(self, job: Job, message: Msg) -> None:
-        safe = await self._is_retry_safe(job)
         # The hold fences the job. If this process pauses or dies for a second, the server cancels
         # the goal, or refuses it if it comes later.
         async with self._server.hold(job.identity):
             async with self._sending:
-                record = self._record(job, None, safe)
-                if not (revision := await self._claim(record)):
+                record, revision = await self._claim(message, job, safe)
+                if record.result or not revision:
                     await message.ack()
                     return
                 self._set_job(job.identity)
@@ -268,9 +247,12 @@ class Worker:
                 result = await self._result(job.identity)
             elif result.code in _NOT_NOW:
                 await self._release(job.identity, revision)
+                self._set_job("")
                 await message.nak(_PAUSE_SECONDS)
                 return
         await self._store(record, revision, result)
+        self._presence = replace(self._presence, last=result.code, done=self._presence.done + 1)
+        self._set_job("")
         if not message.is_acked:
             await message.ack()
 
@@ -296,7 +278,6 @@ class Worker:
                 break  # the first answer was lost
             except GONE:
                 await asyncio.sleep(_PAUSE_SECONDS)
-        self._set_job("")
 
     async def _result(self, identity: str) -> Result:
         """Wait for the end of a goal."""
@@ -324,7 +305,33 @@ class Worker:
             job, self.arm, self._server.url, self._me, now, safe, result, now if result else 0
         )
 
-    async def _claim(self, record: JobRecord) -> int:
+    async def _claim(self, message: Msg, job: Job, safe: bool) -> tuple[JobRecord, int]:
+        """Create the record of a job, however long the NATS server is gone.
+
+        It may be stored though its answer is lost. To end then would leave a claim without a run.
+
+        Args:
+            message: Message of the job.
+            job: The job.
+            safe: True if its task may run again after its arm was lost.
+
+        Returns:
+            The record, which has a result if the job comes too late, and its revision; 0 if another
+            arm was first.
+        """
+        while True:
+            try:
+                late = await self._fleet.lateness(message, job)
+                result = Result.failed(cause_of(DeadlinePassed(late))) if late > 0 else None
+                record = self._record(job, result, safe)
+                return record, await self._create(record)
+            except GONE as error:
+                if self._held:
+                    raise
+                logger.debug("Fleet: %r", error)
+                await asyncio.sleep(_PAUSE_SECONDS)
+
+    async def _create(self, record: JobRecord) -> int:
         """Create the record of a job. Return its revision, or 0 if another arm was first.
 
         A second attempt replaces the record of an arm that was lost.
@@ -333,13 +340,16 @@ class Worker:
         try:
             return await self._fleet.jobs.create(identity, to_bytes(record))
         except KeyWrongLastSequenceError:
-            found = await self._fleet.get(self._fleet.jobs, JobRecord, identity)
-        if found is None:
+            try:
+                found = await self._fleet.get(JobRecord, identity)
+            except BadJob as error:
+                logger.warning("Fleet: the job %s was dropped: %s", identity, error)
+                return 0
+        if found is None or found[0].result:
             return 0
         earlier, revision = found
-        mine = earlier.worker == self._me and earlier.result is None  # its answer was lost
-        again = record.job.attempt > earlier.job.attempt and earlier.result is None
-        if not (mine or again):
+        mine = earlier.worker == self._me and earlier.job == record.job  # its answer was lost
+        if not (mine or record.job.attempt > earlier.job.attempt):
             return 0
         try:
             return await self._fleet.jobs.update(identity, to_bytes(record), last=revision)
@@ -353,39 +363,46 @@ class Worker:
         while True:
             try:
                 await self._fleet.jobs.update(identity, to_bytes(mine), last=revision)
-                break
+                return
             except KeyWrongLastSequenceError:
                 with suppress(*GONE):
-                    found = await self._fleet.get(self._fleet.jobs, JobRecord, identity)
-                    if found is None or found[0].worker != self._me or found[0] == mine:
-                        break  # another arm has it now, or the first answer was lost
+                    found = await self._fleet.get(JobRecord, identity)
+                    if found is None:  # the NATS server has lost its disk
+                        await self._fleet.jobs.create(identity, to_bytes(mine))
+                        return
+                    if found[0].worker != self._me or found[0] == mine:
+                        return  # another arm has it now, or the first answer was lost
                     mine, revision = replace(mine, late=True), found[1]
             except GONE as error:
                 if not told:
                     logger.warning("Fleet: gone (%s); the result waits until it is back", error)
                 told = True
                 await asyncio.sleep(_PAUSE_SECONDS)
-        self._presence = replace(self._presence, last=result.code, done=self._presence.done + 1)
-        self._set_job("")
 
     async def _recover(self) -> None:
         """Store the results of jobs that an earlier worker of this arm had claimed."""
         try:
-            goals = await self._server.goals()
-            for goal in goals:
-                found = await self._fleet.get(self._fleet.jobs, JobRecord, goal.identity)
-                if found and found[0].arm == self.arm and found[0].worker != self._me:
-                    record, revision = found
-                    if record.result and record.result.code != ArmLost.code:
-                        continue
-                    record = replace(record, worker=self._me, late=bool(record.result))
-                    result = Result.of(await self._server.result(goal.identity))
-                    logger.info(
-                        "Fleet: the job %s of an earlier worker is %s", goal.identity, result.state
-                    )
-                    await self._store(record, revision, result)
-        except (*GONE, ClientError, FleetError) as error:
+            for goal in await self._server.goals():
+                await self._recover_goal(goal.identity)
+        except (ClientError, FleetError) as error:
             logger.warning("Fleet: earlier jobs are not looked up: %s", error)
+
+    async def _recover_goal(self, identity: str) -> None:
+        while True:
+            try:
+                found = await self._fleet.get(JobRecord, identity)
+                break
+            except GONE:
+                await asyncio.sleep(_PAUSE_SECONDS)
+        if found is None or found[0].arm != self.arm or found[0].worker == self._me:
+            return
+        record, revision = found
+        if record.result and record.result.code != ArmLost.code:
+            return
+        record = replace(record, worker=self._me, late=bool(record.result))
+        result = Result.of(await self._server.result(identity))
+        logger.info("Fleet: the job %s of an earlier worker is %s", identity, result.state)
+        await self._store(record, revision, result)
 
     async def _listen(
         self, request: str, answer: Callable[[bytes], Awaitable[dict[str, Any]]]
@@ -443,8 +460,3 @@ async def _end_all(*tasks: asyncio.Task[Any]) -> None:
         for task in left:
             task.cancel()
         _, left = await asyncio.wait(left, timeout=_PAUSE_SECONDS)
-
-
-def _is_status(message: Msg) -> bool:
-    """Return True for an answer of the NATS server that there is no job."""
-    return bool(message.headers and message.headers.get("Status"))

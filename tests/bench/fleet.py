@@ -60,7 +60,7 @@ async def until_ready(fleet: Fleet, number: int) -> None:
     """Wait until all arms say that they are ready."""
     while True:
         with contextlib.suppress(*GONE):  # a thousand arms join at once
-            alive = await fleet.values(fleet.alive, Presence)
+            alive = await fleet.values(Presence)
             if sum(each.state == "ready" for each in alive.values()) == number:
                 return
         await asyncio.sleep(0.5)

@@ -2,20 +2,24 @@
 
 import asyncio
 import json
+import shutil
 import socket
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager
 from dataclasses import replace
 from pathlib import Path
 
+import nats.errors
 import pytest
 from nats.aio.msg import Msg
+from nats.js.kv import KeyValue
 
-from executive.fleet.connection import Fleet, control_subject, open_fleet
+from executive.fleet.connection import Fleet, control_subject, job_subject, open_fleet
 from executive.fleet.errors import (
     BadJob,
     BadName,
     DuplicateJob,
+    FleetUnreachable,
     NameTaken,
     NotConfirmed,
     PoolNotServed,
@@ -125,6 +129,8 @@ def test_the_queue_has_priorities_deadlines_and_cancel(url: str) -> None:
             order = ("low", "normal", "high")
             jobs = [await client.send(each, "bench", {}, priority=each) for each in order]
             late = await client.send("late", "bench", {}, start_within=1e-9)
+            deep = await client.job(late.identity)
+            assert deep == late
             gone = await client.send("gone", "bench", {})
             assert (await client.queued())[0] == 5
             canceled = await client.cancel(gone.identity)
@@ -142,6 +148,101 @@ def test_the_queue_has_priorities_deadlines_and_cancel(url: str) -> None:
     asyncio.run(main())
 
 
+def test_what_is_malformed_stops_nothing(url: str) -> None:
+    async def main() -> None:
+        arm = SimulatedArm(duration=0.0)
+        async with joined(url, arm) as client:
+            fleet, clock = client._fleet, SetClock()
+            # What a later version, or a broken program, may have stored.
+            await fleet.members.put("bench.strange", b"[]")
+            await fleet.alive.put("bench.strange", b'{"worker": 5}')
+            await fleet.jobs.put("a" * 32, b'"text"')
+            assert [row.member.arm for row in await client.arms()] == ["bench.0"]
+            assert [each.arm for each in await client.resume()] == ["bench.0"]
+            await fleet.jobs.create(LOST_ID, to_bytes(lost()))
+            supervisor = Supervisor(fleet, clock)
+            assert [each async for each in supervisor.sweep()] == []
+            clock.time += LOST_SECONDS + 1
+            assert [each.job.identity async for each in supervisor.sweep()] == [LOST_ID]
+            await publish(fleet, replace(lost().job, identity="a" * 32))
+            job = await client.send(1, "bench", {})
+            assert (await ended(client, job)).state == "SUCCEEDED"
+            assert arm.received == [job.identity]
+
+    asyncio.run(main())
+
+
+def test_jobs_that_arrive_at_once_wait_for_nothing(url: str) -> None:
+    async def main() -> None:
+        arm = SimulatedArm(duration=0.0)
+        async with joined(url, arm) as client:
+            fleet = client._fleet
+            jobs = [Job(n * 32, "bench", n, {}, 1, p) for n, p in (("a", "high"), ("b", "low"))]
+            for job in jobs:  # in one packet, so that both answer the requests of the idle arm
+                subject = job_subject(job.pool, job.priority, job.identity)
+                await fleet.nats.publish(subject, to_bytes(job))
+            async with asyncio.timeout(10):
+                for job in jobs:
+                    assert (await ended(client, job)).state == "SUCCEEDED"
+
+    asyncio.run(main())
+
+
+def test_a_claim_whose_answer_is_lost_is_run(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("executive.fleet.worker._PAUSE_SECONDS", 0.0)
+
+    async def main() -> None:
+        arm = SimulatedArm(duration=0.0)
+        async with joined(url, arm) as client:
+            create, lost_answers = KeyValue.create, iter([True, True])
+
+            async def forgetful(bucket: KeyValue, key: str, value: bytes) -> int:
+                revision = await create(bucket, key, value)
+                if next(lost_answers, False):
+                    raise nats.errors.TimeoutError
+                return revision
+
+            monkeypatch.setattr(KeyValue, "create", forgetful)
+            job = await client.send(1, "bench", {})
+            async with asyncio.timeout(10):
+                assert (await ended(client, job)).state == "SUCCEEDED"
+            assert arm.received == [job.identity]
+
+    asyncio.run(main())
+
+
+def test_a_worker_whose_name_was_taken_meanwhile_ends(url: str) -> None:
+    async def main() -> None:
+        async with open_fleet(url, "test") as fleet:
+            worker = Worker(fleet, SimulatedArm(), "bench", "0", CLOCK)
+            running = asyncio.create_task(worker.run())
+            while not await fleet.values(Member):
+                await asyncio.sleep(0)
+            other = to_bytes(Presence("f" * 32, "ready"))
+            await fleet.alive.put("bench.0", other)  # as if the first one had paused
+            await worker.reconnected()
+            with pytest.raises(NameTaken):
+                await asyncio.wait_for(running, 10)
+            assert (await fleet.alive.get("bench.0")).value == other
+            assert [*await fleet.values(Member)] == ["bench.0"]
+
+    asyncio.run(main())
+
+
+def test_a_command_ends_if_the_nats_server_dies(options: NatsOptions) -> None:
+    async def main() -> None:
+        with nats_server(options, CLOCK) as process:
+            async with open_fleet(options.url, "test") as fleet:
+                waiting = asyncio.ensure_future(anext(FleetClient(fleet, CLOCK).wait(LOST_ID)))
+                while not (await fleet.stream.stream_info("KV_fleet_jobs")).state.consumer_count:
+                    await asyncio.sleep(0)
+                process.kill()
+                await waiting
+
+    with pytest.raises(FleetUnreachable, match="connection was lost"):
+        asyncio.run(main())
+
+
 def test_wrong_jobs_are_refused_at_once(url: str) -> None:
     async def main() -> None:
         arm = SimulatedArm(duration=0.0)
@@ -155,7 +256,7 @@ def test_wrong_jobs_are_refused_at_once(url: str) -> None:
             with pytest.raises(UnknownJob):
                 await client.cancel("f" * 32)
             fleet = client._fleet
-            await fleet.stream.publish("fleet.job.bench.high", b'{"identity": 1}')
+            await fleet.stream.publish("fleet.job.bench.high.x", b'{"identity": 1}')
             job = await client.send(1, "bench", {})
             assert (await ended(client, job)).state == "SUCCEEDED"
             assert (await client.queued())[1] == []
@@ -163,7 +264,9 @@ def test_wrong_jobs_are_refused_at_once(url: str) -> None:
     asyncio.run(main())
 
 
-def test_a_stop_holds_the_fleet_and_names_who_does_not_confirm(url: str) -> None:
+def test_a_stop_holds_the_fleet_and_names_who_does_not_confirm(
+    url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     async def main() -> None:
         arms = [SimulatedArm(), SimulatedArm()]
         async with joined(url, *arms) as client:
@@ -181,6 +284,7 @@ def test_a_stop_holds_the_fleet_and_names_who_does_not_confirm(url: str) -> None
             assert (await ended(client, queued)).state == "SUCCEEDED"
             silent = Member("bench.silent", "http://silent", "host", "e" * 32, 1)
             await client._fleet.members.put(silent.arm, to_bytes(silent))
+            monkeypatch.setattr("executive.fleet.fleet_client.STOP_SECONDS", 0.3)
             with pytest.raises(NotConfirmed, match=r"stop, 2 of 3: bench\.silent;"):
                 await client.stop()
             assert [arm.stops for arm in arms] == [2, 2]
@@ -277,14 +381,20 @@ def test_a_name_is_taken_only_while_its_worker_lives(
             with pytest.raises(NameTaken, match=r"bench\.0, with the server http://one"):
                 await Worker(client._fleet, SimulatedArm(), "bench", "0", CLOCK).run()
         async with open_fleet(url, "after") as fleet:
-            assert await fleet.values(fleet.members, Member) == {}
-            assert await fleet.values(fleet.alive, Presence) == {}
+            assert await fleet.values(Member) == {}
+            assert await fleet.values(Presence) == {}
 
     asyncio.run(main())
 
 
 @pytest.mark.slow
-def test_a_result_waits_until_the_nats_server_is_back(options: NatsOptions) -> None:
+@pytest.mark.parametrize("keeps_its_disk", [True, False])
+def test_a_result_waits_until_the_nats_server_is_back(
+    options: NatsOptions, keeps_its_disk: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("executive.fleet.connection._ANSWER_SECONDS", 0.5)
+    monkeypatch.setattr("executive.fleet.worker._PAUSE_SECONDS", 0.1)
+
     async def main() -> None:
         arm, up = SimulatedArm(), asyncio.Event()
 
@@ -301,11 +411,17 @@ def test_a_result_waits_until_the_nats_server_is_back(options: NatsOptions) -> N
                     process.kill()
                     process.wait()
                     arm.finish(job.identity)
+                    arm.duration = 0.0
+                    if not keeps_its_disk:
+                        shutil.rmtree(options.data / "jetstream")
                     with nats_server(options, CLOCK):
                         await asyncio.wait_for(up.wait(), 20)
-                        record = await ended(FleetClient(fleet, CLOCK), job)
-                        assert record.state == "SUCCEEDED"
-                        assert arm.received == [job.identity]
+                        client = FleetClient(fleet, CLOCK)
+                        assert (await ended(client, job)).state == "SUCCEEDED"
+                        after = await sent(fleet)
+                        assert (await ended(client, after)).state == "SUCCEEDED"
+                        assert arm.received == [job.identity, after.identity]
+                        assert [each.arm for each in await client.stop()] == ["bench.0"]
                         worker.end()
 
     asyncio.run(main())
