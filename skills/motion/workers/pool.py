@@ -1,19 +1,23 @@
 """A pool of worker processes: planning can be canceled at once and never blocks the caller."""
 
+import logging
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from queue import SimpleQueue
 from threading import Thread
 from typing import TypeVar
 
 from hardware import Clock, Robot
-from skills.motion.errors import MotionError, PlanCanceled
+from skills.motion.errors import MotionError, PlanCanceled, WorkerDied
 from skills.motion.query import Carry, Reached, Request, Result, ToolQuery
 from skills.motion.world import Body
 
 from .memory import check_memory, has_spare_memory
 from .worker_process import WorkerProcess
+
+logger = logging.getLogger(__name__)
 
 T = TypeVar("T")
 
@@ -142,13 +146,20 @@ class Pool:
 
     def _serve(self, slot: "_Slot") -> None:
         """Main function of a slot's thread."""
-        self._ensure_process(slot)
+        self._prepare(slot)
         while self._wait_for_job(slot):
             if slot.job:
                 done = slot.job.done
                 done(self._answer(slot, slot.job))
-            self._ensure_process(slot)
+            self._prepare(slot)
         slot.close()
+
+    def _prepare(self, slot: "_Slot") -> None:
+        """Start a process for the next job. If that fails, the job tries it again."""
+        try:
+            self._ensure_process(slot)
+        except Exception:
+            logger.exception("no planning process could be started")
 
     def _ensure_process(self, slot: "_Slot") -> None:
         if not slot.alive:
@@ -166,11 +177,12 @@ class Pool:
         with self._signal:
             wanted = self._standby is None and not self._closed
         if wanted and has_spare_memory():
-            process = WorkerProcess(self._robot)
-            with self._signal:
-                spare, self._standby = self._standby, process
-            if spare:  # of another thread
-                spare.close()
+            with suppress(OSError):  # it may not be needed
+                process = WorkerProcess(self._robot)
+                with self._signal:
+                    spare, self._standby = self._standby, process
+                if spare:  # of another thread
+                    spare.close()
 
     def _assign(self, job: Job) -> bool:
         """Give a job to an idle worker. It starts to work while its thread here wakes up."""
@@ -184,7 +196,7 @@ class Pool:
     def _wait_for_job(self, slot: "_Slot") -> bool:
         """Wait for a job or for the end of the process. Return False if the pool is closed."""
         with self._signal:
-            while not slot.job and not self._closed and slot.alive:
+            while not slot.job and not self._closed and (slot.alive or not slot.process):
                 if self._queue:
                     slot.job, slot.canceled = self._queue.popleft(), False
                 else:
@@ -194,10 +206,17 @@ class Pool:
             return slot.job is not None or not self._closed
 
     def _answer(self, slot: "_Slot", job: Job) -> Result:
-        self._ensure_process(slot)  # it may have died while it was idle
-        with self._signal:
-            process = None if slot.canceled else slot.process
-        result = process.call(job.request, self._prepare_standby) if process else PlanCanceled()
+        result: Result = PlanCanceled()
+        try:
+            self._ensure_process(slot)  # it may have died while it was idle
+            with self._signal:
+                process = None if slot.canceled else slot.process
+            if process:
+                result = process.call(job.request, self._prepare_standby)
+        except Exception as error:  # a bug, or the system starts no process: its caller waits
+            logger.exception("a planning process cannot be used")
+            slot.close()
+            result = WorkerDied(f"{type(error).__name__}: {error}")
         with self._signal:
             slot.job = None
             return PlanCanceled() if slot.canceled else result
@@ -226,8 +245,8 @@ class _Slot:
 
     def cancel(self) -> None:
         self.canceled = True
-        if self.process:
-            self.process.kill()
+        if process := self.process:  # another thread may close it now
+            process.kill()
 
     def close(self) -> None:
         if self.process:

@@ -39,7 +39,9 @@ from skills.motion import (
     World,
 )
 from skills.motion.workers import pool as pool_module
+from skills.motion.workers.answer_checker import AnswerChecker
 from skills.motion.workers.memory import has_spare_memory
+from skills.motion.workers.worker_process import WorkerProcess
 from tests.support.paths import ROOT
 
 PICK = Query("arm", (0.0, 0.0, 0.0, 0.0), (-1.4, -0.6, -0.07))
@@ -233,6 +235,40 @@ def test_a_worker_that_is_killed_at_a_long_job_is_replaced_by_one_that_stands_by
         assert isinstance(answer.wait(), PlanCanceled)
         assert isinstance(ask(pool, PICK), Plan)
         assert (pid(pool) == standby) is memory_is_left
+
+
+def test_a_bug_in_a_thread_of_the_pool_ends_only_its_job(
+    pool: Pool, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def fail(*_arguments: object) -> None:
+        raise KeyError("x")
+
+    assert isinstance(ask(pool, PICK), Plan)
+    with monkeypatch.context() as patched:
+        patched.setattr(AnswerChecker, "check", fail)
+        died = ask(pool, PICK)
+    assert isinstance(died, WorkerDied)
+    assert died.why == "KeyError: 'x'"
+    assert "KeyError" in caplog.text
+    assert isinstance(ask(pool, PICK), Plan)
+
+
+def test_a_process_that_cannot_be_started_is_tried_again_by_each_job(
+    robot: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(_robot: Robot) -> WorkerProcess:
+        raise OSError(24, "Too many open files")
+
+    monkeypatch.setattr(pool_module, "WorkerProcess", refuse)
+    pool = Pool(robot, 1, RealClock())
+    pool.start()
+    for _ in range(2):
+        died = ask(pool, PICK)
+        assert isinstance(died, WorkerDied)
+        assert "Too many open files" in died.why
+    monkeypatch.undo()
+    assert isinstance(ask(pool, PICK), Plan)
+    pool.close()
 
 
 @pytest.mark.slow
