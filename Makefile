@@ -12,12 +12,13 @@ TOOLS := $(VENV)/.tools
 PEERS := $(VENV)/.peers
 GROOT := $(VENV)/.behaviortree
 PAGE := $(VENV)/.page
+ROS2 := $(VENV)/.ros2
 
 INSTALL := $(PIP) install --quiet --disable-pip-version-check
 COMPILE := uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header \
 	--no-emit-index-url --no-emit-find-links
 
-.PHONY: demo fleet mcp test quick lint types rooms damage faults soak mutation firmware page lock
+.PHONY: demo fleet mcp ros2 test quick lint types rooms damage faults soak mutation firmware page lock
 
 demo: $(READY)
 	$(VENV)/bin/armtree run 0 1 2 0 --port virtual
@@ -30,7 +31,10 @@ fleet: $(READY)
 mcp: $(READY)
 	$(INSTALL) --require-hashes -r .ci/lock-mcp.txt
 
-test: lint types rooms $(PEERS) $(GROOT)
+# What `armtree ros2` needs beside armtree itself, if no ROS 2 is sourced.
+ros2: $(ROS2)
+
+test: lint types rooms $(PEERS) $(GROOT) $(ROS2)
 	$(VENV)/bin/pytest
 
 # All tests except those marked slow; less than a minute on 2 cores.
@@ -104,6 +108,12 @@ $(PAGE): executive/server/page/package-lock.json | $(PIP)
 # BehaviorTree.CPP for the tests. Without a C++ compiler, its test reports that it is skipped.
 $(GROOT): tests/peers/build_behaviortree tests/peers/behaviortree.cpp tests/peers/behaviortree.txt | $(PIP)
 	@command -v g++ >/dev/null || exit 0; tests/peers/build_behaviortree $(PIP) $(CURDIR)/$@
+
+# ROS 2 from its wheels, and the messages of armtree. Without them, their tests report that they are
+# skipped.
+$(ROS2): .ci/lock-ros2.txt executive/ros2/install $(wildcard executive/ros2/arduinobot_msgs/*.* executive/ros2/arduinobot_msgs/*/*) | $(READY)
+	executive/ros2/install $(CURDIR)/$(VENV)/bin/python $(CURDIR)/$(VENV)/ros2
+	@touch $@
 
 # For maintainers, with uv: resolve all pins together, then write the locks.
 lock:

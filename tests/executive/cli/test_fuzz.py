@@ -28,7 +28,7 @@ LONGEST_S = 60  # also on a busy machine
 SAMPLE = Path("trees/examples/recordings/3_wave.mcap").resolve()
 
 # These last until Ctrl-C, or change the process that runs them; rows of tests/faults start them.
-LEFT_OUT = {"fleet join", "fleet top", "fleet up", "mcp", "run", "serve", "view", "watch"}
+LEFT_OUT = {"fleet join", "fleet top", "fleet up", "mcp", "ros2", "run", "serve", "view", "watch"}
 LEFT_OUT_OPTIONS = {"--on", "--watch", "--open", "--jobs"}
 
 WORDS = [

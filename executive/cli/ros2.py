@@ -1,0 +1,55 @@
+"""`armtree ros2`."""
+
+import os
+import sys
+from pathlib import Path
+
+import click
+
+from executive.api.codes import INTERRUPTED_EXIT
+
+from .settings import local_server, option
+from .support.command_group import command
+from .support.options import robot_option
+from .terminal.streams import echo
+
+
+@command()
+@click.argument("ros_arguments", metavar="[-- ROS_ARGUMENTS]", nargs=-1, type=click.UNPROCESSED)
+@robot_option
+@option("server", default=local_server)
+def ros2(ros_arguments: tuple[str, ...], robot: Path | None, server: str) -> None:
+    """Offer a server to ROS 2, as the node armtree.
+
+    Start `armtree serve` first. The node has the action task_server (ArduinobotTask), the topics
+    joint_states and robot_description, the lifecycle of the hardware, a service ~/run_NAME for
+    every task, and ~/stop. Its goals are canceled if this command ends, or loses the server.
+
+    It uses the ROS 2 that is sourced, or the one that `make ros2` installs. Other programs of ROS
+    need no token, so only those on this machine find it, unless ROS_AUTOMATIC_DISCOVERY_RANGE is
+    set.
+
+    \b
+    Examples:
+      armtree ros2
+      armtree ros2 -- --ros-args -r __ns:=/left
+    """  # noqa: D301
+    from executive.ros2 import installation
+
+    if not installation.is_ready():
+        environment = installation.environment()
+        if environment is None:
+            raise click.UsageError(
+                "there is no ROS 2: source one, or install its wheels: make ros2"
+            )
+        os.execve(sys.executable, [sys.executable, *sys.orig_argv[1:]], environment)
+    import asyncio
+
+    from hardware import load_robot
+
+    if not installation.stay_on_this_machine():
+        echo("Programs on other machines can find this node, and move the arm.", err=True)
+    from executive.ros2.run import run
+
+    asyncio.run(run(server, load_robot(robot), ros_arguments))
+    sys.exit(INTERRUPTED_EXIT)

@@ -1,0 +1,145 @@
+"""The connection to the server: follows its events, sends goals, and holds them."""
+
+import asyncio
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any, Self
+
+import logs
+from executive.api.codes import DUPLICATE
+from executive.api.events import Event
+from executive.api.outcome import GoalStatus
+from executive.client.asynchronous import AsyncClient
+from executive.client.held_goals import HeldGoals
+from executive.client.values import Task
+from executive.errors import ClientError, Refused
+from hardware import Robot
+
+from .goals import Goals
+
+_CLIENT = "armtree-ros2"
+_KINDS = "status", "feedback", "sent", "measured", "lifecycle"
+_PAUSE_SECONDS = 0.5  # between two attempts to reach the server
+LOST_SECONDS = 2.0  # without a server, until its goals count as aborted
+_SEEN_SECONDS = 2.0  # longest time from the acceptance of a goal to its first event
+_END_SECONDS = 1.5  # longest time for the goals of this process to end with it
+
+
+class Bridge:
+    """A server, for the parts of the node. Use it as an asynchronous context.
+
+    Args:
+        url: URL of the server.
+        robot: Robot of the arm.
+        log: Logger of the node.
+
+    Attributes:
+        goals: Goals of the server.
+        robot: Robot of the arm.
+        tasks: Tasks of the server.
+        arm: State of the hardware; empty if the server does not answer.
+        on_goal: Called with each new state of a goal.
+        on_event: Called with each other event.
+        on_connected: Called when the server answers again.
+    """
+
+    def __init__(self, url: str, robot: Robot, log: Any) -> None:
+        self.robot, self.log = robot, log
+        self.goals = Goals(self._goal_changed)
+        self.tasks: tuple[Task, ...] = ()
+        self.arm = ""
+        self.on_goal: list[Callable[[GoalStatus], None]] = []
+        self.on_event: list[Callable[[Event], None]] = []
+        self.on_connected: list[Callable[[], None]] = []
+        self._connect = partial(AsyncClient, url, name=_CLIENT)
+        self.client = self._connect()
+        self._held = HeldGoals()
+
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(self, *raised: object) -> None:
+        for holding in self._held.tasks.values():
+            holding.cancel()
+        await self.client.close()
+
+    async def run(self) -> None:
+        """Follow the server, whenever it answers."""
+        loop, told, heard = asyncio.get_running_loop(), "", 0.0
+        while True:
+            try:
+                async with self.client.events(*_KINDS) as events:
+                    await self._synchronize()
+                    self.log.info(f"connected to {self.client.url}; the arm is {self.arm}")
+                    told = ""
+                    async for event in events:
+                        self._take(event)
+            except ClientError as error:
+                if not told:
+                    self.log.error(f"{error}")
+                told = str(error)
+            if self.arm:
+                self.arm, heard = "", loop.time()
+            if loop.time() - heard > LOST_SECONDS:
+                self.goals.lose()
+            await asyncio.sleep(_PAUSE_SECONDS)
+
+    async def send(
+        self, task: int, goal_id: str = "", arguments: Mapping[str, Any] | None = None
+    ) -> GoalStatus:
+        """Send a goal, which is canceled if this process ends, or loses the server.
+
+        Args:
+            task: Number of the task.
+            goal_id: 32 hexadecimal digits; empty for random ones.
+            arguments: Values of the task's parameters, by name.
+
+        Raises:
+            ClientError: The server refuses it, or does not answer.
+        """
+
+        def post(client: AsyncClient, identity: str) -> Any:
+            return client.send(task, arguments, identity, deadman=True)
+
+        if goal_id in self.goals.known or goal_id in self._held.tasks:
+            raise Refused({"code": DUPLICATE, "message": f"goal {goal_id} is known already"})
+        identity = await self._held.send(self._connect, post, goal_id)
+        try:
+            async with asyncio.timeout(_SEEN_SECONDS):
+                return await self.goals.seen(identity)
+        except TimeoutError:
+            self.goals.take(await self.client.goal(identity))
+            return self.goals.known[identity]
+
+    async def end(self) -> None:
+        """End the goals of this process."""
+        ours = self._held.tasks.keys() & self.goals.known.keys()
+        ends = [asyncio.ensure_future(self.goals.end(each)) for each in ours]
+        for identity in ours:
+            self._held.release(identity)
+        if ends and self.arm:
+            await asyncio.wait(ends, timeout=_END_SECONDS)
+
+    async def _synchronize(self) -> None:
+        status = await self.client.status()
+        goals = await self.client.goals()
+        self.tasks = await self.client.tasks()
+        self.arm = status.arm.value
+        for goal in goals:
+            self.goals.take(goal)
+        self.goals.lose(frozenset(goal.identity for goal in goals))
+        for act in self.on_connected:
+            act()
+
+    def _take(self, event: Event) -> None:
+        if isinstance(event, GoalStatus):
+            self.goals.take(event)
+            return
+        if isinstance(event, logs.Transition):
+            self.arm = event.goal
+        for act in self.on_event:
+            act(event)
+
+    def _goal_changed(self, goal: GoalStatus) -> None:
+        for act in self.on_goal:
+            act(goal)

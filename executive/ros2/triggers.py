@@ -1,0 +1,62 @@
+"""One service per task, for programs that lack the type of the action, and one that stops."""
+
+import re
+from collections.abc import Callable
+from typing import Any
+
+from std_srvs.srv import Trigger
+
+from executive.client.values import Task
+from executive.errors import ClientError
+
+from .bridge import Bridge
+from .node import Node
+
+
+class Triggers:
+    """Serves `~/stop`, and `~/run_NAME` for every task.
+
+    Args:
+        node: The node.
+        bridge: The server of the arm.
+    """
+
+    def __init__(self, node: Node, bridge: Bridge) -> None:
+        self._node, self._bridge = node, bridge
+        self._withdraw: dict[str, Callable[[], object]] = {}
+        node.serve(Trigger, "~/stop", self._stop)
+        bridge.on_connected.append(self._update)
+
+    def _update(self) -> None:
+        """Offer the tasks that the server has now."""
+        tasks = {service_name(task): task for task in self._bridge.tasks}
+        for name in self._withdraw.keys() - tasks.keys():
+            self._withdraw.pop(name)()
+        for name in tasks.keys() - self._withdraw.keys():
+            self._withdraw[name] = self._node.serve(Trigger, name, self._runs(tasks[name].number))
+
+    def _runs(self, number: int) -> Any:
+        async def run(request: Any, response: Any) -> None:
+            try:
+                goal = await self._bridge.send(number)
+            except ClientError as error:
+                response.message = str(error)
+                return
+            goal = await self._bridge.goals.end(goal.identity)
+            assert goal.outcome
+            response.success, response.message = goal.outcome.success, goal.outcome.text()
+
+        return run
+
+    async def _stop(self, request: Any, response: Any) -> None:
+        try:
+            canceled = (await self._bridge.client.stop()).goals
+        except ClientError as error:
+            response.message = f"NOT STOPPED: {error}"
+            return
+        response.success, response.message = True, f"stopped; canceled goals: {len(canceled)}"
+
+
+def service_name(task: Task) -> str:
+    """Return the name of a task's service; what a name of ROS cannot hold becomes `_`."""
+    return f"~/run_{re.sub('[^A-Za-z0-9_]', '_', task.name)}"

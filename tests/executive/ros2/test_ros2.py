@@ -1,0 +1,139 @@
+"""Stock programs of ROS 2 use `armtree ros2`, and get the answers that rclpy's own servers give."""
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import pytest
+
+from executive.api.events import Policy
+from executive.ros2 import installation
+from hardware import RealClock, Robot, joint_positions
+from skills.motion import Pool
+from tests.support.paths import PEERS
+from tests.support.servers.serving import Served
+
+pytest_plugins = ["tests.support.servers.server_fixtures"]
+pytestmark = pytest.mark.slow
+
+
+class Peer:
+    """The program with the stock clients."""
+
+    def __init__(self, process: "subprocess.Popen[str]") -> None:
+        self.process = process
+
+    def ask(self, *words: Any) -> Any:
+        self.put(*words)
+        return self.get()
+
+    def put(self, *words: Any) -> None:
+        assert self.process.stdin
+        self.process.stdin.write(json.dumps(words) + "\n")
+        self.process.stdin.flush()
+
+    def get(self) -> Any:
+        assert self.process.stdout
+        return json.loads(self.process.stdout.readline())
+
+
+@pytest.fixture(scope="module")
+def environment(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, str]:
+    """The environment of the programs: no other program of ROS hears them."""
+    found = installation.environment()
+    if found is None:
+        pytest.skip("ROS 2 is not installed in .venv/ros2: make ros2")
+    folder = str(tmp_path_factory.mktemp("ros2"))
+    worker = os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw")
+    own = {"ROS_DOMAIN_ID": str(50 + int(worker)), installation.DISCOVERY: "LOCALHOST"}
+    return {**found, **own, "ROS_LOG_DIR": folder, "XDG_RUNTIME_DIR": folder}
+
+
+Start = Callable[..., "subprocess.Popen[str]"]
+
+
+@pytest.fixture(scope="module")
+def start(environment: Mapping[str, str]) -> Iterator[Start]:
+    """Starts programs, which end with the module."""
+    with ExitStack() as stack:
+
+        def start(*words: str, **options: Any) -> "subprocess.Popen[str]":
+            process = subprocess.Popen(
+                [sys.executable, *words], env=environment, text=True, **options
+            )
+            stack.enter_context(ended(process))
+            return process
+
+        yield start
+
+
+@contextmanager
+def ended(process: "subprocess.Popen[str]") -> Iterator[None]:
+    with process:
+        yield
+        process.kill()
+
+
+@pytest.fixture(scope="module")
+def served(
+    environment: Mapping[str, str], quick_robot: Robot, real_pool: Pool, real_clock: RealClock
+) -> Iterator[Served]:
+    with pytest.MonkeyPatch.context() as patch:
+        folder = Path(environment["XDG_RUNTIME_DIR"])
+        patch.setenv("XDG_RUNTIME_DIR", str(folder))
+        served = Served(quick_robot, real_pool, folder, real_clock)
+        served.start(Policy.REJECT, active=True)
+        yield served
+        served.stop()
+
+
+@pytest.fixture(scope="module")
+def peer(start: Start) -> Peer:
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+    return Peer(start(str(PEERS / "ros2_peer.py"), **pipes))
+
+
+@pytest.fixture(scope="module")
+def node(start: Start, served: Served, peer: Peer) -> "subprocess.Popen[str]":
+    return start("-m", "executive", "ros2", "--server", served.server.url)
+
+
+def test_the_answers_are_those_of_rclpy(node: object, peer: Peer) -> None:
+    reference = peer.ask("rows", "reference")
+    assert peer.ask("rows", "task_server") == reference
+    assert reference["a good goal"] == [True, True, 4, True, [1, 2, 4]]
+
+
+def test_the_hardware_is_a_lifecycle_node(served: Served, node: object, peer: Peer) -> None:
+    served.executive.arm_to("deactivate")
+    served.executive.arm_to("cleanup")
+    reference = peer.ask("lifecycle", "lifecycle_reference")
+    assert peer.ask("lifecycle", "armtree") == reference
+    assert served.executive.status().arm == "active"
+
+
+def test_a_stock_client_the_topics_and_the_triggers(
+    served: Served, node: object, peer: Peer
+) -> None:
+    accepted, status, success, feedback = peer.ask("stock_client", 0)
+    assert (accepted, status, success) == (True, 4, True)
+    assert feedback == sorted(set(feedback))
+    names, positions, kind, urdf = peer.ask("topics")
+    commanded = served.executive.where().commanded
+    assert commanded
+    expected = joint_positions(served.robot, [*commanded.values()])
+    assert (dict(zip(names, positions, strict=True)), kind) == (expected, "commanded")
+    assert {each.get("name") for each in ElementTree.fromstring(urdf).iter("joint")} >= {*names}
+    assert peer.ask("trigger", "run_nothing")[0]
+    success, message = peer.ask("trigger", "run_fail")
+    assert not success
+    assert "[task.failed" in message
+    peer.ask("start", 10)
+    assert peer.ask("trigger", "stop") == [True, "stopped; canceled goals: 1"]
+    assert peer.ask("wait") == 5
