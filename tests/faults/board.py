@@ -79,6 +79,7 @@ class Board:
         ring had no room, or that came while it booted), `wrong` (fields that are not an angle),
         `angles` [deg], `frames` and `backlog` (bytes in the ring) describe the firmware; `open`
         tells whether a program has the port, and `unsent` how many bytes it could not send yet.
+        `turned` [s, monotonic] is when a servo turned last.
         """
         assert self._process.stdin
         assert self._process.stdout
@@ -141,6 +142,7 @@ class Sketch:
         self.angles = list(BOOT_FRAME)
         self.ring: deque[int] = deque()
         self.digits, self.joint, self.free_at = "", 0, 0.0
+        self.turned_at = 0.0  # when a servo turned last [s]
         self.lost = self.wrong = self.frames = 0
         self.answer = b""
 
@@ -172,6 +174,7 @@ class Sketch:
             return
         delta = abs(int(digits) - self.angles[self.joint])
         self.free_at = max(self.free_at, now) + STEP_S * (delta + 1)
+        self.turned_at = self.free_at if delta else self.turned_at
         self.angles[self.joint] = int(digits)
         self.frames += self.joint == 3
 
@@ -188,8 +191,10 @@ class OwnFirmware(Sketch):
         return b"b%03d,s%03d,e%03d,g%03d," % tuple(self.angles)
 
     def work(self, now: float) -> None:
+        before = self.angles
         while self.ring:
             self.take(chr(self.ring.popleft()))
+        self.turned_at = now if self.angles != before else self.turned_at
 
     def take(self, char: str) -> None:
         self.text += char
@@ -280,6 +285,7 @@ class Terminal:
         state = {name: getattr(firmware, name) for name in ("lost", "wrong", "frames", "angles")}
         state |= {"resets": self.resets, "backlog": len(firmware.ring), "open": self.open}
         state |= {"unsent": len(self.unsent), "time": time.monotonic()}
+        state |= {"turned": firmware.turned_at}
         return json.dumps(state)
 
     def do_stall(self, _: str) -> None:

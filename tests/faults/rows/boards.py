@@ -42,7 +42,7 @@ def garbage(scene: Scene) -> None:
     "reset",
     "the board with the firmware `armtree` resets during a motion",
     "the goal ends `hw.board_reset` or `hw.frame_lost`; nothing is sent afterwards",
-    limit=350,
+    limit=350,  # the board reports it when it has booted; at the latest an answer is missing
     unit="ms",
     times=5,
 )
@@ -100,7 +100,7 @@ def brown_out(scene: Scene) -> None:
     "damaged-byte",
     "one bit of a byte changes between the computer and the board",
     "with the firmware `armtree`, the goal ends `hw.frame_lost`; nothing is sent afterwards",
-    limit=500,
+    limit=350,  # between two motions, no frame comes for so long
     unit="ms",
     times=5,
     quick=1,
@@ -117,7 +117,7 @@ def damaged_byte(scene: Scene) -> None:
     "silence",
     "the board with the firmware `armtree` stops to answer during a motion",
     "the goal ends `hw.frame_lost`; nothing is sent afterwards",
-    limit=500,
+    limit=350,  # an answer may take 250; between two motions, none is due
     unit="ms",
     times=3,
 )

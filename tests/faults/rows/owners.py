@@ -116,7 +116,7 @@ def two_servers(scene: Scene) -> None:
     "port-shared",
     "a program that locks nothing sends a frame to the board during a motion",
     "with the firmware `armtree`, the goal ends `hw.frame_lost`; nothing is sent afterwards",
-    limit=500,
+    limit=350,  # between two motions, no answer comes for so long
     unit="ms",
     times=4,
 )

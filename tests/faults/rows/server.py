@@ -129,7 +129,7 @@ flood_rosbridge = flood("rosbridge cancels", "cancels through rosbridge; 16 are 
     "`ulimit -n 30`, and 40 idle connections",
     "stops and goals are answered, and the log stays below 10 KiB; with 20, the server does not "
     "start, and one line says what it needs",
-    limit=100,
+    limit=50,
     unit="ms",
     times=3,
     quick=1,

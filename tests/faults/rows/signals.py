@@ -7,7 +7,7 @@ from itertools import pairwise
 
 from tests.faults.means.wrong_calls import WrongCalls
 from tests.faults.process import ARMTREE, kill, until
-from tests.faults.row import Scene, frames_of, row
+from tests.faults.row import Row, Scene, frames_of, row
 
 
 @row(
@@ -50,6 +50,8 @@ def signals_early(scene: Scene) -> None:
     scene.figure(time.monotonic() - sent)
     until("the end of its processes", lambda: not run.family())
 
+
+TRAVEL = 32  # of all servos [deg]
 
 # Starts a command, on a terminal of which this program is the session's leader or without one, and
 # writes its process id to a file. Then it waits; what it leaves when it is killed is the command.
@@ -165,24 +167,57 @@ def kill_children(scene: Scene) -> None:
     scene.verified()
 
 
+def stop_travel(firmware: str, words: str, limit: float) -> Row:
+    """A row: how long and how far servos turn after a stop."""
+
+    @row(
+        f"stop-travel-{firmware}",
+        f"Ctrl-C at a random time of a motion, on a board with {words}",
+        f"from then on, the servos turn by at most {TRAVEL} degrees; the figure is how long",
+        limit=limit,
+        unit="ms",
+        times=4,
+    )
+    def inject(scene: Scene) -> None:
+        board = scene.board(firmware)
+        run = scene.moving(board, frames=(5, 30))
+        before = board.ask("state")["angles"]
+        stopped = run.signal(signal.SIGINT)
+        run.wait()
+        until("the board has read all", lambda: board.ask("state")["backlog"] == 0)
+        after = board.ask("state")
+        turned = sum(abs(b - a) for a, b in zip(before, after["angles"], strict=True))
+        scene.check(turned <= TRAVEL, f"the servos turned by {turned} degrees")
+        scene.figure(1000 * max(0.0, after["turned"] - stopped))
+
+    return inject
+
+
+stop_travel_stock = stop_travel("stock", "the published sketch, which has read frames ahead", 250)
+stop_travel_own = stop_travel("armtree", "the firmware `armtree`", 50)
+
+
 @row(
-    "stop-travel",
-    "Ctrl-C at a random time of a motion, on a board with the published sketch, which has read"
-    " frames ahead",
-    "from then on, the servos turn by at most 32 degrees in total",
-    limit=32,
-    unit="deg",
-    times=6,
+    "stop-slow-disk",
+    "Ctrl-C while a write to the recording does not return for 3 s",
+    "the hold frame does not wait for it; the recording is complete",
+    limit=50,
+    unit="ms",
+    times=4,
 )
-def stop_travel(scene: Scene) -> None:
+def stop_slow_disk(scene: Scene) -> None:
     board = scene.board()
-    run = scene.moving(board, frames=(5, 30))
-    run.signal(signal.SIGINT)
-    before = board.ask("state")["angles"]
-    run.wait()
-    until("the board has read all", lambda: board.ask("state")["backlog"] == 0)
-    after = board.ask("state")["angles"]
-    scene.figure(sum(abs(b - a) for a, b in zip(before, after, strict=True)))
+    calls = WrongCalls(scene.folder, "-20.mcap")
+    run = scene.moving(board, calls=calls)
+    calls.start("delay 3000 once")
+    until("a spoiled call", calls.calls)
+    time.sleep(scene.random.uniform(0.0, 0.5))  # noqa: TID251, a random moment
+    pressed = run.signal(signal.SIGINT)
+    scene.ended(run, 7)
+    *_, before, hold = board.frames()
+    scene.check(before.data == hold.data, "the last frame is not a hold")
+    scene.figure(1000 * (hold.time - pressed))
+    scene.verified()
 
 
 @row(

@@ -26,7 +26,7 @@
 #include <time.h>
 
 static void note(const char *trigger) {
-    char path[512], line[64];
+    char path[520], line[64];
     struct timespec time;
     snprintf(path, sizeof path, "%s.calls", trigger);
     clock_gettime(CLOCK_MONOTONIC, &time);
