@@ -12,6 +12,8 @@ from typing import Any, Self
 
 from hardware import VIRTUAL, SerialLink, load_robot
 from skills import Operator
+from trees.errors import EXAMPLES, SHIPPED_ROBOT
+from trees.reading.library import with_robot
 
 from .api.codes import OK
 from .api.events import Where
@@ -34,7 +36,8 @@ class Arm:
     Args:
         port: Serial port such as `/dev/ttyACM0`; default: `virtual`, a simulated board.
         robot: Robot file; default: the shipped Arduinobot.
-        trees: Folder with task files of your own; default: `./trees`, if it exists.
+        trees: Folder with task files of your own; default: `./trees`. If that has none, the
+            Arduinobot has the example tasks.
         skills: Folder with Python files of skills of your own.
         recordings: Folder for recordings.
         seed: Seed of planning, from 1.
@@ -66,19 +69,19 @@ class Arm:
         _check("port", port, isinstance(port, str) and port, f"a serial port, or {VIRTUAL}")
         _check("seed", seed, type(seed) is int and seed > 0, "a whole number from 1")
         _check("pose", pose, pose in (None, "boot", "last"), "boot, last or None")
-        own_trees = OWN_TREES if OWN_TREES.is_dir() else None
         if skills is not None:
             load_own_skills(Path(skills))
+        description = load_robot(None if robot is None else Path(robot))
         setup = Setup(
             port=port,
-            robot=load_robot(None if robot is None else Path(robot)),
-            trees=own_trees if trees is None else Path(trees),
+            robot=description,
+            trees=_default_trees(description.name) if trees is None else Path(trees),
             recordings=Path(recordings),
             seed=seed,
             pose=pose,
             single_user=True,
         )
-        link = setup.load_robot().link(port)
+        link = description.link(port)
         if isinstance(link, SerialLink):
             link.check()
         resources = ExitStack()
@@ -154,6 +157,13 @@ class Arm:
     def stop(self) -> None:
         """Stop the arm and cancel the task that runs. Any thread may call."""
         self.executive.cancel()
+
+
+def _default_trees(robot: str) -> Path | None:
+    """Return `./trees` if it has task files for a robot, else the examples if they fit it."""
+    if any(file for folder in with_robot(OWN_TREES, robot) for file in folder.glob("*.yaml")):
+        return OWN_TREES
+    return EXAMPLES if robot == SHIPPED_ROBOT else None
 
 
 def _check(name: str, value: object, valid: object, wanted: str) -> None:

@@ -15,7 +15,7 @@ import pytest
 import armtree
 import logs
 from executive.api.events import Event
-from executive.arm import Arm
+from executive.arm import Arm, _default_trees
 from executive.executive import Executive
 from executive.session import open_executive
 from executive.setup import Setup
@@ -226,13 +226,31 @@ asyncio.new_event_loop().run_until_complete(cells())
 """
 
 
+def test_without_own_tasks_the_examples_are_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert _default_trees("arduinobot") == armtree.EXAMPLES
+    assert _default_trees("so101") is None  # the examples are for another robot
+    monkeypatch.chdir(ROOT)  # with a folder `trees` of another kind
+    assert _default_trees("arduinobot") == armtree.EXAMPLES
+    own = tmp_path / "trees" / "so101"
+    own.mkdir(parents=True)
+    monkeypatch.chdir(tmp_path)
+    (own / "8_wait.yaml").write_text(WAIT)
+    assert _default_trees("so101") == Path("trees")
+    assert _default_trees("arduinobot") == armtree.EXAMPLES
+    (own.parent / "8_wait.yaml").write_text(WAIT)
+    assert _default_trees("arduinobot") == Path("trees")
+
+
 @pytest.mark.slow
 def test_the_sample_of_the_readme_runs(tmp_path: Path) -> None:
     sample = re.findall(
         r"```python\n(import armtree\n.*?)```", (ROOT / "README.md").read_text(), re.DOTALL
     )[0]
-    arm = f"armtree.Arm(robot={str(quick_arm(tmp_path))!r}, "
-    command = [sys.executable, "-P", "-c", sample.replace("armtree.Arm(", arm)]
+    arm = f"armtree.Arm(robot={str(quick_arm(tmp_path))!r})"
+    command = [sys.executable, "-P", "-c", sample.replace("armtree.Arm()", arm)]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert "Traceback" not in done.stderr  # a busy computer or a slow disk may be reported there
