@@ -25,6 +25,7 @@ from hardware import (
     StateChanged,
     TransitionRefused,
 )
+from hardware.clock import utc_ns
 from logs import MOVE, goal_title, unpack
 from skills import (
     Context,
@@ -159,7 +160,7 @@ class Executive:
             LogError: The recording of the server cannot be created.
         """
         if not self.setup.single_user:
-            utc = self.clock.epoch_ns() / 1e9 + self.clock.now()
+            utc = utc_ns(self.clock) / 1e9
             for goal in load_goal_history(self.setup.recordings, utc - self._queue.keep):
                 self._queue.add_ended(*goal)
             self._recordings.open_server_recording()

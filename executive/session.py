@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import logs
 from hardware import VIRTUAL, Clock, Link, RealClock, Robot
+from hardware.clock import utc_ns
 from logs.writing.retention import Rule, prune
 from skills import Leader, Operator
 from skills.motion import Pool
@@ -114,7 +115,7 @@ def _tidy(setup: Setup, clock: Clock) -> Iterator[logs.LogLine]:
     """Recover the recordings that a crash left incomplete, and delete old ones."""
     for made in logs.recover_all(setup.recordings):
         yield _log_line(clock, _recovered(made))
-    utc = clock.epoch_ns() / 1e9 + clock.now()
+    utc = utc_ns(clock) / 1e9
     for path in prune(setup.recordings, Rule(setup.keep_days, setup.keep_mb), utc):
         yield _log_line(clock, f"{path}: deleted to make room")
 

@@ -41,6 +41,11 @@ class Clock(Protocol):
         """Start a daemon thread that waits on this clock only through its signals."""
 
 
+def utc_ns(clock: Clock, time: float | None = None) -> int:
+    """Return a time of a clock [s], default now, as UTC [ns since 1970]."""
+    return clock.epoch_ns() + round((clock.now() if time is None else time) * 1e9)
+
+
 class RealClock:
     """The machine's monotonic clock."""
 

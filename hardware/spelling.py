@@ -51,6 +51,12 @@ def did_you_mean(near: str) -> str:
     return f"; did you mean {near}?" if near else ""
 
 
+def suggested(words: str) -> str:
+    """Return the name that a message suggests at its end with `did_you_mean`, or ""."""
+    name = words.removesuffix("?").rpartition("; did you mean ")[2]
+    return name if words.endswith(did_you_mean(name)) and " " not in name else ""
+
+
 def suggestion(word: str, known: Iterable[str], given: Collection[str] = ()) -> str:
     """Return `; did you mean NAME?`, or "" if no known name is similar.
 

@@ -232,14 +232,14 @@ class _Rig:
         playback = self.arm.play(schedule, self._notify, "contract", self.arm.generation)
         began = self.clock.now()
         self._wait(playback, began + min(stop_after, unplug_after) * duration)
-        if playback.state is PlaybackState.PLAYING:
+        if playback.playing:
             self.arm.stop() if stop_after < math.inf else self.link.unplug()
         self._wait(playback, math.inf)
         return playback
 
     def _wait(self, playback: Playback, until: float) -> None:
         with self._changed:
-            while playback.state is PlaybackState.PLAYING and self.clock.now() < until:
+            while playback.playing and self.clock.now() < until:
                 self._changed.wait(None if until == math.inf else until)
 
     def _notify(self) -> None:

@@ -130,7 +130,7 @@ class StreamedMotion(Skill, register=False):
         """Send a request to time the rest of the motion from the position of the paused arm."""
         playback = self._playback
         assert playback
-        if playback.state is PlaybackState.PLAYING:  # it still decelerates
+        if playback.playing:  # it still decelerates
             return Status.RUNNING
         self._paused = False
         if playback.state is not PlaybackState.STOPPED:
@@ -170,7 +170,7 @@ class StreamedMotion(Skill, register=False):
     def _follow(self, playback: Playback) -> Status:
         before, frames = self._frames_before, len(playback.schedule.setpoints)
         self.feedback_message = f"{before + playback.arrived} of {before + frames} frames"
-        if playback.state is PlaybackState.PLAYING:
+        if playback.playing:
             return Status.RUNNING
         if playback.error:
             raise playback.error
@@ -188,7 +188,7 @@ class StreamedMotion(Skill, register=False):
 
     @property
     def _playing(self) -> bool:
-        return self._playback is not None and self._playback.state is PlaybackState.PLAYING
+        return bool(self._playback and self._playback.playing)
 
 
 def _time_at(playback: Playback, motion: MergedMotion, position: tuple[float, ...]) -> float:

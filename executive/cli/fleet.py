@@ -15,7 +15,7 @@ from .settings import ABOVE_0, PATH, Whole, local_server, option
 from .support.command_group import CommandGroup
 from .support.names import TASK, check_goal_id
 from .support.options import set_option
-from .terminal.streams import LogFormatter, echo
+from .terminal.streams import LogFormatter, echo, echo_result
 
 if TYPE_CHECKING:
     from executive.fleet.fleet_client import FleetClient
@@ -26,10 +26,6 @@ _IDENTITY = click.argument("identity", metavar="JOB", callback=check_goal_id)
 _WHOM = click.argument("whom", metavar="[POOL|ARM]...", nargs=-1)
 _JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON: an object per line.")
 _FLEET = option("fleet", "url", default=_HERE)
-
-
-def _print(as_json: bool, row: Any, text: str) -> None:
-    echo(json.dumps(row) if as_json else text)
 
 
 def _run(url: str, act: "Callable[[FleetClient], Coroutine[Any, Any, None]]") -> None:
@@ -189,7 +185,7 @@ def send(
 
     async def act(client: "FleetClient") -> None:
         job = await client.send(task, pool, parameters(settings), identity, priority, start_within)
-        _print(as_json, {"event": "queued", "job": job.identity}, job.identity)
+        echo_result(as_json, {"event": "queued", "job": job.identity}, job.identity)
         if wait:
             async for record in client.wait(job.identity):
                 _print_record(record, as_json)
@@ -203,7 +199,7 @@ def send(
 def _print_record(record: "JobRecord", as_json: bool) -> None:
     from .terminal.fleet_tables import record_row, record_text
 
-    _print(as_json, record_row(record), record_text(record))
+    echo_result(as_json, record_row(record), record_text(record))
 
 
 @fleet.command()
@@ -258,7 +254,7 @@ def jobs(url: str, as_json: bool, identity: str, last: int) -> None:
             found += await client.records()
             found += queued
         for each in found[-last:]:
-            _print(as_json, job_row(each), job_text(each))
+            echo_result(as_json, job_row(each), job_text(each))
 
     _run(url, act)
 
@@ -289,7 +285,7 @@ def _confirmed(url: str, as_json: bool, request: str, whom: tuple[str, ...]) -> 
     async def act(client: "FleetClient") -> None:
         for each in await getattr(client, request)(whom):
             row = {"arm": each.arm, "goals": each.goals, "ms": round(1000 * each.seconds, 1)}
-            _print(as_json, row, f"{each.arm}  {request} confirmed after {row['ms']} ms")
+            echo_result(as_json, row, f"{each.arm}  {request} confirmed after {row['ms']} ms")
 
     _run(url, act)
 
@@ -327,7 +323,7 @@ def logs(url: str, as_json: bool, identity: str, output: Path) -> None:
 
     async def act(client: "FleetClient") -> None:
         path = await fetch_recording(client, identity, output)
-        _print(as_json, {"file": str(path)}, str(path))
+        echo_result(as_json, {"file": str(path)}, str(path))
 
     _run(url, act)
 

@@ -1,10 +1,8 @@
 """`armtree log`: list, show, export, compare, draw, recover and delete recordings."""
 
-import json
 import sys
-from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -16,7 +14,7 @@ from .support.command_group import CommandGroup
 from .support.failures import for_each, print_incomplete
 from .support.names import RECORDING, recordings_folder
 from .support.options import drawing_option
-from .terminal.streams import echo
+from .terminal.streams import echo, echo_result
 
 if TYPE_CHECKING:
     from logs.views.narrative import Overview
@@ -37,11 +35,6 @@ _OUTPUT = click.option(
 
 
 _JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON: an object per line.")
-
-
-def _print(as_json: bool, row: Mapping[str, Any], text: object) -> None:
-    """Print a row of a result, as JSON or as text. `docs/output.schema.json` describes the rows."""
-    echo(json.dumps(row) if as_json else text)
 
 
 def _file(path: Path) -> dict[str, str]:
@@ -78,7 +71,7 @@ def ls(folder: Path, as_json: bool) -> None:
             found = overview(path)
         except (LogError, OSError) as error:
             row = {**_file(path), "unreadable": str(error)}
-            _print(as_json, row, f"{path.name}  unreadable: {error}")
+            echo_result(as_json, row, f"{path.name}  unreadable: {error}")
             continue
         end = "" if found.complete else "being written" if found.written else "UNFINISHED"
         queued = f"waited {found.waited:.2f} s in the queue" if found.waited else ""
@@ -89,7 +82,7 @@ def ls(folder: Path, as_json: bool) -> None:
         frames = f"{found.frames:>6} {'frame' if found.frames == 1 else 'frames'}"
         line = f"{path.name:<{width}}{task:<18} {found.outcome:<11}{spent:>9}{frames:<13}"
         line = f"{line}{found.bytes / 1e3:>9.1f} kB  {' '.join(filter(None, marks))}".rstrip()
-        _print(as_json, {**found.to_json(), "pinned": pinned(path)}, line)
+        echo_result(as_json, {**found.to_json(), "pinned": pinned(path)}, line)
 
 
 def _recordings_in(folder: Path) -> list[Path]:
@@ -110,7 +103,7 @@ def info(recording: Path, as_json: bool) -> None:
 
     found = overview(recording)
     text = "\n".join(f"{name:<12}{value}" for name, value in _facts(found))
-    _print(as_json, found.to_json(), text)
+    echo_result(as_json, found.to_json(), text)
     whole = found.complete and RECOVERED not in found.notes
     sys.exit(0 if whole else RecordingTruncated.exit_status)
 
@@ -156,7 +149,7 @@ def show(recording: Path, everything: bool, as_json: bool) -> None:
     from logs.views.narrative import narrative
 
     for time, words in narrative(recording, everything):
-        _print(as_json, {"time_s": time, "text": words}, f"{time:+10.3f}  {words}")
+        echo_result(as_json, {"time_s": time, "text": words}, f"{time:+10.3f}  {words}")
     sys.exit(print_incomplete(recording))
 
 
@@ -169,7 +162,7 @@ def export(recording: Path, output: Path, as_json: bool) -> None:
     from logs.views.table import export as write
 
     for path in write(recording, output):
-        _print(as_json, _file(path), path)
+        echo_result(as_json, _file(path), path)
     sys.exit(print_incomplete(recording))
 
 
@@ -183,7 +176,7 @@ def robot(recording: Path, output: Path, as_json: bool) -> None:
     from logs import Recording
 
     for path in extract_robot(Recording(recording), output):
-        _print(as_json, _file(path), path)
+        echo_result(as_json, _file(path), path)
 
 
 @log.command()
@@ -211,7 +204,7 @@ def diff(one: Path, other: Path, output: Path | None, as_json: bool) -> None:
         lines.append(str(output))
     drawing = str(output) if output else None
     row = {"same": not both.first, "first": both.first, "joints": joints, "drawing": drawing}
-    _print(as_json, row, "\n".join(lines))
+    echo_result(as_json, row, "\n".join(lines))
     partial = print_incomplete(one, other)
     sys.exit(look_up(DIFFERS).exit_status if both.first else partial)
 
@@ -234,7 +227,7 @@ def plot(recordings: tuple[Path, ...], output: Path | None, as_json: bool) -> No
         draw(recording, target, scenes)
         if why:
             echo(f"{recording}: the bodies around the arm are not drawn: {why}", err=True)
-        _print(as_json, _file(target), target)
+        echo_result(as_json, _file(target), target)
         return status
 
     sys.exit(for_each(recordings, drawn))
@@ -267,7 +260,7 @@ def recover(recordings: tuple[Path, ...], as_json: bool) -> None:
         made = recover_file(recording)
         row = {**_file(recording), "recovered": made is not None, "whole": not made or made.whole}
         text = made.text() if made else f"{recording}: is complete, nothing to do"
-        _print(as_json, row, text)
+        echo_result(as_json, row, text)
         return 0 if made is None or made.whole else RecordingIncomplete.exit_status
 
     sys.exit(for_each(recordings, recover_one))
@@ -284,7 +277,7 @@ def pin(recordings: tuple[Path, ...], off: bool, as_json: bool) -> None:
     def pin_one(recording: Path) -> int:
         pin_file(recording, not off)
         text = f"{recording}: {'not pinned' if off else 'pinned'}"
-        _print(as_json, {**_file(recording), "pinned": not off}, text)
+        echo_result(as_json, {**_file(recording), "pinned": not off}, text)
         return 0
 
     sys.exit(for_each(recordings, pin_one))
@@ -315,14 +308,14 @@ def prune(folder: Path, days: float | None, mb: float | None, dry_run: bool, as_
     Example:
       armtree log prune --days 30 --mb 500 --dry-run
     """  # noqa: D301
-    from hardware import RealClock
+    from hardware.clock import RealClock, utc_ns
     from logs.writing.retention import Rule, prune as delete_old
 
     if days is None and mb is None:
         raise click.UsageError("give --days, --mb or both")
     _recordings_in(folder)  # warns if the name of the folder is misspelt
     clock = RealClock()
-    utc = clock.epoch_ns() / 1e9 + clock.now()
+    utc = utc_ns(clock) / 1e9
     for path in delete_old(folder, Rule(days, mb), utc, dry_run):
         text = f"{path}: {'would be deleted' if dry_run else 'deleted'}"
-        _print(as_json, {**_file(path), "deleted": not dry_run}, text)
+        echo_result(as_json, {**_file(path), "deleted": not dry_run}, text)

@@ -1,6 +1,5 @@
 """The commands that move the arm without a task: move, home, where and stop."""
 
-import json
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from functools import wraps
@@ -23,7 +22,7 @@ from .support.options import (
     speed_option,
     target_argument,
 )
-from .terminal.streams import echo
+from .terminal.streams import echo, echo_result
 
 if TYPE_CHECKING:
     from executive.api.events import Where
@@ -135,7 +134,7 @@ def where(server: str | None, as_json: bool, **options: Any) -> None:
     folder holds.
     """
     found, source = find_arm(server, **options)
-    echo(json.dumps(found.to_json()) if as_json else "\n".join(_where_lines(found, source)))
+    echo_result(as_json, found.to_json(), "\n".join(_where_lines(found, source)))
 
 
 def find_arm(server: str | None, robot: Path | None, recordings: Path) -> "tuple[Where, str]":

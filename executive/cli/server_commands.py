@@ -15,7 +15,7 @@ from .settings import Whole, local_server, option
 from .support.command_group import command, diagnostics
 from .support.names import RECORDING, TASK, check_goal_id, complete_node
 from .support.options import pose_option, robot_option, set_option
-from .terminal.streams import echo
+from .terminal.streams import echo, echo_result
 
 if TYPE_CHECKING:
     from executive.client.synchronous import Client
@@ -71,7 +71,7 @@ def send(
         outcome = send_and_wait(client, task, settings, deadman, as_json, diagnostics().verbose)
         sys.exit(look_up(outcome.code).exit_status)
     goal_id = client.send(task, parameters(settings))
-    echo(json.dumps({"goal_id": goal_id}) if as_json else goal_id)
+    echo_result(as_json, {"goal_id": goal_id}, goal_id)
 
 
 @command()
@@ -113,7 +113,7 @@ def status(client: "Client", as_json: bool, robot: Path | None) -> None:
     check_robot(client, robot)
     found = client.status()
     lines = [] if as_json else status_lines(found, client.where())
-    echo(json.dumps(found.to_json()) if as_json else "\n".join(lines))
+    echo_result(as_json, found.to_json(), "\n".join(lines))
 
 
 @command()
@@ -137,7 +137,7 @@ def view(client: "Client", as_json: bool, recording: Path | None, only_print: bo
     import webbrowser
 
     def show(link: str) -> None:
-        echo(json.dumps({"url": link}) if as_json else link)
+        echo_result(as_json, {"url": link}, link)
         if not (only_print or as_json):
             webbrowser.open(link)
 
@@ -178,7 +178,7 @@ def arm(client: "Client", as_json: bool, transition: str, pose: str | None) -> N
         echo(activate(client, pose, diagnostics().verbose))
         return
     state = client.arm(transition, pose)
-    echo(json.dumps({"arm": state}) if as_json else state)
+    echo_result(as_json, {"arm": state}, state)
 
 
 def _goal_command(change: str, meaning: str) -> click.Command:
@@ -196,7 +196,7 @@ def _goal_command(change: str, meaning: str) -> click.Command:
             raise Refused({"code": "goal.not_executing", "message": "no goal is being executed"})
         goal = getattr(client, change)(goal_id or (running and running.identity))
         title = f"{goal_title(goal.task)} ({goal.identity})"
-        echo(json.dumps(goal.to_json()) if as_json else title)
+        echo_result(as_json, goal.to_json(), title)
 
     return run
 
@@ -228,7 +228,7 @@ def break_(client: "Client", as_json: bool, node: str | None, off: bool) -> None
         raise click.UsageError("--off needs a NODE")
     breakpoints = client.break_at(node, not off) if node else client.status().breakpoints
     lines = "\n".join(breakpoints) or "no breakpoints"
-    echo(json.dumps({"breakpoints": breakpoints}) if as_json else lines)
+    echo_result(as_json, {"breakpoints": breakpoints}, lines)
 
 
 @command()

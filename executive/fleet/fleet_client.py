@@ -13,6 +13,7 @@ from nats.js.errors import KeyWrongLastSequenceError, NotFoundError
 from executive.api import strict_json
 from executive.api.outcome import CANCELED_CAUSE, GoalState
 from hardware import Clock
+from hardware.clock import utc_ns
 
 from .connection import ALIVE, JOBS, Fleet, consumer_of, control_subject, job_subject
 from .errors import (
@@ -111,7 +112,7 @@ class FleetClient:
         """
         check_name("a pool", pool)
         chosen = identity or uuid.uuid4().hex
-        job = Job(chosen, pool, task, dict(arguments), self._now(), priority, start_within)
+        job = Job(chosen, pool, task, dict(arguments), utc_ns(self._clock), priority, start_within)
         from_bytes(Job, to_bytes(job))
         if not await self._is_served(pool):
             raise PoolNotServed(pool)
@@ -208,7 +209,7 @@ class FleetClient:
         """
         known = await self.job(identity)
         if isinstance(known, Job):
-            now = self._now()
+            now = utc_ns(self._clock)
             result = Result.failed(CANCELED_CAUSE, GoalState.CANCELED)
             record = JobRecord(known, "", "", "", now, result=result, ended_ns=now)
             try:
@@ -319,9 +320,6 @@ class FleetClient:
                     await self._fleet.stream.pause_consumer(JOBS, name, _FOREVER)
                 else:
                     await self._fleet.stream.resume_consumer(JOBS, name)
-
-    def _now(self) -> int:
-        return self._clock.epoch_ns() + round(self._clock.now() * 1e9)
 
 
 def _names(whom: str, arm: str) -> bool:

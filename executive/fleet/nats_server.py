@@ -16,11 +16,13 @@ from typing import Any
 
 from executive.api import token_file
 from hardware import Clock
+from hardware.files import read_file
 
 from .errors import FleetMissing, FleetUnsafe, NotStarted
 
 _START_SECONDS = 10.0
 _OWN_KEY = "supervisor.nkey"  # in the data folder; new at each start
+_MOST = 2**20  # largest file of keys [bytes]
 _LAST_LINES = 3  # of its log, in an error
 
 # What an arm may not send: jobs, requests to other arms, and changes of what is stored of others.
@@ -196,7 +198,7 @@ def _configuration(options: NatsOptions, token: str) -> dict[str, Any]:
 
 def _users(path: Path) -> list[dict[str, Any]]:
     users: list[dict[str, Any]] = []
-    for number, line in enumerate(path.read_text().splitlines(), 1):
+    for number, line in enumerate(read_file(path, _MOST).decode(errors="replace").splitlines(), 1):
         words = line.partition("#")[0].split()
         if not words:
             continue

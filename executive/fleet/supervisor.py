@@ -9,6 +9,7 @@ from nats.js.errors import KeyWrongLastSequenceError
 
 from executive.api.outcome import cause_of
 from hardware import Clock
+from hardware.clock import utc_ns
 
 from .connection import ALIVE_SECONDS, GONE, Fleet
 from .errors import ArmLost
@@ -90,7 +91,7 @@ class Supervisor:
         if found is None or found[0] != record:
             return None
         lost = ArmLost(record.arm, record.url, silence)
-        now = self._clock.epoch_ns() + round(self._clock.now() * 1e9)
+        now = utc_ns(self._clock)
         ended = replace(record, result=Result.failed(cause_of(lost)), ended_ns=now)
         try:
             await self._fleet.jobs.update(job.identity, to_bytes(ended), last=found[1])

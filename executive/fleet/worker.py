@@ -21,6 +21,7 @@ from executive.api.outcome import CancelResult, GoalState, GoalStatus, Outcome, 
 from executive.client.values import Task
 from executive.errors import ClientError, Refused
 from hardware import Clock, State
+from hardware.clock import utc_ns
 
 from .connection import ALIVE_SECONDS, GONE, Fleet, control_subject
 from .errors import ArmLost, BadJob, DeadlinePassed, FleetError, NameTaken
@@ -170,7 +171,7 @@ class Worker:
             await self._say()
         if not self._joined:
             url, host = self._server.url, socket.gethostname()
-            mine = Member(self.arm, url, host, self._me, self._now())
+            mine = Member(self.arm, url, host, self._me, utc_ns(self._clock))
             await fleet.members.put(self.arm, to_bytes(mine))
             await fleet.add_consumers(self._pool)
             self._joined = True
@@ -300,7 +301,7 @@ class Worker:
         return any(each.retry_safe for each in wanted)
 
     def _record(self, job: Job, result: Result | None, safe: bool = False) -> JobRecord:
-        now = self._now()
+        now = utc_ns(self._clock)
         return JobRecord(
             job, self.arm, self._server.url, self._me, now, safe, result, now if result else 0
         )
@@ -359,7 +360,7 @@ class Worker:
     async def _store(self, record: JobRecord, revision: int, result: Result) -> None:
         """Store the result of a job, however long the NATS server is gone."""
         identity, told = record.job.identity, False
-        mine = replace(record, result=result, ended_ns=self._now())
+        mine = replace(record, result=result, ended_ns=utc_ns(self._clock))
         while True:
             try:
                 await self._fleet.jobs.update(identity, to_bytes(mine), last=revision)
@@ -448,9 +449,6 @@ class Worker:
         (self._idle.clear if identity else self._idle.set)()
         self._free.clear()
         self._changed.set()
-
-    def _now(self) -> int:
-        return self._clock.epoch_ns() + round(self._clock.now() * 1e9)
 
 
 async def _end_all(*tasks: asyncio.Task[Any]) -> None:

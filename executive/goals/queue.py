@@ -23,6 +23,7 @@ from executive.api.outcome import (
 )
 from executive.errors import ExecutorBlocked, GoalPreempted, ResultTimeout, UnknownGoal
 from hardware import Clock
+from hardware.clock import utc_ns
 from logs import goal_title
 from trees import Located
 
@@ -333,7 +334,7 @@ class GoalQueue:
 
     def _stamp(self, now: float) -> int:
         """Return the time of acceptance, different for every goal [ns since 1970]."""
-        self._last_ns = max(self._clock.epoch_ns() + round(now * 1e9), self._last_ns + 1)
+        self._last_ns = max(utc_ns(self._clock, now), self._last_ns + 1)
         return self._last_ns
 
     def _forget(self) -> None:

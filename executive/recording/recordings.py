@@ -12,6 +12,7 @@ from pathlib import Path
 import logs
 from executive.api.outcome import GoalState, GoalStatus, Outcome
 from hardware import Ability, ArmEvent, Clock, Robot, State
+from hardware.clock import utc_ns
 from logs.writing.compaction_process import CompactionProcess, shared_process
 from skills import Planned, SkillEvent
 from trees.build import Tree
@@ -292,13 +293,13 @@ class Recordings:
                 self._meshes.add(name)
 
     def _create(self, task: int | str) -> logs.Recorder:
-        utc_ns = self._clock.epoch_ns() + round(self._clock.now() * 1e9)
+        stamp = utc_ns(self._clock)
         while True:
-            path = logs.recording_path(self._folder, utc_ns, task)
+            path = logs.recording_path(self._folder, stamp, task)
             try:
                 return logs.Recorder(path, self._clock.epoch_ns(), partial(self._give_up, path))
             except logs.RecordingExists:
-                utc_ns += 1_000_000
+                stamp += 1_000_000
 
     def _give_up(self, path: Path, cause: Exception) -> None:
         full = isinstance(cause, OSError) and cause.errno == errno.ENOSPC

@@ -21,6 +21,7 @@ from executive.errors import AddressInUse, ServerError, TooFewFiles
 from executive.executive import Executive
 from executive.goals.questions import Questions, ignore
 from hardware import Clock
+from hardware.clock import utc_ns
 from trees.live_library import LiveLibrary
 
 from .event_hub import EventHub
@@ -291,7 +292,7 @@ class Viewer(HttpServer):
     def start(self) -> None:
         """Start to answer."""
         clock = self._clock
-        utc = lambda: clock.epoch_ns() / 1e9 + clock.now()  # noqa: E731
+        utc = lambda: utc_ns(clock) / 1e9  # noqa: E731
         self.serve(RecordingEndpoints(self._folder, self.sign_in, utc), self._refuse)
 
     def _refuse(self) -> asyncio.Future[CancelResult]:

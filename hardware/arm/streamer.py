@@ -61,6 +61,11 @@ class Playback:
         self._on_change = on_change
 
     @property
+    def playing(self) -> bool:
+        """True until it has ended."""
+        return self.state is PlaybackState.PLAYING
+
+    @property
     def sent_all(self) -> bool:
         """Whether every frame was written."""
         return self.written == len(self.schedule.setpoints)
@@ -82,7 +87,7 @@ class Playback:
 
     def finish(self, state: PlaybackState, error: HardwareError | None = None) -> None:
         """Set the final state. Only the first call counts."""
-        if self.state is PlaybackState.PLAYING:
+        if self.playing:
             self.error, self.state = error, state
 
     def notify(self) -> None:
@@ -222,7 +227,7 @@ class Streamer:
     def playing(self) -> bool:
         """Whether a schedule is being played."""
         playback = self._playback
-        return playback is not None and playback.state is PlaybackState.PLAYING
+        return playback is not None and playback.playing
 
     def _drop(self, state: PlaybackState, error: HardwareError | None = None) -> None:
         """End the playback, from any thread, and wake the thread of the streamer."""

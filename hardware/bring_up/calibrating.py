@@ -12,10 +12,12 @@ from hardware.description.robot import Robot
 from hardware.drivers.servo_bus import ServoBus, ServoReport
 from hardware.drivers.servo_errors import SeamInside
 from hardware.errors import DescriptionError
+from hardware.files import read_file
 from hardware.joints import Joint
 
 from .sweep import Sweep
 
+_MAX_BYTES = 2**20  # of a calibration file
 LEAST_RANGE = 10.0  # of a joint that was swept [deg]
 
 
@@ -172,7 +174,7 @@ def read_lerobot(
         DescriptionError: The file is wrong, or has other joints.
     """
     try:
-        values: Any = json.loads(path.read_text())
+        values: Any = json.loads(read_file(path, _MAX_BYTES))
         return {
             joint.name: _lerobot_joint(values[joint.name], servos[joint.name]) for joint in joints
         }

@@ -205,4 +205,4 @@ class FollowLeader(Skill):
 
     @property
     def _playing(self) -> bool:
-        return self._playback is not None and self._playback.state is PlaybackState.PLAYING
+        return bool(self._playback and self._playback.playing)

@@ -1,6 +1,5 @@
 """Calls of skills' hooks before a run. An error in a hook affects only its own node."""
 
-import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
@@ -13,7 +12,7 @@ from py_trees.behaviour import Behaviour
 from py_trees.behaviours import Dummy
 
 from hardware import Robot
-from hardware.spelling import did_you_mean
+from hardware.spelling import did_you_mean, suggested
 from skills import Context, Skill, SkillBroken, SkillError, known_errors
 from skills.motion import Body, MotionError, ToolQuery, shown
 from trees.errors import Correction, Mistake, Place
@@ -97,10 +96,10 @@ class SkillHooks:
         _, faults = _result(kind, "validate", lambda: kind.validate(robot, inputs), _ANY)
         for fault in faults:
             (place, value), instead = _refused(leaf, fault), None
-            if value and (name := re.search(r"; did you mean ([\w-]+)\?$", str(fault))):
+            if value and (name := suggested(str(fault))):
                 step = fault.location[-1] if isinstance(fault, SkillError) else ""
-                there = place.replaced(str(step), name[1])
-                instead = there or place.replaced(str(value.value), name[1])
+                there = place.replaced(str(step), name)
+                instead = there or place.replaced(str(value.value), name)
             if value and (units := _in_smaller_unit(leaf, robot, inputs, fault)):
                 unit, near = units
                 old, right = value.place.brackets or str(value.value), _with_unit(value, near)

@@ -7,6 +7,7 @@ from itertools import count
 from pathlib import Path
 
 from hardware import Robot
+from hardware.files import write_file
 from hardware.joints import DISPLAY_UNITS
 from trees.errors import FileError
 from trees.reading.library import Library
@@ -22,7 +23,7 @@ def write_task(robot: Robot, folder: Path, number: int, name: str) -> Path:
     path = prepare_file(robot, folder, number, name)
     try:
         values = {"number": number, "name": name, "schema": NAME, **_values(robot)}
-        path.write_text(_TEXT.read_text().format(**values))
+        write_file(path, _TEXT.read_text().format(**values).encode())
     except OSError as error:
         raise FileError.at(path, f"cannot be written: {error.strerror}") from error
     return path
@@ -65,7 +66,7 @@ def prepare_file(robot: Robot, folder: Path, number: int, name: str) -> Path:
             raise FileError.at(
                 path, f"task {names[name]} is called {name} already; give another name"
             )
-        (own / NAME).write_text(schema_text(library))
+        write_file(own / NAME, schema_text(library).encode())
     except OSError as error:
         raise FileError.at(path, f"cannot be written: {error.strerror}") from error
     return path

@@ -1,5 +1,6 @@
 """Standard streams: closed ones, those whose reader has ended, and texts from outside."""
 
+import json
 import logging
 import os
 import re
@@ -100,6 +101,11 @@ def echo(text: object, err: bool = False, nl: bool = True, whole: bool = False) 
     words = printable(str(text))
     words = words if whole else fit(words, sys.stderr if err else sys.stdout)
     click.echo(words, err=err, nl=nl)  # noqa: TID251
+
+
+def echo_result(as_json: bool, row: Any, text: object) -> None:
+    """Print a result, as JSON or as text. `docs/output.schema.json` describes the rows."""
+    echo(json.dumps(row) if as_json else text)
 
 
 class LogFormatter(logging.Formatter):

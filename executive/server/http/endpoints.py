@@ -25,6 +25,7 @@ from executive.server.metrics import Metrics
 from executive.server.page.robot_shapes import RobotScene
 from executive.server.security import is_authenticated
 from executive.server.sign_in import SignIn
+from hardware.clock import utc_ns
 from trees.live_library import LiveLibrary
 
 from .recording_endpoints import RecordingEndpoints
@@ -64,7 +65,7 @@ class Endpoints(RecordingEndpoints):
         sign_in: SignIn,
     ) -> None:
         clock, folder = executive.clock, executive.setup.recordings
-        super().__init__(folder, sign_in, lambda: clock.epoch_ns() / 1e9 + clock.now())
+        super().__init__(folder, sign_in, lambda: utc_ns(clock) / 1e9)
         self._executive, self._canceler = executive, canceler
         self._library, self._hub, self._questions = library, hub, questions
         self._scene = RobotScene(executive.robot)

@@ -21,6 +21,7 @@ from executive.executive import Executive
 from executive.server.event_hub import EventHub
 from executive.server.limits.cancel_thread import CancelThread
 from hardware import Ability, joint_positions
+from hardware.clock import utc_ns
 
 from . import protocol as ros
 
@@ -72,8 +73,8 @@ class Bridge:
         if self._joints is None:
             return ""
         time, positions = self._joints
-        utc_ns = self.executive.clock.epoch_ns() + round(time * 1e9)
-        return ros.published(topic, ros.joint_state(utc_ns, positions, self._measures))
+        stamp = utc_ns(self.executive.clock, time)
+        return ros.published(topic, ros.joint_state(stamp, positions, self._measures))
 
     def _handle(self, event: Event) -> None:
         match event:

@@ -55,13 +55,18 @@ class RobotModel:
                 raise mistake
             counts = described.shape_counts()
             _check_size(robot, sum(counts.values()))
-            self._free = pin.buildModelFromUrdf(urdf)  # mimic joints have coordinates of their own
+            # pinocchio parses the text again: only its reader also makes frames and shapes.
+            text = described.text_with_meshes(robot.mesh)
+            self._free = pin.buildModelFromXML(text)  # mimic joints have coordinates of their own
             _check_placements(robot, self._free)
             self.kinematics = _with_mimic_joints(robot, self._free)
-            text, kind = described.text_with_meshes(robot.mesh), pin.GeometryType.COLLISION
             loader = coal.CachedMeshLoader()  # loads a file once, also if several links have it
             geometry = pin.buildGeomFromUrdfString(
-                self.kinematics, text, kind, package_dirs="", mesh_loader=loader
+                self.kinematics,
+                text,
+                pin.GeometryType.COLLISION,
+                package_dirs="",
+                mesh_loader=loader,
             )
             self.exact: list[pin.GeometryObject] = list(geometry.geometryObjects)
             self._check_counts(counts)
