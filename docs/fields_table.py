@@ -1,7 +1,4 @@
-"""The table of the fields of every JSON topic, as `logs/README.md` has it, made of the code.
-
-`python -m tests.support.generated.fields_table` prints it.
-"""
+"""The table of the fields of every JSON topic, made of the code."""
 
 import re
 from collections.abc import Iterator
@@ -47,7 +44,3 @@ def _in_words(of: Any) -> str:
     if get_origin(of) is dict:
         return "object" if parts[1] is Any else f"object of {_in_words(parts[1])}"
     return _WORDS[of]
-
-
-if __name__ == "__main__":
-    print("\n".join(table()))  # noqa: T201, what it is for

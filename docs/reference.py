@@ -1,0 +1,216 @@
+"""Writes what the documentation takes from the code and from files beside the pages.
+
+A hook of MkDocs: the line `<!-- generated: NAME -->` of a page becomes what `GENERATED[NAME]`
+returns, and `INCLUDED` adds pages that lie elsewhere in the repository.
+"""
+
+import inspect
+import re
+from collections import defaultdict
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import click
+from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.structure.files import File, Files
+
+import armtree
+from docs.fields_table import table as fields
+from executive.api.codes import all_codes
+from executive.api.operations import OPERATIONS
+from executive.cli.main import SECTIONS, cli
+from executive.cli.support.settings import SETTINGS, environment_name
+from trees.compile.port_types import declarations, known_skills
+
+ROOT = Path(__file__).parents[1]
+INCLUDED = {
+    "reference/changelog.md": "CHANGELOG.md",
+    "reference/dependencies.md": "docs/dependencies.md",
+    "reference/licence.md": "docs/LICENSE",
+    "reference/output.schema.json": "docs/output.schema.json",
+    "troubleshooting/faults.md": "docs/faults.md",
+}
+_LINKS = {"LICENSE": "licence.md"}
+_FAMILIES = {
+    "file": "Files",
+    "fleet": "Fleets",
+    "goal": "Goals",
+    "hw": "Hardware",
+    "log": "Recordings",
+    "plan": "Planning",
+    "request": "Requests to a server",
+    "server": "Servers",
+    "task": "Tasks",
+}
+_MARKER = re.compile(r"^<!-- generated: (\w+) -->$", re.MULTILINE)
+_LINK = re.compile(r"\[([^\]]+)\]\((?!https?:)([^)]+)\)")
+_SECTION = re.compile(r"^(Args|Attributes|Raises|Returns|Yields):\n((?:    .*\n?|\n)+)", re.MULTILINE)
+_NAMED = r"`\1`: "
+_ITEM = re.compile(r"^(\w+): ")
+
+
+def command_line() -> Iterator[str]:
+    """Yield the help of every command, by section."""
+    context = click.Context(cli, info_name="armtree", terminal_width=80, max_content_width=80)
+    for title, places in SECTIONS.items():
+        yield f"## {title}"
+        for place in places.split():
+            name = place.rpartition(".")[2].strip("_").replace("_", "-")
+            command = cli.get_command(context, name)
+            assert command, name
+            yield from _command(command, context, f"armtree {name}", "###")
+
+
+def _command(
+    command: click.Command, above: click.Context, name: str, level: str
+) -> Iterator[str]:
+    context = click.Context(command, above, info_name=name.rpartition(" ")[2])
+    yield f"{level} `{name}`\n\n```text\n{command.get_help(context)}\n```"
+    if isinstance(command, click.Group):
+        for inner in command.list_commands(context):
+            found = command.get_command(context, inner)
+            assert found, inner
+            yield from _command(found, context, f"{name} {inner}", "####")
+
+
+def codes() -> Iterator[str]:
+    """Yield a table of the codes of each family."""
+    families = defaultdict[str, list[str]](list)
+    for code, known in all_codes().items():
+        row = f"| `{code}` | {known.meaning}. | {_sentence(known.hint)} | {known.exit_status} |"
+        family = code.partition(".")[0]
+        families[_FAMILIES.get(family, "Others")].append(row)
+    for title in sorted(families, key=lambda each: (each == "Others", each)):
+        head = "| code | what happened | what to do | exit status |\n|---|---|---|---|"
+        yield "\n".join((f"## {title}\n", head, *families[title]))
+
+
+def _sentence(hint: str) -> str:
+    return f"{hint[0].upper()}{hint[1:]}." if hint else ""
+
+
+def codes_by_status() -> Iterator[str]:
+    """Yield a table of the codes that end a command with each status."""
+    rows = defaultdict[int, list[str]](list)
+    for code, known in all_codes().items():
+        rows[known.exit_status].append(f"`{code}`")
+    lines = [f"| {status} | {', '.join(rows[status])} |" for status in sorted(rows)]
+    yield "\n".join(("| exit status | codes |\n|---|---|", *lines))
+
+
+def settings() -> Iterator[str]:
+    """Yield a table of the settings."""
+    rows = [
+        f"| `{name}` | `--{name.replace('_', '-')}` | `{environment_name(name)}` | {row.help} |"
+        for name, row in SETTINGS.items()
+    ]
+    yield "\n".join(("| key | option | environment | meaning |\n|---|---|---|---|", *rows))
+
+
+def operations() -> Iterator[str]:
+    """Yield a table of the operations of a server."""
+    rows = [
+        f"| `{each.method} {each.path}` | {each.summary} | {each.access.name.lower()} |"
+        for each in OPERATIONS.values()
+    ]
+    yield "\n".join(("| request | answer | access |\n|---|---|---|", *rows))
+
+
+def skills() -> Iterator[str]:
+    """Yield every skill that ships, with its ports."""
+    for name, kind in sorted(known_skills().items()):
+        if not kind.__module__.startswith("skills."):
+            continue
+        yield f"## `{name}`\n\n{_text(inspect.getdoc(kind) or '')}"
+        rows = [
+            f"| `{port}` | {'writes' if each.output else 'reads'} | {_cell(str(each))} | "
+            f"{'-' if each.needed else f'`{each.default!r}`'} | {_cell(each.description)} |"
+            for port, each in declarations(kind).items()
+        ]
+        if rows:
+            head = "| port | | type | default | meaning |\n|---|---|---|---|---|"
+            yield "\n".join((head, *rows))
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", "\\|")
+
+
+def python() -> Iterator[str]:
+    """Yield the public Python interface."""
+    for name in sorted(armtree.__all__, key=str.lower):
+        thing: Any = getattr(armtree, name)
+        yield f"## `armtree.{name}`"
+        if not callable(thing):
+            yield f"A value of type `{type(thing).__name__}`."
+            continue
+        yield _signature(name, thing)
+        yield _text(inspect.getdoc(thing) or "")
+        if inspect.isclass(thing) and not issubclass(thing, BaseException):
+            for inner, member in inspect.getmembers(thing):
+                if not inner.startswith("_") and _is_ours(member):
+                    yield f"### `{name}.{inner}`"
+                    if inspect.isroutine(member):
+                        yield _signature(inner, member)
+                    yield _text(inspect.getdoc(member) or "")
+
+
+def _is_ours(member: Any) -> bool:
+    function = member.fget if isinstance(member, property) else member
+    module = getattr(function, "__module__", None) or ""
+    rooms = ("executive.", "skills", "hardware", "logs", "trees")
+    return (inspect.isroutine(member) or isinstance(member, property)) and module.startswith(rooms)
+
+
+def _signature(name: str, thing: Any) -> str:
+    try:
+        signature = str(inspect.signature(thing))
+    except ValueError:
+        return ""
+    return f"```text\n{name}{signature}\n```"
+
+
+def _text(docstring: str) -> str:
+    """Return a docstring of Google's style as Markdown."""
+
+    def section(found: re.Match[str]) -> str:
+        lines = inspect.cleandoc(found[2])
+        items = [re.sub(r"\s+", " ", each) for each in re.split(r"\n(?=\S)", lines)]
+        rows = [f"- {_ITEM.sub(_NAMED, each)}" for each in items]
+        return f"**{found[1]}**\n\n" + "\n".join(rows) + "\n"
+
+    return _SECTION.sub(section, f"{docstring}\n")
+
+
+GENERATED: dict[str, Callable[[], Iterator[str]]] = {
+    "codes": codes,
+    "codes_by_status": codes_by_status,
+    "command_line": command_line,
+    "fields": lambda: iter(["\n".join(fields())]),
+    "operations": operations,
+    "python": python,
+    "settings": settings,
+    "skills": skills,
+}
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """Add the pages that lie elsewhere. Links to what is not in the site become text."""
+    for page, source in INCLUDED.items():
+        text = (ROOT / source).read_text()
+        if source == "docs/LICENSE":
+            text = f"# Licence\n\n```text\n{text}\n```\n"
+        text = _LINK.sub(_kept_link, text) if page.endswith(".md") else text
+        files.append(File.generated(config, page, content=text))
+    return files
+
+
+def _kept_link(found: re.Match[str]) -> str:
+    target = _LINKS.get(found[2])
+    return f"[{found[1]}]({target})" if target else found[1]
+
+
+def on_page_markdown(markdown: str, **_: Any) -> str:
+    """Put what is generated into a page."""
+    return _MARKER.sub(lambda found: "\n\n".join(GENERATED[found[1]]()), markdown)
