@@ -18,7 +18,7 @@ INSTALL := $(PIP) install --quiet --disable-pip-version-check
 COMPILE := uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header \
 	--no-emit-index-url --no-emit-find-links
 
-.PHONY: demo fleet mcp ros2 test quick lint types rooms damage faults soak mutation firmware page lock
+.PHONY: demo fleet mcp ros2 docs test quick lint types rooms damage faults soak mutation firmware page lock
 
 demo: $(READY)
 	$(VENV)/bin/armtree run 0 1 2 0 --port virtual
@@ -33,6 +33,11 @@ mcp: $(READY)
 
 # What `armtree ros2` needs beside armtree itself, if no ROS 2 is sourced.
 ros2: $(ROS2)
+
+# The documentation site, in build/site. Its pages open without a server; the search needs one.
+docs: $(TOOLS)
+	NO_MKDOCS_2_WARNING=1 $(VENV)/bin/mkdocs build --quiet --strict -f docs/mkdocs.yml
+	@echo "build/site/index.html; with the search: $(VENV)/bin/mkdocs serve -f docs/mkdocs.yml"
 
 test: lint types rooms $(PEERS) $(GROOT) $(ROS2)
 	$(VENV)/bin/pytest

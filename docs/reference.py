@@ -20,7 +20,7 @@ from docs.fields_table import table as fields
 from executive.api.codes import all_codes
 from executive.api.operations import OPERATIONS
 from executive.cli.main import SECTIONS, cli
-from executive.cli.support.settings import SETTINGS, environment_name
+from executive.cli.settings.rows import SETTINGS, environment_name
 from trees.compile.port_types import declarations, known_skills
 
 ROOT = Path(__file__).parents[1]
@@ -45,7 +45,9 @@ _FAMILIES = {
 }
 _MARKER = re.compile(r"^<!-- generated: (\w+) -->$", re.MULTILINE)
 _LINK = re.compile(r"\[([^\]]+)\]\((?!https?:)([^)]+)\)")
-_SECTION = re.compile(r"^(Args|Attributes|Raises|Returns|Yields):\n((?:    .*\n?|\n)+)", re.MULTILINE)
+_SECTION = re.compile(
+    r"^(Args|Attributes|Raises|Returns|Yields):\n((?:    .*\n?|\n)+)", re.MULTILINE
+)
 _NAMED = r"`\1`: "
 _ITEM = re.compile(r"^(\w+): ")
 
@@ -62,9 +64,7 @@ def command_line() -> Iterator[str]:
             yield from _command(command, context, f"armtree {name}", "###")
 
 
-def _command(
-    command: click.Command, above: click.Context, name: str, level: str
-) -> Iterator[str]:
+def _command(command: click.Command, above: click.Context, name: str, level: str) -> Iterator[str]:
     context = click.Context(command, above, info_name=name.rpartition(" ")[2])
     yield f"{level} `{name}`\n\n```text\n{command.get_help(context)}\n```"
     if isinstance(command, click.Group):

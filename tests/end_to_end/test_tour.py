@@ -1,4 +1,4 @@
-"""The tour of the README, typed into the shells that people use."""
+"""The tour of the documentation, typed into the shells that people use."""
 
 import os
 import re
@@ -13,13 +13,18 @@ import pytest
 from tests.support.arms.quick_arm import quick_arm
 from tests.support.paths import ROOT
 
-README = (ROOT / "README.md").read_text()
-BLOCKS = [block.splitlines() for block in re.findall(r"```sh\n(.*?)```", README, re.DOTALL)]
-TOUR = next(block for block in BLOCKS if block[0].startswith("export PATH"))
+PAGE = (ROOT / "docs" / "pages" / "start.md").read_text()
+TOUR = [
+    line for block in re.findall(r"```sh\n(.*?)```", PAGE, re.DOTALL) for line in block.split("\n")
+]
+TOUR = [line for line in TOUR if line and line != "make demo"]
+((TASK, TEXT),) = re.findall(r'```yaml title="([^"]+)"\n(.*?)```', PAGE, re.DOTALL)
 
 
 def test_no_command_has_a_comment_which_zsh_would_take_for_words() -> None:
-    assert [line for block in BLOCKS for line in block if " #" in line] == []
+    pages = [ROOT / "README.md", *(ROOT / "docs" / "pages").rglob("*.md")]
+    blocks = re.findall(r"```sh\n(.*?)```", "".join(page.read_text() for page in pages), re.DOTALL)
+    assert [line for block in blocks for line in block.splitlines() if " #" in line] == []
 
 
 def typed(
@@ -41,6 +46,8 @@ def typed(
 
 @pytest.mark.slow
 def test_the_tour(tmp_path: Path) -> None:
+    (tmp_path / TASK).parent.mkdir()
+    (tmp_path / TASK).write_text(TEXT)
     done = typed("bash", TOUR, tmp_path, quick_arm(tmp_path))
     assert done.returncode == 0, done.stdout[-2000:] + done.stderr
     assert "1  pick" in done.stdout

@@ -1,0 +1,179 @@
+"""Every command and every block of the documentation does what the page says."""
+
+import json
+import os
+import re
+import shlex
+import shutil
+import sys
+import tomllib
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, NamedTuple
+
+import click
+import pytest
+from ruamel.yaml import YAML
+
+import armtree
+from executive.cli.main import cli
+from executive.session import open_executive
+from hardware import Robot
+from skills.motion import Pool
+from tests.support.command_line.typed import typed
+from tests.support.paths import DATA, ROBOT_FILE, ROOT
+from tests.support.servers.serving import Serve
+
+pytest_plugins = ["tests.support.servers.server_fixtures"]
+
+PAGES = ROOT / "docs" / "pages"
+_FENCE = re.compile(r'^```(\w*)(?: title="([^"]+)")?\n(.*?)^```$', re.MULTILINE | re.DOTALL)
+# Pages whose commands are for a server that runs.
+SERVED = {"how_to/move.md", "how_to/server.md"}
+# Other tests run these: the tour, and that of a driver with its package.
+ELSEWHERE = {"start.md", "install.md", "how_to/own_driver.md"}
+# Commands that install, never end, or make a recording, of which some are there.
+NOT_TYPED = ("make ", *(f"armtree {name}" for name in ("serve", "jog", "arm", "run 1", "run 2")))
+
+
+class Block(NamedTuple):
+    page: str
+    language: str
+    title: str
+    text: str
+
+
+def _blocks() -> Iterator[Block]:
+    for path in sorted(PAGES.rglob("*.md")):
+        for language, title, text in _FENCE.findall(path.read_text()):
+            yield Block(str(path.relative_to(PAGES)), language, title, text)
+
+
+BLOCKS = list(_blocks())
+TYPED = sorted({block.page for block in BLOCKS if block.language == "sh"} - ELSEWHERE)
+
+
+def lines(page: str) -> list[str]:
+    """The commands of a page that are typed, in order."""
+    found = "".join(block.text for block in BLOCKS if block[:2] == (page, "sh"))
+    return [line for line in found.splitlines() if line and not line.startswith(NOT_TYPED)]
+
+
+def test_every_block_has_a_language() -> None:
+    assert {block.language for block in BLOCKS} <= {
+        "json", "python", "sh", "text", "toml", "xml", "yaml",
+    }  # fmt: skip
+
+
+def _mentioned() -> Iterator[tuple[str, str]]:
+    """Every command that a page names, in a block or in a sentence."""
+    for path in [*PAGES.rglob("*.md"), ROOT / "README.md", ROOT / ".github" / "CONTRIBUTING.md"]:
+        text = path.read_text()
+        fenced = "".join(words for *_, words in _FENCE.findall(text))
+        found = re.findall(r"`(armtree [^`\n]+)`", _FENCE.sub("", text))
+        for line in found + re.findall(r"^armtree .+$", fenced, re.MULTILINE):
+            yield path.name, line
+
+
+def test_every_command_and_option_that_a_page_names_exists() -> None:
+    found = list(_mentioned())
+    assert len(found) > 150
+    assert [(page, line, word) for page, line in found if (word := _unknown(line))] == []
+
+
+def _unknown(line: str) -> str:
+    """Return the word of a command line that names no command or option; "" if there is none."""
+    command: click.Command = cli
+    options = {"--help", "--version"}
+    for word in re.split(r"\s+", re.split(r" [|&#]", line)[0])[1:]:
+        options |= {name for each in command.params for name in (*each.opts, *each.secondary_opts)}
+        if word.startswith("-"):
+            if re.match("--?[a-z]", word) and word.partition("=")[0] not in options:
+                return word
+        elif isinstance(command, click.Group) and re.fullmatch("[a-z-]+", word):
+            inner = command.get_command(click.Context(command), word)
+            if inner is None:
+                return word
+            command = inner
+    return ""
+
+
+def test_data_of_the_pages_can_be_read() -> None:
+    read: dict[str, Callable[[str], Any]] = {
+        "json": json.loads,
+        "toml": tomllib.loads,
+        "yaml": YAML(typ="safe").load,
+    }
+    for block in BLOCKS:
+        if block.language in read:
+            assert read[block.language](block.text), block
+        elif block.language == "python":
+            compile(block.text, block.page, "exec")
+
+
+@pytest.fixture
+def quick(
+    quick_robot: Robot, real_pool: Pool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Path:
+    """A folder to type commands in, with the quick arm and planners that are ready."""
+    runs = partial(open_executive, pool=real_pool)
+    monkeypatch.setattr("executive.cli.support.run_tasks.open_executive", runs)
+    monkeypatch.setenv("ARMTREE_ROBOT", str(quick_robot.path))
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "my_arm.urdf").write_bytes(ROBOT_FILE.with_suffix(".urdf").read_bytes())
+    shutil.copytree(DATA / "upgrades" / "0.1.0" / "recordings", tmp_path / "recordings")
+    return tmp_path
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("undrawn")
+@pytest.mark.parametrize("page", [page for page in TYPED if page not in SERVED])
+def test_the_commands_of_a_page(page: str, quick: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for block in BLOCKS:
+        if block.page == page and block.title:
+            (quick / block.title).parent.mkdir(parents=True, exist_ok=True)
+            (quick / block.title).write_text(block.text)
+    for line in lines(page):
+        words = shlex.split(line.replace("JOINT", "joint_1"))
+        if "--robot" in words:  # the planners that are ready are for another arm
+            monkeypatch.setattr("executive.cli.support.run_tasks.open_executive", open_executive)
+        status, out, err = typed(quick / "recordings", *words[1:])
+        expected = 12 if line.startswith("armtree log diff") else 0  # the two runs differ
+        assert status == expected, f"{line}\n{out}\n{err}"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", sorted(SERVED))
+def test_the_commands_for_a_server(
+    page: str, serve: Serve, quick: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    served = serve()
+    monkeypatch.setenv("ARMTREE_SERVER", f"http://127.0.0.1:{served.server.port}")
+    for line in lines(page):
+        status, out, err = typed(quick / "recordings", *shlex.split(line)[1:])
+        assert status == 0, f"{line}\n{out}\n{err}"
+    for block in BLOCKS:
+        if block[:2] == (page, "python"):
+            exec(compile(block.text, page, "exec"), {})
+
+
+@pytest.mark.slow
+def test_the_programs_of_the_python_pages(quick: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In one process; a table stands in for the one of pandas, which is not installed."""
+    arm = partial(armtree.Arm, robot=Path(os.environ["ARMTREE_ROBOT"]))
+    monkeypatch.setattr(armtree, "Arm", arm)
+    frames: list[Any] = []
+
+    def frame(rows: Any) -> Any:
+        frames.append(list(rows))
+        return SimpleNamespace(plot=lambda **_: None)
+
+    monkeypatch.setitem(sys.modules, "pandas", SimpleNamespace(DataFrame=frame))
+    names: dict[str, Any] = {}
+    for page in ("how_to/recordings.md", "how_to/python.md"):
+        for block in BLOCKS:
+            if block[:2] == (page, "python"):
+                exec(compile(block.text, page, "exec"), names)
+    assert frames[0]

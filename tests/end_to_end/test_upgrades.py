@@ -1,0 +1,71 @@
+"""Files that an earlier version wrote, or read, still mean the same.
+
+Each folder of `tests/data/upgrades` has files of one version, which nobody changes. A new version
+adds a folder. `docs/pages/concepts/formats.md` says what may change.
+"""
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+import logs
+from executive.testing import SimulatedArm
+from tests.support.command_line.typed import typed
+from tests.support.paths import DATA
+
+VERSIONS = sorted((DATA / "upgrades").iterdir())
+
+
+@pytest.fixture(params=VERSIONS, ids=lambda folder: folder.name)
+def earlier(
+    request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Path:
+    """A copy of the files of a version, as the working directory."""
+    folder = tmp_path / "earlier"
+    shutil.copytree(request.param, folder)
+    monkeypatch.chdir(folder)
+    return folder
+
+
+def test_the_file_of_settings_is_read(earlier: Path) -> None:
+    status, out, err = typed(earlier / "recordings", "config", "--json")
+    assert status == 0, err
+    rows = [json.loads(line) for line in out.splitlines()]
+    from_file = {row["setting"] for row in rows if "armtree.toml" in row["source"]}
+    assert from_file >= {row["setting"] for row in rows} - {"recordings"}
+
+
+def test_task_files_are_right(earlier: Path) -> None:
+    status, out, err = typed(earlier / "recordings", "check")
+    assert (status, err) == (0, ""), out
+    assert "are right" in out
+
+
+def test_a_task_with_everything_runs_on_the_robot_file(earlier: Path) -> None:
+    robot = earlier / "arduinobot.toml"
+    with SimulatedArm(earlier / "trees", earlier / "skills", robot) as arm:
+        outcome = arm.run(3)
+        assert outcome.success, outcome.message
+        assert arm.said("Say") == ["$5 a piece, times 3", "half of it 0.25"]
+
+
+def test_obstacles_are_read(earlier: Path) -> None:
+    status, out, err = typed(earlier / "recordings", "plan", "right", "--json", "-o", "plan.svg")
+    assert status == 0, err
+    assert "post" in out
+
+
+def test_recordings_are_read_and_their_frames_follow_from_their_plans(earlier: Path) -> None:
+    files = sorted((earlier / "recordings").glob("*.mcap"))
+    assert files
+    for file in files:
+        records = list(logs.Recording(file).records())
+        assert [each.success for each in records if isinstance(each, logs.Result)] == [True]
+        assert logs.table(file, "/joint_states")
+        for command in (("log", "info"), ("log", "show"), ("log", "export"), ("show",)):
+            status, out, err = typed(earlier / "recordings", *command, str(file))
+            assert status == 0, out + err
+        _, out, err = typed(earlier / "recordings", "replay", str(file), "--verify")
+        assert "plan -> frames  holds" in out, out + err
