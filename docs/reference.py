@@ -17,10 +17,10 @@ from mkdocs.structure.files import File, Files
 
 import armtree
 from docs.fields_table import table as fields
-from executive.api.codes import all_codes
 from executive.api.operations import OPERATIONS
 from executive.cli.main import SECTIONS, cli
 from executive.cli.settings.rows import SETTINGS, environment_name
+from tests.support.codes import all_codes
 from trees.compile.port_types import declarations, known_skills
 
 ROOT = Path(__file__).parents[1]
