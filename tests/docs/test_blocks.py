@@ -87,7 +87,7 @@ def _unknown(line: str) -> str:
     """Return the word of a command line that names no command or option; "" if there is none."""
     command: click.Command = cli
     options = {"--help", "--version"}
-    for word in re.split(r"\s+", re.split(r" [|&#]", line)[0])[1:]:
+    for word in re.split(r"\s+", re.split(r" (?:[|&#]|-- )", line)[0])[1:]:
         options |= {name for each in command.params for name in (*each.opts, *each.secondary_opts)}
         if word.startswith("-"):
             if re.match("--?[a-z]", word) and word.partition("=")[0] not in options:
