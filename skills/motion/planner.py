@@ -71,6 +71,14 @@ class Planner:
         self._groups = dict[str, EndpointChecker]()
         self.checker = self._checker(EMPTY)
 
+    def prepare(self, world: World) -> None:
+        """Load a world, so that the first query in it takes no longer than the next one.
+
+        Raises:
+            BadWorld: The world is invalid.
+        """
+        self._checker(world).prepare()
+
     def answer(self, request: Request) -> Answer:
         """Answer any request: with a Plan, Reached or Body, or None for Verify.
 

@@ -74,6 +74,11 @@ class CollisionChecker:
         self._narrow = dict[tuple[int, bool], NarrowPhase]()
         self._data = scene.kinematics.createData()
 
+    def prepare(self) -> None:
+        """Load now what every query needs. Otherwise the first query does."""
+        for least in (True, False):
+            self._broad_phase(self.pairs, least)
+
     # Large worlds take milliseconds for each of these, and not every query needs them.
     @cached_property
     def _placed(self) -> pin.GeometryData:

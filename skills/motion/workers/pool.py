@@ -12,7 +12,7 @@ from typing import TypeVar
 from hardware import Clock, Robot
 from skills.motion.errors import MotionError, PlanCanceled, WorkerDied
 from skills.motion.query import Carry, Reached, Request, Result, ToolQuery
-from skills.motion.world import Body
+from skills.motion.world import EMPTY, Body, World
 
 from .memory import check_memory, has_spare_memory
 from .worker_process import WorkerProcess
@@ -172,13 +172,16 @@ class Pool:
                 with self._signal:
                     slot.process = process
 
-    def _prepare_standby(self) -> None:
-        """Start a process that replaces a worker if it is killed, unless memory is short."""
+    def _prepare_standby(self, world: World) -> None:
+        """Start a process that replaces a worker if it is killed, unless memory is short.
+
+        It loads the world in which the worker plans.
+        """
         with self._signal:
             wanted = self._standby is None and not self._closed
         if wanted and has_spare_memory():
             with suppress(OSError):  # it may not be needed
-                process = WorkerProcess(self._robot)
+                process = WorkerProcess(self._robot, world)
                 with self._signal:
                     spare, self._standby = self._standby, process
                 if spare:  # of another thread
@@ -207,12 +210,13 @@ class Pool:
 
     def _answer(self, slot: "_Slot", job: Job) -> Result:
         result: Result = PlanCanceled()
+        world = getattr(job.request, "world", EMPTY)
         try:
             self._ensure_process(slot)  # it may have died while it was idle
             with self._signal:
                 process = None if slot.canceled else slot.process
             if process:
-                result = process.call(job.request, self._prepare_standby)
+                result = process.call(job.request, partial(self._prepare_standby, world))
         except Exception as error:  # a bug, or the system starts no process: its caller waits
             logger.exception("a planning process cannot be used")
             slot.close()

@@ -1,15 +1,16 @@
 """The worker process: `python -P -m skills.motion.workers.worker_main FD`, FD being its socket.
 
-It receives a Robot and answers None when it has loaded it. Then it answers requests, one after the
-other, until the other end closes. Request and answer have the same number. A MotionError is an
-answer; if the robot is unusable, it is the first and only one. Any other error ends the process, as
-does using too much memory, and the parent starts a new one.
+It receives a Robot and a World, and answers None when it has loaded them. Then it answers requests,
+one after the other, until the other end closes. Request and answer have the same number. A
+MotionError is an answer; if the robot is unusable, it is the first and only one. Any other error
+ends the process, as does using too much memory, and the parent starts a new one.
 """
 
 import os
 import signal
 import socket
 import sys
+from contextlib import suppress
 
 from hardware import RealClock
 from skills.motion.errors import MotionError
@@ -34,13 +35,15 @@ def main(descriptor: int) -> None:
 
 
 def _serve(parent: socket.socket) -> None:
-    robot = receive(parent)
+    robot, world = receive(parent)
     try:
         planner = Planner(robot, RealClock())
     except MotionError as error:
         send(parent, encode(error))
         receive(parent)  # wait until the other end closes
         return
+    with suppress(MotionError):  # a request in this world reports it
+        planner.prepare(world)
     send(parent, encode(None))
     while True:
         number, request = receive(parent)

@@ -16,6 +16,7 @@ from typing import Any
 from hardware import Robot
 from skills.motion.errors import BadQuery, MotionError, PlanTimeout, WorkerDied, shown
 from skills.motion.query import Query, Request, Result, check_types
+from skills.motion.world import EMPTY, World
 
 from .answer_checker import AnswerChecker
 from .messages import InvalidMessage, encode, receive, send
@@ -26,6 +27,7 @@ _GRACE = 0.008  # time after a request's timeout until the worker counts as hang
 _SLOW = 0.1  # a request that takes longer is likely to be canceled [s]
 _EXIT = 5.0  # longest wait for the exit status, once the worker closed its socket [s]
 _FEW = 100  # most via points and bodies of a request that is encoded quickly
+_MANY = 1000  # most bodies of a world that is sent before the process reads
 _STOPPED_NOW = os.WSTOPPED | os.WNOHANG | os.WNOWAIT
 _START = 30.0  # longest time to load the robot, on a slow machine [s]
 
@@ -38,9 +40,10 @@ class WorkerProcess:
 
     Args:
         robot: The robot to plan for.
+        world: World that it loads at once. Default: only the empty one.
     """
 
-    def __init__(self, robot: Robot) -> None:
+    def __init__(self, robot: Robot, world: World = EMPTY) -> None:
         ours, theirs = socket.socketpair()
         self._output = tempfile.TemporaryFile()  # noqa: SIM115, closed by `close`
         with theirs:
@@ -59,7 +62,7 @@ class WorkerProcess:
         self._answers = AnswerChecker(robot)
         self._number = 0  # of the last request
         self._ahead: tuple[float, bytes] | None = None  # deadline, and bytes still to send
-        self._send_robot(robot)
+        self._send_setup(robot, world if len(world.bodies) <= _MANY else EMPTY)
 
     @property
     def pid(self) -> int:
@@ -139,9 +142,9 @@ class WorkerProcess:
         poll.register(self._socket, select.POLLIN)
         return bool(poll.poll(1e3 * _SLOW))
 
-    def _send_robot(self, robot: Robot) -> None:
+    def _send_setup(self, robot: Robot, world: World) -> None:
         try:
-            self._socket.sendall(encode(robot))
+            self._socket.sendall(encode((robot, world)))
         except OSError:
             self.kill()  # the first `call` returns the error
 

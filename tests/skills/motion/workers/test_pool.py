@@ -218,6 +218,7 @@ def test_a_worker_that_is_killed_at_a_long_job_is_replaced_by_one_that_stands_by
     pool: Pool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("skills.motion.workers.worker_process._SLOW", 0.01)
+    far = World((Body("cube", Box((0.1, 0.1, 0.1)), (2.0, 0.0, 0.1)),))
     assert isinstance(ask(pool, PICK), Plan)
     if pool._standby:  # of an earlier test
         pool._standby.close()
@@ -225,7 +226,7 @@ def test_a_worker_that_is_killed_at_a_long_job_is_replaced_by_one_that_stands_by
     for memory_is_left in (False, True):
         monkeypatch.setattr(pool_module, "has_spare_memory", lambda left=memory_is_left: left)
         answer, started = Answer(), threading.Event()
-        job = pool.submit(LONG, answer)
+        job = pool.submit(dataclasses.replace(LONG, world=far), answer)
         until_at_work(pid(pool))
         while memory_is_left and not pool._standby:
             started.wait(0.005)
@@ -233,8 +234,9 @@ def test_a_worker_that_is_killed_at_a_long_job_is_replaced_by_one_that_stands_by
         assert (standby is not None) is memory_is_left
         job.cancel()
         assert isinstance(answer.wait(), PlanCanceled)
-        assert isinstance(ask(pool, PICK), Plan)
+        plan = answered(pool, dataclasses.replace(PICK, world=far))
         assert (pid(pool) == standby) is memory_is_left
+        assert ("world" not in plan.milliseconds) is memory_is_left  # it was loaded before
 
 
 def test_a_bug_in_a_thread_of_the_pool_ends_only_its_job(
