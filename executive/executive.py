@@ -169,7 +169,7 @@ class Executive:
     def find_invalid(
         self, tasks: Sequence[int | Move], arguments: Mapping[str, str | Located]
     ) -> int | None:
-        """Return the first task with an invalid goal, as far as this is known without the arm.
+        """Return the first task with an invalid goal, without the checks that need the arm.
 
         Call it only before `start`.
         """

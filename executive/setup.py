@@ -18,7 +18,7 @@ class Setup:
         trees: Folder with task files of your own; None for the shipped tasks only.
         reload: True if each goal takes the latest valid task files, False if they are read once.
         recordings: Folder for recordings.
-        recording_timeout: Longest time that a frame waits for the recording of the one before it
+        recording_timeout: Longest time that a frame waits for the recording of the previous frame
             [s]; then the motion ends.
         keep_days: Age at which a recording is deleted [days]; None for never.
         keep_mb: Size of all recordings [MB]; beyond it the oldest are deleted. None for no limit.

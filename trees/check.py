@@ -45,10 +45,10 @@ class Findings:
     Attributes:
         files: Files that were checked.
         mistakes: Mistakes, ordered by file and line.
-        notes: Files that were ignored or may be for another robot, keys that nothing reads, long
-            times without a unit, and tasks whose first motion starts in collision, or whose
-            motions take longer than their timeout, if the arm is in its start pose; ordered like
-            the mistakes.
+        notes: Warnings, ordered like the mistakes: files that were ignored or may be for another
+            robot; keys that nothing reads; long times without a unit; tasks whose first motion
+            starts in collision, and tasks whose motions take longer than their timeout. The last
+            two assume that the arm is in its start pose.
     """
 
     files: list[Path] = field(default_factory=list)

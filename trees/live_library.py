@@ -108,7 +108,7 @@ class LiveLibrary:
 
     Args:
         folder: The user's task files; None for only those that ship.
-        robot: The robot, for which the tasks are checked.
+        robot: The robot. Tasks are checked for it.
 
     Attributes:
         folder: The user's folder, or None.
@@ -202,7 +202,7 @@ class LiveLibrary:
             return self._rows[1]
 
     def _updated(self) -> deque[_Snapshot]:
-        """Return the snapshots, the first of which is current."""
+        """Return the snapshots, the current one first."""
         if not self._snapshots[0].is_current:
             now = _Snapshot(*self._files, self._snapshots[0])
             self._snapshots.appendleft(now)

@@ -1,6 +1,6 @@
-"""What is reported of a goal: its state, the cause of a failure, its outcome, and the answers.
+"""Reports about a goal: its state, the cause of a failure, its outcome, the answers.
 
-Only this file converts these values to JSON and back, and an outcome to a record and back. The
+Only this file converts these values to and from JSON, and an outcome to and from a record. The
 numbers of `GoalState` and `CancelCode` are those of ROS 2.
 """
 

@@ -138,11 +138,11 @@ def where(server: str | None, as_json: bool, **options: Any) -> None:
 
 
 def find_arm(server: str | None, robot: Path | None, recordings: Path) -> "tuple[Where, str]":
-    """Return where the arm is, and the source: a server, or else the newest recording with a pose.
+    """Return the pose of the arm and its source: a server, or the newest recording with a pose.
 
     Raises:
         Refusal: Several servers run on this machine, or the server has another robot.
-        ClientError: The server does not answer; or there is none, and no such recording.
+        ClientError: The server does not answer, or no server runs and no recording has a pose.
     """
     from executive.client.synchronous import Client
 

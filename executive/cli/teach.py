@@ -161,7 +161,7 @@ class _ServersHand:
     """The keys for the arm of a server, which no person moves by hand."""
 
     def switch_torque(self, _where: "Where", _text: str) -> str:
-        """Return what to do."""
+        """Return the instructions for the next step."""
         return "A server has this arm. To move it by hand, end armtree serve, then teach again"
 
     record = switch_torque

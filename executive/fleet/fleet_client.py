@@ -143,7 +143,7 @@ class FleetClient:
         return [ArmRow(members[arm], alive.get(arm)) for arm in sorted(members)]
 
     async def records(self) -> list[JobRecord]:
-        """Return what is known of the jobs that are not queued, in the order of their sending."""
+        """Return the records of claimed and ended jobs, in the order in which they were sent."""
         found = await self._fleet.values(JobRecord)
         return sorted(found.values(), key=lambda record: record.job.sent_ns)
 
@@ -294,7 +294,8 @@ class FleetClient:
         members = await self._fleet.values(Member)
         wanted = {arm for arm in members if not whom or {arm, arm.partition(".")[0]} & {*whom}}
         if unknown := {each for each in whom if not any(_names(each, arm) for arm in members)}:
-            raise FleetError(f"no arm is {', '.join(sorted(unknown))}; `armtree fleet ls`")
+            names = ", ".join(sorted(unknown))
+            raise FleetError(f"no arm or pool is called {names}; `armtree fleet ls` lists them")
         end = begin + STOP_SECONDS
         while wanted - found.keys() and (left := end - self._clock.now()) > 0:
             news.clear()

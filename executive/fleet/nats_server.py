@@ -112,7 +112,7 @@ def make_key(path: Path) -> str:
 
 
 def own_credentials(options: NatsOptions) -> dict[str, Any]:
-    """Return the options of nats-py with which the program that runs the server connects to it."""
+    """Return the options of nats-py for the connection of this program to the server."""
     found: dict[str, Any] = {"token": _token(options.data / "token")}
     if options.nkeys:
         found = {"nkeys_seed": str(options.data / _OWN_KEY)}

@@ -74,7 +74,7 @@ class Result:
 
     @classmethod
     def failed(cls, cause: Cause, state: GoalState = GoalState.ABORTED) -> "Result":
-        """Return the result of a job that ended without an outcome of its arm."""
+        """Return the result of a job that failed before an arm reported an outcome."""
         return cls(state.name, cause.code, cause.message, cause.hint)
 
 

@@ -36,7 +36,7 @@ class FleetPlace:
 
     @classmethod
     def of(cls, url: str, pool: str, name: str | None) -> Self:
-        """Return a place; the default of the name is that of this machine.
+        """Return a place. The default name is the name of this machine.
 
         Raises:
             BadName: A name is malformed.
@@ -80,8 +80,9 @@ def worker_of(place: FleetPlace, server: str, token: str) -> Iterator[None]:
         status = process.wait()
         if not ended:
             logger.error(
-                "FLEET: the worker has ended with status %d, so this arm takes no jobs. The server "
-                "goes on; armtree fleet join --server %s --fleet %s --pool %s --name %s starts it",
+                "FLEET: the worker ended with status %d, so this arm takes no more jobs. The "
+                "server still runs. To start a worker, type: armtree fleet join --server %s "
+                "--fleet %s --pool %s --name %s",
                 *(status, server, place.url, place.pool, place.name),
             )
 

@@ -106,7 +106,7 @@ class GoalExecutor:
             self._thread.join()
 
     def validate(self, task: int, arguments: Mapping[str, str | Located]) -> Exception | None:
-        """Validate a goal, as far as this is possible without the arm. Any thread may call.
+        """Validate a goal, without the checks that need the arm. Thread-safe.
 
         Returns:
             The error, or None.

@@ -106,7 +106,7 @@ class Mailbox:
         return self._clock.now() - self.paused_time >= self._deadline
 
     def wait_until(self, condition: Callable[[], bool], timeout: float) -> bool:
-        """Wait until a condition is true; False if it is not in time.
+        """Wait until a condition is true. Returns False after the timeout.
 
         Args:
             condition: Checked after every post.

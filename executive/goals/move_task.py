@@ -20,7 +20,7 @@ _EXAMPLE = "`armtree move joint_1=70deg`"
 
 
 def read_move(move: Move, robot: Robot, poses: Poses) -> Words:
-    """Return what the words of a move mean.
+    """Read the words of a move.
 
     Args:
         move: The move.
@@ -54,7 +54,7 @@ def move_text(move: Move, read: Words) -> str:
 
     Args:
         move: The move.
-        read: What its words mean.
+        read: The words, as `read_move` returns them.
     """
     tree = _tree(read, move.relative, move.speed)
     description = f"{'by ' * move.relative}{' '.join(move.words)}"
@@ -64,7 +64,7 @@ def move_text(move: Move, read: Words) -> str:
 
 
 def draft_move(text: str) -> Draft:
-    """Return what `move_text` returned as a task.
+    """Return the task of a text that `move_text` returned.
 
     Raises:
         FileError: The text is not YAML.

@@ -1,1 +1,1 @@
-"""What would move, before the arm moves: dry runs, plans, their explanation and drawing."""
+"""Previews of a motion: dry runs, plans, their explanation and drawing."""

@@ -40,7 +40,7 @@ class PlanRequest:
         seed: Seed of the planner.
         start: Start, in the form of `words`, but not a task. Joints that are not named are in
             the start pose of the robot file.
-        via: Points on the way, each as `start`. Joints that are not named are as at the start.
+        via: Waypoints, each as `start`. Joints that are not named stay as at the start.
         tool: Further inputs for a point of the tool: values of TOOL_PORTS, by port.
     """
 

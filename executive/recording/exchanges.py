@@ -1,4 +1,4 @@
-"""What is recorded of the requests to a board that measures, and of its answers."""
+"""Drops repeated measurements of a resting arm from the recording."""
 
 import math
 import threading
@@ -14,7 +14,7 @@ _LONGEST = 10.0  # a resting arm is recorded at least this often [s]
 class Exchanges:
     """Drops the exchanges with a board that measures the same as before.
 
-    A resting arm is asked several times a second whether it is well, and answers the same. An
+    A resting arm is polled several times a second, and measures the same each time. An
     exchange is a request, the bytes of its answers, and the measurement. It is recorded as a whole
     if a frame was sent before it, if the measurement has changed, if 10 s have passed, or if the
     answer is not complete. Everything else is recorded at once. Thread-safe.

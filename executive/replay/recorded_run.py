@@ -39,7 +39,7 @@ class RecordedRun:
         return _planners[key]
 
     def start(self, record: Plan | Schedule) -> tuple[float, ...]:
-        """Return where a motion starts: one position per actuated joint [rad]."""
+        """Return the start of a motion: one position per actuated joint [rad]."""
         return tuple(record.start[joint.name] for joint in self.robot.actuated)
 
     @cached_property

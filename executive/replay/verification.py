@@ -68,7 +68,7 @@ class Verification:
     Attributes:
         path: The recording.
         checks: Both checks; empty if the file cannot be verified.
-        error: Why it cannot be verified, what it lacks, or what changed in it; else empty.
+        error: Why it cannot be verified, or what is missing or changed in it; else empty.
         code: Stable code of the error.
         motion: Duration of the motions that were compiled again [s].
     """

@@ -78,9 +78,11 @@ def _plan_difference(
     if isinstance(answer, MotionError):
         if answer.code == recorded.code:
             return ""
-        return f"{recorded.code or 'a motion'} is recorded, but now {answer.code}: {answer}"
+        then = recorded.code or "a motion"
+        return f"the run had {then}; planning again fails with {answer.code}: {answer}"
     if recorded.code:
-        return f"{recorded.code} is recorded, but now there is a motion of {answer.duration:.3f} s"
+        now = f"planning again finds a motion of {answer.duration:.3f} s"
+        return f"the run had {recorded.code}; {now}"
     planned[recorded.group] = answer
     return _motions_difference(recorded, answer)
 

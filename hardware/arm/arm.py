@@ -57,10 +57,10 @@ def _at_once(timeout: float) -> bool:
 
 
 class Arm:
-    """A robot arm. It is moved open loop: motions start at, and continue from, the last command.
+    """A robot arm, moved open loop: a motion starts at the last commanded positions.
 
-    As a context manager it is shut down at the end. It is also shut down when the interpreter
-    exits, and its port is closed when nothing refers to it.
+    The end of a `with` block shuts the arm down. So does the exit of the interpreter. If nothing
+    refers to the arm any more, its port is closed.
 
     Args:
         robot: The robot.
@@ -70,8 +70,9 @@ class Arm:
             were sent. It must return quickly, because the caller waits for it. It may stop the arm
             and may take locks. A lock that is held while the arm is stopped must be re-entrant.
             Its exceptions are logged and have no other effect.
-        ready: Returns whether the next frame may be sent, and waits for that for a time [s]; by
-            default, it always may. It may raise a `WriteRefused`, which ends the motion.
+        ready: Waits until the next frame may be sent, at most for its argument [s]. Returns True if
+            the frame may be sent. A `WriteRefused` that it raises ends the motion. Default: every
+            frame may be sent at once.
     """
 
     def __init__(

@@ -107,8 +107,8 @@ class Streamer:
         clock: Time source.
         period: Period of frames [s]. A frame that is later than this shifts the rest of the motion.
         on_fault: Callback for errors. It must close this streamer.
-        ready: Returns whether the next frame may be sent, and waits for that for a time [s]. It may
-            raise a `WriteRefused`, which ends the motion.
+        ready: Waits until the next frame may be sent, at most for its argument [s]. Returns True if
+            the frame may be sent. A `WriteRefused` that it raises ends the motion.
         check_arrived: Raises `NotArrived` if joints are not measured at positions [rad].
         settle: Longest time to arrive, after the last frame [s].
 

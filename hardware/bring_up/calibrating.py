@@ -101,7 +101,7 @@ class Calibrator:
         return Row(joint, servo, now, swept.least, swept.most, turned, seam)
 
     def kept(self, centre: bool) -> dict[str, dict[str, int]]:
-        """Return what the servo of each joint must keep for the ranges that were swept.
+        """Return the values to store in each joint's servo for the ranges that were swept.
 
         Args:
             centre: True to move the seam of every servo opposite to the middle of its range.
@@ -121,7 +121,7 @@ class Calibrator:
         return found
 
     def changes(self, kept: Mapping[str, Mapping[str, int]]) -> list[Change]:
-        """Return which values of which servos differ from these."""
+        """Return the stored values of servos that differ from these."""
         return [
             Change(joint, self._servos[joint], name, self._reports[joint].kept[name], value)
             for joint, values in kept.items()
@@ -161,7 +161,7 @@ class Calibrator:
 def read_lerobot(
     path: Path, joints: Sequence[Joint], servos: Mapping[str, int]
 ) -> dict[str, dict[str, int]]:
-    """Return what the servo of each joint keeps, from a calibration file of LeRobot.
+    """Return the stored values of each joint's servo, from a calibration file of LeRobot.
 
     LeRobot has written these values to the servos; `drive_mode` must be 0, as for every SO-101.
 

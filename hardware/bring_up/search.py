@@ -13,7 +13,7 @@ _PATIENCE = 0.2  # for the answer of a servo, in all rounds [s]
 
 
 def find_servos(robot: Robot, bus: ServoBus) -> Found:
-    """Return what answers on the open bus of an arm. A servo that does not is asked again."""
+    """Find the servos on the open bus of an arm. A servo that does not answer is asked again."""
     found = bus.find(robot.servos.values())
     for _ in range(_ROUNDS - 1):
         missing = [servo for servo in robot.servos.values() if servo not in found.servos]

@@ -42,11 +42,12 @@ class Swept:
         return self.least // self.turn != self.most // self.turn
 
     def kept(self, homing: int | None, centre: bool) -> dict[str, int]:
-        """Return what the servo must keep for this range, by the names in `ServoReport`.
+        """Return the values to store in the servo for this range, by their names in `ServoReport`.
 
         Args:
-            homing: Offset that it keeps now [ticks]; None if it has none.
-            centre: True to move the seam opposite to the middle of the range, by the offset.
+            homing: Stored offset [ticks]; None if the servo has none.
+            centre: True to change the offset, so that the seam is opposite to the middle of the
+                range.
         """
         begin = self.least - self.least % self.turn  # of the turn in which the range begins
         if homing is None:

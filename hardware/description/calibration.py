@@ -28,7 +28,7 @@ class CalibratedJoint:
 
 
 def calibration_file(robot_file: Path) -> Path:
-    """Return where the calibration of a robot file is, if there is one."""
+    """Return the path of the calibration of a robot file. The file may be missing."""
     return robot_file.with_name(robot_file.stem + _SUFFIX)
 
 
@@ -60,7 +60,7 @@ def read_calibration(path: Path, robot: str) -> TomlTable | None:
 
 
 def values_before(path: Path, robot: str) -> dict[str, dict[str, int]]:
-    """Return what the servos kept before the first calibration, by joint; empty without a file.
+    """Return the values of each servo before the first calibration; empty without a file.
 
     Raises:
         DescriptionError: The file is wrong, or of another robot.

@@ -47,10 +47,10 @@ class Gripper:
         return sorted(widths) in (widths, widths[::-1]) and len({*widths}) == _SAMPLES
 
     def position(self, kinematics: ForwardKinematics, width: float) -> float:
-        """Return the position of the joint with a width.
+        """Return the position of the joint at which the gripper has a width.
 
         Args:
-            kinematics: That of the robot.
+            kinematics: Forward kinematics of the robot.
             width: The width [m].
 
         Raises:

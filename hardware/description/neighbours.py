@@ -31,7 +31,7 @@ def adjacent_links(urdf: Urdf, shaped: Collection[str]) -> set[frozenset[str]]:
 
 
 def advice_for_contact(robot: Robot, first: str, second: str) -> str:
-    """Return what to do about two links that touch: allow it, if they are neighbours.
+    """Return advice about two links that touch: neighbours may be allowed to.
 
     Args:
         robot: The robot.

@@ -307,7 +307,7 @@ class Robot:
         return self.kinematics.locate(self.tool.link, self.tool.offset, positions)
 
     def width(self, positions: Mapping[str, float]) -> float | None:
-        """Return the width of the gripper [m]; None if the robot file does not say how to measure.
+        """Return the width of the gripper [m]; None if the robot file names no pads.
 
         Args:
             positions: Position of every actuated joint [rad], by name.

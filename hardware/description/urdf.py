@@ -314,10 +314,10 @@ def _loop_mistakes(
             path[above[end]] = None
             end, _ = ends[above[end]]
         if end == child:
-            loop = f"by way of {', '.join(path)}" if path else "as its child is its parent"
-            yield UrdfError(
-                f"joint {name} is its own ancestor, {loop}; let its child be another link"
-            )
+            why = f"joint {name} has the same link as parent and child, {child}"
+            if path:
+                why = f"joint {name} is its own ancestor, through {', '.join(path)}"
+            yield UrdfError(f"{why}; give it another child link")
             return
         if end in connected or end not in above:
             connected.update((parent, *(ends[each][0] for each in path)))

@@ -1,4 +1,4 @@
-"""The protocol of a board: what it and armtree tell each other beside frames."""
+"""The protocol of a board: messages in both directions, other than frames."""
 
 import math
 from collections.abc import Sequence

@@ -100,7 +100,7 @@ class ServoDriver(Protocol):
         """Return the id of the servo of each joint, by its name."""
 
     def kept(self, joints: Sequence[Joint]) -> dict[str, dict[str, int]]:
-        """Return what the servo of each calibrated joint must keep, as `ServoReport.kept`."""
+        """Return the values to store in the servo of each joint, as `ServoReport.kept`."""
 
     def calibrated_wire(
         self, joint: Joint, firmware: Firmware, kept: Mapping[str, int], middle: float

@@ -84,7 +84,7 @@ class TimedLink:
             self._signal.notify()
 
     def _in_time(self, done: Future[None], waits: int) -> bool:
-        """Wait for a call and raise what it raises. Return False if it does not return in time."""
+        """Wait for a call. Returns False after the timeout. Raises the exception of the call."""
         with self._signal:
             for _ in range(waits):
                 if not done.done():

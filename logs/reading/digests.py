@@ -82,7 +82,7 @@ def changed_part(path: Path) -> str:
     """Return the first topic, attachment or note that changed after the recording was finished.
 
     Returns:
-        Its name, which is that of the digests if they are missing. Empty if nothing changed, or if
+        Its name; the name of the digests if they are missing. Empty if nothing changed, or if
         the file never held digests.
 
     Raises:

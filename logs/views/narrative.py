@@ -38,7 +38,7 @@ class Overview:
         messages: Number of messages.
         complete: True if it has its end and no damage.
         written: True if it is being written.
-        goal: The goal; None if there is none, or if each has a recording of its own.
+        goal: The goal; None in a recording without one, such as that of a server.
         result: The result of that goal, or None.
         frames: Number of frames sent, including holds.
         holds: Number of holds.

@@ -41,7 +41,7 @@ class Summary:
     damaged: Path | None = None
 
     def text(self) -> str:
-        """Return what was recovered, for people."""
+        """Return a summary of the recovered records, for people."""
         if not self.bytes:
             return f"{self.path}: was empty and is removed: its run had recorded nothing"
         if self.whole:

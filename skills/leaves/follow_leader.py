@@ -121,7 +121,7 @@ class FollowLeader(Skill):
         self._checks = (self._check(start, positions),)
 
     def _ahead(self, start: Array, target: Array) -> tuple[float, ...]:
-        """Return where the joints are after one period: towards the leader, within their limits.
+        """Return the joint positions after one period: towards the leader, within their limits.
 
         No joint is faster than it can stop at the leader.
         """
@@ -196,7 +196,7 @@ class FollowLeader(Skill):
         self._playback = context.arm.play(self._schedule, context.wake, self.name, self._generation)
 
     def _finish(self, playback: Playback) -> None:
-        """Raise why a step was not sent."""
+        """Raise the error for a step that was not sent."""
         self._playback = None
         if playback.error:
             raise playback.error

@@ -27,7 +27,7 @@ class Query:
         seed: Seed of the search. Equal queries give equal plans.
         timeout: Time for planning [s], from when a worker has loaded the robot. It can make a plan
             fail, and never changes one.
-        via: Points on the way, each as `goal`, in their order. The motion does not stop there if
+        via: Waypoints before the goal, each as `goal`, in order. The motion does not stop there if
             it can be blended. No part of the arm is then further off than `blend.VIA_TOLERANCE`.
         world: Bodies around the arm and attached to it.
         spare: Distance to keep between the ends, in addition to the robot's margin [m].

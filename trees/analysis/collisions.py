@@ -87,7 +87,7 @@ class CollisionChecks:
         return answer if isinstance(answer, (BadWorld, WorkerDied)) else None
 
     def _collision(self, pose: Pose, world: World) -> str:
-        """Return what collides in a configuration, or an empty text."""
+        """Return a message about a collision in a configuration, or an empty text."""
         answer = self.pool.ask(Verify([pose], self.robot.collision.margin, world=world))
         # A subtree may name bodies to touch that only its users add.
         if not isinstance(answer, MotionError) or isinstance(answer, BadWorld):

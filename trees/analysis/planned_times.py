@@ -23,7 +23,7 @@ class PlannedTimes:
     Args:
         tree: The compiled task.
         robot: The robot.
-        plan: Returns a Plan, or another answer if there is none.
+        plan: Plans a motion. Returns a Plan, or an error.
     """
 
     def __init__(self, tree: CompiledTree, robot: Robot, plan: Callable[[Query], Result]) -> None:

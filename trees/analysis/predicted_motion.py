@@ -311,7 +311,7 @@ class _Walk:
         return Mistake(point.place, str(error), instead)
 
     def _pass(self, leaf: Leaf, inputs: Mapping[str, Any]) -> None:
-        """Add points on the way and the speed to the last motion, if this skill plans it."""
+        """Add the waypoints and the speed of a skill to the last motion, if the skill plans it."""
         goal, motions = tuple(inputs.get("goal", {}).values()), self.found.motions
         if goal and motions and motions[-1].pose == goal:
             last, speed = motions[-1], inputs.get("speed")
@@ -359,7 +359,7 @@ def _least_time(joint: Joint, distance: float) -> float:
 
 
 def _common(states: Sequence[_State]) -> _State:
-    """Return what is known in all of several states."""
+    """Return the state that several branches have in common."""
     first, *others = states
     unsure = {name for each in states for name in each.unsure}
     bodies = {body for each in states for body in each.world.bodies}

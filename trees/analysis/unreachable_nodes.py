@@ -104,7 +104,7 @@ class _Node:
         behaviour: The node.
         times: Times of skills.
         halted: Whether a node above may halt it before it ends.
-        used: Whether its place is that of its use, if it is the root of a subtree.
+        used: True to report the root of a subtree where the subtree is used.
     """
 
     def __init__(

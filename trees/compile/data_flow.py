@@ -87,7 +87,7 @@ class Keys:
         self.writes.setdefault(key.name, key)
 
     def merge_alternatives(self, branches: list["Keys"]) -> None:
-        """Merge the keys of branches of which one runs. A key is certain if all write it."""
+        """Merge the keys of alternative branches. A key is certain if every branch writes it."""
         certain = set.intersection(*(set(branch.written) for branch in branches))
         self.written = {
             name: _common_type([branch.written[name] for branch in branches])

@@ -118,26 +118,26 @@ class SkillHooks:
         return self._call_sound(leaf, "poses", wanted, robot, inputs) or []
 
     def waypoints(self, leaf: Leaf, robot: Robot, inputs: Mapping[str, Any]) -> list[Pose]:
-        """Return the points on the way to the goal: values of the arm's own joints [rad]."""
+        """Return the waypoints before the goal: values of the arm's own joints [rad]."""
         wanted = _list_of_poses(len(robot.actuated_in("arm")))
         return self._call_sound(leaf, "waypoints", wanted, robot, inputs) or []
 
     def tool_query(self, leaf: Leaf, robot: Robot, inputs: Mapping[str, Any]) -> ToolQuery | None:
-        """Return the point that the tool must reach; None if there is none, or it is wrong."""
+        """Return the query for the target of the tool, or None if it is missing or invalid."""
         query: ToolQuery | None = self._call_sound(leaf, "tool_query", _TOOL_QUERY, robot, inputs)
         return query
 
     def body(self, leaf: Leaf) -> Body | None:
-        """Return the body that a skill adds to the world; None if there is none, or it is wrong."""
+        """Return the body that a skill adds to the world, or None if it is missing or invalid."""
         body: Body | None = self._call_sound(leaf, "body", _BODY, leaf.known)
         return body
 
     def _call_sound(self, leaf: Leaf, hook: str, wanted: "_Wanted", *arguments: object) -> Any:
-        """Return what a hook returns; None if it fails, or if the skill is doubtful."""
+        """Call a hook. Returns None if it fails, or if the node is known to be wrong."""
         return None if leaf.skill in self.doubtful else self._call(leaf, hook, wanted, *arguments)
 
     def _call(self, leaf: Leaf, hook: str, wanted: "_Wanted", *arguments: object) -> Any:
-        """Return what a hook returns; None if it fails."""
+        """Call a hook. Returns None if it fails."""
         kind = type(leaf.skill)
         answer, faults = _result(kind, hook, lambda: getattr(kind, hook)(*arguments), wanted)
         for fault in faults:
@@ -165,7 +165,7 @@ class _Wanted:
 def _result(
     kind: type[Skill], what: str, call: Callable[[], _Answer], wanted: _Wanted
 ) -> tuple[_Answer | None, Sequence[Fault]]:
-    """Return what a hook returns, or why it failed."""
+    """Call a hook. Returns its result, or None and the causes of its failure."""
     where = f"{kind.__name__}.{what}"
     try:
         answer = call()

@@ -25,7 +25,7 @@ def meant(spec: SkillNode, skills: Mapping[str, type[Skill]], subtrees: Collecti
 
 
 def nodes(skills: Collection[str]) -> tuple[str, ...]:
-    """Return what may begin a node: skills, and the keys of other nodes."""
+    """Return the keys that may begin a node: skills, kinds of nodes, `subtree` and `task`."""
     return (*skills, *KINDS, "subtree", "task")
 
 
@@ -33,7 +33,7 @@ def why_unknown(skill: str, skills: Collection[str], subtrees: Collection[str]) 
     """Return the message for an unknown skill, with the names that exist."""
     begun = [name for name in subtrees if name.startswith(f"{skill}_")]
     if begun and skill:
-        return f"no skill {skill}; subtrees that begin so are {', '.join(begun)}"
+        return f"no skill {skill}; there are the subtrees {', '.join(begun)}"
     if skill.lower() in ("run", "goto", "call", "execute"):
         return f"no skill {skill}; a task runs another one with task: 1, its number"
     if near := synonyms().get(skill):

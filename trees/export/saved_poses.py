@@ -167,7 +167,7 @@ def _written(joint: Joint, q: float) -> str:
 
 
 def _rewrite(path: Path, text: str, new: str, name: str) -> None:
-    """Write a file of poses, of which one pose changes.
+    """Change one pose in a file of poses.
 
     Raises:
         FileError: Another pose would change, too, or the file cannot be written.
@@ -245,7 +245,7 @@ def _pair(text: str, name: str) -> tuple[Node, Node]:
 
 
 def _end(node: Node) -> int:
-    """Return where a node ends. The parser ends a block at the next token, after comments."""
+    """Return the end of a node. The parser ends a block at the next token, after comments."""
     if not isinstance(node, CollectionNode) or node.flow_style or not node.value:
         return int(node.end_mark.index)
     last = node.value[-1]

@@ -127,7 +127,7 @@ class NotYaml(FileError):
 
     def __init__(self, known: Sequence[Mistake], place: Place, opened: Place | None = None) -> None:
         self.place, self.opened = place, opened
-        why = "this does not fit what is before it"
+        why = "YAML does not allow this here"
         if opened and opened.line <= len(opened.lines):
             sign = opened.lines[opened.line - 1][opened.column - 1 : opened.column]
             if sign in ("{", "[", "'", '"') and sign:

@@ -134,7 +134,7 @@ class CommandGroup(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Return the command that words name; suggest a similar one if there is none."""
+        """Return the command of a name. An unknown name is an error that suggests a similar one."""
         try:
             return super().resolve_command(ctx, args)
         except click.UsageError as error:

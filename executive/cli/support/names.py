@@ -76,7 +76,7 @@ def first_motion(robot: "Robot") -> list[str]:
 
 
 def _chosen(context: click.Context) -> "tuple[Robot, Library]":
-    """Return what `load_library` does for the options before the word, or the settings."""
+    """Return the library of the options before the word, or of the settings."""
     trees, robot = (
         context.params.get(name) or find_setting(context, name)[0] for name in ("trees", "robot")
     )
@@ -135,7 +135,7 @@ def complete_node(context: click.Context, word: str) -> Iterator[tuple[str, str]
 
 
 def recordings_folder(context: click.Context) -> Path:
-    """Return the folder of the setting; if there is none, the working directory if it has some."""
+    """Return the folder of the setting, or this one if that is missing and this has recordings."""
     folder: Path = find_setting(context, "recordings")[0]
     here = Path()
     return here if not folder.is_dir() and any(here.glob("*.mcap")) else folder

@@ -190,6 +190,6 @@ def _open(robot: Robot, port: str) -> Check:
 
 
 def _heard(pieces: list[bytes]) -> str:
-    """Return what a board has sent, for people; at most 60 characters of it."""
+    """Return the first 60 characters that a board has sent, for people."""
     text = " ".join(wire_text(b"".join(pieces)).split())
     return f"heard {shorten(text, 60, placeholder=' ...')}" if text else "heard nothing"

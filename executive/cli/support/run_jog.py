@@ -96,7 +96,7 @@ class OwnArm:
         self._path = [self.where().measured or {}]
 
     def end_path(self) -> Sequence[Mapping[str, float]]:
-        """Return what was measured since the start of the path."""
+        """Return the measurements since the start of the path."""
         path, self._path = self._path, None
         return path or ()
 
@@ -210,7 +210,7 @@ def _hold(arm: JogArm) -> str:
 
 
 def pose_words(where: Where) -> str:
-    """Return where an arm holds, for people."""
+    """Return the pose that an arm holds, for people."""
     if not where.commanded:
         return "the pose in which it was: it was never active"
     return where.words(where.commanded)

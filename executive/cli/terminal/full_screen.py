@@ -42,7 +42,7 @@ class FullScreen:
         _left.set()
 
     def draw(self, lines: Iterable[str]) -> None:
-        """Draw lines, none of which is wider than the terminal, and not more than its height."""
+        """Draw lines. None may be wider than the terminal, and they must fit its height."""
         with _lock:
             if not _left.is_set():
                 self._write("\x1b[H" + "\x1b[K\r\n".join(lines) + "\x1b[K\x1b[J")

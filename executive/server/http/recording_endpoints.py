@@ -99,7 +99,7 @@ class RecordingEndpoints:
         return Response(text, media_type="application/json")
 
     async def recorded_series(self, name: str, points: int = POINTS) -> Json:
-        """Return what plots show of a whole recording."""
+        """Return the data of the plots of a whole recording."""
         timeline = await asyncio.to_thread(self._recordings.timeline, name)
         return await asyncio.to_thread(timeline.series, points)
 

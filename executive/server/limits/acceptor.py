@@ -89,7 +89,7 @@ class Acceptor:
             self._pause = self._loop.call_later(pause, self._start)
 
     def _examine(self, connection: socket.socket) -> None:
-        """Carry out a stop, close an abandoned connection, and let every other one wait."""
+        """Carry out a stop, close an abandoned connection, and queue any other connection."""
         data = peek(connection)
         if data is None:
             connection.close()

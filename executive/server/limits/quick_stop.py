@@ -42,7 +42,7 @@ class QuickStop:
 
     @classmethod
     def find(cls, data: bytes, rules: AccessRules) -> Self | None:
-        """Return the stop that begins data, or None if there is none that is whole and accepted."""
+        """Return the stop at the start of data, or None if it is incomplete or not accepted."""
         head = _HEAD.match(data, 0, MAX_HEAD)
         if not head:
             return None

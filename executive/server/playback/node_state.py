@@ -1,4 +1,4 @@
-"""What the recorded changes of a node amount to."""
+"""The state of a node, computed from its recorded changes."""
 
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ class NodeState:
 
     Attributes:
         status: Last status; `HALTED` if it was interrupted.
-        began, ended: Time of its last start and end [s]; None if there is none.
+        began, ended: Time of its last start and end [s]; None before the first.
         starts: Number of starts.
     """
 

@@ -49,7 +49,7 @@ class Query:
         search: Text in the name, title, outcome or message of a recording.
         task: Number of the task; None for any.
         state: State in which the goal ended; empty for any.
-        since, until: First and last time of a beginning [ns since 1970].
+        since, until: Earliest and latest start of a run [ns since 1970].
         before: List only recordings with smaller names; empty for all.
         limit: Most recordings to list.
     """
@@ -217,7 +217,7 @@ class RecordingFolder:
         return self._row(self._folder / name)
 
     def _get(self, cache: "_Cache[T]", name: str, make: Callable[[Path], T]) -> T:
-        """Return what is made of a recording, from a cache if it is there.
+        """Return a value that is computed from a recording. It is cached.
 
         Raises:
             NotFound: There is no such recording.
@@ -344,7 +344,7 @@ def _first(recording: IndexedRecording, topic: str, step: int) -> logs.Record | 
 
 
 def _printed(words: Sequence[str]) -> str:
-    """Return what an armtree command prints.
+    """Run an armtree command, and return its output.
 
     Raises:
         TimeoutExpired: It takes more than `VERIFY_TIMEOUT`; it was ended.

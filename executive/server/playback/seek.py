@@ -45,7 +45,7 @@ _Node = tuple[NodeState, logs.Message]  # and its last message
 
 @dataclass(frozen=True, slots=True)
 class _Place:
-    """Where a message is."""
+    """The position of a message in the file."""
 
     chunk: Chunk
     topic: str
@@ -132,7 +132,7 @@ class Timeline:
         self.steps = sorted({round(max(0.0, each - self.began), 6) for each in self.steps})
 
     def to_json(self) -> Json:
-        """Return what a client needs first."""
+        """Return the overview that a client needs first."""
         return {
             "name": self._recording.path.name,
             "began_s": self.began,
@@ -179,7 +179,7 @@ class Timeline:
         return self._recording.files.get(name)
 
     def series(self, points: int) -> Json:
-        """Return what plots show of the whole run.
+        """Return the data of the plots of the whole run.
 
         Args:
             points: Largest number of samples, up to `POINTS`.

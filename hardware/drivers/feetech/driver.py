@@ -132,7 +132,7 @@ class Feetech:
         return {joint.name: _wire(joint).servo for joint in joints}
 
     def kept(self, joints: Sequence[Joint]) -> dict[str, dict[str, int]]:
-        """Return what the servo of each calibrated joint must keep, as `ServoReport.kept`."""
+        """Return the values to store in the servo of each joint, as `ServoReport.kept`."""
         return {joint.name: dict(_wire(joint).kept) for joint in joints}
 
     def calibrated_wire(

@@ -61,7 +61,7 @@ class FeetechBus:
         return Found(servos, frozenset(damaged - servos.keys()), noise, strangers)
 
     def _ping(self, servo: int) -> tuple[list[Packet], int]:
-        """Ask a servo for a sign of life; once more if nothing comes."""
+        """Ping a servo; once more if it does not answer."""
         request = Packet(servo, Instruction.PING).data
         answers, rest = self._ask(request, 1)
         return (answers, rest) if answers or rest else self._ask(request, 1)
@@ -99,7 +99,7 @@ class FeetechBus:
         self._put(servo, "lock", 1)
 
     def _report(self, servo: int) -> ServoReport | None:
-        """Return what a servo says of itself; None if it does not answer whole."""
+        """Return the report of a servo; None if its answer is incomplete."""
         memory, errors = bytearray(), 0
         for first, count in self._series.blocks[:2]:
             packet = self._answer(servo, read(servo, first, count), count)

@@ -24,7 +24,7 @@ class BoardProcess:
 
     Args:
         model: The board. The process has its own copy of it.
-        baud: Speed of its line [bit/s]: at another one it understands nothing. None for any.
+        baud: Speed of its line [bit/s]; it understands nothing at another speed. None for any.
 
     Attributes:
         port: Name of the pseudo-terminal.

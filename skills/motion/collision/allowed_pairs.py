@@ -106,9 +106,9 @@ def _scene(robot: Robot, model: RobotModel, allowed: Iterable[tuple[str, str]]) 
 def _free_pose(
     robot: Robot, checker: CollisionChecker, boot: tuple[float, ...], pose: Mapping[str, float]
 ) -> Mapping[str, float]:
-    """Return the positions nearest to a pose at which the arm is free, on the way from the start.
+    """Return the free positions nearest to a pose, on the line from the start to the pose.
 
-    Both ends of the way are exact.
+    The samples include both ends of the line.
     """
     for share in _SHARES:
         ends = [pose.get(joint.name, q) for joint, q in zip(robot.actuated, boot, strict=True)]

@@ -51,7 +51,7 @@ class ContainmentChecker:
         return bool(self._pairs.size)
 
     def pairs(self, q: Array) -> list[int]:
-        """Return the pairs of `scene.exact` of which one shape is inside the other.
+        """Return the pairs of `scene.exact` in which one shape is inside the other.
 
         Args:
             q: Coordinates of pinocchio (nq,).

@@ -129,7 +129,7 @@ def _without_collision(
     weights: Array,
     pairs: frozenset[int],
 ) -> Array:
-    """Return the via points for which the hulls of these pairs keep the margin at all samples."""
+    """Return the via points whose paths keep the margin between these hulls at all samples."""
     if not (len(points) and pairs):
         return points
     samples = weights[0] * ends[0] + weights[1] * points + weights[2] * ends[1]

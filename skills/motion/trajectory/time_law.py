@@ -90,7 +90,7 @@ class TimeLaw:
         return ratios
 
     def within_sum(self, curve: Curve, most: float) -> "TimeLaw":
-        """Return a time law as slow as needed to keep a limit of the sum of all accelerations.
+        """Return this time law, slowed until the sum of all accelerations is within a limit.
 
         Args:
             curve: The path.

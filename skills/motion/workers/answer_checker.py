@@ -184,7 +184,7 @@ def _check_equal(
     """Check that values of joints (..., J) equal the right ones, except for rounding.
 
     Args:
-        what: Begin of the message.
+        what: Start of the message.
         values: The values; NaN, such as after an overflow, is wrong.
         right: The right values, of the same shape.
         joints: The joints (J).
@@ -210,7 +210,7 @@ def _check_within(
     """Check values of joints (..., J) against limits.
 
     Args:
-        what: Begin of the message.
+        what: Start of the message.
         values: The values; NaN is outside.
         lower: Lower limits.
         upper: Upper limits.

@@ -378,7 +378,8 @@ def test_a_plan_that_a_body_forbids(rig: RigMaker, tmp_path: Path) -> None:
     assert verify(path).holds
     verification = verify(altered(path, replace("Message", b'"radius":0.21', b'"radius":0.01')))
     assert checks(verification) == [True, False]
-    assert "plan.start_in_collision is recorded, but now there is a motion" in verification.text()
+    why = "the run had plan.start_in_collision; planning again finds a motion"
+    assert why in verification.text()
 
 
 def test_a_canceled_plan_records_its_world(rig: RigMaker, tmp_path: Path) -> None:

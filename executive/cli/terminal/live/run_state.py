@@ -123,7 +123,7 @@ class RunState:
             self.positions = self.targets
 
     def stopped(self, outcome: Outcome) -> str:
-        """Return where a goal stopped that did not succeed; empty if it sent no frame."""
+        """Return the pose in which a failed goal stopped; empty if it sent no frame."""
         if outcome.success or not outcome.frames or not self.positions:
             return ""
         sent, due = self._sent, len(self._due)

@@ -139,9 +139,9 @@ def _place(child: _Branch, children: Sequence[_Branch]) -> str:
 
 
 def _parts(children: Sequence[_Branch], near: int) -> Iterator[_Branch | str]:
-    """Yield the children near those at work; for each run of others what they are.
+    """Yield the children near active ones, and a summary for each gap between them.
 
-    If `near` is negative, yield only those at work, or the last one that started.
+    If `near` is negative, yield only the active ones, or the last one that started.
     """
     at_work = [k for k, child in enumerate(children) if child.at_work]
     started = [k for k, child in enumerate(children) if child.node.status != "INVALID"]
@@ -161,7 +161,7 @@ def _parts(children: Sequence[_Branch], near: int) -> Iterator[_Branch | str]:
 
 
 def _hidden(branches: Sequence[_Branch]) -> Iterator[_Branch | str]:
-    """Yield what stands for hidden siblings: nothing for none, a single one itself."""
+    """Yield a summary of hidden siblings. A single one is yielded itself."""
     if len(branches) == 1:
         yield branches[0]
     elif branches:

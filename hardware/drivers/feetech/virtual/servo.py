@@ -58,7 +58,7 @@ class Servo:
     Args:
         series: Its series.
         servo: Its id.
-        position: Where it stands [ticks].
+        position: Its position [ticks].
         gravity: Load that holds the arm where it is heaviest, as a part of the largest torque.
 
     Attributes:
@@ -95,7 +95,7 @@ class Servo:
 
     @property
     def position(self) -> float:
-        """Where it stands [ticks]."""
+        """Its position [ticks]."""
         return self._position
 
     @property
@@ -167,7 +167,7 @@ class Servo:
                 self._now += _STEP
 
     def _set(self) -> _Settings:
-        """Return what its memory says of its motion."""
+        """Return the settings of its motion from its memory."""
         if self._settings is None:
             present = {
                 name: self.series.unpack(name, self._memory)
