@@ -13,6 +13,13 @@ from skills.motion import Pool
 from tests.support.servers.browsing import Open, Tab
 from tests.support.servers.serving import Served
 
+_WITHOUT_WEBGL = """{
+  const { getContext } = HTMLCanvasElement.prototype;
+  HTMLCanvasElement.prototype.getContext = function (kind, ...rest) {
+    return kind.startsWith("webgl") ? null : getContext.call(this, kind, ...rest);
+  };
+}"""
+
 CHROMIUM = shutil.which("chromium")
 
 
@@ -69,14 +76,21 @@ def open_page(browser: Any, page_server: Served) -> Iterator[Open]:
     def note(problem: str, is_one: bool) -> None:
         problems.extend([problem] if is_one else [])
 
-    def open_tab(link: str = "", prepare: Callable[[Tab], object] = id, **options: Any) -> Tab:
+    def open_tab(
+        link: str = "", prepare: Callable[[Tab], object] = id, webgl: bool = False, **options: Any
+    ) -> Tab:
         """Open a link, by default one that signs in; `prepare` gets the empty tab before."""
         context = browser.new_context(**options)
+        if not webgl:  # drawn by the processor, the arm would take most of the time of a test
+            context.add_init_script(_WITHOUT_WEBGL)
         context.set_default_timeout(20_000)  # also on a busy machine
         contexts.append(context)
         tab = context.new_page()
         tab.on("pageerror", lambda error: problems.append(str(error)))
-        tab.on("console", lambda line: note(line.text, line.type == "error"))
+        tab.on(
+            "console",
+            lambda line: note(line.text, line.type == "error" and "WebGL" not in line.text),
+        )
         address = link or page_server.server.sign_in.link()
         own = (address.partition("#")[0].rstrip("/"), "data:", "blob:")
         tab.on("request", lambda asked: note(asked.url, not asked.url.startswith(own)))

@@ -103,7 +103,7 @@ def test_the_arm_is_activated_from_the_page(open_page: Open, page_server: Served
 
 def test_a_dry_run_shows_the_motion_and_moves_nothing(open_page: Open, page_server: Served) -> None:
     (page_server.tasks / "20_collide.yaml").write_text(COLLIDE)
-    tab = open_page()
+    tab = open_page(webgl=True)
     before = page_server.executive.goals()
     commanded = page_server.executive.where().commanded
     tab.click(f"{task('1 pick')} summary")

@@ -64,7 +64,7 @@ def moved(served: Served, *words: str) -> None:
 
 
 def test_pose_path_and_refused_plans_are_drawn(open_page: Open, page_server: Served) -> None:
-    tab = open_page()
+    tab = open_page(webgl=True)
     shows(tab, "#positions", r"joint_1\s*0\.0°")
     tab.locator("#arm canvas").wait_for()
     before = until_seen(tab, is_drawn)
@@ -98,7 +98,7 @@ def test_bodies_have_their_meshes_and_a_measured_pose_is_a_ghost(
         status["measured"] = {name: q - 0.5 for name, q in status["commanded"].items()}
         route.fulfill(json=status)
 
-    tab = open_page()
+    tab = open_page(webgl=True)
     tab.locator("#arm canvas").wait_for()
     beam_task = "#tasks li:has(.name:text-is('41 beam'))"
     tab.click(f"{beam_task} summary")
@@ -133,7 +133,7 @@ def test_a_mesh_that_is_not_one_leaves_the_rest(open_page: Open) -> None:
         tab.route("**/api/meshes/*", break_mesh)
         tab.route("**/api/robot", name_mesh)
 
-    tab = open_page(prepare=prepare)
+    tab = open_page(prepare=prepare, webgl=True)
     shows(tab, "#positions", "joint_1")
     tab.locator("#arm canvas").wait_for()
     until_seen(tab, is_drawn)

@@ -108,7 +108,7 @@ def test_a_robot_that_is_not_one_leaves_the_rest(open_page: Open, page_server: S
         tab.route("**/api/meshes/*", lambda route: route.fulfill(body=header + bytes(60)))
         tab.route("**/api/robot", spoil)
 
-    tab = open_page(prepare=prepare)
+    tab = open_page(prepare=prepare, webgl=True)
     tab.locator("#arm canvas").wait_for()
     shows(tab, "#positions", "joint_1")
     tab.unroute_all()

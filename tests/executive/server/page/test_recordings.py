@@ -228,7 +228,7 @@ def test_recordings_are_viewed_without_an_arm(open_page: Open, page_server: Serv
             held["health"] = route
 
         link = f"{viewer.sign_in.link()}&recording={newest.name}&t=0"
-        tab = open_page(link, lambda tab: tab.route("**/api/health", hold, times=1))
+        tab = open_page(link, lambda tab: tab.route("**/api/health", hold, times=1), webgl=True)
         shows(tab, "#session", "signed in")  # before it knows that there is no arm
         held["health"].continue_()
         shows(tab, "#shown", "^task 13 fail, recorded$")
