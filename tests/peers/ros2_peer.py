@@ -4,6 +4,7 @@ It runs with the Python of ROS 2. It reads one command per line, `["name", argum
 prints its answer as one line of JSON.
 """
 
+import contextlib
 import functools
 import json
 import sys
@@ -30,6 +31,10 @@ from unique_identifier_msgs.msg import UUID
 WAIT, NOTHING, FAIL, UNKNOWN = 10, 11, 13, 99
 TYPES = ArduinobotTask.Impl
 LONGEST = 20.0
+
+
+class NoAnswer(Exception):
+    pass
 
 
 class Reference:
@@ -104,11 +109,11 @@ class Action:
         assert self.clients[kind].wait_for_service(LONGEST)
         return self.clients[kind].call_async(request)
 
-    def send(self, task, identity=None):
+    def send(self, task, identity=None, longest=LONGEST):
         goal = UUID(uuid=list(identity if identity is not None else uuid.uuid4().bytes))
         request = TYPES.SendGoalService.Request(goal_id=goal)
         request.goal.task_number = task
-        answer = got(self.call(TYPES.SendGoalService, request))
+        answer = got(self.call(TYPES.SendGoalService, request), longest)
         return goal, answer.accepted, answer.stamp
 
     def result(self, goal):
@@ -185,7 +190,7 @@ class Lifecycle:
             "get_transition_graph": GetAvailableTransitions,
         }
         self.clients = {
-            each: node.create_client(kind, f"/{name}/{each}") for each, kind in kinds.items()
+            each: node.create_client(kind, f"{name}/{each}") for each, kind in kinds.items()
         }
 
     def ask(self, name, **fields):
@@ -227,11 +232,19 @@ def described(each):
     return each.transition.id, each.transition.label, each.start_state.label, each.goal_state.label
 
 
-def got(future):
+def got(future, longest=LONGEST):
     done = threading.Event()
     future.add_done_callback(lambda _: done.set())
-    assert done.wait(LONGEST), "no answer"
+    if not done.wait(longest):
+        raise NoAnswer
     return future.result()
+
+
+def repeated(ask):
+    """Ask until an answer comes: a node that was killed stays known for a while, and is asked."""
+    while True:
+        with contextlib.suppress(NoAnswer):
+            return ask()
 
 
 class Peer:
@@ -268,33 +281,39 @@ class Peer:
         result = got(goal.get_result_async())
         return goal.accepted, result.status, result.result.success, feedback
 
-    def start(self, task):
-        """Send a goal, and ask for its result, which `wait` returns."""
-        action = self.action("task_server")
-        goal, accepted, _ = action.send(task)
+    def start(self, space, task):
+        """Send a goal until it is accepted, and ask for its result, which `wait` returns."""
+        action, accepted = self.action(f"{space}/task_server"), False
+        while not accepted:  # the node may not have found the server yet
+            goal, accepted, _ = repeated(lambda: action.send(task, longest=1))
         action.until(goal, 2)
         self.parked = action.result(goal)
-        return accepted, bytes(goal.uuid).hex()
+        return bytes(goal.uuid).hex()
 
     def wait(self):
         return got(self.parked).status
 
-    def result(self, identity):
-        return got(
-            self.action("task_server").result(UUID(uuid=list(bytes.fromhex(identity))))
-        ).status
+    def rejected(self, space, task):
+        return not self.action(f"{space}/task_server").send(task)[1]
 
-    def cancel(self):
-        return self.action("task_server").cancel()
+    def result_of(self, identity):
+        action, goal = self.action("/task_server"), UUID(uuid=list(bytes.fromhex(identity)))
+        return repeated(lambda: got(action.result(goal), longest=1)).status
 
-    def trigger(self, name):
-        client = self.node.create_client(Trigger, f"/armtree/{name}")
+    def cancel(self, space):
+        return self.action(f"{space}/task_server").cancel()
+
+    def trigger(self, space, name):
+        client = self.node.create_client(Trigger, f"{space}/armtree/{name}")
         assert client.wait_for_service(LONGEST)
         answer = got(client.call_async(Trigger.Request()))
         return answer.success, answer.message
 
-    def state(self):
-        return Lifecycle(self.node, "armtree").ask("get_state").current_state.label
+    def until_unknown(self, space):
+        node = Lifecycle(self.node, f"{space}/armtree")
+        while node.ask("get_state").current_state.label != "unknown":
+            pass
+        return True
 
     def topics(self):
         """One message of each topic about the arm."""

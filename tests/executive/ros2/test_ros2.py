@@ -2,6 +2,8 @@
 
 import json
 import os
+import re
+import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Mapping
@@ -12,7 +14,9 @@ from xml.etree import ElementTree
 
 import pytest
 
+from executive.api.codes import INTERRUPTED_EXIT
 from executive.api.events import Policy
+from executive.api.outcome import GoalState
 from executive.ros2 import installation
 from hardware import RealClock, Robot, joint_positions
 from skills.motion import Pool
@@ -22,11 +26,16 @@ from tests.support.servers.serving import Served
 pytest_plugins = ["tests.support.servers.server_fixtures"]
 pytestmark = pytest.mark.slow
 
+LONGEST = 30.0  # [s]
+
+Process = subprocess.Popen[str]
+Start = Callable[..., Process]  # starts Python with words
+
 
 class Peer:
     """The program with the stock clients."""
 
-    def __init__(self, process: "subprocess.Popen[str]") -> None:
+    def __init__(self, process: Process) -> None:
         self.process = process
 
     def ask(self, *words: Any) -> Any:
@@ -55,15 +64,12 @@ def environment(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, str]:
     return {**found, **own, "ROS_LOG_DIR": folder, "XDG_RUNTIME_DIR": folder}
 
 
-Start = Callable[..., "subprocess.Popen[str]"]
-
-
 @pytest.fixture(scope="module")
 def start(environment: Mapping[str, str]) -> Iterator[Start]:
     """Starts programs, which end with the module."""
     with ExitStack() as stack:
 
-        def start(*words: str, **options: Any) -> "subprocess.Popen[str]":
+        def start(*words: str, **options: Any) -> Process:
             process = subprocess.Popen(
                 [sys.executable, *words], env=environment, text=True, **options
             )
@@ -74,7 +80,7 @@ def start(environment: Mapping[str, str]) -> Iterator[Start]:
 
 
 @contextmanager
-def ended(process: "subprocess.Popen[str]") -> Iterator[None]:
+def ended(process: Process) -> Iterator[None]:
     with process:
         yield
         process.kill()
@@ -100,21 +106,21 @@ def peer(start: Start) -> Peer:
 
 
 @pytest.fixture(scope="module")
-def node(start: Start, served: Served, peer: Peer) -> "subprocess.Popen[str]":
+def node(start: Start, served: Served, peer: Peer) -> Process:
     return start("-m", "executive", "ros2", "--server", served.server.url)
 
 
 def test_the_answers_are_those_of_rclpy(node: object, peer: Peer) -> None:
-    reference = peer.ask("rows", "reference")
-    assert peer.ask("rows", "task_server") == reference
+    reference = peer.ask("rows", "/reference")
+    assert peer.ask("rows", "/task_server") == reference
     assert reference["a good goal"] == [True, True, 4, True, [1, 2, 4]]
 
 
 def test_the_hardware_is_a_lifecycle_node(served: Served, node: object, peer: Peer) -> None:
     served.executive.arm_to("deactivate")
     served.executive.arm_to("cleanup")
-    reference = peer.ask("lifecycle", "lifecycle_reference")
-    assert peer.ask("lifecycle", "armtree") == reference
+    reference = peer.ask("lifecycle", "/lifecycle_reference")
+    assert peer.ask("lifecycle", "/armtree") == reference
     assert served.executive.status().arm == "active"
 
 
@@ -130,10 +136,55 @@ def test_a_stock_client_the_topics_and_the_triggers(
     expected = joint_positions(served.robot, [*commanded.values()])
     assert (dict(zip(names, positions, strict=True)), kind) == (expected, "commanded")
     assert {each.get("name") for each in ElementTree.fromstring(urdf).iter("joint")} >= {*names}
-    assert peer.ask("trigger", "run_nothing")[0]
-    success, message = peer.ask("trigger", "run_fail")
+    assert peer.ask("trigger", "", "run_nothing")[0]
+    success, message = peer.ask("trigger", "", "run_fail")
     assert not success
     assert "[task.failed" in message
-    peer.ask("start", 10)
-    assert peer.ask("trigger", "stop") == [True, "stopped; canceled goals: 1"]
+    peer.ask("start", "", 10)
+    assert peer.ask("trigger", "", "stop") == [True, "stopped; canceled goals: 1"]
     assert peer.ask("wait") == 5
+
+
+def test_goals_end_with_the_node_and_with_the_server(
+    served: Served, node: Process, peer: Peer, start: Start
+) -> None:
+    words = ("--robot", str(served.robot.path), "--trees", str(served.tasks), "--tcp-port")
+
+    def serve(port: str) -> Process:
+        command = ("serve", "--port", "virtual", "--activate", *words, port)
+        return start("-m", "executive", *command, stderr=subprocess.PIPE)
+
+    def ready(server: Process) -> str:
+        log = ""
+        assert server.stderr
+        while "ready to take commands" not in log:
+            log += server.stderr.readline()
+        return str(re.findall(r"Listening on .*:(\d+);", log)[0])
+
+    server = serve("0")
+    goal = peer.ask("start", "", 10)
+    node.kill()
+    assert served.executive.result(goal, LONGEST).state is GoalState.CANCELED
+    second = start("-m", "executive", "ros2", "--server", served.server.url)
+    port = ready(server)
+    names = ("--", "--ros-args", "-r", "__ns:=/other")
+    start("-m", "executive", "ros2", "--server", f"http://127.0.0.1:{port}", *names)
+    assert peer.ask("result_of", goal) == 5
+    peer.ask("start", "", 10)
+    second.send_signal(signal.SIGINT)
+    assert peer.ask("wait") == 5
+    assert second.wait(LONGEST) == INTERRUPTED_EXIT
+
+    peer.ask("start", "/other", 10)
+    server.kill()
+    server.wait()
+    server = serve(port)
+    assert peer.ask("wait") == 6
+    ready(server)
+    peer.ask("start", "/other", 10)
+    assert peer.ask("trigger", "/other", "stop")[0]
+    assert peer.ask("wait") == 5
+    server.kill()
+    assert peer.ask("until_unknown", "/other")
+    assert peer.ask("rejected", "/other", 10)
+    assert peer.ask("cancel", "/other") == [1, []]
