@@ -69,6 +69,8 @@ const draw = oncePerFrame(() => {
   }
   plots.draw(shown.history, shown.isLive && shown.live.active);
   log.draw(shown.history);
+  tree.scroll();
+  log.scroll();
 });
 
 connection.addEventListener("begin", async () => {

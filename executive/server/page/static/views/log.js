@@ -4,6 +4,7 @@ import { byId, element } from "../dom.js";
 
 /** @typedef {import("../model/cursor.js").Cursor} Cursor */
 /** @typedef {import("../model/history.js").History} History */
+/** @typedef {History["lines"][number]} Line */
 
 const SHOWN = 500; // newest lines
 const LONGEST = 2000; // characters of a line
@@ -17,51 +18,85 @@ export class LogView {
   #cursor;
   /** @type {History | null} */
   #history = null;
-  #key = "";
-  #marked = -1; // number of lines up to the cursor
+  #filter = "";
+  /** @type {Line | undefined} the newest one that was drawn or filtered out */
+  #newest;
+  /** @type {{ time: number, item: HTMLElement }[]} */
+  #shown = [];
+  #past = 0; // number of shown lines up to the cursor
+  #grown = false; // since it was scrolled
+  #atEnd = true; // the user has not scrolled away from the newest line
 
   /** @param {Cursor} cursor */
   constructor(cursor) {
     this.#cursor = cursor;
     for (const control of [this.#search, this.#level])
-      control.addEventListener("input", () => this.#history && this.draw(this.#history));
+      control.addEventListener("input", () => {
+        if (this.#history) this.draw(this.#history);
+        this.scroll();
+      });
+    this.#list.addEventListener("scroll", () => {
+      const { scrollTop, clientHeight, scrollHeight } = this.#list;
+      this.#atEnd = scrollTop + clientHeight >= scrollHeight - 4;
+    });
   }
 
   /** @param {History} history of the run that is shown */
   draw(history) {
     const wanted = this.#search.value.trim().toLowerCase();
-    const key = `${history.version} ${this.#level.value} ${wanted}`;
-    if (history === this.#history && key === this.#key) return this.#markTime();
-    const atEnd = this.#list.scrollTop + this.#list.clientHeight >= this.#list.scrollHeight - 4;
+    const filter = `${this.#level.value} ${wanted}`;
+    if (history !== this.#history || filter !== this.#filter) this.#clear();
     this.#history = history;
-    this.#key = key;
+    this.#filter = filter;
     const least = Number(this.#level.value);
-    const lines = history.lines.filter((line) => line.level >= least && passes(line.message, wanted));
-    this.#list.replaceChildren(...lines.slice(-SHOWN).map((line) => this.#line(line)));
-    if (atEnd) this.#list.scrollTop = this.#list.scrollHeight;
-    this.#marked = -1;
+    const lines = history.lines.slice(history.lines.lastIndexOf(/** @type {Line} */ (this.#newest)) + 1);
+    this.#newest = lines.at(-1) ?? this.#newest;
+    this.#add(lines.filter((line) => line.level >= least && passes(line.message, wanted)));
     this.#markTime();
   }
 
-  /** @param {History["lines"][number]} line */
-  #line({ time, level, message }) {
+  /** Show the newest line. This needs the layout of the page, so call it when all else is drawn. */
+  scroll() {
+    if (this.#grown && this.#atEnd) this.#list.scrollTop = this.#list.scrollHeight;
+    this.#grown = false;
+  }
+
+  #clear() {
+    this.#list.replaceChildren();
+    this.#shown = [];
+    this.#past = 0;
+    this.#newest = undefined;
+  }
+
+  /** @param {Line[]} lines */
+  #add(lines) {
+    if (lines.length === 0) return;
+    const added = lines.slice(-SHOWN).map((line) => ({ time: line.time, item: this.#item(line) }));
+    this.#list.append(...added.map(({ item }) => item));
+    this.#shown.push(...added);
+    const old = this.#shown.splice(0, this.#shown.length - SHOWN);
+    for (const { item } of old) item.remove();
+    this.#past = Math.max(0, this.#past - old.length);
+    this.#grown = true;
+  }
+
+  /** @param {Line} line */
+  #item({ time, level, message }) {
     const [, name] = LEVELS.find(([least]) => level >= least) ?? [0, "debug"];
     const at = element("button", { type: "button", class: "at" }, `${time.toFixed(2)} s`);
     at.addEventListener("click", () => this.#cursor.seek(time));
     const text = message.length > LONGEST ? `${message.slice(0, LONGEST)} …` : message;
-    const item = element("li", { "data-level": name }, at, element("span", {}, level >= 30 ? `${name}: ${text}` : text));
-    item.dataset.time = String(time);
-    return item;
+    const words = element("span", {}, level >= 30 ? `${name}: ${text}` : text);
+    return element("li", { "data-level": name, class: "later" }, at, words);
   }
 
   /** Lines that come after the cursor are quiet. */
   #markTime() {
-    const items = /** @type {HTMLElement[]} */ ([...this.#list.children]);
-    const after = items.findIndex((item) => Number(item.dataset.time) > this.#cursor.time + 1e-6);
-    const count = after < 0 ? items.length : after;
-    if (count === this.#marked) return;
-    this.#marked = count;
-    for (const [index, item] of items.entries()) item.classList.toggle("later", index >= count);
+    const after = this.#shown.findIndex(({ time }) => time > this.#cursor.time + 1e-6);
+    const past = after < 0 ? this.#shown.length : after;
+    const changed = this.#shown.slice(Math.min(past, this.#past), Math.max(past, this.#past));
+    for (const { item } of changed) item.classList.toggle("later", past < this.#past);
+    this.#past = past;
   }
 }
 

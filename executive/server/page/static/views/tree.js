@@ -85,7 +85,17 @@ export class TreeView extends EventTarget {
       if (node.children.length) setAttribute(this.#row(node), "aria-expanded", this.#expanded(node, atWork));
     run.changed.clear();
     this.#keepOneTabStop();
-    if (this.#follow.checked) this.#scrollToRunning(run.running.at(-1));
+  }
+
+  /** Show the node that runs. This needs the layout of the page, so call it when all else is drawn. */
+  scroll() {
+    const path = this.#shown.run.running.at(-1)?.path ?? "";
+    const row = this.#rows.get(path);
+    if (!this.#follow.checked || path === this.#followed || !row?.isConnected) return;
+    this.#followed = path;
+    const { top, height } = this.#list.getBoundingClientRect();
+    const offset = row.getBoundingClientRect().top - top;
+    if (offset < 0 || offset > height - row.offsetHeight) this.#list.scrollTop += offset - height / 2;
   }
 
   /** @param {string} goal */
@@ -201,17 +211,6 @@ export class TreeView extends EventTarget {
     const first = stop?.isConnected ? stop : this.#list.firstElementChild;
     for (const row of this.#list.querySelectorAll("[tabindex='0']")) setAttribute(row, "tabindex", row === first ? 0 : -1);
     if (first) setAttribute(first, "tabindex", 0);
-  }
-
-  /** @param {TreeNode | undefined} node */
-  #scrollToRunning(node) {
-    if (!node || node.path === this.#followed) return;
-    this.#followed = node.path;
-    const row = this.#rows.get(node.path);
-    if (!row) return;
-    const { top, height } = this.#list.getBoundingClientRect();
-    const offset = row.getBoundingClientRect().top - top;
-    if (offset < 0 || offset > height - row.offsetHeight) this.#list.scrollTop += offset - height / 2;
   }
 
   /** @param {MouseEvent} event */
