@@ -60,6 +60,8 @@ def views(served: Served) -> Iterator[tuple[str, Callable[[Any], object]]]:
     yield "recording", show_middle
     yield "compared", compare
     yield "restored", delete_and_restore
+    yield "verified", verify
+    yield "unfinished", show_unfinished(served.folder / "recordings")
     goal = executive.send(21).identity
     while executive.status().node != "Wait":
         rest(served.clock, 0.01)
@@ -102,6 +104,25 @@ def delete_and_restore(tab: Any) -> None:
     tab.click("#delete")
     tab.click("#runs-note button")
     shows(tab, "#runs-note", "Restored")
+
+
+def verify(tab: Any) -> None:
+    show_middle(tab)
+    tab.click("#verify")
+    shows(tab, "#player-note", "goal -> plan")
+
+
+def show_unfinished(folder: Path) -> Callable[[Any], object]:
+    """Write a recording of a run whose process was killed; return what shows it."""
+    whole = max(folder.glob("*Z-1.mcap")).read_bytes()
+    killed = folder / "20991231T000000.000Z-1.mcap"
+    killed.write_bytes(whole[: len(whole) * 2 // 3])
+
+    def show(tab: Any) -> None:
+        tab.click(f"#runs .run[title^='{killed.name}']")
+        shows(tab, "#shown", "without its end")
+
+    return show
 
 
 def main(folder: Path, wanted: Collection[str]) -> None:
