@@ -1,6 +1,6 @@
 /** Starts the page: connects the server's events to the model, and the model to the views. */
 
-import { get, pathOf, session, signIn } from "./api.js";
+import { get, isSignedIn, pathOf, session, signIn } from "./api.js";
 import { Connection } from "./connection.js";
 import { byId, oncePerFrame, setText } from "./dom.js";
 import { Cursor } from "./model/cursor.js";
@@ -62,16 +62,25 @@ const draw = oncePerFrame(() => {
   runs.draw(shown.recorded?.name ?? runs.recordingOf(shown.live));
   player.draw(runs.recordings);
   comparison.draw(shown, runs.recordings);
-  if (connection.hasArm) {
-    tasks.draw(runs.tasks, runs.goals, status);
-    move.draw(status);
-    poses.draw(status);
-  }
+  drawActs();
   plots.draw(shown.history, shown.isLive && shown.live.active);
   log.draw(shown.history);
   tree.scroll();
   log.scroll();
 });
+
+/** @type {unknown[]} what the acts were drawn of */
+let acts = [];
+
+/** Draw what one can do, unless nothing of it has changed. */
+function drawActs() {
+  const now = [status, runs.tasks, runs.goals, isSignedIn()];
+  if (!connection.hasArm || now.every((each, index) => each === acts[index])) return;
+  acts = now;
+  tasks.draw(runs.tasks, runs.goals, status);
+  move.draw(status);
+  poses.draw(status);
+}
 
 connection.addEventListener("begin", async () => {
   questions.clear();
@@ -155,7 +164,10 @@ async function showRobot() {
   setText(byId("opening", HTMLElement), `Activating opens the port; the arm then ${robot.opening}.`);
   live = robot;
   drawRobot(robot);
-  Promise.all([move.show(), poses.show(Object.keys(robot.groups))]).then(draw);
+  Promise.all([move.show(), poses.show(Object.keys(robot.groups))]).then(() => {
+    acts = [];
+    draw();
+  });
 }
 
 /**

@@ -165,17 +165,19 @@ export class ArmView {
    */
   #drawPositions(pose, measured) {
     const joints = this.#robot?.joints.filter((each) => each.type !== "fixed" && !each.mimic) ?? [];
-    const rows = joints.map((joint) => [joint.name, valueOf(joint, pose), measured ? valueOf(joint, measured) : ""]);
-    const key = rows.join(" ");
-    if (this.#positions.dataset.key === key) return;
-    this.#positions.dataset.key = key;
-    setText(byId("measured-note", HTMLElement), measured ? ", and measured as a ghost" : "");
-    this.#positions.replaceChildren(
-      ...rows.map(([name, value, there]) => {
-        const also = there ? [element("dd", { class: "quiet", title: "measured" }, there)] : [];
-        return element("div", {}, element("dt", {}, name), element("dd", {}, value), ...also);
-      }),
-    );
+    const key = `${joints.map(({ name }) => name).join(" ")}, ${measured ? "measured" : ""}`;
+    if (this.#positions.dataset.key !== key) {
+      this.#positions.dataset.key = key;
+      setText(byId("measured-note", HTMLElement), measured ? ", and measured as a ghost" : "");
+      const also = () => (measured ? [element("dd", { class: "quiet", title: "measured" })] : []);
+      const rows = joints.map(({ name }) => element("div", {}, element("dt", {}, name), element("dd"), ...also()));
+      this.#positions.replaceChildren(...rows);
+    }
+    for (const [index, joint] of joints.entries()) {
+      const [, value, there] = this.#positions.children[index].children;
+      setText(value, valueOf(joint, pose));
+      if (there) setText(there, valueOf(joint, measured));
+    }
   }
 }
 
