@@ -4,9 +4,10 @@ A recording is cut into windows of some hundred events. A client gets one window
 it never loads a whole recording.
 """
 
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import groupby, takewhile
 from math import isfinite
@@ -24,6 +25,7 @@ from .node_state import NodeState
 
 POINTS = 2000  # most samples of the positions over the whole recording
 _ROUNDING = 1e-6  # of times that were added and subtracted [s]
+_AHEAD = 4  # chunks that are unpacked before they are needed
 _EVENTS = 500  # a window ends with the chunk in which it reaches this number
 
 _COMMANDED, _MEASURED = "/joint_states", "/joint_states/measured"
@@ -88,11 +90,15 @@ class _Thinned(Generic[T]):
 
     def add(self, opened: OpenChunk) -> None:
         """Take the messages of the next chunk."""
-        for entry in opened.entries(self._topic):
-            if entry[0] >= self._next and len(self.values) < POINTS:
-                self._next = entry[0] + self._step
-                value = self._decode(opened.message(self._topic, entry))
-                self.values += [] if value is None else [value]
+        entries, at = opened.entries(self._topic), 0
+        while len(self.values) < POINTS:
+            at = bisect_left(entries, (self._next, 0), at)
+            if at == len(entries):
+                break
+            self._next = entries[at][0] + self._step
+            value = self._decode(opened.message(self._topic, entries[at]))
+            self.values += [] if value is None else [value]
+            at += 1
 
 
 class Timeline:
@@ -238,19 +244,18 @@ class Timeline:
         return (time_ns - self._recording.epoch_ns) / 1e9
 
     def _read(self) -> None:
-        recording, decoder = self._recording, Decoder()
+        recording, step_times = self._recording, set[int]()
         newest_of = [*_topics(recording, _STATE), _COMMANDED]
         steps_of = _topics(recording, _STEPS)
         nodes: dict[str, _Node] = {}
         newest: dict[str, _Place] = {}
         count = 0
-        for chunk in recording.chunks:
+        for chunk, opened in self._opened():
             if not self._windows or count >= max(_EVENTS, len(nodes)):
                 self._windows.append(
                     _Window(self._time(chunk.begin_ns), chunk.number, dict(nodes), dict(newest))
                 )
                 count = 0
-            opened = recording.open(chunk, decoder)
             for message in opened.messages((_TREE,)):
                 path, status, time = self._change(message)
                 before = nodes[path][0] if path in nodes else NodeState()
@@ -259,13 +264,26 @@ class Timeline:
             if self.goal is None:
                 self._find_goal(chunk, opened)
             for topic in steps_of:
-                self.steps += (self._time(time) for time, _ in opened.entries(topic))
+                step_times.update(time for time, _ in opened.entries(topic))
             for topic in newest_of:
                 if entry := opened.newest(topic):
                     newest.pop(topic, None)  # plans count in the order of their last messages
                     newest[topic] = _Place(chunk, topic, entry)
             count += sum(map(opened.count, newest_of))
             self._thin(chunk, opened)
+        self.steps = list(map(self._time, step_times))
+
+    def _opened(self) -> Iterator[tuple[Chunk, OpenChunk]]:
+        """Yield the chunks. A second thread unpacks some of those that come."""
+        decoder, coming = Decoder(), deque[tuple[Chunk, Future[OpenChunk]]]()
+        with ThreadPoolExecutor(1, "unpack") as unpacker:
+            for chunk in self._recording.chunks:
+                coming.append((chunk, unpacker.submit(self._recording.open, chunk, decoder)))
+                if len(coming) > _AHEAD:
+                    found, opened = coming.popleft()
+                    yield found, opened.result()
+            for found, opened in coming:
+                yield found, opened.result()
 
     def _change(self, message: logs.Message) -> tuple[str, str, float]:
         """Return path, status and time [s] in a message on the tree, many times as fast as all."""
