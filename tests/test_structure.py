@@ -20,7 +20,7 @@ BELOW = {
 }
 # Folders that may hold more, and why.
 CROWDED = {
-    "executive": "one folder per part, beside the interface to goals and the four ways to open it",
+    "executive": "one folder per part (servers, clients, fleets), beside the ways to open an arm",
     "executive/server/page/static/views": "one file per part of the page",
     "hardware": "one folder per part, beside what all rooms share: clock, files, errors, spelling",
     "skills/leaves": "one file per skill",
