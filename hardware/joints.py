@@ -5,7 +5,7 @@ unit [rad] for a joint, read [m] for such a joint.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Real
 
@@ -69,13 +69,25 @@ class Joint:
     def words(self, position: float, digits: int = 5) -> str:
         """Return a position [rad] for people, in degrees or in mm, with this number of digits."""
         scale, unit = DISPLAY_UNITS[self.unit]
-        return f"{scale * position + 0.0:.{digits}g} {unit}"  # no -0
+        return f"{scale * position:z.{digits}g} {unit}"  # z: no -0
 
 
 def rounded(position: float, unit: str = "rad") -> str:
     """Return a position in a unit of `Joint` for people, to a tenth of a degree or of a mm."""
     scale, name = DISPLAY_UNITS[unit]
-    return f"{round(scale * position, 1) + 0.0:.1f} {name}"  # no -0
+    return f"{scale * position:z.1f} {name}"
+
+
+def joint_words(positions: Mapping[str, float], units: Mapping[str, str]) -> str:
+    """Return positions by joint [rad] for people, as `joint_1 70.0 deg, joint_2 0.0 deg`.
+
+    Args:
+        positions: The positions.
+        units: Units of joints; a joint without one turns.
+    """
+    return ", ".join(
+        f"{name} {rounded(q, units.get(name, 'rad'))}" for name, q in positions.items()
+    )
 
 
 def check_position(joint: Joint, q: object) -> float:

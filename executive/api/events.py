@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import logs
 from hardware import State
-from hardware.joints import rounded
+from hardware.joints import joint_words
 from hardware.printable import wire_bytes, wire_text
 from logs.records.field_types import frozen
 
@@ -210,14 +210,12 @@ class Where:
 
     def words(self, positions: Mapping[str, float]) -> str:
         """Return positions by joint [rad] for people, as `joint_1 70.0 deg, joint_2 0.0 deg`."""
-        return ", ".join(
-            f"{name} {rounded(q, self.units.get(name, 'rad'))}" for name, q in positions.items()
-        )
+        return joint_words(positions, self.units)
 
     @property
     def tool_words(self) -> str:
         """The position of the tool for people, as `120.0, 0.0, 85.5 mm`; empty if unknown."""
-        shown = (f"{round(1e3 * q, 1) + 0.0:.1f}" for q in self.tool or ())  # no -0
+        shown = (f"{1e3 * q:z.1f}" for q in self.tool or ())
         return f"{', '.join(shown)} mm" if self.tool else ""
 
     @property

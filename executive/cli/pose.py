@@ -121,7 +121,7 @@ def show(name: str, robot: Path | None, trees: Path | None, as_json: bool) -> No
     for joint in positions:
         echo(f"{joint:<12} {_words(loaded, {joint: positions[joint]}).partition(' ')[2]}")
     if tool:
-        echo(f"{'tool':<12} {', '.join(f'{1e3 * value + 0.0:.1f}' for value in tool)} mm")
+        echo(f"{'tool':<12} {', '.join(f'{1e3 * value:z.1f}' for value in tool)} mm")
     echo(f"{'from':<12} {source}")
 
 

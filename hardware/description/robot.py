@@ -18,7 +18,7 @@ from hardware.drivers.virtual.in_process_link import BoardLink, NullLink
 from hardware.drivers.virtual.model import BoardModel
 from hardware.drivers.wire_format import WireFormat
 from hardware.errors import NotAble
-from hardware.joints import Joint, rounded
+from hardware.joints import Joint, joint_words
 from hardware.link.link import VIRTUAL, Link
 
 from .calibration import CalibratedJoint, calibration_file
@@ -338,7 +338,7 @@ class Robot:
 
     def words(self, positions: Mapping[str, float]) -> str:
         """Return positions by joint [rad] for people, as `joint_1 70.0 deg, joint_2 0.0 deg`."""
-        return ", ".join(f"{k} {rounded(q, self.joint(k).unit)}" for k, q in positions.items())
+        return joint_words(positions, {joint.name: joint.unit for joint in self.joints})
 
     def actuated_in(self, group: str) -> tuple[Joint, ...]:
         """Return the joints of a group without its mimic joints."""

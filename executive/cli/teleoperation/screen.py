@@ -246,7 +246,7 @@ def _words(outcome: Outcome | None) -> tuple[str, bool]:
 def _shown(positions: Mapping[str, float] | None, name: str, unit: str) -> str:
     if positions is None:
         return "?"
-    return f"{round(DISPLAY_UNITS[unit][0] * positions[name], 1) + 0.0:.1f}"  # no -0
+    return f"{DISPLAY_UNITS[unit][0] * positions[name]:z.1f}"
 
 
 def _arrows(down: bool, up: bool) -> str:

@@ -65,7 +65,7 @@ class Axis:
         scale, unit = DISPLAY_UNITS[self.unit]
         if value is None:
             return f"{'?':>8} {unit}"
-        return f"{round(scale * value, 1) + 0.0:8.1f} {unit}"  # no -0
+        return f"{scale * value:z8.1f} {unit}"
 
 
 @dataclass(frozen=True, slots=True)
