@@ -47,9 +47,19 @@ def ros2(ros_arguments: tuple[str, ...], robot: Path | None, server: str) -> Non
 
     from hardware import load_robot
 
-    if not installation.stay_on_this_machine():
+    stays = installation.stay_on_this_machine()
+    try:
+        from executive.ros2.node import BadArguments
+        from executive.ros2.run import run
+    except ImportError as error:
+        why = f"{error}".splitlines()[0]
+        python = "{}.{}".format(*sys.version_info)
+        words = f"this ROS 2 is incomplete, or not for Python {python}, which runs armtree: {why}"
+        raise click.UsageError(words) from error
+    if not stays:
         echo("Programs on other machines can find this node, and move the arm.", err=True)
-    from executive.ros2.run import run
-
-    asyncio.run(run(server, load_robot(robot), ros_arguments))
+    try:
+        asyncio.run(run(server, load_robot(robot), ros_arguments))
+    except BadArguments as error:
+        raise click.UsageError(f"ROS refuses its arguments: {error}") from error
     sys.exit(INTERRUPTED_EXIT)

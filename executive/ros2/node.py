@@ -6,6 +6,8 @@ from collections.abc import Awaitable, Callable, Sequence
 from typing import Any, Self
 
 import rclpy
+import rclpy.utilities
+from rclpy.exceptions import NameValidationException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
@@ -19,11 +21,18 @@ _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _FRESH = QoSProfile(depth=10)
 
 
+class BadArguments(Exception):
+    """ROS refuses its arguments."""
+
+
 class Node:
     """A node of ROS 2 for a program that uses asyncio. Use it as an asynchronous context.
 
     Args:
         arguments: Arguments for ROS, such as `--ros-args -r __ns:=/left`.
+
+    Raises:
+        BadArguments: ROS refuses its arguments.
 
     Attributes:
         log: Logger of the node, which also publishes to `/rosout`.
@@ -31,13 +40,17 @@ class Node:
     """
 
     def __init__(self, arguments: Sequence[str] = ()) -> None:
-        self._context = rclpy.Context()
-        rclpy.init(
-            args=[NAME, *arguments],
-            context=self._context,
-            signal_handler_options=SignalHandlerOptions.NO,
-        )
-        self._node = rclpy.create_node(NAME, context=self._context)
+        self._context, options = rclpy.Context(), SignalHandlerOptions.NO
+        try:
+            rclpy.init(
+                args=[NAME, *arguments], context=self._context, signal_handler_options=options
+            )
+            self._node = rclpy.create_node(NAME, context=self._context)
+            unknown = rclpy.utilities.remove_ros_args([NAME, *arguments])[1:]
+        except (RuntimeError, NameValidationException) as error:
+            raise BadArguments(str(error).splitlines()[0]) from error
+        if unknown:
+            raise BadArguments(f"{' '.join(unknown)} is not between --ros-args and --")
         self._loop = asyncio.get_running_loop()
         self._executor = SingleThreadedExecutor(context=self._context)
         self._answering = set[asyncio.Task[None]]()

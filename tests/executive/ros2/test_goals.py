@@ -1,0 +1,87 @@
+"""The goals of a server, as its events report them, and the ROS 2 that a process finds."""
+
+import asyncio
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from executive.api.outcome import GoalState, GoalStatus, Outcome
+from executive.ros2 import installation
+from executive.ros2.goals import MOST_ENDED, Goals
+from tests.support.servers.serving import Typed
+
+pytest_plugins = ["tests.support.servers.server_fixtures"]
+
+
+def status(identity: str, state: GoalState) -> GoalStatus:
+    ended = state.value > GoalState.CANCELING.value
+    outcome = Outcome.of(1, state, None) if ended else None
+    return GoalStatus(identity, 1, state, 0, outcome)
+
+
+def test_a_goal_never_returns_to_an_earlier_state() -> None:
+    seen: list[GoalStatus] = []
+    goals = Goals(seen.append)
+    states = (GoalState.EXECUTING, GoalState.ACCEPTED, GoalState.ABORTED, GoalState.SUCCEEDED)
+    for state in states:
+        goals.take(status("a", state))
+    assert [each.state for each in seen] == [GoalState.EXECUTING, GoalState.ABORTED]
+
+
+def test_all_who_wait_get_the_end_of_a_goal_also_if_the_server_is_lost() -> None:
+    async def act() -> None:
+        goals = Goals(lambda goal: None)
+        first = asyncio.create_task(goals.seen("a"))
+        await asyncio.sleep(0)
+        for identity in "ab":
+            goals.take(status(identity, GoalState.EXECUTING))
+        assert (await first).identity == "a"
+        waiting = [asyncio.create_task(goals.end(each)) for each in "aab"]
+        await asyncio.sleep(0)
+        waiting[0].cancel()
+        goals.take(status("b", GoalState.SUCCEEDED))
+        goals.lose(frozenset("a"))
+        assert not waiting[1].done()
+        goals.lose()
+        ends = await asyncio.gather(*waiting[1:])
+        assert [end.state for end in ends] == [GoalState.ABORTED, GoalState.SUCCEEDED]
+        outcome = ends[0].outcome
+        assert outcome
+        assert outcome.code == "server.unreachable"
+
+    asyncio.run(act())
+
+
+def test_the_oldest_goals_that_ended_are_forgotten() -> None:
+    goals = Goals(lambda goal: None)
+    goals.take(status("under way", GoalState.EXECUTING))
+    for number in range(MOST_ENDED + 2):
+        goals.take(replace(status(str(number), GoalState.SUCCEEDED)))
+    assert [*goals.known][:2] == ["under way", "2"]
+
+
+def test_only_this_machine_finds_the_node_unless_the_user_wants_more(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.delenv("ROS_LOCALHOST_ONLY", raising=False)
+    monkeypatch.setenv(installation.DISCOVERY, "")
+    monkeypatch.delenv(installation.DISCOVERY)
+    assert installation.stay_on_this_machine()
+    assert os.environ[installation.DISCOVERY] == "LOCALHOST"
+    monkeypatch.setenv(installation.DISCOVERY, "SUBNET")
+    assert not installation.stay_on_this_machine()
+    monkeypatch.setenv("ROS_LOCALHOST_ONLY", "1")
+    assert installation.stay_on_this_machine()
+
+
+def test_without_ros_the_command_says_how_to_install_it(
+    typed: tuple[object, Typed], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert installation.environment(tmp_path) is None
+    monkeypatch.setattr(installation, "environment", lambda: None)
+    monkeypatch.setattr(installation, "is_ready", lambda: False)
+    code, _, printed = typed[1]("ros2")
+    assert code == 2
+    assert "make ros2" in printed
