@@ -52,6 +52,8 @@ class RecordedLink:
             RecordingBehind: It took longer than the time that a frame waits.
         """
         begin = self._clock.now()
+        if self._since is None:
+            self._recordings.write_time()  # until now
         recorded = self._recordings.caught_up(timeout)
         if recorded and self._since is None:
             return True
@@ -97,9 +99,9 @@ class RecordedLink:
             )
 
     def _likely_cause(self, waited: float) -> str:
-        write = self._recordings.longest_write()
-        if write > waited / 2:
-            return f"a write to the disk took {write:.2f} s; record to a faster disk"
+        writing = self._recordings.write_time()
+        if writing > waited / 2:
+            return f"writes to the disk took {writing:.2f} s; record to a faster disk"
         load, cores = os.getloadavg()[0], len(os.sched_getaffinity(0))
         return (
             f"the computer is busy, with a load of {load:.1f} on {cores} processors; "

@@ -218,10 +218,10 @@ class Recordings:
         recorder = self._recorder
         return recorder is None or recorder.caught_up(timeout)
 
-    def longest_write(self) -> float:
-        """Return the longest time that a write took since the last call [s], also one so far."""
+    def write_time(self) -> float:
+        """Return the time that writes took since the last call [s], also one so far."""
         recorders = {self._recorder, self._server} - {None}
-        return max((each.longest_write() for each in recorders if each), default=0.0)
+        return max((each.write_time() for each in recorders if each), default=0.0)
 
     def on_arm_event(self, event: ArmEvent) -> None:
         """Record an event of the arm. Exchanges with a board that measures may come later."""

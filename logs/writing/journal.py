@@ -97,9 +97,9 @@ class Journal:
         """True if the disk is full and only the reserve for the end of the run is left."""
         return self._file.full
 
-    def longest_write(self) -> float:
-        """Return the longest time that a write took since the last call [s], also one so far."""
-        return self._file.longest_write()
+    def write_time(self) -> float:
+        """Return the time that writes took since the last call [s], also one so far."""
+        return self._file.write_time()
 
     def _encoded(self, item: Item) -> bytes:
         if isinstance(item, Attachment):
@@ -156,7 +156,7 @@ class PieceWriter:
         self._stream = stream
         self._written = 0
         self._began: float | None = None  # when the write that is not done began [s]
-        self._longest = 0.0
+        self._spent = 0.0  # in writes since `write_time` was called [s]
         self._reserve = _reserve(Path(str(stream.name)).parent)
         if self._reserve:
             finalize(self, self._reserve.close)
@@ -197,10 +197,12 @@ class PieceWriter:
         """True if nothing more can be written."""
         return self._stream.closed
 
-    def longest_write(self) -> float:
-        """Return the longest time that a write took since the last call [s], also one so far."""
-        began, longest, self._longest = self._began, self._longest, 0.0
-        return max(longest, time.monotonic() - began if began is not None else 0.0)
+    def write_time(self) -> float:
+        """Return the time that writes took since the last call [s], also one so far."""
+        began = self._began
+        so_far = time.monotonic() - began if began is not None else 0.0
+        spent, self._spent = self._spent + so_far, -so_far  # its end adds all of it
+        return spent
 
     def _write(self, data: bytes) -> None:
         handle, done = self._stream.fileno(), 0
@@ -214,7 +216,7 @@ class PieceWriter:
                 os.lseek(handle, self._written, os.SEEK_SET)
             raise
         finally:
-            self._longest = max(self._longest, time.monotonic() - began)
+            self._spent += time.monotonic() - began
             self._began = None
         self._written += done
 

@@ -117,10 +117,10 @@ class Recorder:
         self._jobs.put(mark.set)
         return mark.wait(timeout)
 
-    def longest_write(self) -> float:
-        """Return the longest time that a write took since the last call [s], also one so far."""
+    def write_time(self) -> float:
+        """Return the time that writes took since the last call [s], also one so far."""
         journal = self._journal
-        return journal.longest_write() if journal else 0.0
+        return journal.write_time() if journal else 0.0
 
     def flush(self) -> None:
         """Wait until everything put so far was written to the operating system.

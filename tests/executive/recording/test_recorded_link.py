@@ -27,7 +27,7 @@ class Late:
         self._rig.rest(timeout)
         return False
 
-    def longest_write(self) -> float:
+    def write_time(self) -> float:
         return self._write_s
 
 
@@ -36,7 +36,7 @@ def link_of(rig: Rig, late: Late, timeout: float = 5.0) -> RecordedLink:
 
 
 @pytest.mark.parametrize(
-    ("write_s", "cause"), [(0.9, "a write to the disk took 0.90 s"), (0.1, "computer is busy")]
+    ("write_s", "cause"), [(0.9, "writes to the disk took 0.90 s"), (0.1, "computer is busy")]
 )
 def test_a_late_recording_is_reported_with_its_likely_cause(
     rig: RigMaker, caplog: pytest.LogCaptureFixture, write_s: float, cause: str

@@ -120,7 +120,7 @@ def slow_disk(scene: Scene) -> None:
     calls.stop()
     scene.ended(run, 0)
     lines = [str(each) for each in run.events("log")]
-    words = [line for line in lines if "waited" in line and "a write to the disk took" in line]
+    words = [line for line in lines if "waited" in line and "writes to the disk took" in line]
     scene.check(words, f"the log does not name the disk: {lines}")
     scene.verified()
 
@@ -149,7 +149,7 @@ def stuck_disk(scene: Scene) -> None:
     scene.figure(1000 * (time.monotonic() - begin))
     calls.stop()
     scene.check(result["code"] == "log.behind", f"the goal ends {result['code']}")
-    scene.check("a write to the disk took" in result["message"], result["message"])
+    scene.check("writes to the disk took" in result["message"], result["message"])
     scene.check(server.state() == "active", f"the arm is {server.state()}")
     result = server.result(second)
     scene.check(result["code"] == "ok", f"the next goal ends {result['code']}: {result}")

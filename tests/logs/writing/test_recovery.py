@@ -8,6 +8,7 @@ import threading
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -19,6 +20,7 @@ from logs import DiskFull, Recorder, RecordingInUse, compact, recover, recover_a
 from logs.folder import recording_path
 from logs.reading.file_state import being_written, is_complete, locked
 from logs.records.file_format import RECOVERED
+from logs.writing import journal
 from logs.writing.compaction import part_of
 from logs.writing.journal import PieceWriter
 from logs.writing.retention import Rule, pin, pinned, prune
@@ -323,6 +325,26 @@ def test_a_full_disk_leaves_room_for_the_end(tmp_path: Path) -> None:
         assert tail.full
         assert path.read_bytes() == b"the end"
     assert "its end" not in str(DiskFull(path))  # not known yet
+
+
+def test_the_time_of_all_writes_is_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    now, real = [0.0], os.write
+
+    def slow(handle: int, data: bytes) -> int:
+        now[0] += 0.6
+        if data == b"asks":
+            assert tail.write_time() == pytest.approx(1.2)  # also of one that is not done
+            now[0] += 0.1
+        return real(handle, data)
+
+    with (tmp_path / "x").open("xb") as stream:
+        tail = PieceWriter(stream)
+        monkeypatch.setattr(journal, "time", SimpleNamespace(monotonic=lambda: now[0]))
+        monkeypatch.setattr(os, "write", slow)
+        for data in (b"one", b"asks", b"two"):
+            tail.write(data)
+        assert tail.write_time() == pytest.approx(0.7)
+        assert tail.write_time() == 0.0
 
 
 def aged(folder: Path, name: str, days: float) -> Path:
