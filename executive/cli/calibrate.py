@@ -162,7 +162,7 @@ def _finish(
     # First the file: it has the values that were there, which --restore writes back.
     write_calibration(calibrator.path, arm.name, made, joints)
     calibrator.write(changes)
-    echo(f"{calibrator.path} is written, and the servos read back what it has")
+    echo(f"{calibrator.path} is written; the servos hold the same values, as read back")
 
 
 def _restore(arm: "Robot", calibrator: "Calibrator") -> None:

@@ -175,7 +175,7 @@ def _recorded(robot: Any, recordings: Any) -> "tuple[Where, str]":
     """Return the last recorded pose, and its source.
 
     Raises:
-        ServerUnreachable: There is none.
+        ServerUnreachable: No recording has a pose.
     """
     from executive.api.events import Where
     from executive.errors import ServerUnreachable

@@ -95,7 +95,7 @@ def replay(
         play(recordings[0], speed, at, as_json, diagnostics().verbose)
         sys.exit(print_incomplete(recordings[0]))
     if speed > 1:
-        why = "the motion was timed to the limits of the joints; at most 1, or faster with --watch"
+        why = "more than 1 would exceed the limits of the joints; only --watch may be faster"
         raise click.UsageError(f"--speed {speed:g}: {why}")
     from tempfile import TemporaryDirectory
 

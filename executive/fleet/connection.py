@@ -384,7 +384,7 @@ def _credentials(url: str) -> dict[str, Any]:
 
 
 def _own_token(url: str) -> str:
-    """Return the token of a NATS server that this user started on this machine; or no text."""
+    """Return the token of a NATS server that this user started here, or an empty text."""
     parts = urlsplit(url)
     own = token_file.read(parts.port or NATS_PORT, token_file.FLEET)
     local = parts.hostname in ("localhost", "127.0.0.1", "::1")

@@ -386,7 +386,7 @@ class Worker:
             for goal in await self._server.goals():
                 await self._recover_goal(goal.identity)
         except (ClientError, FleetError) as error:
-            logger.warning("Fleet: earlier jobs are not looked up: %s", error)
+            logger.warning("Fleet: the results of earlier jobs cannot be read: %s", error)
 
     async def _recover_goal(self, identity: str) -> None:
         while True:

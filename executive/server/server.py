@@ -274,7 +274,7 @@ class Server(HttpServer):
 
 
 class Viewer(HttpServer):
-    """Serves the page on the recordings of a folder, to this machine.
+    """Serves the page with the recordings of a folder, only on this machine.
 
     Args:
         folder: The folder.

@@ -1,4 +1,4 @@
-"""Calibration: from servos that were swept by hand to a calibration file and what servos keep."""
+"""Calibration: from ranges swept by hand to a calibration file and the settings of servos."""
 
 import json
 import math
@@ -74,7 +74,7 @@ class Calibrator:
     Args:
         robot: The robot, without a calibration.
         bus: The open bus.
-        reports: What each servo says of itself, by its id.
+        reports: Report of each servo, by its id.
     """
 
     def __init__(self, robot: Robot, bus: ServoBus, reports: Mapping[int, ServoReport]) -> None:

@@ -464,7 +464,7 @@ def _shape_mistakes(link: str, shape: Element, largest: float) -> Iterator[str]:
             yield _mistake(where, shape, key, f"{wanted} above 0, up to {largest:g} m")
     if shape.tag == "mesh":
         if not shape.get("filename"):
-            yield _mistake(where, shape, "filename", "that of a file")
+            yield _mistake(where, shape, "filename", "the name of a file")
         scale = _numbers(shape.get("scale", "1 1 1"))  # a negative scale mirrors the mesh
         if len(scale) != 3 or not all(0.0 < abs(number) <= largest for number in scale):
             wanted = f"three numbers other than 0, from {-largest:g} to {largest:g}"

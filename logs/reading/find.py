@@ -34,9 +34,9 @@ def _task(text: str) -> int:
 
 
 def by_name(name: str) -> tuple[int, int] | None:
-    """Return when a recording began, UTC [ns since 1970], and the number of its task or `MOVE`.
+    """Read the name of a recording: its start, UTC [ns since 1970], and its task or `MOVE`.
 
-    None if armtree made no such name.
+    Returns None if armtree did not make the name.
     """
     found = _RUN.fullmatch(name)
     if not found:

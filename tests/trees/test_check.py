@@ -134,7 +134,7 @@ WRONG = [
     ),
     (
         "{parallel: [{Set: {value: 1, key: $a}}, {Set: {value: 2, key: $a}}]}",
-        "which writes it too, so that it is not certain which comes last",
+        "at the same time; give the two keys different names",
     ),
     (
         "{sequence: [{selector: [CheckHardware, {Set: {value: 1, key: $a}}]},"

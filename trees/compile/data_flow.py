@@ -104,8 +104,8 @@ class Keys:
                 if other and other is not key and name not in _same(self.unread, branch.unread):
                     mistakes.add(
                         key.place,
-                        f"${short_name(key)} is written beside line {other.place.line}, which "
-                        "writes it too, so that it is not certain which comes last",
+                        f"${short_name(key)} is also written by line {other.place.line}, at the "
+                        "same time; give the two keys different names",
                     )
                 self.unread[name] = key
             self.written |= branch.written

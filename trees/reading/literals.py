@@ -281,7 +281,7 @@ def _positions(
             there = f"joint values are a mapping; write {near}"
         instead = value.place.replaced(value.value, near)
         if value.value == _HOME:
-            there += "; that of `armtree home` can be saved with `armtree pose save home`"
+            there += "; `armtree pose save home` saves the one of `armtree home`"
         wrong(value.place, there, instead)
         return None
     items = value.value if isinstance(value.value, list) else []

@@ -31,6 +31,6 @@ class LogHandler(logging.Handler):
         self._executive = executive
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Pass a line on."""
+        """Record a line."""
         now, text = self._executive.clock.now(), record.getMessage()
         self._executive.record(logs.LogLine(now, record.levelno, record.name, text))

@@ -212,5 +212,5 @@ def _hold(arm: JogArm) -> str:
 def pose_words(where: Where) -> str:
     """Return the pose that an arm holds, for people."""
     if not where.commanded:
-        return "the pose in which it was: it was never active"
+        return "an unknown position: it was never active"
     return where.words(where.commanded)

@@ -117,10 +117,10 @@ def _report(view: View, executive: Executive, settings: Sequence[str], outcome: 
 def _held_by(
     server: token_file.ServerInfo, executive: Executive, task: int, settings: Sequence[str]
 ) -> str:
-    """Return that a server has the arm, and what to type, so that it runs a task or a move.
+    """Return a message that a server holds the arm, with the command that sends it the task.
 
     Returns:
-        The words; empty if the server does not answer, or holds another robot.
+        The message; empty if the server does not answer, or holds another robot.
     """
     from executive.client.synchronous import Client  # only where a server runs
 

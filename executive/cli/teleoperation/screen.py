@@ -68,7 +68,7 @@ class View:
     failed: bool = False
 
     def lines(self, width: int, rows: int) -> Iterator[tuple[str, bool]]:
-        """Return the lines of the screen, each with whether it belongs to an error.
+        """Return the lines of the screen, each with True if it belongs to an error.
 
         Args:
             width: Number of columns.
@@ -149,7 +149,7 @@ class TeleopScreen(KeyScreen):
         return self._arm.where()
 
     def lines(self, width: int, rows: int) -> Iterator[tuple[str, bool]]:
-        """Return the lines of the screen, each with whether it belongs to an error."""
+        """Return the lines of the screen, each with True if it belongs to an error."""
         return self._view.lines(width, rows)
 
     def press(self, key: str) -> None:

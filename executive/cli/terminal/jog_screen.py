@@ -165,7 +165,7 @@ class JogScreen(KeyScreen):
             self._take(self._events.get())
 
     def press(self, key: str) -> None:
-        """Do what a key asks for."""
+        """Handle a key."""
         self._jog, action = self._jog.press(key)
         self._do(action)
 

@@ -85,7 +85,7 @@ def test_an_arm_is_calibrated_and_restored(arm: Arm) -> None:
         assert arm.kept() == [(0, 0, 4095)] * 4
         terminal.type("y\r")
         status, printed = terminal.end()
-        assert (status, "the servos read back what it has" in printed) == (0, True)
+        assert (status, "the servos hold the same values" in printed) == (0, True)
     assert arm.kept() == [(0, *ends) for ends in ENDS.values()]
     robot = load_robot(arm.file)
     assert robot.calibration == calibration_file(arm.file)

@@ -60,7 +60,7 @@ def refusal(robot: Robot) -> str:
         ('<capsule radius="0.1" length="0.2"/>', "middle has a capsule; give one of box, sphere"),
         ("", "a collision of middle has 0 shapes; give each collision one shape"),
         ('<box size="1 1 1"/><sphere radius="1"/>', "a collision of middle has 2 shapes; give"),
-        ("<mesh/>", "the filename of the mesh of middle is missing; give that of a file"),
+        ("<mesh/>", "the filename of the mesh of middle is missing; give the name of a file"),
         ('<mesh filename="a.stl" scale="1 0 1"/>', "the scale of the mesh of middle is '1 0 1'"),
         (
             '<mesh filename="a.stl" scale="1 1"/>',
