@@ -111,11 +111,10 @@ class Planner:
         check_types(query)
         watch, deadline = Stopwatch(self._clock), Deadline(self._clock, query.timeout)
         margin = self._robot.collision.margin
-        if query.world not in self._checkers:
-            with watch.stage("world"):
-                self._checker(query.world)
+        with watch.stage("ends" if query.world in self._checkers else "world"):
+            checker = self._checker(query.world)
         with watch.stage("ends"):
-            checker, endpoints = self._checker(query.world), self._endpoints(query.group)
+            endpoints = self._endpoints(query.group)
             start, points = endpoints.check(checker, query)
             group = endpoints.group
         validator = MotionValidator(
