@@ -89,7 +89,8 @@ class App:
         self._log_bucket = TokenBucket(0.1, 3.0, clock.now)
         self._streams = {True: 0, False: 0}
         operations = [o for o in OPERATIONS.values() if hasattr(endpoints, o.name)]
-        routes: list[Any] = [
+        routes: list[Any] = page_routes()  # first, because a view of the page asks for many
+        routes += [
             self._route([o for o in operations if o.path == path])
             for path in dict.fromkeys(o.path for o in operations)
         ]
@@ -98,7 +99,6 @@ class App:
             for o in operations
             if o.ignores_input
         ]
-        routes += page_routes()
         if rosbridge:
             routes.append(WebSocketRoute("/", rosbridge))
         starlette = Starlette(routes=routes, exception_handlers={HTTPException: _not_routed})
@@ -142,6 +142,7 @@ class App:
     def _endpoint(self, operation: Operation) -> Callable[[Request], Awaitable[Response]]:
         arguments = _Arguments(operation)
         answer = getattr(self._endpoints, operation.name)
+        changes = operation.access is Access.CHANGE and operation.method == "POST"
 
         async def endpoint(request: Request) -> Response:
             try:
@@ -150,7 +151,7 @@ class App:
                 client = client_of(request.headers)
                 if operation.names_client:
                     given["client"] = client
-                elif client and operation.access is Access.CHANGE and not operation.streams:
+                elif client and changes and not operation.streams:
                     logger.info("%s %s from %s", request.method, request.url.path, client)
                 with self._counted(operation, request):
                     value = await (

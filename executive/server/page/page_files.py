@@ -6,6 +6,7 @@ from functools import cached_property
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 
+from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
@@ -69,11 +70,16 @@ class PageFile:
 
 
 def page_routes() -> list[Route]:
-    """Return one route for each file of the page, and `/` for its HTML."""
-    root = files(__package__) / "static"
-    found = {f"{PREFIX}{name}": PageFile(path) for name, path in _walk(root)}
-    found["/"] = found.pop(f"{PREFIX}{INDEX}")
-    return [Route(path, file.answer) for path, file in found.items()]
+    """Return the route of the HTML, and one for all other files."""
+    found = {name: PageFile(path) for name, path in _walk(files(__package__) / "static")}
+    index = found.pop(INDEX)
+
+    async def answer(request: Request) -> Response:
+        if file := found.get(request.path_params["name"]):
+            return await file.answer(request)
+        raise HTTPException(404)
+
+    return [Route("/", index.answer), Route(f"{PREFIX}{{name:path}}", answer)]
 
 
 def _walk(folder: Traversable, above: str = "") -> list[tuple[str, Traversable]]:
