@@ -55,12 +55,14 @@ def test_recordings_name_the_client(serve: Serve, caplog: pytest.LogCaptureFixtu
         assert arm.stop().goals == (goal,)
         arm.result(goal)
         assert [each["task"] for each in arm.recordings(task=10)] == [10]
+        served.ask("GET", "/api/session", headers={"user-agent": "robot/1"})
     for words in (
         f"Executing the goal for task 10 ({goal}) from robot/1\t(me)",
         f"POST /api/goals/{goal}/pause from robot/1\t(me)",
         "Received a stop from robot/1\t(me)",
     ):
         assert words in lines
+    assert not any("GET" in line for line in lines)
 
 
 def test_a_task_is_planned_and_nothing_moves(serve: Serve) -> None:

@@ -17,6 +17,22 @@ const KEY = "armtree-token";
  * @property {string} hint
  */
 
+/** What to do on this page, by code; the hints of the server name commands. */
+const HINTS = /** @type {Record<string, string>} */ ({
+  "goal.busy": "wait, or press STOP",
+  "goal.too_many_breakpoints": "clear one in the tree",
+  "hw.not_active": "press Activate beside the tasks; if there is no such button, start the server again",
+  "request.token": "open the link that armtree serve printed, or type: armtree view",
+});
+
+/**
+ * Return what to do about a cause; empty if there is nothing to do.
+ * @param {Cause} cause
+ */
+export function hintOf({ code, hint }) {
+  return HINTS[code] ?? hint;
+}
+
 /** A request that the server refused. */
 export class Refused extends Error {
   /**
@@ -24,7 +40,7 @@ export class Refused extends Error {
    * @param {Cause} cause
    */
   constructor(status, cause) {
-    super(cause.hint ? `${cause.message}. ${cause.hint}` : cause.message);
+    super([cause.message, hintOf(cause)].filter(Boolean).join(". "));
     this.status = status;
     this.code = cause.code;
   }

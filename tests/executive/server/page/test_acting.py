@@ -98,7 +98,21 @@ def test_the_arm_is_activated_from_the_page(open_page: Open, page_server: Served
     shows(tab, "#opening", "Activating opens the port; the arm then")
     tab.click("#activate")
     shows(tab, "#arm-state", "^active$")
+    page_server.executive.arm_to("deactivate")
+    page_server.executive.arm_to("cleanup")
+    shows(tab, "#arm-note", "The arm is unconfigured")
+    tab.click("#activate")
+    shows(tab, "#arm-state", "^active$")
     assert page_server.executive.status().arm.value == "active"
+
+
+def test_a_hint_names_what_the_page_has(open_page: Open, page_server: Served) -> None:
+    page_server.executive.send(10)
+    tab = open_page()
+    tab.click(f"{task('0 home')} summary")
+    tab.click(f"{task('0 home')} button:text-is('Run')")
+    shows(tab, f"{task('0 home')} [role=alert]", "wait, or press STOP$")
+    forget(tab, "409")
 
 
 def test_a_dry_run_shows_the_motion_and_moves_nothing(open_page: Open, page_server: Served) -> None:

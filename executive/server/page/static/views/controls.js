@@ -10,6 +10,7 @@ import { byId, setText } from "../dom.js";
 export class Controls {
   #shown;
   #refresh;
+  #arm = ""; // state of its lifecycle
   #buttons = ["pause", "step", "resume"].map((name) => byId(name, HTMLButtonElement));
 
   /**
@@ -25,6 +26,7 @@ export class Controls {
 
   /** @param {Status | null} status */
   draw(status) {
+    this.#arm = status?.arm ?? "";
     const { isLive, live } = this.#shown;
     byId("controls", HTMLElement).hidden = !isLive && !live.active;
     const usable = isSignedIn() && live.active;
@@ -41,23 +43,24 @@ export class Controls {
     await this.#act("api/breakpoints", { node, on });
   }
 
-  /** Activate the arm, which may move it. */
+  /** Activate the arm, which may move it; configure it before, if it is not. */
   async activate() {
+    if (this.#arm === "unconfigured" && !(await this.#act("api/arm/configure"))) return;
     await this.#act("api/arm/activate");
   }
 
   /**
    * @param {string} path
    * @param {object} [body]
+   * @returns {Promise<boolean>} True if it was done
    */
   async #act(path, body) {
-    const note = byId("control-error", HTMLElement);
-    try {
-      await post(path, body);
-      setText(note, "");
-    } catch (error) {
-      setText(note, error instanceof Error ? error.message : String(error));
-    }
+    const found = await post(path, body).then(
+      () => "",
+      (error) => error.message,
+    );
+    setText(byId("control-error", HTMLElement), found);
     this.#refresh();
+    return found === "";
   }
 }

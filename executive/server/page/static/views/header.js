@@ -1,6 +1,6 @@
 /** The header: robot, port, arm, goal, and the state of the connection and of the sign-in. */
 
-import { isSignedIn } from "../api.js";
+import { hintOf, isSignedIn } from "../api.js";
 import { byId, setAttribute, setText } from "../dom.js";
 
 /** @typedef {import("../connection.js").Status} Status */
@@ -36,7 +36,7 @@ export function drawHeader(connection, run, status) {
     setText(byId("port", HTMLElement), portWords(status.port));
     const arm = byId("arm-state", HTMLElement);
     setText(arm, status.fault ? `${status.arm}, fault` : status.arm);
-    setAttribute(arm, "title", status.fault ? `${status.fault.message} ${status.fault.hint}` : "");
+    setAttribute(arm, "title", status.fault ? `${status.fault.message} ${hintOf(status.fault)}` : "");
     arm.classList.toggle("failed", status.fault !== null);
   }
   setText(byId("goal-title", HTMLElement), run.title || "none");

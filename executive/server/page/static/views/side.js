@@ -1,6 +1,6 @@
 /** Beside the tree: what runs now, why the goal failed, and the selected node. */
 
-import { post } from "../api.js";
+import { hintOf, post } from "../api.js";
 import { byId, element, setText } from "../dom.js";
 import { mark } from "./tree.js";
 
@@ -80,7 +80,7 @@ export function drawFailure(shown) {
   card.replaceChildren(
     element("h2", {}, `${run.title} ${shown.planned ? "would fail" : "failed"}`),
     element("p", { class: "cause" }, cause.message),
-    ...(cause.hint ? [element("p", {}, `What to do: ${cause.hint}`)] : []),
+    ...(hintOf(cause) ? [element("p", {}, `What to do: ${hintOf(cause)}`)] : []),
     facts([
       ["Node", cause.node && run.nodes.has(cause.node) ? link(cause.node, cause.node) : cause.node],
       ["Joint", cause.joint],

@@ -73,7 +73,7 @@ export class TasksView extends EventTarget {
   #drawArm(status) {
     const words = !status || status.arm === "active" ? "" : `The arm is ${status.arm}, so goals fail.`;
     setText(byId("arm-note", HTMLElement), words);
-    const hidden = !(isSignedIn() && status?.arm === "inactive");
+    const hidden = !isSignedIn() || !["unconfigured", "inactive"].includes(status?.arm ?? "");
     byId("activate", HTMLButtonElement).hidden = hidden;
     byId("opening", HTMLElement).hidden = hidden;
   }
