@@ -75,7 +75,7 @@ class NoDriver(HardwareError):
         self.path = path
         super().__init__(
             f"{path} names no driver, so nothing can be sent to the port {port}. Add driver, "
-            "[serial], and a wire for each joint; hardware/README.md explains them. Without a "
+            "[serial], and a wire for each joint; the page *Robot files* explains them. Without a "
             "driver the arm moves on the port virtual only, and nothing real moves"
         )
 
@@ -90,7 +90,7 @@ class NotAble(HardwareError):
     def __init__(self, robot: str, firmware: str, ability: str) -> None:
         super().__init__(
             f"The board of {robot}, with the firmware {firmware}, cannot {ability}. Use an arm "
-            "whose board can; hardware/README.md says which ones"
+            "whose board can; the page *Your own driver* says which ones"
         )
 
 

@@ -1,6 +1,5 @@
 """The public interface: an arm in a program or a notebook, without a server."""
 
-import re
 import shutil
 import signal
 import subprocess
@@ -22,7 +21,6 @@ from executive.setup import Setup
 from executive.task_runner import TaskRunner
 from hardware import BoardLink, Robot, SimulatedClock
 from skills.motion import Pool
-from tests.support.arms.quick_arm import quick_arm
 from tests.support.arms.virtual_boards import virtual_board
 from tests.support.paths import EXAMPLES, ROOT
 from trees import Library
@@ -242,20 +240,6 @@ def test_without_own_tasks_the_examples_are_there(
     assert _default_trees("arduinobot") == armtree.EXAMPLES
     (own.parent / "8_wait.yaml").write_text(WAIT)
     assert _default_trees("arduinobot") == Path("trees")
-
-
-@pytest.mark.slow
-def test_the_sample_of_the_readme_runs(tmp_path: Path) -> None:
-    sample = re.findall(
-        r"```python\n(import armtree\n.*?)```", (ROOT / "README.md").read_text(), re.DOTALL
-    )[0]
-    arm = f"armtree.Arm(robot={str(quick_arm(tmp_path))!r})"
-    command = [sys.executable, "-P", "-c", sample.replace("armtree.Arm()", arm)]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    assert "Traceback" not in done.stderr  # a busy computer or a slow disk may be reported there
-    assert (tmp_path / done.stdout.strip()).is_file()
-    assert len(list(tmp_path.glob("recordings/*.mcap"))) == 2
 
 
 @pytest.mark.slow

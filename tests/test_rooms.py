@@ -19,6 +19,7 @@ from executive.cli.main import cli
 from tests.support.codes import all_codes
 from tests.support.paths import ROBOT_FILE, ROOT
 
+PAGES = ROOT / "docs" / "pages"
 ROOMS = ("executive", "skills", "hardware", "trees", "logs")
 
 
@@ -73,7 +74,7 @@ def test_files_that_the_documents_name_exist() -> None:
 
 
 def test_the_grammar_page_lists_every_skill_and_port() -> None:
-    page = (ROOT / "trees" / "README.md").read_text()
+    page = (PAGES / "reference" / "tasks.md").read_text()
     for name, skill in get_ports_registry().items():
         if not skill.__module__.startswith("skills."):
             continue
@@ -82,8 +83,8 @@ def test_the_grammar_page_lists_every_skill_and_port() -> None:
             assert f"`{port}`" in row
 
 
-def test_the_readme_lists_every_event_and_its_fields() -> None:
-    table = (ROOT / "README.md").read_text().partition("## For programs")[2]
+def test_the_page_lists_every_event_and_its_fields() -> None:
+    table = (PAGES / "reference" / "output.md").read_text()
     for kind, event in EVENTS.items():
         row = next(line for line in table.splitlines() if line.startswith(f"| `{event}` |"))
         fields = {UNITS.get(field.name, field.name) for field in dataclasses.fields(kind)}
@@ -93,7 +94,7 @@ def test_the_readme_lists_every_event_and_its_fields() -> None:
 
 
 def test_the_robot_page_lists_every_key() -> None:
-    page = (ROOT / "hardware" / "README.md").read_text()
+    page = (PAGES / "reference" / "robot_file.md").read_text()
     text = ROBOT_FILE.read_text()
     keys = set(re.findall(r"^(\w+) =", text, re.MULTILINE)) | {"letter", "sign", "reversed"}
     assert {key for key in keys if not re.search(rf"`[^`]*\b{key}\b[^`]*`", page)} == set()
@@ -125,7 +126,9 @@ def test_the_locks_agree_and_what_runs_needs_no_tool_of_tests() -> None:
 def test_the_documents_list_every_exit_status() -> None:
     statuses = {code.exit_status for code in all_codes().values()}
     statuses |= {click.UsageError.exit_code, INTERRUPTED_EXIT, READER_ENDED_EXIT}
-    table = re.findall(r"^\| (\d+) \| [\w`]", (ROOT / "README.md").read_text(), re.MULTILINE)
+    table = re.findall(
+        r"^\| (\d+) \| \w", (PAGES / "reference" / "exit_codes.md").read_text(), re.MULTILINE
+    )
     assert {int(number) for number in table} == statuses
     words = " ".join((cli.help or "").split())
     assert all(re.search(rf"\b{status} \w", words) for status in statuses)

@@ -161,7 +161,7 @@ ERROR = answer(
     "Error",
     **_plain_fields(Cause)
     | {
-        "code": described(TEXT, "Stable name; executive/README.md lists all."),
+        "code": described(TEXT, "Stable name; the page *Messages* lists all."),
         "node": described(TEXT, "Path in the tree; empty if the cause is outside it."),
         "value": described(_or_null(NUMBER), "The wrong value [rad], [m] or [s]."),
         "limit": described(_or_null(NUMBER), "The limit of the value, in the same unit."),

@@ -14,7 +14,7 @@ _MAX_BYTES = 2**20
 
 
 def read_world(file: Path) -> World:
-    """Return the bodies of a JSON file. README.md describes its format.
+    """Return the bodies of a JSON file. docs/pages/how_to/plan.md describes its format.
 
     Raises:
         BadWorldFile: The file cannot be read, or does not contain a list of bodies.

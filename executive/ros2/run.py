@@ -14,7 +14,7 @@ from .triggers import Triggers
 
 _NO_ACTION = (
     "this ROS 2 lacks the package arduinobot_msgs, so there is no action task_server; build "
-    "executive/ros2/arduinobot_msgs, as its README says. The services ~/run_NAME work without it"
+    "executive/ros2/arduinobot_msgs: see the page *ROS 2*. The services ~/run_NAME work without it"
 )
 
 

@@ -26,7 +26,7 @@ _TIME_TO_SPEED = 0.5  # [s]
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 
 _HEAD = """\
-# {name}, made from a URDF by `armtree new-arm`. hardware/README.md explains the keys.
+# {name}, made from a URDF by `armtree new-arm`. The page *Robot files* explains the keys.
 # Without a driver the arm moves on the port `virtual` only, and nothing real moves. For a real
 # board, fill in `driver`, [serial] and the `wire` of every joint, and remove their `# `:
 #   driver          board         baud      firmware         wire

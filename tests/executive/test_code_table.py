@@ -14,7 +14,6 @@ from executive.api.codes import INTERNAL
 from executive.code_table import look_up
 from hardware import HardwareError
 from tests.support.codes import all_codes
-from tests.support.paths import ROOT
 
 ROOMS = (executive, hardware, logs, skills, trees)
 
@@ -44,15 +43,6 @@ def test_every_error_with_a_code_is_listed() -> None:
 def test_a_code_belongs_to_one_class() -> None:
     codes = [kind.__dict__["code"] for kind in every_error() if "code" in kind.__dict__]
     assert sorted(codes) == sorted(set(codes))
-
-
-def test_the_document_shows_the_table() -> None:
-    lines = ["| code | exit | means | what to do |", "|---|---|---|---|"]
-    lines += [
-        f"| `{code}` | {known.exit_status} | {known.meaning} | {known.hint} |"
-        for code, known in all_codes().items()
-    ]
-    assert (ROOT / "executive" / "README.md").read_text().endswith("\n".join(lines) + "\n")
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from executive.testing import SimulatedArm
-from tests.support.paths import EXAMPLES
+from tests.support.paths import EXAMPLES, ROOT
 
 
 @pytest.mark.slow
@@ -57,7 +57,7 @@ def test_the_operator_answers_by_heart(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_the_class_of_the_page_and_its_test(tmp_path: Path) -> None:
-    page = (EXAMPLES.parent / "README.md").read_text()
+    page = (ROOT / "docs/pages/how_to/own_skill.md").read_text()
     blocks = re.findall(r"```python\n# ([\w/.]+)[^\n]*\n(.*?)```", page, re.DOTALL)
     for name, text in blocks:
         (tmp_path / name).parent.mkdir(exist_ok=True)

@@ -11,7 +11,7 @@ from click.testing import CliRunner, Result
 from executive.cli.main import cli
 from executive.testing import SimulatedArm
 from tests.logs.test_run import RUNS, record
-from tests.support.paths import DATA, EXAMPLES, TASKS
+from tests.support.paths import DATA, EXAMPLES, ROOT, TASKS
 from trees import FileError, UnknownTask
 from trees.compile.port_types import known_skills
 from trees.nodes import KINDS
@@ -240,7 +240,7 @@ def test_what_groot_is_given(number: int) -> None:
 
 
 def test_the_page_explains_every_kind_of_node() -> None:
-    page = (TASKS.parent / "README.md").read_text()
+    page = (ROOT / "docs/pages/reference/tasks.md").read_text()
     for name, kind in KINDS.items():
         row = next(line for line in page.splitlines() if line.startswith(f"| `{name}: "))
         assert all(f"`{option}" in row for option in kind.options)

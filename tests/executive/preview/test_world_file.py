@@ -1,4 +1,4 @@
-"""World files: the example of the README, and the errors of invalid ones."""
+"""World files: the example of the documentation, and the errors of invalid ones."""
 
 import json
 import re
@@ -16,7 +16,7 @@ from executive.preview.world_file import read_world
 from skills.motion import Body, Box, Shape, Sphere
 from tests.support.paths import ROOT
 
-README = ROOT / "README.md"
+PAGE = ROOT / "docs/pages/how_to/plan.md"
 POST = '{"name": "post", "box": {"size": [0.03, 0.03, 0.2]}}'
 
 
@@ -25,8 +25,8 @@ def plan(*arguments: str) -> Result:
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_the_example_of_the_readme(tmp_path: Path) -> None:
-    (example,) = re.findall(r"```json\n(\[.*?)```", README.read_text(), re.DOTALL)
+def test_the_example_of_the_page(tmp_path: Path) -> None:
+    (example,) = re.findall(r"```json\n(\[.*?)```", PAGE.read_text(), re.DOTALL)
     file = tmp_path / "world.json"
     file.write_text(example)
     post, ball = read_world(file).bodies
@@ -38,10 +38,10 @@ def test_the_example_of_the_readme(tmp_path: Path) -> None:
     assert "Around    post, ball on claw_support" in result.output
 
 
-def test_the_keys_of_the_readme() -> None:
-    """The README lists every key of a body and its shape, and no other."""
+def test_the_keys_of_the_page() -> None:
+    """The page lists every key of a body and its shape, and no other."""
     (table,) = re.findall(
-        r"\| key \| holds \|\n\|---\|---\|\n(.*?)\n\n", README.read_text(), re.DOTALL
+        r"\| key \| holds \|\n\|---\|---\|\n(.*?)\n\n", PAGE.read_text(), re.DOTALL
     )
     keys = {part.name for part in fields(Body)} - {"shape"}
     kinds = {str(kind.__name__).lower(): kind for kind in get_args(Shape)}

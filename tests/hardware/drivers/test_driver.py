@@ -1,4 +1,4 @@
-"""A driver of another package: the example of hardware/README.md, by its text alone."""
+"""A driver of another package: the example of the documentation, by its text alone."""
 
 import csv
 import dataclasses
@@ -21,7 +21,7 @@ _FILE = re.compile(r"^`([\w./]+)`[^\n]*:\n\n```\w+\n(.*?)^```$", re.M | re.S)
 def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the files that the page shows, and its package installed in `site`."""
     folder = tmp_path_factory.mktemp("tick_bus")
-    page = (ROOT / "hardware" / "README.md").read_text()
+    page = (ROOT / "docs/pages/how_to/own_driver.md").read_text()
     for name, text in _FILE.findall(page):
         (folder / name).parent.mkdir(exist_ok=True)
         (folder / name).write_text(text)
