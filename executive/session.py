@@ -61,12 +61,14 @@ def open_executive(
     robot, clock = setup.load_robot(), clock or RealClock()
     library = _library(setup, robot)
     port = robot.serial.port if setup.port is None else setup.port
-    if link is None and port:
-        link = robot.link(port)
-    early = list(_tidy(setup, clock))
-    for line in early:
-        report(line.message)
     with ExitStack() as stack:
+        if link is None and port:
+            link = robot.link(port)
+            if setup.single_user and port == VIRTUAL:
+                _switch_on(link, stack)
+        early = list(_tidy(setup, clock))
+        for line in early:
+            report(line.message)
         if pool is None:
             pool = stack.enter_context(closing(Pool(robot, setup.workers, clock)))
         executive = Executive(setup, robot, link, library, pool, clock, operator, leader)
@@ -78,6 +80,15 @@ def open_executive(
             if setup.single_user or setup.activate or setup.pose:
                 executive.start_pose.find()  # rejected before the port is opened
             yield executive
+
+
+def _switch_on(link: Link, stack: ExitStack) -> None:
+    """Start the process of a virtual board: it takes 0.1 s, which the next goal need not wait."""
+    from hardware.drivers.virtual.board_process import VirtualLink  # slow to import
+
+    if isinstance(link, VirtualLink):
+        stack.callback(link.close)
+        link.switch_on()
 
 
 def _library(setup: Setup, robot: Robot) -> "Library | LiveLibrary":

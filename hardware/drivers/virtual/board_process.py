@@ -79,14 +79,14 @@ class BoardProcess:
 
 
 class VirtualLink:
-    """A serial link to a virtual board, whose process is started when the link opens.
+    """A serial link to a virtual board. Its process starts at the latest when the link opens.
 
     Args:
         model: The board when it is switched on.
         baud: Speed of the line [bit/s].
 
     Attributes:
-        board: The process of the board while the link is open.
+        board: The process of the board while it is switched on.
     """
 
     port = VIRTUAL
@@ -96,16 +96,24 @@ class VirtualLink:
         self.board: BoardProcess | None = None
         self._serial: SerialLink | None = None
 
+    def switch_on(self) -> BoardProcess:
+        """Start the process of the board, without waiting for it, and return it.
+
+        It starts while the caller does other things. `close` ends it.
+        """
+        self.board = self.board or BoardProcess(self._model)
+        return self.board
+
     def open(self) -> None:
-        """Start the board and open its port.
+        """Wait for the board, which is switched on if necessary, and open its port.
 
         Raises:
             LinkError: The port cannot be opened.
         """
-        self.board = BoardProcess(self._model)
-        link = SerialLink(self.board.port, self._baud)
+        board = self.switch_on()
+        link = SerialLink(board.port, self._baud)
         try:
-            self.board.state()  # it has started, so the boot time begins with the opening
+            board.state()  # it has started, so the boot time begins with the opening
             link.open()
         except LinkError:
             self.close()

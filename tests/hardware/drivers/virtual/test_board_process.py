@@ -50,6 +50,19 @@ def test_a_virtual_port_that_does_not_open_ends_its_process(
         os.kill(pids[0], 0)
 
 
+def test_a_board_that_is_switched_on_is_the_one_that_opens() -> None:
+    link = ROBOT.link("virtual")
+    assert isinstance(link, VirtualLink)
+    board = link.switch_on()
+    assert link.switch_on() is board
+    link.open()
+    assert link.board is board
+    link.close()
+    assert link.board is None
+    with pytest.raises(ProcessLookupError):
+        os.kill(board.pid, 0)
+
+
 def test_the_state_of_an_ended_virtual_board_is_an_error() -> None:
     arduino = BoardProcess(Board("bseg", (90, 90, 90, 0), ROBOT.firmware, BAUD))
     os.kill(arduino.pid, signal.SIGKILL)

@@ -1,0 +1,30 @@
+"""From a set-up to an executive: what starts at once, and ends with it."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from executive.session import open_executive
+from executive.setup import Setup
+from hardware.drivers.virtual.board_process import BoardProcess, VirtualLink
+
+
+def test_the_virtual_board_of_a_single_user_starts_at_once_and_ends_with_the_executive(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    switch_on, boards = VirtualLink.switch_on, list[BoardProcess]()
+
+    def note(link: VirtualLink) -> BoardProcess:
+        boards.append(switch_on(link))
+        return boards[-1]
+
+    monkeypatch.setattr(VirtualLink, "switch_on", note)
+    for single_user in (False, True):
+        setup = Setup(port="virtual", recordings=tmp_path, single_user=single_user)
+        with open_executive(setup):
+            assert len(boards) == single_user
+            for board in boards:
+                os.kill(board.pid, 0)
+    with pytest.raises(ProcessLookupError):
+        os.kill(boards[0].pid, 0)
