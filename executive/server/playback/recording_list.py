@@ -21,7 +21,6 @@ from executive.errors import NotFound, TooMuch
 from executive.recording.archive import restore_robot
 from executive.recording.recordings import is_server_recording
 from executive.server.page.robot_shapes import RobotScene
-from logs.reading.file_state import is_complete
 from logs.reading.find import by_name
 from logs.reading.indexed import IndexedRecording
 from logs.writing.recovery import copy_valid
@@ -32,6 +31,7 @@ from .seek import Timeline
 
 UNDO = 900.0  # a deleted recording can be restored for this time [s]
 COPY_AGE = 30.0  # a copy of a recording that is being written is made again after this time [s]
+MAX_COPY = 1 << 30  # bytes of a recording without an index that is copied
 VERIFY_TIMEOUT = 120.0  # longest time that a verification may take [s]
 MAX_FILES = 100_000  # of a folder that are listed
 _OPEN = 4  # timelines and robots in memory
@@ -85,6 +85,7 @@ class RecordingFolder:
         self._folder, self._utc = folder, utc
         self._verifying = threading.Lock()
         self._rows = _Cache[Json](MAX_FILES)
+        self._indexed = _Cache[bool](MAX_FILES)
         self._timelines = _Cache[Timeline](_OPEN)
         self._nodes = _Cache[list[Json]](_OPEN)
         self._scenes = _Cache[RobotScene](_OPEN)
@@ -237,8 +238,10 @@ class RecordingFolder:
             RecordingError: It cannot be read.
         """
         copy = self._copies / path.name
-        if is_complete(path, every_byte=False):
+        if self._indexed.get(_version(path), lambda: _has_index(path)):
             return path
+        if path.stat().st_size > MAX_COPY:
+            raise logs.RecordingError(path, "is large and has no index; type armtree log recover")
         with self._copying, _changing(copy):
             age = path.stat().st_mtime - copy.stat().st_mtime if copy.exists() else COPY_AGE
             if age >= COPY_AGE:
@@ -333,6 +336,15 @@ def _summary(path: Path) -> Json:
         row |= {"state": result.state, "code": result.code, "message": result.message}
         row["duration_s"] = result.duration
     return row
+
+
+def _has_index(path: Path) -> bool:
+    """Return whether a recording can be read by its index."""
+    try:
+        IndexedRecording(path)
+    except logs.LogError:
+        return False
+    return True
 
 
 def _first(recording: IndexedRecording, topic: str, step: int) -> logs.Record | None:

@@ -22,6 +22,7 @@ const HINTS = /** @type {Record<string, string>} */ ({
   "goal.busy": "wait, or press STOP",
   "goal.too_many_breakpoints": "clear one in the tree",
   "hw.not_active": "press Activate beside the tasks; if there is no such button, start the server again",
+  "task.failed": "", // the page shows the node and its line
   "request.token": "open the link that armtree serve printed, or type: armtree view",
 });
 

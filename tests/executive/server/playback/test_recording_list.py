@@ -4,9 +4,12 @@ from typing import Any
 from urllib.parse import quote
 
 import pytest
+from mcap.writer import IndexType, Writer
 
 from executive.server.playback import recording_list as folder_of_recordings
 from executive.server.playback.recording_list import RecordingFolder
+from logs.writing.compaction import Copy
+from tests.support.recordings.alterations import records_of
 from tests.support.recordings.finished import at_rest, rest
 from tests.support.servers.serving import Serve, Served
 
@@ -125,6 +128,28 @@ def test_what_is_there_of_an_unfinished_recording_is_shown(serve: Serve) -> None
         status, error = served.ask("GET", f"/api/recordings/{empty.name}")
         assert (status, error["code"]) == (409, "log.unreadable")
         assert error["message"].startswith(f"{empty}: ")
+
+
+def test_a_recording_without_an_index_is_copied(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    served = serve()
+    (name,) = ran(served, 11)
+    whole = served.folder / "recordings" / name
+    foreign = whole.with_name("foreign.mcap")
+    with foreign.open("wb") as stream:
+        writer = Writer(stream, use_chunking=False, index_types=IndexType.NONE)
+        Copy(writer).all(records_of(whole))
+        writer.finish()  # type: ignore[no-untyped-call]
+    content = foreign.read_bytes()
+    monkeypatch.setattr(folder_of_recordings, "MAX_COPY", len(content) - 1)
+    status, error = served.ask("GET", "/api/recordings/foreign.mcap")
+    assert (status, error["code"]) == (409, "log.unreadable")
+    assert "is large and has no index" in error["message"]
+    monkeypatch.setattr(folder_of_recordings, "MAX_COPY", len(content))
+    about = served.ask("GET", f"/api/recordings/{name}")[1]
+    assert served.ask("GET", "/api/recordings/foreign.mcap")[1] == about | {"name": "foreign.mcap"}
+    assert foreign.read_bytes() == content
 
 
 @pytest.mark.slow

@@ -258,7 +258,7 @@ export class PlotsView {
 
   /** @returns {[number, number]} */
   #velocityRange() {
-    const most = Math.max(...this.#limits().keys(), 1e-3) * 1.1;
+    const most = Math.max(0, ...this.#limits().keys()) * 1.1 || 1;
     return [-most, most];
   }
 

@@ -80,7 +80,7 @@ export function drawFailure(shown) {
   card.replaceChildren(
     element("h2", {}, `${run.title} ${shown.planned ? "would fail" : "failed"}`),
     element("p", { class: "cause" }, cause.message),
-    ...(hintOf(cause) ? [element("p", {}, `What to do: ${hintOf(cause)}`)] : []),
+    ...(hintOf(cause) ? [element("p", {}, "What to do: ", ...withCode(hintOf(cause)))] : []),
     facts([
       ["Node", cause.node && run.nodes.has(cause.node) ? link(cause.node, cause.node) : cause.node],
       ["Joint", cause.joint],
@@ -89,6 +89,14 @@ export function drawFailure(shown) {
       ["Recording", run.outcome?.recording ?? ""],
     ]),
   );
+}
+
+/**
+ * Return a text with what is between backticks as code.
+ * @param {string} text
+ */
+function withCode(text) {
+  return text.split("`").map((part, index) => (index % 2 ? element("code", {}, part) : part));
 }
 
 /**
