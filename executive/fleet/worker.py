@@ -31,7 +31,7 @@ from .values import Job, JobRecord, Member, Presence, Result, from_bytes, to_byt
 logger = logging.getLogger(__name__)
 
 BEAT_SECONDS = 3.0  # time between two presences
-_SPREAD = 0.05, 0.5  # delay of a presence after a change [s]
+_SPREAD = 0.3, 1.0  # delay of a presence after a change [s]
 _LAST_SECONDS = 3.0  # longest time for the last result after `end`
 _PAUSE_SECONDS = 1.0  # before what failed is tried again
 _NOT_NOW = (BUSY, QUEUE_FULL)  # the arm has refused, so nothing has moved: another arm may do it
