@@ -81,6 +81,20 @@ def fleet() -> None:
     show_default=True,
     help="TCP port.",
 )
+@click.option(
+    "--http-port",
+    metavar="PORT",
+    type=Whole(0, 65535),
+    default=8770,
+    show_default=True,
+    help="TCP port of the page and of the figures for Prometheus; 0 for any free one.",
+)
+@click.option(
+    "--use",
+    "existing",
+    metavar="URL",
+    help="Use this NATS server, and start none. Its sync_interval must be always.",
+)
 @click.option("--tls-cert", metavar="FILE", type=PATH, help="TLS certificate of the fleet.")
 @click.option("--tls-key", metavar="FILE", type=PATH, help="Private key of the certificate.")
 @click.option(
@@ -93,18 +107,24 @@ def up(
     data: Path,
     address: str,
     port: int,
+    http_port: int,
+    existing: str | None,
     tls_cert: Path | None,
     tls_key: Path | None,
     nkeys: Path | None,
 ) -> None:
     """Start the NATS server of a fleet, and give up the jobs of arms that die, until Ctrl-C.
 
-    By default only programs of this user on this machine can connect.
+    Serves a page with all arms, for this machine. By default only programs of this user on this
+    machine can connect to the fleet.
     """
-    from executive.fleet.programs import up as run_up
+    from executive.fleet.programs import NatsOptions, supervise, up as run_up
 
     _print_log()
-    run_up(data=data, address=address, port=port, certificate=tls_cert, key=tls_key, nkeys=nkeys)
+    if existing:
+        supervise(existing, http_port)
+    else:
+        run_up(NatsOptions(data, address, port, tls_cert, tls_key, nkeys), http_port)
 
 
 @fleet.command()
@@ -220,13 +240,13 @@ def cancel(url: str, as_json: bool, identity: str) -> None:
 @_FLEET
 def ls(url: str, as_json: bool) -> None:
     """List the arms, with state, job, last outcome and the URL of their pages."""
-    from .terminal.fleet_tables import arm_row, arms_text
+    from .terminal.fleet_tables import arms_text
 
     async def act(client: "FleetClient") -> None:
         rows = await client.arms()
         if as_json:
             for row in rows:
-                echo(json.dumps(arm_row(row)))
+                echo(json.dumps(row.to_json()))
         else:
             echo(arms_text(rows))
 

@@ -57,6 +57,21 @@ class ArmRow:
         """State of the arm, or `gone`."""
         return self.presence.state if self.presence else "gone"
 
+    def to_json(self) -> dict[str, Any]:
+        """Return it as a JSON object."""
+        known = self.presence or Presence("", self.state)
+        return {
+            "arm": self.member.arm,
+            "state": self.state,
+            "job": known.job,
+            "last": known.last,
+            "done": known.done,
+            "url": self.member.url,
+            "host": self.member.host,
+            "worker": self.member.worker,
+            "joined_ns": self.member.joined_ns,
+        }
+
 
 @dataclass(frozen=True, slots=True)
 class Confirmation:

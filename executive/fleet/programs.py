@@ -3,8 +3,9 @@
 import asyncio
 import logging
 import signal
+import socket
 import sys
-from collections.abc import AsyncIterator, Callable, Coroutine
+from collections.abc import AsyncIterator, Callable, Coroutine, Mapping
 from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -18,10 +19,11 @@ from hardware import RealClock
 from .errors import FleetError, FleetMissing, check_name
 
 try:
+    from . import web
     from .connection import open_fleet
     from .fleet_client import FleetClient
     from .nats_server import (
-        NatsOptions,
+        NatsOptions as NatsOptions,
         make_key as make_key,
         nats_server,
         own_credentials,
@@ -54,51 +56,81 @@ def run(url: str, act: Callable[[FleetClient], Coroutine[Any, Any, None]]) -> No
     asyncio.run(main())
 
 
-def up(**options: Any) -> None:
-    """Run nats-server and the supervisor until a signal arrives.
+def up(options: NatsOptions, http_port: int) -> None:
+    """Run nats-server, the supervisor and the page until a signal arrives.
+
+    Args:
+        options: Where nats-server listens, and who may connect.
+        http_port: TCP port of the page; 0 for any free one.
 
     Raises:
         FleetError: It cannot start, or nats-server ended.
     """
-    clock, chosen = RealClock(), NatsOptions(**options)
-
-    async def supervise(ended: asyncio.Event, process: Any) -> None:
-        watching = asyncio.create_task(_serve_supervisor(chosen))
-        while not ended.is_set():
-            with suppress(TimeoutError):
-                async with asyncio.timeout(_RETRY_SECONDS):
-                    await ended.wait()
-            if process.poll() is not None:
-                raise FleetError(
-                    f"nats-server has ended with status {process.returncode}; its log is "
-                    f"{chosen.data / 'nats-server.log'}. Start it again: armtree fleet up"
-                )
-        watching.cancel()
 
     async def main() -> None:
         async with _signals() as ended:
-            with nats_server(chosen, clock) as process:
-                logger.info("The fleet is at %s, its data in %s", chosen.url, chosen.data)
-                await supervise(ended, process)
+            with web.listen(http_port) as listener, nats_server(options, RealClock()) as process:
+                logger.info("The fleet is at %s, its data in %s", options.url, options.data)
+                credentials = own_credentials(options)
+                watching = asyncio.create_task(_supervise(options.url, listener, credentials))
+                while not ended.is_set():
+                    with suppress(TimeoutError):
+                        async with asyncio.timeout(_RETRY_SECONDS):
+                            await ended.wait()
+                    if process.poll() is not None:
+                        raise FleetError(
+                            f"nats-server has ended with status {process.returncode}; its log is "
+                            f"{options.data / 'nats-server.log'}. Start it again: armtree fleet up"
+                        )
+                await _end(watching)
 
     asyncio.run(main())
 
 
-async def _serve_supervisor(options: NatsOptions) -> None:
+def supervise(url: str, http_port: int) -> None:
+    """Run the supervisor and the page of a fleet whose NATS server runs, until a signal arrives.
+
+    Args:
+        url: URL of the NATS server.
+        http_port: As of `up`.
+
+    Raises:
+        FleetError: Another program listens on that port.
+    """
+
+    async def main() -> None:
+        async with _signals() as ended:
+            with web.listen(http_port) as listener:
+                watching = asyncio.create_task(_supervise(url, listener, None))
+                await ended.wait()
+                await _end(watching)
+
+    asyncio.run(main())
+
+
+async def _end(task: asyncio.Task[None]) -> None:
+    task.cancel()
+    with suppress(asyncio.CancelledError):
+        await task
+
+
+async def _supervise(
+    url: str, listener: socket.socket, credentials: Mapping[str, Any] | None
+) -> None:
+    logger.info("The page of the fleet: http://127.0.0.1:%d", listener.getsockname()[1])
     clock = RealClock()
     while True:
-        supervisor: list[Supervisor] = []
+        known: list[Supervisor] = []
 
-        async def changed(up: bool, known: list[Supervisor] = supervisor) -> None:
+        async def changed(up: bool, known: list[Supervisor] = known) -> None:
             if up and known:
                 known[0].reconnected()
 
         try:
-            async with open_fleet(
-                options.url, "supervisor", True, changed, own_credentials(options)
-            ) as fleet:
-                supervisor.append(Supervisor(fleet, clock))
-                await supervisor[0].run()
+            async with open_fleet(url, "supervisor", True, changed, credentials) as fleet:
+                known.append(supervisor := Supervisor(fleet, clock))
+                page = web.serve(FleetClient(fleet, clock), supervisor, listener)
+                await asyncio.gather(supervisor.run(), page)
         except FleetError as error:
             logger.warning("%s", error)
             await asyncio.sleep(_RETRY_SECONDS)

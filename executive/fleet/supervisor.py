@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+from collections import Counter
 from collections.abc import AsyncIterator
 from dataclasses import replace
 
@@ -31,6 +32,9 @@ class Supervisor:
     Args:
         fleet: The fleet, connected for ever.
         clock: Time source.
+
+    Attributes:
+        ended: Number of jobs that ended, by pool, state and code.
     """
 
     def __init__(self, fleet: Fleet, clock: Clock) -> None:
@@ -38,6 +42,7 @@ class Supervisor:
         self._silent: dict[str, float] = {}  # since when, by job [s]
         self._claimed: dict[str, JobRecord] = {}
         self._revision = 0  # of the last record that was read
+        self.ended = Counter[tuple[str, str, str]]()
 
     async def run(self) -> None:
         """Supervise for ever."""
@@ -58,7 +63,13 @@ class Supervisor:
         """Give all arms the time to reconnect as well, and read all records again."""
         self._silent.clear()
         self._claimed.clear()
+        self.ended.clear()
         self._revision = 0
+
+    @property
+    def claimed(self) -> int:
+        """Number of jobs that an arm has claimed, and that have not ended."""
+        return len(self._claimed)
 
     async def sweep(self) -> AsyncIterator[JobRecord]:
         """Check all claimed jobs once; yield those that end here or are sent again."""
@@ -67,6 +78,8 @@ class Supervisor:
             self._claimed.pop(identity, None)
             if record and record.result is None:
                 self._claimed[identity] = record
+            elif record and record.result and not record.late:  # a late one was counted before
+                self.ended[record.job.pool, record.state, record.result.code] += 1
         alive = await self._fleet.values(Presence)
         now = self._clock.now()
         silent = {

@@ -49,22 +49,14 @@ def record_text(record: JobRecord) -> str:
     return f"{text}\n  recording {result.recording} on {record.url}" if result.recording else text
 
 
-def arm_row(row: ArmRow) -> dict[str, Any]:
-    """Return an arm as a JSON object."""
-    present = row.presence
-    known = {"job": present.job, "last": present.last, "done": present.done} if present else {}
-    empty = {"job": "", "last": "", "done": 0}
-    member = asdict(row.member)
-    return {"arm": member.pop("arm"), "state": row.state, **empty, **known, **member}
-
-
 def arms_text(rows: Sequence[ArmRow]) -> str:
     """Return a table of arms. Of the id of a job it shows the first eight digits."""
     if not rows:
         return "no arm has joined; armtree serve --fleet URL --name NAME adds one"
     table = [("ARM", "STATE", "JOB", "LAST", "SERVER")]
     for row in rows:
-        known = arm_row(row) | {"job": row.presence.job[:8] if row.presence else ""}
+        known = row.to_json()
+        known["job"] = known["job"][:8]
         arm, state, job, last, url = (
             str(known[name]) or "-" for name in ("arm", "state", "job", "last", "url")
         )

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from executive.cli.terminal.fleet_tables import arm_row, arms_text, job_row, job_text
+from executive.cli.terminal.fleet_tables import arms_text, job_row, job_text
 from executive.fleet.fleet_client import ArmRow
 from executive.fleet.values import Job, JobRecord, Member, Presence, Result
 from tests.support.command_line.typed import typed
@@ -45,7 +45,7 @@ def test_arms_and_jobs_are_lines() -> None:
     _, busy, gone = arms_text(rows).splitlines()
     assert busy.split() == ["bench.arm-7", "busy", "a" * 8, "ok", "http://arm:8765"]
     assert gone.split() == ["bench.arm-7", "gone", "-", "-", "http://arm:8765"]
-    assert arm_row(rows[1])["state"] == "gone"
+    assert rows[1].to_json()["state"] == "gone"
     assert job_text(JOB) == f"{JOB.identity}  QUEUED     task wave for bench, normal"
     assert job_text(RECORD) == f"{JOB.identity}  CLAIMED    task wave on bench.arm-7"
     lost = replace(RECORD, result=Result("ABORTED", "fleet.arm_lost", "gone", "look at it"))

@@ -23,7 +23,7 @@ def fleet(scene: Scene) -> tuple[Command, str]:
 
 def up(scene: Scene, port: int) -> Command:
     """`armtree fleet up`, once it runs."""
-    started = scene.armtree("fleet", "up", "--nats-port", str(port))
+    started = scene.armtree("fleet", "up", "--nats-port", str(port), "--http-port", "0")
     started.until_printed("The fleet is at")
     return started
 

@@ -1,0 +1,73 @@
+/* The arms of a fleet, read once a second. Texts of the fleet never become HTML. */
+
+const PERIOD = 1000; // ms
+const GOOD = ["ready", "busy", "held", "inactive", "unconfigured"];
+
+const arms = /** @type {HTMLElement} */ (document.getElementById("arms"));
+const summary = /** @type {HTMLElement} */ (document.getElementById("summary"));
+
+/**
+ * @typedef {{arm: string, state: string, job: string, last: string, done: number, url: string,
+ *   host: string}} Arm
+ * @typedef {{queued: number, arms: Arm[]}} Fleet
+ */
+
+/** @param {string} text @param {string} [style] */
+function cell(text, style = "") {
+  const made = document.createElement("td");
+  made.textContent = text || "-";
+  made.className = style;
+  return made;
+}
+
+/** @param {Arm} arm */
+function row(arm) {
+  const name = document.createElement("td");
+  if (/^https?:\/\//.test(arm.url)) {
+    const link = document.createElement("a");
+    link.href = arm.url;
+    link.textContent = arm.arm;
+    name.append(link);
+  } else {
+    name.textContent = arm.arm;
+  }
+  const made = document.createElement("tr");
+  made.append(
+    name,
+    cell(arm.state, arm.state === "busy" ? "busy" : GOOD.includes(arm.state) ? "" : "bad"),
+    cell(arm.job),
+    cell(arm.last, arm.last && arm.last !== "ok" ? "bad" : ""),
+    cell(String(arm.done)),
+    cell(arm.host),
+  );
+  return made;
+}
+
+/** @param {Fleet} fleet */
+function show(fleet) {
+  /** @type {Record<string, number>} */
+  const counts = {};
+  for (const arm of fleet.arms) counts[arm.state] = (counts[arm.state] ?? 0) + 1;
+  const states = Object.entries(counts).map(([state, count]) => `${count} ${state}`);
+  summary.className = "";
+  summary.textContent = `${fleet.arms.length} ${fleet.arms.length === 1 ? "arm" : "arms"}: ${states.join(", ") || "none has joined"}; ${fleet.queued} jobs queued`;
+  arms.replaceChildren(...fleet.arms.map(row));
+}
+
+let shown = "";
+async function update() {
+  try {
+    const answer = await fetch("arms", { signal: AbortSignal.timeout(5 * PERIOD) });
+    const text = await answer.text();
+    if (!answer.ok) throw new Error(text);
+    if (text !== shown) show(JSON.parse(text));
+    shown = text;
+  } catch (error) {
+    shown = "";
+    summary.className = "bad";
+    summary.textContent = `What follows is old: ${error instanceof Error ? error.message : error}`;
+  }
+  setTimeout(update, PERIOD);
+}
+
+update();
