@@ -26,6 +26,12 @@ def look_up(code: str) -> Code:
 
 def load_errors() -> None:
     """Load the error classes of all rooms, also the slow `skills`: each registers itself."""
+    import executive.errors
+    import executive.fleet.errors  # noqa: F401
+    import hardware.drivers.servo_errors  # noqa: F401
+    import logs.errors  # noqa: F401
+    import skills.errors
+    import skills.motion.errors  # noqa: F401
     import trees.errors  # noqa: F401
 
 
