@@ -378,7 +378,7 @@ _ROWS = (
     _read_recording(
         "/series",
         "recorded_series",
-        "Return what plots show of a whole recording.",
+        "Return the data of the plots of a whole recording.",
         s.SERIES,
         points=s.described(s.integer(1, 2000), "Most samples; default 2000."),
     ),

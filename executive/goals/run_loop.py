@@ -103,7 +103,7 @@ class Run:
             self._guard(self._record_changes)
 
     def _finish(self) -> None:
-        """Raise what failed outside the tree, or report that the task is done."""
+        """Raise an error from outside the tree, or report the end of the task."""
         if self._broken:
             raise self._broken
         if self._tree.root.status is Status.SUCCESS:

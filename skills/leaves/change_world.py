@@ -60,7 +60,7 @@ class _Add(Skill, register=False):
             value = inputs[port]
             largest = max(map(abs, value)) if isinstance(value, list) else abs(value)
             if largest > most > 0:
-                far = f"{port} {largest:g} m is much larger than all this arm reaches"
+                far = f"{port} {largest:g} m is far beyond the reach of this arm"
                 errors.append(BadBody(f"{far}, {robot.reach:.2g} m").at(port))
         refuse(errors)
 

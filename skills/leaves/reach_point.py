@@ -65,7 +65,7 @@ class ReachPoint(PlanningSkill):
             errors += link_errors(robot, "tool", inputs["tool"])
         far = max(map(abs, inputs.get("point", [0.0])))
         if far > MOST_REACHES * robot.reach > 0:
-            why = f"point {far:g} m is much farther than this arm reaches, {robot.reach:.2g} m"
+            why = f"point {far:g} m is far beyond the reach of this arm, {robot.reach:.2g} m"
             errors.append(BadTarget(why).at("point"))
         for port in ("direction", "axis"):
             if inputs.get(port) and not any(inputs[port]):

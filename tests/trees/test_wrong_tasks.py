@@ -87,7 +87,7 @@ NODES = [
      "add it above, such as with AddBox: {body: cube, "
      "position: …, size: …}; or with AddSphere, AddCylinder", ""),
     ("AddBox: {body: b, size: [10, 10, 10], position: [20 cm, 0, 0]}", "10:31 AddBox: size 10 m "
-     "is much larger than all this arm reaches, 0.26 m; did you mean [10 mm, 10 mm, 10 mm]?",
+     "is far beyond the reach of this arm, 0.26 m; did you mean [10 mm, 10 mm, 10 mm]?",
      "    - AddBox: {body: b, size: [10 mm, 10 mm, 10 mm], position: [20 cm, 0, 0]}"),
     ("subtree: move_tool\n      with: {point: 20 cm}", "11:21 point: '20 cm' is not a list, each "
      "item a length in m, cm or mm; write [20 cm, 0, 0]", ""),

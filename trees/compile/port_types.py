@@ -97,7 +97,7 @@ def type_of(value: object) -> str:
 
 
 def writers_of(port: str, wanted: Declaration) -> list[str]:
-    """Return the skills that write a key of a port's name and type, or of its own type."""
+    """Return the skills that write a type: to an output of this name, unless it is a class."""
     own_type = wanted.type[:1].isupper()
     return [
         name

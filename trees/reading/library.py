@@ -173,7 +173,7 @@ class Library:
 
     @property
     def latest(self) -> "Library":
-        """This library. A `LiveLibrary` has this property, too."""
+        """The current library: this one. A `LiveLibrary` may return a newer one."""
         return self
 
     def for_task(self, number: int) -> "tuple[Library, str]":

@@ -66,9 +66,9 @@ def find_path(validator: MotionValidator, start: Array, goals: Array, seed: int)
 def _samples(
     random: np.random.Generator, count: int, roots: list[Array], bounds: tuple[Array, Array]
 ) -> Array:
-    """Return samples (count, J) [rad]: two of four are uniform, two are near roots in turn.
+    """Return samples (count, J) [rad]: half are uniform, half are near the roots in turn.
 
-    Those near a root find the way out of a narrow place around it.
+    Samples near a root help to leave a narrow place around it.
     """
     samples, spread = random.uniform(*bounds, (count, len(bounds[0]))), _SPREAD * np.ptp(bounds, 0)
     for i, ends in enumerate(roots):

@@ -55,7 +55,7 @@ class Program(Protocol):
         """Receive a byte."""
 
     def run(self, until: float) -> None:
-        """Do everything that is due until a time [s]."""
+        """Run the board until a time [s]."""
 
     def angles(self, now: float) -> tuple[float, ...]:
         """Return the servo angles that the pulses command [deg]."""
