@@ -7,9 +7,11 @@ processes all data as soon as it arrives.
 import asyncio
 import json
 import logging
+import os
 import re
 import socket
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from typing import Any
 
@@ -32,6 +34,8 @@ logger = logging.getLogger(__name__)
 
 MAX_HEAD = 8 * 1024  # bytes of a request's head
 MAX_HEAD_LINES = 100  # parsing a line takes 5 us
+READ_AT_ONCE = 4 * 1024  # bytes of a connection; asyncio takes 256 KiB, and they wait in the queue
+DISCARDED = 256 * 1024  # most bytes that are read and dropped before a connection is closed
 HEAD_SECONDS = 5.0  # longest time for the head of a request, counted from the last answer [s]
 STALL_SECONDS = 5.0  # a client that does not read for this time is disconnected [s]
 
@@ -209,6 +213,7 @@ class HttpConnection(_QueuedProtocol, H11Protocol):
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Start to wait for a request, and close another connection if there are too many."""
         super().connection_made(transport)
+        self.transport.max_size = READ_AT_ONCE  # type: ignore[attr-defined]
         self.idle_since = self.loop.time()
         self._update_head_timer()
         if len(self.connections) > self._max_connections:
@@ -273,6 +278,8 @@ class HttpConnection(_QueuedProtocol, H11Protocol):
         if self.conn.trailing_data[0]:  # uvicorn would answer all of it at once
             self.transport.close()
         super().on_response_complete()
+        if self.transport.is_closing():
+            self._discard()
         self.idle_since = self.loop.time()
         self._update_head_timer()
 
@@ -293,7 +300,19 @@ class HttpConnection(_QueuedProtocol, H11Protocol):
             head = h11.Response(status_code=400, headers=headers, reason=STATUS_PHRASES[400])
             for event in (head, h11.Data(data=body), h11.EndOfMessage()):
                 self.transport.write(self.conn.send(event) or b"")
+        self._discard()
         self.transport.close()
+
+    def _discard(self) -> None:
+        """Drop what has arrived: to close with unread data resets the connection.
+
+        The client would then lose the answer.
+        """
+        handle = self.transport.get_extra_info("socket").fileno()
+        with suppress(OSError):  # no more has arrived
+            for _ in range(DISCARDED // MAX_HEAD):
+                if not os.read(handle, MAX_HEAD):
+                    return
 
     @property
     def awaits_answer(self) -> bool:

@@ -60,7 +60,7 @@ def slow_disk(site: Site, random: random.Random) -> None:
 
 def failing_disk(site: Site, random: random.Random) -> None:
     """A write or a sync of a recording fails: no space, or an error of the disk."""
-    site.starved = True
+    site.starved = site.disk_failed = True
     site.spoiled += 2  # the frame whose recording failed, and the hold
     random.choice([site.disk, site.sync]).start(random.choice(["errno 28", "errno 5 once"]))
     pause(random, 2.0)

@@ -38,6 +38,7 @@ class Site:
             the record of one frame that was written too late.
         starved: Whether this round has faults of the disk or of the processors. They excuse what
             goals say of their recordings, and that these are cut off.
+        disk_failed: Whether a disk has failed; the recording of the server may lack something then.
         stops: How long each stop took [s].
     """
 
@@ -49,7 +50,7 @@ class Site:
         self.stops: list[float] = []
         self.goals: list[str] = []
         self.spoiled = 0
-        self.starved = False
+        self.starved = self.disk_failed = False
         self.plugged = True
         self.unreceived = self.verified = self.incomplete = self.recorded_bytes = 0
         self._lock, self._commands = threading.Lock(), 0

@@ -229,6 +229,23 @@ def test_a_client_does_not_time_out_while_its_data_waits_to_be_processed(
         assert waiting.recv(9000).startswith(b"HTTP/1.1 200")
 
 
+def test_little_of_what_a_client_sends_waits_in_memory(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    served, sizes, put = serve(), list[int](), FairQueue.put
+    own = f"host: 127.0.0.1:{served.server.port}"
+
+    def noted(queue: FairQueue, connection: HttpConnection, data: bytes, priority: bool) -> None:
+        sizes.append(len(data))
+        put(queue, connection, data, priority)
+
+    monkeypatch.setattr(FairQueue, "put", noted)
+    with raw(served, "POST /api/goals HTTP/1.1", own, "content-length: 60000", "", "") as client:
+        client.sendall(b" " * 60_000)
+        assert client.recv(9000).startswith(b"HTTP/1.1 4")
+    assert max(sizes) <= connections.READ_AT_ONCE
+
+
 def test_a_client_that_connects_while_the_server_ends_is_known() -> None:
     """A connection that is not known would stay open."""
     made: list[asyncio.BaseTransport] = []
