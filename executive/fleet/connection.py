@@ -231,6 +231,7 @@ async def open_fleet(
         "closed_cb": watch.closed,
         "connect_timeout": _CONNECT_SECONDS,
         "reconnect_time_wait": 0.5,
+        "ping_interval": ALIVE_SECONDS,  # a network that drops everything is noticed after two
         "max_reconnect_attempts": -1 if lasting else 1,  # it takes 0 for no limit
         "allow_reconnect": lasting,
     }

@@ -14,6 +14,7 @@ import pytest
 from nats.aio.msg import Msg
 from nats.js.kv import KeyValue
 
+from executive.fleet import worker as worker_module
 from executive.fleet.connection import Fleet, control_subject, job_subject, open_fleet
 from executive.fleet.errors import (
     BadJob,
@@ -31,6 +32,7 @@ from executive.fleet.supervisor import LOST_SECONDS, Supervisor
 from executive.fleet.values import Job, JobRecord, Member, Presence, to_bytes
 from executive.fleet.worker import Worker
 from hardware import RealClock
+from tests.support.servers.cuttable_proxy import CuttableProxy
 from tests.support.servers.simulated_arms import SimulatedArm
 
 CLOCK = RealClock()
@@ -425,6 +427,41 @@ def test_a_result_waits_until_the_nats_server_is_back(
                         worker.end()
 
     asyncio.run(main())
+
+
+@pytest.mark.parametrize("silent", [True, False])
+def test_an_arm_whose_network_is_cut_finishes_its_job(
+    options: NatsOptions, silent: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("executive.fleet.connection._ANSWER_SECONDS", 0.2)
+    monkeypatch.setattr("executive.fleet.worker._PAUSE_SECONDS", 0.1)
+
+    async def main() -> None:
+        arm, stuck = SimulatedArm(), asyncio.Event()
+        monkeypatch.setattr(worker_module.logger, "warning", lambda *_: stuck.set())
+        with nats_server(options, CLOCK), CuttableProxy(options.port) as proxy:
+            url = f"nats://127.0.0.1:{proxy.port}"
+            token = {"token": (options.data / "token").read_text()}
+            async with (
+                open_fleet(url, "arm", lasting=True, credentials=token) as fleet,
+                open_fleet(options.url, "person") as near,
+                asyncio.TaskGroup() as group,
+            ):
+                worker, client = Worker(fleet, arm, "bench", "0", CLOCK), FleetClient(near, CLOCK)
+                group.create_task(worker.run())
+                job = await sent(near)
+                await arm.started.wait()
+                proxy.cut(silent)
+                arm.finish(job.identity)
+                await stuck.wait()  # the worker has noticed that it cannot store the result
+                assert isinstance(found := await client.job(job.identity), JobRecord)
+                assert found.state == "CLAIMED"
+                proxy.mend()
+                assert (await ended(client, job)).state == "SUCCEEDED"
+                assert arm.received == [job.identity]
+                worker.end()
+
+    asyncio.run(asyncio.wait_for(main(), 30))
 
 
 async def sent(fleet: Fleet) -> Job:

@@ -8,6 +8,7 @@ from typing import Any
 
 from tests.faults.process import Command, Server, kill, until
 from tests.faults.row import Scene, row
+from tests.support.servers.cuttable_proxy import CuttableProxy
 
 NAMES = ("--pool", "arms", "--name", "arm-1")
 FREE = ("ready", "held")
@@ -64,9 +65,12 @@ def line_of(pid: int) -> str:
         return ""
 
 
-def joined(scene: Scene, url: str) -> Server:
+def joined(scene: Scene, url: str, through: CuttableProxy | None = None) -> Server:
     """A server whose arm has joined, and can take a job."""
-    server = scene.serve("--activate", "--fleet", url, *NAMES, board=scene.board())
+    own = f"nats://127.0.0.1:{through.port}" if through else url
+    environment = {"ARMTREE_FLEET_TOKEN": (scene.folder / "fleet/token").read_text()}
+    words = ("--activate", "--fleet", own, *NAMES)
+    server = scene.serve(*words, board=scene.board(), environment=environment)
     until("the arm is ready", lambda: asked(scene, url, "ls").get("state") == "ready")
     return server
 
@@ -134,3 +138,32 @@ def nats(scene: Scene) -> None:
     goals = [each["goal_id"] for each in server.get("/api/goals")["goals"]]
     scene.check(sorted(goals) == sorted([job, queued]), f"the arm ran {goals}")
     ended(scene, server, again)
+
+
+@row(
+    "fleet-network",
+    "the network between an arm and NATS is cut while a job moves, with connections that end or "
+    "that hang, and mended afterwards",
+    "the arm finishes its job, and its server answers meanwhile; the result is stored once the "
+    "network is back, and each job runs once",
+    times=4,
+)
+def network(scene: Scene) -> None:
+    running, url = fleet(scene)
+    sent = list[str]()
+    with CuttableProxy(int(url.rpartition(":")[2])) as proxy:
+        server = joined(scene, url, proxy)
+        for how in scene.share(["ends", "hangs"]):
+            job = asked(scene, url, "send", "21")["job"]
+            until("it moves", lambda: server.get("/api/status")["percentage"] is not None)
+            proxy.cut(silent=how == "hangs")
+            result = server.result(job)
+            scene.check(result["code"] == "ok", f"{how}: the goal ended {result['code']}")
+            found = asked(scene, url, "jobs", job)
+            scene.check(found["state"] == "CLAIMED", f"{how}: the record says {found}")
+            proxy.mend()
+            record(scene, url, job, "SUCCEEDED")
+            sent.append(job)
+            goals = [each["goal_id"] for each in server.get("/api/goals")["goals"]]
+            scene.check(goals == sent, f"{how}: the arm ran {goals}, not {sent}")
+        ended(scene, server, running)
