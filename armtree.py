@@ -4,9 +4,30 @@ with armtree.Arm() as arm:
     result = arm.run("pick")
 """
 
+import importlib.util
+import os
+import sys
 import typing
 
-from hardware.lazy_exports import lazy_exports, public_names
+# The rooms are beside this file, or in the folder of an installed armtree. That folder is last on
+# the path, so that another package named `logs` keeps its name; armtree cannot run beside it.
+_FOLDER = os.path.dirname(os.path.abspath(__file__))
+if os.path.isdir(_installed := os.path.join(_FOLDER, "armtree_rooms")):
+    _FOLDER = _installed
+    if _FOLDER not in sys.path:
+        sys.path.append(_FOLDER)
+for _room in ("executive", "hardware", "logs", "skills", "trees"):
+    _found = importlib.util.find_spec(_room)
+    _places = (
+        list(_found.submodule_search_locations or [str(_found.origin)]) if _found else [_FOLDER]
+    )
+    if os.path.join(_FOLDER, _room) not in _places:
+        raise ImportError(
+            f"Another package named {_room} hides that of armtree: {_places[0]}. Install armtree "
+            "into an environment of its own: pipx install, or uv tool install"
+        )
+
+from hardware.lazy_exports import lazy_exports, public_names  # noqa: E402, after the path is known
 
 __all__ = public_names(__file__)  # noqa: PLE0605, as the imports below list them
 
@@ -69,7 +90,12 @@ def __dir__() -> list[str]:
     return sorted(__all__)
 
 
-if __name__ == "__main__":
-    from executive.__main__ import main
+def main() -> None:
+    """Entry point of the command `armtree`."""
+    from executive.__main__ import main as run
 
+    run()
+
+
+if __name__ == "__main__":
     main()

@@ -1,69 +1,107 @@
-"""The wheel: it has every file that a user needs, and works without the repository."""
+"""An installed armtree has every file, works without the repository, and leaves others alone."""
 
 import subprocess
 import sys
+import tarfile
 import zipfile
-from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parents[2]
 ROOMS = ("armtree.py", "executive", "hardware", "logs", "skills", "trees")
+BESIDE = ("pyproject.toml", "README.md", "docs/LICENSE", ".ci/build_backend.py")
 # What builds the page's libraries, and recordings of the examples for the tests.
 NOT_PACKED = ("executive/server/page/", "trees/examples/recordings/")
+FOLDER = "armtree_rooms/"
 
 pytestmark = pytest.mark.slow
 
 
-def call(*command: str | Path, folder: Path, env: Mapping[str, str] | None = None) -> str:
+def call(*command: str | Path, folder: Path, status: int = 0) -> str:
     done = subprocess.run(
-        command, check=False, cwd=folder, env=env, capture_output=True, text=True, timeout=120
+        command, check=False, cwd=folder, capture_output=True, text=True, timeout=120
     )
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout
+    assert done.returncode == status, done.stdout + done.stderr
+    return done.stdout + done.stderr
 
 
 @pytest.fixture(scope="module")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A wheel of the files that git knows."""
+def tracked() -> list[str]:
+    """The files of the rooms that git knows."""
+    return call("git", "ls-files", *ROOMS, folder=ROOT).split()
+
+
+@pytest.fixture(scope="module")
+def wheel(tracked: list[str], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A wheel, built from the source archive that was built from the files that git knows."""
     folder = tmp_path_factory.mktemp("wheel")
     source = folder / "source"
-    beside = ("pyproject.toml", "README.md", "docs/LICENSE")
-    names = call("git", "ls-files", *ROOMS, *beside, folder=ROOT).split()
-    for name in names:
-        path = source / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes((ROOT / name).read_bytes())
-    options = ("--quiet", "--no-deps", "--no-build-isolation", "--no-index", "--wheel-dir", folder)
-    call(sys.executable, "-m", "pip", "wheel", *options, source, folder=folder)
+    for name in (*tracked, *BESIDE):
+        (source / name).parent.mkdir(parents=True, exist_ok=True)
+        (source / name).write_bytes((ROOT / name).read_bytes())
+    build = "import sys; sys.path.insert(0, '.ci'); import build_backend as b; b.build_{}('{}')"
+    call(sys.executable, "-c", build.format("sdist", folder), folder=source)
+    (archive,) = folder.glob("*.tar.gz")
+    with tarfile.open(archive) as packed:
+        packed.extractall(folder / "unpacked", filter="data")
+    (unpacked,) = (folder / "unpacked").iterdir()
+    call(sys.executable, "-c", build.format("wheel", folder), folder=unpacked)
     (built,) = folder.glob("*.whl")
     return built
 
 
-def test_it_has_every_file_of_the_rooms(wheel: Path) -> None:
+@pytest.fixture(scope="module")
+def environment(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A new environment with the wheel. Its other packages are those of the tests."""
+    place = tmp_path_factory.mktemp("environment")
+    call(sys.executable, "-m", "venv", "--without-pip", place, folder=place)
+    pip = (sys.executable, "-m", "pip", "--python", place / "bin" / "python")
+    call(*pip, "install", "--quiet", "--no-deps", "--no-index", wheel, folder=place)
+    packages = [each for each in sys.path if each.endswith("site-packages")]
+    (own,) = place.glob("lib/python*/site-packages")
+    (own / "dependencies.pth").write_text("\n".join(packages))  # without the editable install
+    return place
+
+
+def test_it_has_every_file_of_the_rooms(wheel: Path, tracked: list[str]) -> None:
     with zipfile.ZipFile(wheel) as archive:
-        packed = set(archive.namelist())
-    tracked = set(call("git", "ls-files", *ROOMS, folder=ROOT).split())
-    missing = {name for name in tracked - packed if not name.startswith(NOT_PACKED)}
+        assert archive.testzip() is None
+        packed = {name.removeprefix(FOLDER) for name in archive.namelist()}
+    missing = {name for name in {*tracked} - packed if not name.startswith(NOT_PACKED)}
     assert not missing
     assert {name for name in tracked if name.startswith("executive/server/page/static/")} <= packed
-    assert not {name for name in packed - tracked if ".dist-info/" not in name}
+    others = {name for name in packed - {*tracked} if ".dist-info/" not in name}
+    assert others == {"armtree.pth"}
     assert any(name.endswith(".dist-info/licenses/docs/LICENSE") for name in packed)
 
 
-def test_it_runs_without_the_repository(wheel: Path, tmp_path: Path) -> None:
-    place, home = tmp_path / "packages", tmp_path / "home"
-    home.mkdir()
+def test_it_has_only_names_of_its_own(wheel: Path) -> None:
     with zipfile.ZipFile(wheel) as archive:
-        archive.extractall(place)
-    packages = [each for each in sys.path if each.endswith("site-packages")]
-    env = {"PYTHONPATH": ":".join((str(place), *packages)), "HOME": str(home), "LANG": "C.UTF-8"}
+        top = {name.partition("/")[0] for name in archive.namelist()}
+    assert {name for name in top if not name.startswith("armtree")} == set()
 
+
+def test_it_runs_without_the_repository(environment: Path, tmp_path: Path) -> None:
     def armtree(*words: str) -> str:
-        command = (sys.executable, "-S", "-m", "armtree", *words)  # without the editable install
-        return call(*command, folder=home, env=env)
+        return call(environment / "bin" / "armtree", *words, folder=tmp_path)
 
     assert "rest" in armtree("tasks")
     assert "SUCCEEDED" in armtree("run", "rest", "--port", "virtual")
     assert "plan -> frames  holds" in armtree("replay", "recordings", "--verify")
+    python = environment / "bin" / "python"
+    where = "import logs, armtree; print(armtree.Arm.__module__, logs.__file__)"
+    assert f"executive.arm {environment}" in call(python, "-c", where, folder=tmp_path)
+
+
+def test_another_package_keeps_its_name(environment: Path, tmp_path: Path) -> None:
+    (own,) = environment.glob("lib/python*/site-packages")
+    other = own / "logs.py"
+    other.write_text("NAME = 'other'\n")
+    try:
+        python, named = environment / "bin" / "python", "import logs; print(logs.NAME)"
+        assert call(python, "-c", named, folder=tmp_path) == "other\n"
+        said = call(environment / "bin" / "armtree", "tasks", folder=tmp_path, status=1)
+        assert f"Another package named logs hides that of armtree: {other}" in said
+    finally:
+        other.unlink()
