@@ -1,7 +1,7 @@
 """The connection to the server: follows its events, sends goals, and holds them."""
 
 import asyncio
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 from typing import Any, Self
 
@@ -59,8 +59,7 @@ class Bridge:
         return self
 
     async def __aexit__(self, *raised: object) -> None:
-        for holding in self._held.tasks.values():
-            holding.cancel()
+        self._release()
         await self.client.close()
 
     async def run(self) -> None:
@@ -81,25 +80,23 @@ class Bridge:
             if self.arm:
                 self.arm, heard = "", loop.time()
             if loop.time() - heard > LOST_SECONDS:
+                self._release()  # the server may still run what this node no longer follows
                 self.goals.lose()
             await asyncio.sleep(_PAUSE_SECONDS)
 
-    async def send(
-        self, task: int, goal_id: str = "", arguments: Mapping[str, Any] | None = None
-    ) -> GoalStatus:
+    async def send(self, task: int | str, goal_id: str = "") -> GoalStatus:
         """Send a goal, which is canceled if this process ends, or loses the server.
 
         Args:
-            task: Number of the task.
+            task: Number or name of the task, which gets its default arguments.
             goal_id: 32 hexadecimal digits; empty for random ones.
-            arguments: Values of the task's parameters, by name.
 
         Raises:
             ClientError: The server refuses it, or does not answer.
         """
 
         def post(client: AsyncClient, identity: str) -> Any:
-            return client.send(task, arguments, identity, deadman=True)
+            return client.send(task, None, identity, deadman=True)
 
         if goal_id in self.goals.known or goal_id in self._held.tasks:
             raise Refused({"code": DUPLICATE, "message": f"goal {goal_id} is known already"})
@@ -115,16 +112,19 @@ class Bridge:
         """End the goals of this process."""
         ours = self._held.tasks.keys() & self.goals.known.keys()
         ends = [asyncio.ensure_future(self.goals.end(each)) for each in ours]
-        for identity in ours:
-            self._held.release(identity)
+        self._release()
         if ends and self.arm:
             await asyncio.wait(ends, timeout=_END_SECONDS)
 
+    def _release(self) -> None:
+        """Stop to hold the goals of this process, so that the server cancels them."""
+        for identity in tuple(self._held.tasks):
+            self._held.release(identity)
+
     async def _synchronize(self) -> None:
-        status = await self.client.status()
-        goals = await self.client.goals()
         self.tasks = await self.client.tasks()
-        self.arm = status.arm.value
+        self.arm = (await self.client.status()).arm.value
+        goals = await self.client.goals()
         for goal in goals:
             self.goals.take(goal)
         self.goals.lose(frozenset(goal.identity for goal in goals))

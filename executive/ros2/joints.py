@@ -90,4 +90,4 @@ class Joints:
 def description(robot: Robot) -> str:
     """Return the URDF of a robot, with the whole paths of its meshes."""
     text = robot.urdf.read_text()
-    return _MESH.sub(lambda name: f'filename="{robot.mesh(name[1]).as_uri()}"', text)
+    return _MESH.sub(lambda name: f'filename="{robot.mesh(name[1]).resolve().as_uri()}"', text)

@@ -103,7 +103,7 @@ class Node:
                 await answer(request, response)
             except Exception:  # the outermost place of a request; the response is a failure
                 logger.exception("a bug in armtree")
-                self.log.error("a bug in armtree; armtree --debug ros2 shows more")
+                self.log.error("a bug in armtree; armtree ros2 --verbose shows where")
             if self._context.ok():
                 respond(response, header)
 

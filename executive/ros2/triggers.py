@@ -33,12 +33,12 @@ class Triggers:
         for name in self._withdraw.keys() - tasks.keys():
             self._withdraw.pop(name)()
         for name in tasks.keys() - self._withdraw.keys():
-            self._withdraw[name] = self._node.serve(Trigger, name, self._runs(tasks[name].number))
+            self._withdraw[name] = self._node.serve(Trigger, name, self._runs(tasks[name].name))
 
-    def _runs(self, number: int) -> Any:
+    def _runs(self, task: str) -> Any:
         async def run(request: Any, response: Any) -> None:
             try:
-                goal = await self._bridge.send(number)
+                goal = await self._bridge.send(task)
             except ClientError as error:
                 response.message = str(error)
                 return

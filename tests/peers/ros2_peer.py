@@ -151,6 +151,7 @@ class Action:
         rows["the result of an unknown goal"] = answer.status, answer.result.success
         _, accepted, stamp = self.send(UNKNOWN)
         rows["an unknown task"] = accepted, stamp.sec, stamp.nanosec
+        rows["a negative task"] = self.send(-1)[1]
         goal, accepted, _ = self.send(FAIL)
         rows["a goal that fails"] = accepted, *self.ended(goal)
         for name in ("one", "all", "until"):
