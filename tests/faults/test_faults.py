@@ -11,7 +11,8 @@ import pytest
 
 from tests.faults.machine import Busy, Machine
 from tests.faults.process import until
-from tests.faults.row import Row, Scene, compare
+from tests.faults.row import Row, Scene, compare, inject
+from tests.faults.rows.host import shifts
 from tests.faults.run import found, main, rows
 from tests.faults.soaking.figures import Sample, growth
 
@@ -50,6 +51,8 @@ def test_every_row_has_its_name() -> None:
         ("ms", 51.0, Busy(0.001, 1.0), True),
         ("s", 51.0, Busy(9.0, 1.0), False),
         ("s", 100.0, Busy(0.0, 2.0), True),
+        ("s", 101.0, Busy(0.0, 9.0), False),  # no limit is more than doubled
+        ("ms", 101.0, Busy(0.2, 1.0), False),
         ("MiB", 51.0, Busy(9.0, 9.0), False),
     ],
 )
@@ -60,6 +63,35 @@ def test_a_limit_of_time_is_extended_on_a_busy_machine(
     scene.figure(figure)
     one = Row("a", "b", "c", lambda _: None, limit=50, unit=unit)
     assert found(one, [scene], 1.0, busy).held is held
+
+
+@pytest.mark.parametrize(
+    ("times", "gain"),
+    [
+        ([5.0, 5.1, 5.2, 5.3, 5.4], 0.0),
+        ([5.0, 5.19, 5.2, 5.3, 5.4], 0.09),  # a frame that was late
+        ([5.0, 5.5, 5.6, 5.7, 5.8], 0.0),  # the rest is later
+        ([5.0, 5.5, 5.5, 5.5, 5.5], 0.3),  # a burst
+    ],
+)
+def test_a_burst_is_found(times: list[float], gain: float) -> None:
+    """Two motions; the last one is incomplete."""
+    motions = [[0.0, 0.1, 0.2, 0.3, 0.4], [0.0, 0.1]]
+    found = [each for each, _ in shifts([*times, 7.0], motions)]
+    assert len(found) == 6
+    assert max(found) == pytest.approx(gain)
+
+
+def test_what_fails_at_the_end_is_a_problem_and_nothing_is_left(tmp_path: Path) -> None:
+    cleaned = list[str]()
+
+    def wrong(scene: Scene) -> None:
+        scene.cleanup.callback(cleaned.append, "cleaned")
+        scene.finish = lambda: 1 / 0  # type: ignore[method-assign,assignment]
+
+    scene = inject(Row("a", "b", "c", wrong), tmp_path / "a", "", 0, keep=False)
+    assert scene.problems == ["at the end: ZeroDivisionError: division by zero"]
+    assert cleaned == ["cleaned"]
 
 
 def test_a_machine_is_measured() -> None:

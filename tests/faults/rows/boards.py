@@ -13,7 +13,7 @@ from tests.faults.row import Scene, row
     " behind the garbage; the memory of the command grows little",
     limit=10,  # 5 was the aim; the command also prints and records what it reads
     unit="MiB",
-    times=4,
+    times=2,
 )
 def garbage(scene: Scene) -> None:
     (firmware,) = scene.share(["stock", "armtree"])
@@ -72,7 +72,7 @@ def reset_stock(scene: Scene) -> None:
     "brown-out",
     "the supply of the board of a server dips several times, during a motion and after it",
     "the goal ends with a code of the hardware; nothing is sent until a person activates the arm",
-    times=4,
+    times=3,
 )
 def brown_out(scene: Scene) -> None:
     board = scene.board("armtree")
@@ -134,7 +134,7 @@ def silence(scene: Scene) -> None:
     "random motions over the whole range, on a board with the published sketch, which reads"
     " nothing while a servo turns",
     "the board loses no byte, reads no wrong angle, and ends where the last frame says",
-    times=4,
+    times=2,
 )
 def overload(scene: Scene) -> None:
     moves = []

@@ -120,7 +120,7 @@ def program(pieces: Callable[[], Iterable[bytes]]) -> Iterator[str]:
     "exit status 13 and one line; memory stays below 200 MiB",
     limit=15,
     unit="s",
-    times=2,
+    times=1,
 )
 def wrong_server(scene: Scene) -> None:
     scene.injections = len(WRONG)

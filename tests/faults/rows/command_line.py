@@ -155,7 +155,7 @@ def memory(command: Command) -> float:
     "the reader of a command's output ends after some lines, as in `armtree tasks | head -1`",
     "a command that only prints is quiet and ends with 141, or 0 if all was printed before; "
     "a run continues, and has its own status",
-    times=6,
+    times=4,
 )
 def reader_ends(scene: Scene) -> None:
     lines = scene.random.randint(0, 2)
@@ -198,7 +198,7 @@ def closed_streams(scene: Scene) -> None:
     "the arm is stopped with a hold frame, the recording finished; exit status 7",
     limit=3,
     unit="s",
-    times=6,
+    times=3,
 )
 def closed_terminal(scene: Scene) -> None:
     board, keys = scene.board(), scene.folder / "keys"
@@ -220,7 +220,7 @@ def closed_terminal(scene: Scene) -> None:
     " command ends at once with 130, or with 7 if it had stopped before",
     limit=300,
     unit="ms",
-    times=6,
+    times=4,
 )
 def typed_ctrl_c(scene: Scene) -> None:
     board, keys = scene.board(), scene.folder / "keys"
@@ -264,7 +264,7 @@ def moving(board: Board, frames: int) -> None:
     "the process ends with 130, without waiting for the write",
     limit=3,
     unit="s",
-    times=4,
+    times=3,
     quick=1,
 )
 def two_ctrl_c(scene: Scene) -> None:

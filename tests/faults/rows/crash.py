@@ -19,7 +19,7 @@ _FORKING = "os.fork() or os._exit(0)\n    os.wait()\n"
     "kill-9",
     "`kill -9` at a random moment of a run",
     "`log recover` keeps every frame but at most the one in flight, and what it keeps holds",
-    times=12,
+    times=8,
     quick=1,
 )
 def kill(scene: Scene) -> None:

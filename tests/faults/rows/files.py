@@ -49,7 +49,7 @@ def checked(scene: Scene, folder: Path) -> tuple[Command, float, float]:
     "`armtree check` lists the mistakes, with exit status 3; no traceback",
     limit=30,
     unit="s",
-    times=4,
+    times=3,
 )
 def damaged_tasks(scene: Scene) -> None:
     files = sorted([*SHIPPED.glob("**/*.yaml"), *EXAMPLES.glob("*.yaml")])

@@ -86,7 +86,7 @@ def ended(scene: Scene, *commands: Command) -> None:
     "the worker of an arm is killed with `kill -9`, or paused for 1.5 s, while its job moves",
     "the server stops the arm; the job ends CANCELED with what the arm did, and runs once; after "
     "`fleet resume` the arm takes the next job",
-    times=4,
+    times=2,
 )
 def worker(scene: Scene) -> None:
     running, url = fleet(scene)
@@ -118,7 +118,7 @@ def worker(scene: Scene) -> None:
     "`kill -9` of the NATS server while an arm runs a job; it starts again",
     "the arm finishes its job, its server answers meanwhile, and the result is stored afterwards; "
     "a queued job is not lost, and a repeat of the first one is refused",
-    times=4,
+    times=2,
 )
 def nats(scene: Scene) -> None:
     running, url = fleet(scene)

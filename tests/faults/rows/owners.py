@@ -161,7 +161,7 @@ NO_PORTS = (
     "no-port",
     "`--port` names a folder, a pipe, a file, a link, a socket or a device that is not a port",
     "exit status 6 and one line that names it; nothing hangs, and no file is changed",
-    times=3,
+    times=2,
 )
 def not_a_port(scene: Scene) -> None:
     robot = scene.robot()

@@ -138,7 +138,7 @@ def slow_joint(scene: Scene) -> None:
     "planner-memory",
     "a hard limit of the address space between 0.2 and 5 GiB",
     "from 1 GiB a task runs; below, it ends at once with exit status 3 and says what is needed",
-    times=8,
+    times=4,
 )
 def planner_memory(scene: Scene) -> None:
     needed, board = 2**30, scene.board()
@@ -206,7 +206,7 @@ def command_line(pid: int) -> str:
     " command ends with 3 and names the limit",
     limit=25,
     unit="s",
-    times=6,
+    times=4,
 )
 def huge_scenes(scene: Scene) -> None:
     ((bodies, few),) = scene.share(itertools.product((True, False), repeat=2))

@@ -19,7 +19,7 @@ from tests.faults.row import Scene, row
     "the goal ends `hw.port_lost` with exit status 6; nothing is sent afterwards",
     limit=70,
     unit="ms",
-    times=10,
+    times=8,
     quick=1,
 )
 def unplug(scene: Scene) -> None:
@@ -37,7 +37,7 @@ def unplug(scene: Scene) -> None:
     "the run ends with exit status 6 and a code of the port; nothing hangs",
     limit=4,
     unit="s",
-    times=6,
+    times=5,
 )
 def unplug_any_time(scene: Scene) -> None:
     board = scene.board()
@@ -152,7 +152,7 @@ def replug_other_name(scene: Scene) -> None:
     " stopped to read, and none follows when it reads again",
     limit=450,  # a write may take 300; it waits up to a period behind the frames before it
     unit="ms",
-    times=4,
+    times=3,
 )
 def stalled_board(scene: Scene) -> None:
     board = scene.board()
@@ -191,7 +191,7 @@ def fill(board: Board) -> None:
     "the goal ends `hw.port_stalled` with exit status 6; then no call is made again",
     limit=400,  # the deadline of 300, and the last call that was made before it
     unit="ms",
-    times=8,
+    times=4,
     quick=1,
 )
 def write_without_end(scene: Scene) -> None:

@@ -17,7 +17,7 @@ from tests.support.recordings.single_changes import single_changes
 
 READERS = (
     *("log info {}", "log show {}", "log export {} -o out", "log robot {} -o out"),
-    *("log diff {0} {0}", "log plot {} -o out.png", "log recover {}", "replay {} --verify"),
+    *("log diff {0} {0}", "log plot {} -o out.png"),
     *("replay {} --watch --at 0", "replay {} --on virtual"),
 )
 
@@ -54,6 +54,7 @@ def unpack(scene: Scene) -> None:
     server.wait()
     little = {resource.RLIMIT_AS: 1 << 30}
     commands = [(["log", "ls"], little), (["replay", "recordings", "--verify"], {})]
+    commands.append((["log", "recover", *map(str, scene.recordings())], little))
     for words, bomb in scene.share(itertools.product(READERS, scene.recordings())):
         commands.append(([each.format(bomb) for each in words.split()], little))
     scene.injections = len(commands)
@@ -70,7 +71,7 @@ def unpack(scene: Scene) -> None:
     "changed-recordings",
     "a recording is cut, a bit of it is flipped, or one part of it is changed or removed",
     "none holds: `replay --verify` ends with 12, and names each with its code",
-    times=6,
+    times=4,
 )
 def change(scene: Scene) -> None:
     run = scene.run("21")
@@ -257,7 +258,7 @@ def kill_slow_disk(scene: Scene) -> None:
     "kill-9-at-end",
     "`kill -9` while the recording is being finished",
     "the recording is whole or is recovered; it holds, and is never lost",
-    times=8,
+    times=6,
 )
 def kill_at_end(scene: Scene) -> None:
     board = scene.board()

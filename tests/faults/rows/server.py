@@ -19,8 +19,8 @@ from tests.faults.row import Row, Scene, delays, motions_of, row
 
 HOSTILE = Path(__file__).parents[1] / "means" / "hostile.py"
 CLIENTS = 80
-GOALS = 12  # per flood
-STOPS = 8  # per goal: one in motion, and more while nothing moves
+GOALS = 8  # per flood
+STOPS = 12  # per goal: one in motion, and more while nothing moves
 MEMORY = 20  # that a server may take more in a flood [MiB]
 
 

@@ -16,7 +16,7 @@ from tests.faults.row import Row, Scene, frames_of, row
     "the arm is stopped with a hold frame, the recording finished; exit status 7",
     limit=300,
     unit="ms",
-    times=9,
+    times=6,
     quick=1,
 )
 def signals(scene: Scene) -> None:
@@ -37,7 +37,7 @@ def signals(scene: Scene) -> None:
     "it ends, with exit status 130 or 7 or by the signal itself, without a traceback",
     limit=3,
     unit="s",
-    times=10,
+    times=6,
 )
 def signals_early(scene: Scene) -> None:
     board = scene.board()
@@ -84,7 +84,7 @@ child.wait()
     " the run continues, as with `nohup`, and stops at SIGTERM; the recording is finished",
     limit=300,
     unit="ms",
-    times=6,
+    times=4,
 )
 def parent_dies(scene: Scene) -> None:
     board, pid = scene.board(), scene.folder / "child.pid"
@@ -203,7 +203,7 @@ stop_travel_own = stop_travel("armtree", "the firmware `armtree`", 50)
     "the hold frame does not wait for it; the recording is complete",
     limit=50,
     unit="ms",
-    times=4,
+    times=3,
 )
 def stop_slow_disk(scene: Scene) -> None:
     board = scene.board()
