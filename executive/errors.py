@@ -439,4 +439,5 @@ class GoalFailed(ClientError):
     def __init__(self, outcome: Outcome) -> None:
         self.code, self.outcome = outcome.code, outcome
         self.cause = outcome.cause or Cause(outcome.code, outcome.message)
+        self.hint = self.cause.hint
         super().__init__(f"{goal_title(outcome.task)} {outcome.state.name}: {outcome.message}")
