@@ -1,7 +1,11 @@
 """What commands print with --json, against the schemas in docs/output.schema.json."""
 
+import asyncio
 import json
 import shutil
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +14,14 @@ import pytest
 from click.testing import CliRunner
 
 from executive.cli.main import cli
+from executive.fleet.connection import open_fleet
+from executive.fleet.nats_server import NatsOptions, nats_server
+from executive.fleet.worker import Worker
+from hardware import RealClock
 from tests.support.command_line.typed import typed
 from tests.support.paths import ROOT
+from tests.support.servers.free_port import free_port
+from tests.support.servers.simulated_arms import SimulatedArm
 from trees import EXAMPLES
 
 SCHEMA = json.loads((ROOT / "docs/output.schema.json").read_text())
@@ -128,6 +138,52 @@ def test_plan_takes_skills(tmp_path: Path) -> None:
     words = ("30", "--trees", tmp_path, "--skills", tmp_path, "-o", tmp_path / "plan.png")
     (row,) = printed("plan", "plan", *words)
     assert row["motions"][0]["goal"][0] == pytest.approx(0.349, abs=1e-3)
+
+
+@contextmanager
+def fleet_of_one(folder: Path) -> Iterator[str]:
+    """The URL of a fleet with the simulated arm bench.0."""
+    options = NatsOptions(folder / "fleet", port=free_port())
+    loop, ended = asyncio.new_event_loop(), asyncio.Event()
+
+    async def work() -> None:
+        async with open_fleet(options.url, "bench.0") as fleet, asyncio.TaskGroup() as group:
+            arm = SimulatedArm(duration=0.0)
+            worker = Worker(fleet, arm, "bench", "0", RealClock())
+            group.create_task(worker.run())
+            await ended.wait()
+            worker.end()
+
+    thread = threading.Thread(target=lambda: loop.run_until_complete(work()))
+    with nats_server(options, RealClock()):
+        thread.start()
+        try:
+            yield options.url
+        finally:
+            loop.call_soon_threadsafe(ended.set)
+            thread.join()
+            loop.close()
+
+
+def test_fleet(tmp_path: Path) -> None:
+    with fleet_of_one(tmp_path) as url:
+        end, known = ("--fleet", url), list[Any]()
+        while not (known and known[0]["state"] == "ready"):
+            known = printed("fleet_ls", "fleet", "ls", *end)
+        assert known[0]["arm"] == "bench.0"
+        sent = ("fleet", "send", "1", "--pool", "bench", "--start-within", 60)
+        queued, *_, ended = printed("fleet_send", *sent, "--wait", *end)
+        assert (queued["event"], ended["job"]) == ("queued", queued["job"])
+        assert ended["result"]["code"] == "ok"
+        assert printed("fleet_jobs", "fleet", "jobs", *end) == [ended]
+        (stopped,) = printed("fleet_stop", "fleet", "stop", *end)
+        assert stopped["arm"] == "bench.0"
+        (waits,) = printed("fleet_send", *sent, *end)
+        (listed,) = printed("fleet_jobs", "fleet", "jobs", waits["job"], *end)
+        assert listed["state"] == "QUEUED"
+        (canceled,) = printed("fleet_jobs", "fleet", "cancel", waits["job"], *end)
+        assert canceled["state"] == "CANCELED"
+        assert len(printed("fleet_resume", "fleet", "resume", *end)) == 1
 
 
 FAILURES = [

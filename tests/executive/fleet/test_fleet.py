@@ -3,7 +3,6 @@
 import asyncio
 import json
 import shutil
-import socket
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager
 from dataclasses import replace
@@ -33,17 +32,11 @@ from executive.fleet.values import Job, JobRecord, Member, Presence, to_bytes
 from executive.fleet.worker import Worker
 from hardware import RealClock
 from tests.support.servers.cuttable_proxy import CuttableProxy
+from tests.support.servers.free_port import free_port
 from tests.support.servers.simulated_arms import SimulatedArm
 
 CLOCK = RealClock()
 LOST_ID = "d" * 32
-
-
-def free_port() -> int:
-    """A port on which nothing listens."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 class SetClock(RealClock):

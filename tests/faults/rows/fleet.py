@@ -2,13 +2,13 @@
 
 import json
 import signal
-import socket
 from pathlib import Path
 from typing import Any
 
 from tests.faults.process import Command, Server, kill, until
 from tests.faults.row import Scene, row
 from tests.support.servers.cuttable_proxy import CuttableProxy
+from tests.support.servers.free_port import free_port
 
 NAMES = ("--pool", "arms", "--name", "arm-1")
 FREE = ("ready", "held")
@@ -16,9 +16,7 @@ FREE = ("ready", "held")
 
 def fleet(scene: Scene) -> tuple[Command, str]:
     """A fleet that runs, and its URL."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
+    port = free_port()
     return up(scene, port), f"nats://127.0.0.1:{port}"
 
 
