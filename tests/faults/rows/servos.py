@@ -315,7 +315,10 @@ def wrong(line: Line, outcome: Outcome, codes: set[str], state: State) -> Iterat
     if not (canceled or (outcome.cause and outcome.cause.hint)):
         yield "there is no way out"
     faulted = line.faulted is not None
-    if state is not (State.UNCONFIGURED if faulted else State.ACTIVE if booted else State.INACTIVE):
+    ends = {State.UNCONFIGURED if faulted else State.ACTIVE if booted else State.INACTIVE}
+    if outcome.code == "hw.port_lost" and not booted:
+        ends.add(State.UNCONFIGURED)  # it was lost while the arm was configured
+    if state not in ends:
         yield f"the arm is {state.value}"
     if line.faulted is not None and len(line.written) > line.faulted:
         yield f"{len(line.written) - line.faulted} writes after the fault"
