@@ -129,7 +129,7 @@ def test_parameters_at_call_time(examples: Rig) -> None:
         ("swing=90 deg", "is more than 60 deg"),
         ("swnig=1", "did you mean swing?"),
         ("times=1.5", "is not a whole number"),
-        ("times=[", "--set times=[: this does not fit"),
+        ("times=[", "--set times=[: YAML does not allow this here"),
     ],
 )
 def test_wrong_parameters_are_refused(examples: Rig, setting: str, words: str) -> None:
