@@ -9,7 +9,9 @@ all names are free.
 """
 
 import base64
+import gzip
 import hashlib
+import io
 import os
 import tarfile
 import zipfile
@@ -52,10 +54,18 @@ def build_sdist(sdist_directory, config_settings=None):
     path = Path(sdist_directory) / name
     with tarfile.open(path) as built:
         members = [(each, built.extractfile(each)) for each in built.getmembers()]
+        here = tarfile.TarInfo(f"{name.removesuffix('.tar.gz')}/.ci/{Path(__file__).name}")
+        here.size = Path(__file__).stat().st_size
+        members.append((here, io.BytesIO(Path(__file__).read_bytes())))
+        time = int(os.environ.get("SOURCE_DATE_EPOCH", "0"))  # equal files give an equal archive
         whole = path.with_suffix(".new")
-        with tarfile.open(whole, "w:gz", format=tarfile.PAX_FORMAT) as added:
-            for member, data in members:
+        with (
+            whole.open("wb") as raw,
+            gzip.GzipFile("", "wb", fileobj=raw, mtime=time) as packed,
+            tarfile.open(fileobj=packed, mode="w", format=tarfile.PAX_FORMAT) as added,
+        ):
+            for member, data in sorted(members, key=lambda pair: pair[0].name):
+                member.mtime, member.pax_headers = time, {}
                 added.addfile(member, data)
-            added.add(__file__, f"{name.removesuffix('.tar.gz')}/.ci/{os.path.basename(__file__)}")
     whole.replace(path)
     return name

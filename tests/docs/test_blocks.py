@@ -5,6 +5,7 @@ import os
 import re
 import shlex
 import shutil
+import subprocess
 import sys
 import tomllib
 from collections.abc import Callable, Iterator
@@ -63,7 +64,7 @@ def lines(page: str) -> list[str]:
 
 def test_every_block_has_a_language() -> None:
     assert {block.language for block in BLOCKS} <= {
-        "json", "python", "sh", "text", "toml", "xml", "yaml",
+        "ini", "json", "python", "sh", "text", "toml", "xml", "yaml",
     }  # fmt: skip
 
 
@@ -177,3 +178,19 @@ def test_the_programs_of_the_python_pages(quick: Path, monkeypatch: pytest.Monke
             if block[:2] == (page, "python"):
                 exec(compile(block.text, page, "exec"), names)
     assert frames[0]
+
+
+def test_the_service_is_accepted_by_systemd(tmp_path: Path) -> None:
+    if not shutil.which("systemd-analyze"):
+        pytest.skip("systemd-analyze is not installed")
+    (unit,) = (block.text for block in BLOCKS if block.language == "ini")
+    file = tmp_path / "armtree.service"
+    file.write_text(unit.replace("/opt/armtree/bin/armtree", sys.executable))
+    done = subprocess.run(
+        ["systemd-analyze", "verify", "--man=no", str(file)],
+        check=False,
+        capture_output=True,
+        text=True,
+    )
+    ours = [line for line in done.stderr.splitlines() if "armtree" in line]
+    assert (done.returncode, ours) == (0, [])

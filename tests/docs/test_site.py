@@ -33,6 +33,7 @@ SEARCHED = {
     "moveit": "comparison.html",
     "pre-commit": "how_to/ci.html",
     "token": "reference/http.html",
+    "systemd": "how_to/service.html",
     "obstacles": "how_to/plan.html",
     "licence": "reference/licence.html",
 }
