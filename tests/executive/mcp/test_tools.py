@@ -7,6 +7,7 @@ import os
 import sys
 from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import httpx2
@@ -22,7 +23,9 @@ from executive.errors import AddressInUse
 from executive.mcp.mcp_server import BURST, listen, make_server, serve_http
 from executive.mcp.tools import MOVE, TOOLS
 from hardware import load_robot
-from tests.support.servers.serving import Serve, Served
+from tests.faults.process import Server
+from tests.support.arms.quick_arm import quick_arm
+from tests.support.servers.serving import TASKS, Serve, Served
 
 pytest_plugins = ["tests.support.servers.server_fixtures"]
 
@@ -106,12 +109,31 @@ def unchanged(served: Served) -> Iterator[None]:
     assert after == before
 
 
+@pytest.fixture
+def process(tmp_path: Path) -> Iterator[Server]:
+    """`armtree serve` in a process of its own, inactive."""
+    for name, text in {**TASKS, "15_far.yaml": FAR}.items():
+        (tmp_path / name).write_text(text)
+    options = ("--tcp-port", "0", "--port", "virtual", "--trees", tmp_path)
+    started = Server(tmp_path, ["serve", *options, "--robot", quick_arm(tmp_path)])
+    try:
+        yield started.listening()
+    finally:
+        started.close()
+
+
+async def under_way(server: Server) -> str:
+    """Wait until a goal executes; return its id."""
+    while not (status := await asyncio.to_thread(server.get, "/api/status"))["phase"]:
+        continue
+    return str(status["goal"]["goal_id"])
+
+
 @pytest.mark.slow
-def test_over_standard_input_and_output(serve: Serve) -> None:
-    served = serve(active=False)
-    (served.tasks / "15_far.yaml").write_text(FAR)
-    command = ["-m", "executive", "mcp", "--server", served.server.url]
-    target = StdioServerParameters(command=sys.executable, args=command, env={**os.environ})
+def test_over_standard_input_and_output(process: Server, tmp_path: Path) -> None:
+    command = ["-m", "executive", "mcp", "--server", process.url]
+    environment = {**os.environ, "XDG_RUNTIME_DIR": str(tmp_path)}  # it has the token
+    target = StdioServerParameters(command=sys.executable, args=command, env=environment)
 
     async def act(caller: Caller) -> None:
         offered = {each.name: each.annotations for each in (await caller.client.list_tools()).tools}
@@ -125,10 +147,6 @@ def test_over_standard_input_and_output(serve: Serve) -> None:
         described = json.loads(await caller.good("describe_task", task="far"))
         base = described["arguments"]["properties"]["base"]
         assert (base["minimum"], base["maximum"], base["default"]) == (-1.5, 1.5, "0.5")
-        planned = await caller.call("plan_task", task=15, arguments={"base": "20 deg"})
-        assert words(planned).startswith("valid; ")
-        (image,) = (each for each in planned.content if isinstance(each, ImageContent))
-        assert base64.b64decode(image.data).startswith(b"\x89PNG")
         done = await caller.good("run_task", task="far", arguments={"base": "20 deg"})
         assert "task 15 SUCCEEDED" in done
         assert caller.progress == sorted(set(caller.progress))
@@ -137,7 +155,7 @@ def test_over_standard_input_and_output(serve: Serve) -> None:
         assert "task 14 SUCCEEDED" in await caller.good("run_task", task="ask")
         assert caller.asked[1:] == ["The task asks: Free?"]
         running = asyncio.create_task(caller.bad("run_task", task="wait"))
-        goal = await executing(served)
+        goal = await under_way(process)
         assert await caller.good("stop") == f"stopped; canceled {goal}"
         assert "task 10 CANCELED" in await running
         assert "[task.failed" in await caller.bad("run_task", task="fail")
@@ -147,6 +165,20 @@ def test_over_standard_input_and_output(serve: Serve) -> None:
         assert "failed: fail" in explained
 
     drive(Caller(target, answer="yes"), act)
+
+
+@pytest.mark.slow
+def test_a_plan_has_a_picture(serve: Serve) -> None:
+    served = serve()
+    (served.tasks / "15_far.yaml").write_text(FAR)
+
+    async def act(caller: Caller) -> None:
+        planned = await caller.call("plan_task", task=15, arguments={"base": "20 deg"})
+        assert words(planned).startswith("valid; ")
+        (image,) = (each for each in planned.content if isinstance(each, ImageContent))
+        assert base64.b64decode(image.data).startswith(b"\x89PNG")
+
+    drive(Caller(make_server(served.server.url)), act)
 
 
 @pytest.mark.parametrize("mode", ERAS)
