@@ -12,7 +12,7 @@ from executive.api.outcome import GoalStatus
 from executive.client.asynchronous import AsyncClient
 from executive.client.held_goals import HeldGoals
 from executive.client.values import Task
-from executive.errors import ClientError, Refused
+from executive.errors import ClientError, Refused, ServerUnreachable
 from hardware import Robot
 
 from .goals import Goals
@@ -20,7 +20,7 @@ from .goals import Goals
 _CLIENT = "armtree-ros2"
 _KINDS = "status", "feedback", "sent", "measured", "lifecycle"
 _PAUSE_SECONDS = 0.5  # between two attempts to reach the server
-LOST_SECONDS = 2.0  # without a server, until its goals count as aborted
+LOST_SECONDS = 2.0  # without a server, until its goals count as aborted, and a new one is refused
 _SEEN_SECONDS = 2.0  # longest time from the acceptance of a goal to its first event
 _END_SECONDS = 1.5  # longest time for the goals of this process to end with it
 
@@ -53,7 +53,7 @@ class Bridge:
         self.on_connected: list[Callable[[], None]] = []
         self._connect = partial(AsyncClient, url, name=_CLIENT)
         self.client = self._connect()
-        self._held = HeldGoals()
+        self._held, self._connected = HeldGoals(), asyncio.Event()
 
     async def __aenter__(self) -> Self:
         return self
@@ -64,13 +64,15 @@ class Bridge:
 
     async def run(self) -> None:
         """Follow the server, whenever it answers."""
-        loop, told, heard = asyncio.get_running_loop(), "", 0.0
+        told, losing = "", list[asyncio.TimerHandle]()
         while True:
             try:
                 async with self.client.events(*_KINDS) as events:
                     await self._synchronize()
                     self.log.info(f"connected to {self.client.url}; the arm is {self.arm}")
                     told = ""
+                    while losing:
+                        losing.pop().cancel()
                     async for event in events:
                         self._take(event)
             except ClientError as error:
@@ -78,10 +80,9 @@ class Bridge:
                     self.log.error(f"{error}")
                 told = str(error)
             if self.arm:
-                self.arm, heard = "", loop.time()
-            if loop.time() - heard > LOST_SECONDS:
-                self._release()  # the server may still run what this node no longer follows
-                self.goals.lose()
+                self.arm = ""
+                self._connected.clear()
+                losing.append(asyncio.get_running_loop().call_later(LOST_SECONDS, self._lose))
             await asyncio.sleep(_PAUSE_SECONDS)
 
     async def send(self, task: int | str, goal_id: str = "") -> GoalStatus:
@@ -98,6 +99,12 @@ class Bridge:
         def post(client: AsyncClient, identity: str) -> Any:
             return client.send(task, None, identity, deadman=True)
 
+        try:
+            async with asyncio.timeout(LOST_SECONDS):
+                await self._connected.wait()
+        except TimeoutError as error:
+            words = "the node is not connected to it"
+            raise ServerUnreachable(self.client.url, words) from error
         if goal_id in self.goals.known or goal_id in self._held.tasks:
             raise Refused({"code": DUPLICATE, "message": f"goal {goal_id} is known already"})
         identity = await self._held.send(self._connect, post, goal_id)
@@ -116,6 +123,11 @@ class Bridge:
         if ends and self.arm:
             await asyncio.wait(ends, timeout=_END_SECONDS)
 
+    def _lose(self) -> None:
+        """End the goals; cancel those of this process, which the server may still run."""
+        self._release()
+        self.goals.lose()
+
     def _release(self) -> None:
         """Stop to hold the goals of this process, so that the server cancels them."""
         for identity in tuple(self._held.tasks):
@@ -123,13 +135,14 @@ class Bridge:
 
     async def _synchronize(self) -> None:
         self.tasks = await self.client.tasks()
-        self.arm = (await self.client.status()).arm.value
-        goals = await self.client.goals()
+        status, goals = await self.client.status(), await self.client.goals()
+        self.arm = status.arm.value
         for goal in goals:
             self.goals.take(goal)
         self.goals.lose(frozenset(goal.identity for goal in goals))
         for act in self.on_connected:
             act()
+        self._connected.set()
 
     def _take(self, event: Event) -> None:
         if isinstance(event, GoalStatus):

@@ -30,7 +30,7 @@ from unique_identifier_msgs.msg import UUID
 
 WAIT, NOTHING, FAIL, UNKNOWN = 10, 11, 13, 99
 TYPES = ArduinobotTask.Impl
-LONGEST = 20.0
+LONGEST = 60.0
 
 
 class NoAnswer(Exception):
