@@ -88,7 +88,7 @@ def plan(
       armtree plan 1
 
     \b
-    A file for --world (the page *Plan and explain* has all of it):
+    A file for --world; the page *Plan and explain* has more:
       [{"name": "post", "box": {"size": [0.03, 0.03, 0.2]},
         "position": [0.115, 0.115, 0.1]}]
     """  # noqa: D301
