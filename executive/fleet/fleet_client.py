@@ -5,7 +5,7 @@ import json
 import uuid
 from collections.abc import AsyncIterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from nats.js.errors import KeyWrongLastSequenceError, NotFoundError
@@ -234,8 +234,22 @@ class FleetClient:
                 known = await self.job(identity)  # an arm has claimed it meanwhile
         assert isinstance(known, JobRecord)
         if known.result is None:
-            await self.request("cancel", [known.arm], {"job": identity})
+            try:
+                await self.request("cancel", [known.arm], {"job": identity})
+            except FleetError:
+                if known.retry_safe:
+                    await self._end_attempts(identity)
+                raise
         return known
+
+    async def _end_attempts(self, identity: str) -> None:
+        """End a job whose arm does not answer, so that no further attempt of it runs."""
+        found = await self._fleet.get(JobRecord, identity)
+        if found and found[0].result is None:
+            result = Result.failed(CANCELED_CAUSE, GoalState.CANCELED)
+            ended = replace(found[0], result=result, ended_ns=utc_ns(self._clock))
+            with suppress(KeyWrongLastSequenceError):  # its arm, or another one, has come first
+                await self._fleet.jobs.update(identity, to_bytes(ended), last=found[1])
 
     async def stop(self, whom: Sequence[str] = ()) -> list[Confirmation]:
         """Stop arms, and hold the queues of their pools until `resume`.
@@ -259,9 +273,16 @@ class FleetClient:
 
         Raises:
             NotConfirmed: Some arms did not confirm; the error names them.
+            FleetError: The queue of a pool is held, so that its arms would get no jobs.
         """
         await self._hold_queues(whom, hold=False)
-        return await self.request("resume", whom)
+        confirmed = await self.request("resume", whom)
+        for pool in {arm.partition(".")[0] for arm in whom}:
+            info = await self._fleet.stream.consumer_info(JOBS, consumer_of(pool, PRIORITIES[-1]))
+            if info.paused:
+                words = f"the arms are resumed, but the queue of {pool} is held since a stop of all"
+                raise FleetError(f"{words}; `armtree fleet resume {pool}` resumes both")
+        return confirmed
 
     async def forget(self, arm: str) -> None:
         """Remove an arm that is gone from the list.

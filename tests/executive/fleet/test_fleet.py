@@ -19,6 +19,7 @@ from executive.fleet.errors import (
     BadJob,
     BadName,
     DuplicateJob,
+    FleetError,
     FleetUnreachable,
     NameTaken,
     NotConfirmed,
@@ -273,6 +274,8 @@ def test_a_stop_holds_the_fleet_and_names_who_does_not_confirm(
             assert (await ended(client, running)).state == "CANCELED"
             queued = await client.send(2, "bench", {})
             assert (await client.queued())[0] == 1
+            with pytest.raises(FleetError, match="queue of bench is held"):
+                await client.resume(["bench.0"])
             for arm in arms:
                 arm.duration = 0.0
             await client.resume(["bench"])
@@ -348,6 +351,14 @@ def test_the_job_of_a_lost_arm_is_given_up_or_sent_again_if_that_is_safe(url: st
             again = await ended(client, safe.job)
             assert (again.arm, again.job.attempt, again.state) == ("bench.0", 2, "SUCCEEDED")
             assert arm.received == ["c" * 32]
+            canceled = replace(safe, job=replace(lost().job, identity="b" * 32))
+            await fleet.jobs.create("b" * 32, to_bytes(canceled))
+            with pytest.raises(FleetError, match=r"called bench\.gone"):
+                await client.cancel("b" * 32)
+            await publish(fleet, replace(canceled.job, attempt=2))
+            await ended(client, await client.send(1, "bench", {}))
+            assert (await ended(client, canceled.job)).state == "CANCELED"
+            assert "b" * 32 not in arm.received
 
     asyncio.run(main())
 
