@@ -283,6 +283,11 @@ class Peer:
         result = got(goal.get_result_async())
         return goal.accepted, result.status, result.result.success, feedback
 
+    def type_hash(self):
+        """The hash of the type that the node publishes feedback with."""
+        (info,) = self.node.get_publishers_info_by_topic("/task_server/_action/feedback")
+        return str(info.topic_type_hash)
+
     def start(self, space, task):
         """Send a goal until it is accepted, and ask for its result, which `wait` returns."""
         action, accepted = self.action(f"{space}/task_server"), False

@@ -27,6 +27,8 @@ pytest_plugins = ["tests.support.servers.server_fixtures"]
 pytestmark = pytest.mark.slow
 
 LONGEST = 30.0  # [s]
+# Of the original's ArduinobotTask_FeedbackMessage, by rosidl.
+FEEDBACK_HASH = "09bf0add97e07397fc80e2eb07a76c0070cdcc3370e4761f94023fcf7d3a5f4d"
 
 Process = subprocess.Popen[str]
 Start = Callable[..., Process]  # starts Python with words
@@ -130,6 +132,7 @@ def test_a_stock_client_the_topics_and_the_triggers(
     accepted, status, success, feedback = peer.ask("stock_client", 0)
     assert (accepted, status, success) == (True, 4, True)
     assert feedback == sorted(set(feedback))
+    assert FEEDBACK_HASH in peer.ask("type_hash")
     names, positions, kind, urdf = peer.ask("topics")
     commanded = served.executive.where().commanded
     assert commanded
