@@ -35,6 +35,7 @@ MAX_COPY = 1 << 30  # bytes of a recording without an index that is copied
 VERIFY_TIMEOUT = 120.0  # longest time that a verification may take [s]
 MAX_FILES = 100_000  # of a folder that are listed
 _OPEN = 4  # timelines and robots in memory
+_GOAL = ("/goal",)
 _NICE = 10  # a verification must not delay the arm
 
 Json = dict[str, Any]
@@ -246,9 +247,9 @@ class RecordingFolder:
             age = path.stat().st_mtime - copy.stat().st_mtime if copy.exists() else COPY_AGE
             if age >= COPY_AGE:
                 logs.Recording(path)  # is one
-                if not copy_valid(path, copy):
+                if not copy_valid(path, copy) or not IndexedRecording(copy).with_topic(_GOAL):
                     copy.unlink()
-                    raise logs.RecordingError(path, "holds no message of a run")
+                    raise logs.RecordingError(path, "holds no goal of a run")
         return copy
 
     def _names(self) -> list[str]:

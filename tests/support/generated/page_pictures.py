@@ -61,7 +61,7 @@ def views(served: Served) -> Iterator[tuple[str, Callable[[Any], object]]]:
     yield "compared", compare
     yield "restored", delete_and_restore
     yield "verified", verify
-    yield "unfinished", show_unfinished(served.folder / "recordings")
+    yield "unfinished", show_unfinished(served)
     goal = executive.send(21).identity
     while executive.status().node != "Wait":
         rest(served.clock, 0.01)
@@ -112,11 +112,15 @@ def verify(tab: Any) -> None:
     shows(tab, "#player-note", "goal -> plan")
 
 
-def show_unfinished(folder: Path) -> Callable[[Any], object]:
-    """Write a recording of a run whose process was killed; return what shows it."""
-    whole = max(folder.glob("*Z-1.mcap")).read_bytes()
-    killed = folder / "20991231T000000.000Z-1.mcap"
-    killed.write_bytes(whole[: len(whole) * 2 // 3])
+def show_unfinished(served: Served) -> Callable[[Any], object]:
+    """Write the recording of a run that was killed while it moved; return what shows it."""
+    goal = served.executive.send(1).identity
+    while served.executive.status().node != "Execute":
+        rest(served.clock, 0.01)
+    rest(served.clock, 2.0)
+    killed = served.folder / "recordings" / "20991231T000000.000Z-1.mcap"
+    killed.write_bytes(max(killed.parent.glob("*Z-1.mcap")).read_bytes())
+    served.executive.result(goal)
 
     def show(tab: Any) -> None:
         tab.click(f"#runs .run[title^='{killed.name}']")

@@ -41,7 +41,8 @@ export class Refused extends Error {
    * @param {Cause} cause
    */
   constructor(status, cause) {
-    super([cause.message, hintOf(cause)].filter(Boolean).join(". "));
+    const hint = hintOf(cause);
+    super(cause.message.includes(hint) ? cause.message : `${cause.message}. ${hint}`);
     this.status = status;
     this.code = cause.code;
   }

@@ -186,7 +186,7 @@ export class TreeView extends EventTarget {
     setAttribute(sign, "aria-label", words);
     setText(kind, facts && facts.kind !== node.name ? facts.kind : "");
     setText(message, node.message);
-    setText(time, duration(node));
+    setText(time, this.#shown.planned ? "" : duration(node));
     setAttribute(row, "aria-selected", String(node.path === this.selected));
   }
 
