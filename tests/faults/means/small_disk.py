@@ -46,10 +46,10 @@ class SmallDisk:
         if self._calls:
             self._calls.start(f"errno {errno.ENOSPC}")
             return
-        with contextlib.suppress(OSError), self._filler.open("wb", 0) as filler:
+        with self._filler.open("wb", 0) as filler, contextlib.suppress(OSError):
             free = os.statvfs(self._filler.parent)
             os.posix_fallocate(filler.fileno(), 0, free.f_bavail * free.f_frsize)
-        with contextlib.suppress(OSError), self._filler.open("ab", 0) as filler:
+        with self._filler.open("ab", 0) as filler, contextlib.suppress(OSError):
             while True:  # what another program freed or took meanwhile
                 filler.write(bytes(4096))
 
@@ -88,9 +88,11 @@ def small_disk(scene: "Scene") -> Iterator[SmallDisk]:
         if holder.stdout.readline():
             scene.by("a small file system in a user namespace")
             enter = "nsenter", "-t", str(holder.pid), "--user", "--mount", "--preserve-credentials"
+            # A working folder of before leads to what is below the mount.
+            again = "sh", "-c", 'cd "$0" && exec "$@"', scene.folder
             there = Path(f"/proc/{holder.pid}/root{folder}")
             try:
-                yield SmallDisk(there, (*enter, ARMTREE))
+                yield SmallDisk(there, (*enter, *again, ARMTREE))
             finally:
                 filler = shutil.ignore_patterns("filler")
                 shutil.copytree(there, folder, ignore=filler, dirs_exist_ok=True)
