@@ -100,9 +100,9 @@ def moves_again(scene: Scene, server: Server, board: Board, what: str) -> None:
     """Run a task; the figure is how long it takes to the first frame."""
     before, begin = len(board.frames()), time.monotonic()
     goal = server.goal(21)
-    until("the next goal moves", lambda: len(board.frames()) > before)
-    scene.figure(board.frames()[before].time - begin)
     result = server.result(goal)
+    if moved := board.frames()[before:]:
+        scene.figure(moved[0].time - begin)
     scene.check(result["code"] == "ok", f"{what}: {result['code']}: {result['message']}")
 
 
@@ -177,7 +177,7 @@ def planner_stopped(scene: Scene) -> None:
             server.result(goal)
         else:
             time.sleep(scene.random.uniform(0.0, 1.0))  # noqa: TID251, a random moment
-        (planner,) = (pid for pid in server.family() if "worker_main" in command_line(pid))
+        planner = until("one planner", functools.partial(only_planner, server))
         os.kill(planner, signal.Signals[kind])
         if kind == "SIGSTOP":  # each of its threads stops when it is scheduled
             until("its stop", functools.partial(stopped, planner))
@@ -186,6 +186,12 @@ def planner_stopped(scene: Scene) -> None:
         scene.check(code in may, f"{kind}, {moment}: the goal ends {code}")
         moves_again(scene, server, board, f"after {kind}, {moment}")
         scene.check(not Path(f"/proc/{planner}").exists(), f"{kind}, {moment}: it still exists")
+
+
+def only_planner(server: Server) -> int:
+    """The planner process; 0 while the one before has not ended, or none has started."""
+    found = [pid for pid in server.family() if "worker_main" in command_line(pid)]
+    return found[0] if len(found) == 1 else 0
 
 
 def stopped(pid: int) -> bool:
