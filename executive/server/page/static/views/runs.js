@@ -15,6 +15,7 @@ import { stateWords } from "./header.js";
  * @property {number | null} task
  * @property {string} title
  * @property {string} state SUCCEEDED, CANCELED, ABORTED, UNFINISHED, or empty
+ * @property {string} code
  * @property {string} message
  * @property {number | null} duration_s
  * @property {boolean} pinned
@@ -165,7 +166,7 @@ export class RunsView extends EventTarget {
    * @param {boolean} current
    */
   #item(recording, current) {
-    const { state, bytes, pinned, task, name, duration_s, message } = recording;
+    const { state, code, bytes, pinned, task, name, duration_s, message } = recording;
     const known = this.tasks.find((each) => each.task === task);
     const title = state === "UNFINISHED" && known ? goalTitle(known.task, known.name) : recording.title;
     const duration = duration_s === null ? "" : `, ${duration_s.toFixed(1)} s`;
@@ -173,7 +174,7 @@ export class RunsView extends EventTarget {
       "button",
       { type: "button", class: "run", id: `run-${name}`, title: `${name}\n${message}`.trim() },
       element("span", { class: "name" }, `${pinned ? "◆ " : ""}${title || name}`),
-      element("span", { "data-state": state }, stateWords(state)),
+      element("span", { "data-state": state }, stateWords(code === "log.in_use" ? "EXECUTING" : state)),
       element("span", { class: "quiet when" }, when(recording.stamp_ns)),
       element("span", { class: "quiet" }, `${size(bytes)}${duration}`),
     );
