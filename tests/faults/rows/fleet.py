@@ -121,8 +121,10 @@ def worker(scene: Scene) -> None:
 def nats(scene: Scene) -> None:
     running, url = fleet(scene)
     server = joined(scene, url)
+    asked(scene, url, "stop")  # until both jobs are queued, however slow the machine is
     job = asked(scene, url, "send", "21")["job"]
     queued = asked(scene, url, "send", "23")["job"]
+    scene.armtree("fleet", "resume", "--fleet", url)
     until("it moves", lambda: server.get("/api/status")["percentage"] is not None)
     kill(child(running, "nats-server"), signal.SIGKILL)
     scene.ended(running, 13)
