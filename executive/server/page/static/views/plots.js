@@ -333,7 +333,6 @@ export class PlotsView {
   /** @param {Plot} plot */
   #drawLine(plot) {
     const line = /** @type {HTMLElement} */ (plot.over.lastElementChild);
-    // Another `transform` would make the browser compose the layers of the whole page again.
     line.style.setProperty("left", `${plot.valToPos(this.#cursor.time, "x") - 0.5}px`);
   }
 
