@@ -438,7 +438,9 @@ class Worker:
         return {}
 
     async def _cancel(self, data: bytes) -> dict[str, Any]:
-        identity = str(strict_json.parse_object(data).get("job", ""))
+        identity = strict_json.parse_object(data).get("job")
+        if not isinstance(identity, str) or not identity:
+            raise ValueError("a cancel needs the id of a job; a stop cancels all")
         self._canceled.add(identity)
         async with self._sending:
             pass  # then the arm knows it

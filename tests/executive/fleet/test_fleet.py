@@ -297,7 +297,14 @@ def test_a_malformed_request_is_answered_and_a_malformed_answer_ignored(url: str
         arm = SimulatedArm()
         async with joined(url, arm) as client:
             nats = client._fleet.nats
-            for body in (b"[]", b"7", b"not JSON", b'{"job": "a", "job": "b"}'):
+            for body in (
+                b"[]",
+                b"7",
+                b"not JSON",
+                b'{"job": "a", "job": "b"}',
+                b"{}",
+                b'{"job": ""}',
+            ):
                 answer = await nats.request(control_subject("cancel", "bench.0"), body, 5.0)
                 assert json.loads(answer.data)["error"]
             answer = await nats.request(control_subject("stop", "bench.0"), b"[]", 5.0)
