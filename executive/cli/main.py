@@ -53,7 +53,7 @@ def cli() -> None:
       4 goal rejected         12 a replay differs
       5 planning failed       13 no server, or it ended
       6 hardware fault       130 ended by Ctrl-C
-      7 canceled             141 its reader ended
+      7 canceled             141 broken pipe
     """  # noqa: D301
     root = logging.getLogger()
     root.setLevel(logging.INFO)

@@ -124,7 +124,7 @@ class IndexedRecording(Recording):
         """Name the file in errors of damaged bytes.
 
         Raises:
-            RecordingError: There was one, or the file cannot be read.
+            RecordingError: The bytes are damaged, or the file cannot be read.
         """
         try:
             yield

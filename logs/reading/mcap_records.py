@@ -133,7 +133,7 @@ class Decoder:
         at += HEAD.size
         body = data[at : at + length]
         if len(body) < length:
-            raise BadRecord(f"a record of {length} bytes at the end of a chunk")
+            raise BadRecord(f"a record of {length} bytes exceeds the end of its chunk")
         return opcode, body
 
 

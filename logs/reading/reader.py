@@ -73,7 +73,7 @@ class Message:
 def _plain_text(cdr: bytes) -> str | None:
     """Return the text in a `std_msgs/msg/String` as armtree writes it; None for any other bytes.
 
-    rosbags takes many times as long.
+    Decoding it with rosbags would take many times as long.
     """
     head = _LITTLE_ENDIAN + (len(cdr) - _TEXT_HEAD).to_bytes(4, "little", signed=True)
     plain = cdr[:_TEXT_HEAD] == head and not cdr[-1]

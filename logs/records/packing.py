@@ -39,7 +39,7 @@ def unpack(attachment: Attachment) -> tuple[str, bytes]:
         # The size that the frame claims would be allocated, whatever limit is given.
         size, most = get_frame_parameters(data).content_size, _MAX_RATIO * len(data)
         if size > most:
-            raise ValueError(f"{name} has {size} bytes in {len(data)}; {most} are allowed")
+            raise ValueError(f"{name} unpacks from {len(data)} to {size} bytes; {most} are allowed")
         return name, ZstdDecompressor().decompress(data)
     except ZstdError as error:
         raise ValueError(f"{name} cannot be unpacked: {error}") from error

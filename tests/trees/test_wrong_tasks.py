@@ -132,7 +132,7 @@ SLIPS = [
     (REACH, "with:\n      arm: upright\n      gripper: open", "8:7 `arm` is indented by 6 spaces, "
      "not 8: it belongs to `with` in line 7; the same in line 9",
      "        arm: upright\n        gripper: open"),
-    (MOVE, "joints: {joint_1: 20 deg}", "9:7 the ports of a subtree are below the key with",
+    (MOVE, "joints: {joint_1: 20 deg}", "9:7 write the ports of a subtree below the key `with`",
      f"      {MOVE}"),
     ("joints:", "by:", "9:14 by is not a port of subtree move_joints; there are joints, speed",
      f"      {MOVE}"),

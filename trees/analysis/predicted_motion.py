@@ -217,7 +217,7 @@ class _Walk:
         return _common(states)
 
     def _rounds(self, node: Behaviour, rounds: int | None, now: _State) -> _State:
-        """Return the state after any round; add motions of the second that the first has not."""
+        """Return what is sure of the state after any round; add motions of later rounds."""
         once = self._in_turn(node, now)
         if rounds == 1 or once == now:  # further rounds would be the same
             return once

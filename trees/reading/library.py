@@ -267,8 +267,6 @@ class Library:
 
         Args:
             source: Number of the task, or name of the subtree.
-
-        Args:
             path: Its file, if several files may have the number or name.
 
         Raises:

@@ -285,7 +285,7 @@ class NodeParser:
             line = f"{' ' * (first.label.column - 1)}with: {inner.as_yaml()}"
             instead = Correction(line, first.label.line, count) if count else None
         what = "parameters of a task" if head == "task" else "ports of a subtree"
-        self._wrong(first.label, f"the {what} are below the key with", instead)
+        self._wrong(first.label, f"write the {what} below the key `with`", instead)
         return {**{key: value for key, value in keys.items() if key in known}, "with": inner}
 
     def _below_with(

@@ -81,7 +81,7 @@ def execute(
         if known and executive.port == VIRTUAL and source is not ParameterSource.COMMANDLINE:
             for server in token_file.running():
                 if held := _held_by(server, executive, number_of(tasks[0]), settings):
-                    raise Refusal(f"{held}; or give --port virtual for another, virtual arm")
+                    raise Refusal(f"{held}; to run on a virtual arm instead, add --port virtual")
         runner = TaskRunner(executive)
 
         def cancel() -> None:

@@ -28,8 +28,8 @@ class Acceptor:
 
     A whole stop is carried out at once, without a protocol, and its connection is closed after the
     answer. A connection that ends before the head of its request is complete is closed, and never
-    served. All others wait; if there are too many, those that ended are closed, or else the one
-    that waits for longest, a stop last.
+    served. All others wait. If there are too many, those that have ended are closed. If none has
+    ended, the one that has waited longest is closed; one with a stop is closed last.
 
     Args:
         loop: Event loop of the server.

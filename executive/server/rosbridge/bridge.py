@@ -125,7 +125,7 @@ class _Subscription:
     Attributes:
         periods: Shortest time between two messages, by subscriber id [s].
         sent: When the last message was sent [s].
-        timer: Sends the next message, if the last one was sent too short ago.
+        timer: Sends the next message at the end of the period.
     """
 
     periods: dict[str | None, float] = field(default_factory=dict)

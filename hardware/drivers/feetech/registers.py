@@ -54,8 +54,8 @@ class Series:
     def blocks(self) -> tuple[tuple[int, int], ...]:
         """First address and length of three parts of the memory.
 
-        The first part is kept without power. The second begins with the torque, and the third, for
-        which each cycle asks, is what a servo measures.
+        The first part is kept without power. The second begins with the torque. The third is what a
+        servo measures; each cycle reads it.
         """
         first = [self.registers[name].address for name in ("torque_enable", "position")]
         last = self.registers["temperature"]

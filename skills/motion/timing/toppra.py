@@ -146,7 +146,7 @@ def _strips(a: Array, b: Array, c: Array) -> tuple[Array, Array]:
 
 
 def _max_squares(lower: Array, upper: Array, velocity: Array) -> Array:
-    """Return the largest x at each grid point, from the intervals on both sides (K + 1,)."""
+    """Return the largest squared path speed at each grid point (K + 1,)."""
     steepest = np.vstack((abs(lower), np.zeros_like(lower[:1])))
     steepest[1:] = np.maximum(steepest[1:], abs(upper))
     with np.errstate(divide="ignore", over="ignore"):  # a joint at rest limits nothing

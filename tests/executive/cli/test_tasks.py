@@ -141,7 +141,7 @@ def test_check_as_json(tmp_path: Path) -> None:
     [
         (["check", "--skills", "nosuch"], "nosuch: there is no such folder for skills"),
         (["show", "0", "--skills", "nosuch"], "nosuch: there is no such folder for skills"),
-        (["check", "3_x.yaml", "--trees", "."], "give --trees or FILE"),
+        (["check", "3_x.yaml", "--trees", "."], "--trees and FILE exclude each other"),
     ],
 )
 def test_what_is_typed_wrongly(arguments: list[str], words: str) -> None:
