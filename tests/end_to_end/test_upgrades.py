@@ -6,6 +6,7 @@ adds a folder. `docs/pages/concepts/formats.md` says what may change.
 
 import json
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -18,15 +19,16 @@ from tests.support.paths import DATA
 VERSIONS = sorted((DATA / "upgrades").iterdir())
 
 
-@pytest.fixture(params=VERSIONS, ids=lambda folder: folder.name)
+@pytest.fixture(scope="module", params=VERSIONS, ids=lambda folder: folder.name)
 def earlier(
-    request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> Path:
-    """A copy of the files of a version, as the working directory."""
-    folder = tmp_path / "earlier"
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[Path]:
+    """A copy of the files of a version, as the working directory; a process loads a skill once."""
+    folder = tmp_path_factory.mktemp("upgrades") / "earlier"
     shutil.copytree(request.param, folder)
-    monkeypatch.chdir(folder)
-    return folder
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        yield folder
 
 
 def test_the_file_of_settings_is_read(earlier: Path) -> None:
