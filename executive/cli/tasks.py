@@ -134,7 +134,7 @@ def check(
     source = click.get_current_context().get_parameter_source("trees")
     if files and source is click.core.ParameterSource.COMMANDLINE:
         raise click.UsageError(
-            "--trees and FILE exclude each other: a FILE is checked with the files of its own folder"
+            "--trees and FILE exclude each other: a FILE is checked with the files beside it"
         )
     from hardware import load_robot
     from trees import FileError

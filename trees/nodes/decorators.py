@@ -60,7 +60,7 @@ class TimeoutKind(ControlNodeKind):
     node = Timeout
 
     def possible_outcomes(self, node: Node) -> PossibleOutcomes:
-        """Return the possible outcomes, and report a child that always takes longer than the timeout."""
+        """Return the possible outcomes; report a child that always outlasts the timeout."""
         child = node.child(0, halted=True)
         if child.shortest >= node.options["after"]:
             node.too_slow("after", child.shortest)

@@ -1,8 +1,8 @@
 """The virtual board: a pure model from bytes and time to servo angles and bytes.
 
 This file models its serial line and its boot. Its program is in `stock_firmware.py` (the
-published sketch) or `armtree_firmware.py`. The model has no clock and does no I/O: `drivers/virtual`
-puts it behind a pseudo-terminal, or behind a link in this process.
+published sketch) or `armtree_firmware.py`. The model has no clock and does no I/O:
+`drivers/virtual` puts it behind a pseudo-terminal, or behind a link in this process.
 """
 
 from collections import deque
