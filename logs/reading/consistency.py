@@ -8,17 +8,15 @@ compares all its messages. It finds changes also in files that hold no digests, 
 import struct
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from dataclasses import MISSING, fields, is_dataclass
 from itertools import zip_longest
 from json import loads
 from math import isclose
 from typing import Any
 
-import numpy as np
-
 from hardware.description.forward_kinematics import ForwardKinematics
 from hardware.description.urdf import Urdf
 from logs.errors import RecordingError
+from logs.records.cdr import Message as Values, encode
 from logs.records.conversions import Stamp
 from logs.records.records import (
     Description,
@@ -29,7 +27,6 @@ from logs.records.records import (
     Record,
     Transition,
 )
-from logs.records.ros_types import ros_types
 from logs.records.topics import TOPICS, topics_of
 
 from .reader import Message
@@ -103,7 +100,7 @@ class _Checker:
     """Converts the records of a recording again, in file order, as the journal did."""
 
     def __init__(self, recording: Recording) -> None:
-        self._recording, self._ros = recording, ros_types()
+        self._recording = recording
         self._kinematics: ForwardKinematics | None = None
         self._counts = Counter[str]()
 
@@ -118,8 +115,8 @@ class _Checker:
         if topics != list(converted):
             return f"{self._number(first)} has messages on {topics}, not on {list(converted)}"
         for message in group:
-            expected = converted[message.topic]
-            same = message.cdr == self._ros.encode(expected)
+            type_, expected = converted[message.topic]
+            same = message.cdr == encode(type_, expected)
             if words := "" if same else _difference("", message.data, expected):
                 return f"{self._number(message)}: {words}"
             self._counts[message.topic] += 1
@@ -151,26 +148,26 @@ class _Checker:
         self._kinematics = ForwardKinematics(Urdf(urdf).checked())
         return Description(0.0, urdf)
 
-    def _converted(self, record: Record, time_ns: int) -> Iterator[tuple[str, Any]]:
-        """Yield topics and messages; skip topics that the writer of the file did not know."""
+    def _converted(self, record: Record, time_ns: int) -> Iterator[tuple[str, tuple[str, Values]]]:
+        """Yield topics, types and messages; skip topics that the file's writer did not know."""
         for topic in topics_of(type(record)):
             name = topic.name_for(record)
             stamp = Stamp(time_ns, self._counts[name], self._kinematics)
-            message = topic.convert(record, stamp, self._ros)
+            message = topic.convert(record, stamp)
             if message is not None and _place(name) and name in self._recording.topics:
-                yield name, message
+                yield name, (topic.type, message)
 
 
 def _difference(place: str, found: Any, expected: Any) -> str:
     """Return the first part of a message that differs, with its place; empty if none does."""
     parts: Iterable[tuple[str, Any, Any]]
-    if found is not None and is_dataclass(expected):
-        names = [field.name for field in fields(expected) if field.default is MISSING]
+    if found is not None and isinstance(expected, Values):
         parts = (
-            (f"{place}.{name}", getattr(found, name), getattr(expected, name)) for name in names
+            (f"{place}.{name}", getattr(found, name), value)
+            for name, value in vars(expected).items()
         )
-    elif isinstance(expected, list | np.ndarray):
-        pairs = zip_longest(_plain(found), _plain(expected))
+    elif isinstance(expected, list | tuple | bytes):
+        pairs = zip_longest(found, expected)
         parts = ((f"{place}[{number}]", *pair) for number, pair in enumerate(pairs))
     elif isinstance(expected, str) and expected.startswith("{"):
         then, now = loads(found), loads(expected)
@@ -179,10 +176,6 @@ def _difference(place: str, found: Any, expected: Any) -> str:
         same = found == expected or (isinstance(expected, float) and _close(found, expected))
         return "" if same else f"{place[1:]} is {found!r}, its record has {expected!r}"
     return next(filter(None, (_difference(*part) for part in parts)), "")
-
-
-def _plain(values: Any) -> list[Any]:
-    return values.tolist() if isinstance(values, np.ndarray) else list(values)
 
 
 def _close(a: Any, b: float) -> bool:

@@ -42,10 +42,10 @@ class Message:
         Raises:
             RecordingError: The bytes do not fit the type.
         """
-        from logs.records.ros_types import ros_types
+        from logs.records.cdr import decode
 
         try:
-            return ros_types().decode(self.type, self.cdr)
+            return decode(self.type, self.cdr)
         except Exception as cause:
             what = f"a {self.type} on {self.topic} cannot be decoded ({cause})"
             raise RecordingError(self.path, what) from cause
@@ -73,7 +73,7 @@ class Message:
 def _plain_text(cdr: bytes) -> str | None:
     """Return the text in a `std_msgs/msg/String` as armtree writes it; None for any other bytes.
 
-    Decoding it with rosbags would take many times as long.
+    Decoding it field by field would take many times as long.
     """
     head = _LITTLE_ENDIAN + (len(cdr) - _TEXT_HEAD).to_bytes(4, "little", signed=True)
     plain = cdr[:_TEXT_HEAD] == head and not cdr[-1]

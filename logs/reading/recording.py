@@ -219,7 +219,7 @@ class Recording:
             case "/serial/rx":
                 return Received(time, bytes(data.data))
             case "/joint_states/measured":
-                values = {name: tuple(getattr(data, name).tolist()) for name in QUANTITIES}
+                values = {name: getattr(data, name) for name in QUANTITIES}
                 facts = {"time": time, "joints": tuple(data.name), **values}
                 measured: Measured = _checked(Measured, facts, message)
                 return measured
@@ -301,7 +301,7 @@ def _sent(messages: Sequence[Message]) -> Sent:
     known: dict[str, Any] = {name: facts[name] for name in _TIMING if name in facts}
     known["data"] = bytes(frame.data.data)
     known["joints"] = tuple(state.name) if state else ()
-    known["positions"] = tuple(state.position.tolist()) if state else ()
+    known["positions"] = state.position if state else ()
     sent: Sent = _checked(Sent, known, timing)
     return sent
 

@@ -5,11 +5,10 @@ from dataclasses import asdict
 from typing import Any, NamedTuple
 from uuid import UUID
 
-import numpy as np
-
 from hardware.description.forward_kinematics import ForwardKinematics, LinkTransform
 from hardware.printable import wire_text
 
+from .cdr import Message
 from .records import (
     QUANTITIES,
     Description,
@@ -23,9 +22,7 @@ from .records import (
     Transition,
 )
 from .ros_lifecycle import STATE_NUMBERS, transition_number
-from .ros_types import RosTypes
 
-_NOTHING = np.zeros(0)
 _TX, _RX = 0, 1
 LATE = 0.02  # delay of a frame that is reported [s]
 _LOWEST_LEVEL, _HIGHEST_LEVEL = 10, 50
@@ -63,126 +60,116 @@ class Timing(NamedTuple):
     setting: bool
 
 
-def sent_frame(sent: Sent, stamp: Stamp, ros: RosTypes) -> Any:
+def sent_frame(sent: Sent, stamp: Stamp) -> Message:
     """Return the bytes written, as SerialFrame."""
-    return _serial_frame(sent.data, _TX, stamp, ros)
+    return _serial_frame(sent.data, _TX, stamp)
 
 
-def received_bytes(received: Received, stamp: Stamp, ros: RosTypes) -> Any:
+def received_bytes(received: Received, stamp: Stamp) -> Message:
     """Return the bytes read, as SerialFrame."""
-    return _serial_frame(received.data, _RX, stamp, ros)
+    return _serial_frame(received.data, _RX, stamp)
 
 
-def sent_timing(sent: Sent, stamp: Stamp, ros: RosTypes) -> Any:
+def sent_timing(sent: Sent, stamp: Stamp) -> Message:
     """Return when a frame was due, and if it is a hold or a setting, as JSON in a String."""
     timing = Timing(stamp.sequence, sent.time, sent.scheduled, sent.hold, not sent.joints)
-    return _string(timing._asdict(), ros)
+    return _string(timing._asdict())
 
 
-def joint_state(sent: Sent, stamp: Stamp, ros: RosTypes) -> Any:
+def joint_state(sent: Sent, stamp: Stamp) -> Message | None:
     """Return the commanded positions [rad] as JointState; None for a setting of the board."""
     if not sent.joints:
         return None
-    return ros.make(
-        "sensor_msgs/msg/JointState",
-        header=_header(stamp, ros),
+    return Message(
+        header=_header(stamp),
         name=list(sent.joints),
-        position=np.array(sent.positions, np.float64),
-        velocity=_NOTHING,
-        effort=_NOTHING,
+        position=sent.positions,
+        velocity=(),
+        effort=(),
     )
 
 
-def measured_joints(measured: Measured, stamp: Stamp, ros: RosTypes) -> Any:
+def measured_joints(measured: Measured, stamp: Stamp) -> Message:
     """Return what was measured, as MeasuredJoints."""
-    return ros.make(
-        "arduinobot_msgs/msg/MeasuredJoints",
+    return Message(
         name=list(measured.joints),
-        **{each: np.array(getattr(measured, each), np.float64) for each in QUANTITIES},
+        **{each: getattr(measured, each) for each in QUANTITIES},
     )
 
 
-def urdf(description: Description, stamp: Stamp, ros: RosTypes) -> Any:
+def urdf(description: Description, stamp: Stamp) -> Message:
     """Return the robot's URDF, as String."""
-    return ros.make("std_msgs/msg/String", data=description.urdf)
+    return Message(data=description.urdf)
 
 
-def transforms(sent: Sent, stamp: Stamp, ros: RosTypes) -> Any:
+def transforms(sent: Sent, stamp: Stamp) -> Message | None:
     """Return the pose of every link as TFMessage; None for a setting, or without a URDF."""
     if stamp.kinematics is None or not sent.joints:
         return None
     links = stamp.kinematics.transforms(dict(zip(sent.joints, sent.positions, strict=True)))
-    return ros.make(
-        "tf2_msgs/msg/TFMessage", transforms=[_transform(link, stamp, ros) for link in links]
-    )
+    return Message(transforms=[_transform(link, stamp) for link in links])
 
 
-def late_frame(sent: Sent, stamp: Stamp, ros: RosTypes) -> Any:
+def late_frame(sent: Sent, stamp: Stamp) -> Message | None:
     """Return a frame that was sent late as DiagnosticArray; None for all others."""
     late = sent.time - sent.scheduled if sent.scheduled is not None else 0.0
     if late <= LATE:
         return None
-    value = ros.make("diagnostic_msgs/msg/KeyValue", key="late_ms", value=f"{late * 1e3:.3f}")
-    status = ros.make(
-        "diagnostic_msgs/msg/DiagnosticStatus",
+    value = Message(key="late_ms", value=f"{late * 1e3:.3f}")
+    status = Message(
         level=1,
         name="streamer",
         message=f"a frame left {late * 1e3:.1f} ms late",
         hardware_id="",
         values=[value],
     )
-    header = _header(stamp, ros)
-    return ros.make("diagnostic_msgs/msg/DiagnosticArray", header=header, status=[status])
+    header = _header(stamp)
+    return Message(header=header, status=[status])
 
 
-def every_field(record: Record, stamp: Stamp, ros: RosTypes) -> Any:
+def every_field(record: Record, stamp: Stamp) -> Message:
     """Return all fields of a record, as JSON in a String."""
-    return _string(asdict(record), ros)
+    return _string(asdict(record))
 
 
-def trajectory(plan: Plan, stamp: Stamp, ros: RosTypes) -> Any:
+def trajectory(plan: Plan, stamp: Stamp) -> Message | None:
     """Return the sampled motion as JointTrajectory; None if no motion was found."""
     if not plan.times:
         return None
-    return ros.make(
-        "trajectory_msgs/msg/JointTrajectory",
-        header=_header(stamp, ros),
+    return Message(
+        header=_header(stamp),
         joint_names=list(plan.joints),
-        points=[_point(t, q, ros) for t, q in zip(plan.times, plan.positions, strict=True)],
+        points=[_point(t, q) for t, q in zip(plan.times, plan.positions, strict=True)],
     )
 
 
-def percentage(feedback: Feedback, stamp: Stamp, ros: RosTypes) -> Any:
+def percentage(feedback: Feedback, stamp: Stamp) -> Message:
     """Return the feedback of the ROS 2 action, as TaskFeedback."""
-    goal_id = np.frombuffer(UUID(feedback.goal_id).bytes, np.uint8)
-    return ros.make(
-        "arduinobot_msgs/msg/TaskFeedback",
-        goal_id=ros.make("unique_identifier_msgs/msg/UUID", uuid=goal_id),
+    goal_id = UUID(feedback.goal_id).bytes
+    return Message(
+        goal_id=Message(uuid=goal_id),
         percentage=feedback.percentage or 0,  # it has no value for unknown
     )
 
 
-def transition_event(change: Transition, stamp: Stamp, ros: RosTypes) -> Any:
+def transition_event(change: Transition, stamp: Stamp) -> Message:
     """Return a transition with ROS 2's numbers as TransitionEvent; number 0 if nothing changed."""
-    return ros.make(
-        "lifecycle_msgs/msg/TransitionEvent",
+    return Message(
         timestamp=stamp.time_ns,
-        transition=ros.make(
-            "lifecycle_msgs/msg/Transition",
+        transition=Message(
             id=transition_number(change.start, change.label),
             label=change.label,
         ),
-        start_state=_state(change.start, ros),
-        goal_state=_state(change.goal, ros),
+        start_state=_state(change.start),
+        goal_state=_state(change.goal),
     )
 
 
-def log_message(line: LogLine, stamp: Stamp, ros: RosTypes) -> Any:
+def log_message(line: LogLine, stamp: Stamp) -> Message:
     """Return a log line as Log; its level is rounded down to one of ROS 2."""
     level = min(max(line.level // 10 * 10, _LOWEST_LEVEL), _HIGHEST_LEVEL)
-    return ros.make(
-        "rcl_interfaces/msg/Log",
-        stamp=_time(stamp.time_ns, ros),
+    return Message(
+        stamp=_time(stamp.time_ns),
         level=level,
         name=_text(line.logger),
         msg=_text(line.message),
@@ -192,18 +179,17 @@ def log_message(line: LogLine, stamp: Stamp, ros: RosTypes) -> Any:
     )
 
 
-def _serial_frame(data: bytes, direction: int, stamp: Stamp, ros: RosTypes) -> Any:
-    return ros.make(
-        "arduinobot_msgs/msg/SerialFrame",
+def _serial_frame(data: bytes, direction: int, stamp: Stamp) -> Message:
+    return Message(
         seq=stamp.sequence,
         direction=direction,
-        data=np.frombuffer(data, np.uint8),
+        data=data,
         text=wire_text(data),
     )
 
 
-def _string(facts: dict[str, Any], ros: RosTypes) -> Any:
-    return ros.make("std_msgs/msg/String", data=json.dumps(facts, separators=(",", ":")))
+def _string(facts: dict[str, Any]) -> Message:
+    return Message(data=json.dumps(facts, separators=(",", ":")))
 
 
 def _text(value: str) -> str:
@@ -212,41 +198,38 @@ def _text(value: str) -> str:
     return clean.replace("\0", "\\x00")
 
 
-def _header(stamp: Stamp, ros: RosTypes, frame: str = "") -> Any:
-    return ros.make("std_msgs/msg/Header", stamp=_time(stamp.time_ns, ros), frame_id=frame)
+def _header(stamp: Stamp, frame: str = "") -> Message:
+    return Message(stamp=_time(stamp.time_ns), frame_id=frame)
 
 
-def _transform(link: LinkTransform, stamp: Stamp, ros: RosTypes) -> Any:
+def _transform(link: LinkTransform, stamp: Stamp) -> Message:
     x, y, z = link.position
     qx, qy, qz, qw = link.rotation
-    return ros.make(
-        "geometry_msgs/msg/TransformStamped",
-        header=_header(stamp, ros, link.parent),
+    return Message(
+        header=_header(stamp, link.parent),
         child_frame_id=link.child,
-        transform=ros.make(
-            "geometry_msgs/msg/Transform",
-            translation=ros.make("geometry_msgs/msg/Vector3", x=x, y=y, z=z),
-            rotation=ros.make("geometry_msgs/msg/Quaternion", x=qx, y=qy, z=qz, w=qw),
+        transform=Message(
+            translation=Message(x=x, y=y, z=z),
+            rotation=Message(x=qx, y=qy, z=qz, w=qw),
         ),
     )
 
 
-def _time(time_ns: int, ros: RosTypes) -> Any:
+def _time(time_ns: int) -> Message:
     seconds, rest = divmod(time_ns, 10**9)
-    return ros.make("builtin_interfaces/msg/Time", sec=seconds, nanosec=rest)
+    return Message(sec=seconds, nanosec=rest)
 
 
-def _point(time: float, positions: tuple[float, ...], ros: RosTypes) -> Any:
+def _point(time: float, positions: tuple[float, ...]) -> Message:
     seconds, rest = divmod(round(time * 1e9), 10**9)
-    return ros.make(
-        "trajectory_msgs/msg/JointTrajectoryPoint",
-        positions=np.array(positions, np.float64),
-        velocities=_NOTHING,
-        accelerations=_NOTHING,
-        effort=_NOTHING,
-        time_from_start=ros.make("builtin_interfaces/msg/Duration", sec=seconds, nanosec=rest),
+    return Message(
+        positions=positions,
+        velocities=(),
+        accelerations=(),
+        effort=(),
+        time_from_start=Message(sec=seconds, nanosec=rest),
     )
 
 
-def _state(label: str, ros: RosTypes) -> Any:
-    return ros.make("lifecycle_msgs/msg/State", id=STATE_NUMBERS.get(label, 0), label=label)
+def _state(label: str) -> Message:
+    return Message(id=STATE_NUMBERS.get(label, 0), label=label)

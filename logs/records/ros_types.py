@@ -1,100 +1,98 @@
-"""The ROS 2 message types of a recording, and their bytes (CDR)."""
+"""The ROS 2 message types of a recording: their fields, definitions and hashes."""
 
+import hashlib
+import json
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Mapping
 from functools import cache
 from importlib import resources
-from typing import Any
-
-from rosbags.interfaces import Nodetype
-from rosbags.typesys import Stores, get_typestore
+from typing import Any, NamedTuple
 
 # Each `.msg` file beside this one defines one; `standard.msg` has those of ROS 2.
 _OURS = tuple(
     f"arduinobot_msgs/msg/{name}" for name in ("SerialFrame", "TaskFeedback", "MeasuredJoints")
 )
 
-_NESTED = "=" * 80  # precedes each nested type in a definition
-_ARRAY = re.compile(r"(.+)\[(\d*)\]")
+_NESTED = f"{'=' * 80}\nMSG: "  # precedes each nested type in a definition
+_FIELD = re.compile(r"([\w/]+)(\[(\d*)\])? +(\w+)")
+
+# Numbers of types in type descriptions of ROS 2 (REP 2016), and what is added for an array.
+_NUMBERS = {
+    "int8": 2,
+    "uint8": 3,
+    "int16": 4,
+    "uint16": 5,
+    "int32": 6,
+    "uint32": 7,
+    "int64": 8,
+    "uint64": 9,
+    "float32": 10,
+    "float64": 11,
+    "char": 13,
+    "bool": 15,
+    "byte": 16,
+    "string": 17,
+}
+_MESSAGE, _ARRAY, _SEQUENCE = 1, 48, 144
 
 
-class RosTypes:
-    """Message types by name: those of recordings, and what they consist of.
+class Field(NamedTuple):
+    """A field of a message type.
 
-    rosbags has all types of ROS 2, and a parser for definitions; both take 0.1 s to load.
+    Attributes:
+        name: Name.
+        type: Type of its value or its elements, such as `float64` or `std_msgs/msg/Header`.
+        length: Number of elements; 0 for any number, None for a single value.
     """
 
-    def __init__(self) -> None:
-        self._store = get_typestore(Stores.EMPTY)  # Time and Duration
-        self._schemas: dict[str, str] = {}  # every journal needs them
-        self._hashes: dict[str, str] = {}
-        ours = "\n".join(f"MSG: {name}\n{_text(name)}" for name in _OURS)
-        self._store.register(dict(_definitions(f"{_text('standard')}\n{ours}")))
+    name: str
+    type: str
+    length: int | None
 
-    def warm_up(self, names: Iterable[str]) -> None:
-        """Generate the code of types in advance; takes 2 to 7 ms each."""
-        for name in names:
-            self._store.get_msgdef(name)
-
-    def make(self, name: str, /, **fields: Any) -> Any:
-        """Return a message of a type; arrays of numbers are NumPy arrays."""
-        return self._store.types[name](**fields)
-
-    def encode(self, message: Any) -> bytes:
-        """Return the CDR bytes of a message."""
-        return bytes(self._store.serialize_cdr(message, message.__msgtype__))
-
-    def decode(self, name: str, data: bytes) -> Any:
-        """Return the message of a type from its CDR bytes.
-
-        Raises:
-            SerdeError: The bytes do not fit the type.
-        """
-        return self._store.deserialize_cdr(data, name)
-
-    def schema(self, name: str) -> str:
-        """Return a type's definition in `ros2msg` form with nested types; ours with comments."""
-        if name not in self._schemas:
-            made: str = self._store.generate_msgdef(name, ros_version=2)[0]
-            if name in _OURS:
-                made = _text(name) + "".join(made.partition(_NESTED)[1:])
-            self._schemas[name] = made
-        return self._schemas[name]
-
-    def hash(self, name: str) -> str:
-        """Return a type's hash: `RIHS01_` and 64 hexadecimal digits."""
-        if name not in self._hashes:
-            self._hashes[name] = self._store.hash_rihs01(name)
-        return self._hashes[name]
+    @property
+    def is_message(self) -> bool:
+        """True if each value is a message."""
+        return "/" in self.type
 
 
-def _definitions(text: str) -> Iterator[tuple[str, Any]]:
-    """Yield each type of a text with its constants and fields, as rosbags has them.
+@cache
+def fields(name: str) -> tuple[Field, ...]:
+    """Return the fields of a message type.
 
-    Args:
-        text: Definitions, each after a line `MSG: ` with the name of its type.
+    Raises:
+        ValueError: No recording of armtree has messages of that type.
     """
-    for definition in text.split("MSG: ")[1:]:
-        name, _, lines = definition.partition("\n")
-        constants, fields = [], []
-        for line in filter(None, (line.partition("#")[0].strip() for line in lines.split("\n"))):
-            kind, field = line.split()
-            constant, _, value = field.partition("=")
-            if value:
-                constants.append((constant, kind, int(value)))
-            else:
-                fields.append((field, _kind(kind)))
-        yield name, (constants, fields)
+    if name not in _definitions():
+        raise ValueError(f"the message type {name} is unknown")
+    lines = (line.partition("#")[0].strip() for line in _definitions()[name].splitlines())
+    return tuple(_field(line) for line in lines if line and "=" not in line)
 
 
-def _kind(kind: str) -> tuple[Any, Any]:
-    """Return the type of a field, such as `string`, `float64[]` or `std_msgs/Header`."""
-    if array := _ARRAY.fullmatch(kind):
-        node = Nodetype.ARRAY if array[2] else Nodetype.SEQUENCE
-        return node, (_kind(array[1]), int(array[2] or 0))
-    if "/" in kind:
-        return Nodetype.NAME, kind.replace("/", "/msg/")
-    return Nodetype.BASE, (kind, 0)
+@cache
+def schema(name: str) -> str:
+    """Return the definition of a type in `ros2msg` form, with those of nested types."""
+    nested = (
+        f"{_NESTED}{each.replace('/msg/', '/')}\n{_definitions()[each]}" for each in _nested(name)
+    )
+    return "".join([_definitions()[name], *nested])
+
+
+@cache
+def type_hash(name: str) -> str:
+    """Return the hash of a type: `RIHS01_` and 64 hexadecimal digits."""
+    described = {
+        "type_description": _description(name),
+        "referenced_type_descriptions": [_description(each) for each in sorted(_nested(name))],
+    }
+    return f"RIHS01_{hashlib.sha256(json.dumps(described).encode()).hexdigest()}"
+
+
+@cache
+def _definitions() -> Mapping[str, str]:
+    """Return the definition of each type by its name."""
+    texts = [_text("standard"), *(f"MSG: {name}\n{_text(name)}" for name in _OURS)]
+    pairs = (each.partition("\n") for text in texts for each in text.split("MSG: ")[1:])
+    return {name: f"{text.strip()}\n" for name, _, text in pairs}
 
 
 def _text(name: str) -> str:
@@ -102,7 +100,33 @@ def _text(name: str) -> str:
     return resources.files(__package__).joinpath(f"{name.rpartition('/')[2]}.msg").read_text()
 
 
-@cache
-def ros_types() -> RosTypes:
-    """Return the set of types that this process shares; the first call is slow."""
-    return RosTypes()
+def _field(line: str) -> Field:
+    """Return a field from its line, such as `string name`, `float64[] position`."""
+    found = _FIELD.fullmatch(line)
+    assert found, line
+    kind, array, length, name = found.groups()
+    return Field(name, kind.replace("/", "/msg/"), int(length or 0) if array else None)
+
+
+def _nested(name: str) -> tuple[str, ...]:
+    """Return the types of the messages in a message, also in nested ones, each once."""
+    inner = (field.type for field in fields(name) if field.is_message)
+    return tuple(dict.fromkeys(each for kind in inner for each in (kind, *_nested(kind))))
+
+
+def _description(name: str) -> dict[str, Any]:
+    return {"type_name": name, "fields": [_described(field) for field in fields(name)]}
+
+
+def _described(field: Field) -> dict[str, Any]:
+    array = 0 if field.length is None else _ARRAY if field.length else _SEQUENCE
+    kind = _MESSAGE if field.is_message else _NUMBERS[field.type]
+    return {
+        "name": field.name,
+        "type": {
+            "type_id": array + kind,
+            "capacity": field.length or 0,
+            "string_capacity": 0,
+            "nested_type_name": field.type if field.is_message else "",
+        },
+    }

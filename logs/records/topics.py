@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from . import conversions as as_
+from .cdr import Message
 from .records import (
     Description,
     Feedback,
@@ -20,12 +21,11 @@ from .records import (
     Sent,
     Transition,
 )
-from .ros_types import RosTypes
 
 _FRAME = "arduinobot_msgs/msg/SerialFrame"
 _JSON = _TEXT = "std_msgs/msg/String"
 
-Convert = Callable[[Any, as_.Stamp, RosTypes], Any]
+Convert = Callable[[Any, as_.Stamp], Message | None]
 
 
 @dataclass(frozen=True)

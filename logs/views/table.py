@@ -3,7 +3,6 @@
 import csv
 import warnings
 from collections.abc import Iterator
-from dataclasses import MISSING, fields, is_dataclass
 from math import nan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,6 +11,7 @@ from hardware.spelling import closest
 from logs.errors import RecordingError, RecordingTruncated
 from logs.reading.reader import Message, read
 from logs.reading.recording import Recording
+from logs.records.cdr import Message as Values
 from logs.records.records import Sent
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ def _column(values: list[Any]) -> list[Any]:
 def _row(message: Message) -> dict[str, Any]:
     data = message.data
     if message.type == "sensor_msgs/msg/JointState":
-        return dict(zip(data.name, data.position.tolist(), strict=True))
+        return dict(zip(data.name, data.position, strict=True))
     if message.type == "std_msgs/msg/String" and data.data.startswith("{"):
         values = message.fields()
         return {name: v for name, v in values.items() if v is None or isinstance(v, _PLAIN)}
@@ -76,14 +76,11 @@ def _row(message: Message) -> dict[str, Any]:
 
 def _flat(data: Any, above: str) -> Iterator[tuple[str, Any]]:
     """Yield the plain fields of a message and of nested messages."""
-    for field in fields(data):
-        value = getattr(data, field.name)
-        if field.default is not MISSING:
-            continue  # a constant of the type, or its name
-        if is_dataclass(value):
-            yield from _flat(value, f"{above}{field.name}.")
+    for name, value in vars(data).items():
+        if isinstance(value, Values):
+            yield from _flat(value, f"{above}{name}.")
         elif isinstance(value, _PLAIN):
-            yield above + field.name, value
+            yield above + name, value
 
 
 def export(path: Path, folder: Path) -> tuple[Path, Path]:

@@ -18,10 +18,11 @@ from hardware.description.forward_kinematics import ForwardKinematics
 from hardware.description.urdf import Urdf
 from hardware.drivers.installed import version
 from logs.errors import DISK_FULL
+from logs.records.cdr import encode
 from logs.records.conversions import Stamp
 from logs.records.file_format import END, MAGIC, UNFINISHED, checked
 from logs.records.records import Attachment, Description, Item, Note, Record
-from logs.records.ros_types import ros_types
+from logs.records.ros_types import schema, type_hash
 from logs.records.topics import ROSBAG2, TOPICS, Topic, offered_qos, topics_of
 
 # Kept free for the end of a run: its last records, and the compaction of a journal of 2 MB.
@@ -61,7 +62,6 @@ class Journal:
         self._epoch_ns = epoch_ns
         self._last_ns = 0
         self._kinematics: ForwardKinematics | None = None
-        self._ros = ros_types()
         self._channels = {name: _Channel(number) for name, number in _CHANNELS.items()}
         self._file.write(checked(_head(epoch_ns)))
 
@@ -73,10 +73,6 @@ class Journal:
             Exception: One of them cannot be converted; nothing was written.
         """
         self._file.write(checked(b"".join(map(self._encoded, items))))
-
-    def warm_up(self) -> None:
-        """Generate the code of all message types; takes 0.05 s once."""
-        self._ros.warm_up(_SCHEMAS)
 
     def finish(self) -> None:
         """Write the end, sync the file to the disk and close it.
@@ -123,9 +119,9 @@ class Journal:
         for topic in _TOPICS[type(record)]:
             channel = self._channel(topic, record)
             stamp = Stamp(time_ns, channel.sequence, self._kinematics)
-            message = topic.convert(record, stamp, self._ros)
+            message = topic.convert(record, stamp)
             if message is not None:
-                messages.append((channel, self._ros.encode(message)))
+                messages.append((channel, encode(topic.type, message)))
         return messages
 
     def _channel(self, topic: Topic, record: Record) -> _Channel:
@@ -252,7 +248,7 @@ def _reserve(folder: Path) -> IO[bytes] | None:
 def _described(topic: Topic, name: str, number: int) -> mcap.Channel:
     facts = {
         "offered_qos_profiles": offered_qos(topic),
-        "topic_type_hash": ros_types().hash(topic.type),
+        "topic_type_hash": type_hash(topic.type),
     }
     return mcap.Channel(number, name, "cdr", facts, _SCHEMAS[topic.type])
 
@@ -260,9 +256,8 @@ def _described(topic: Topic, name: str, number: int) -> mcap.Channel:
 @lru_cache(maxsize=1)
 def _head(epoch_ns: int) -> bytes:
     """Return the first piece of every journal."""
-    ros = ros_types()
     schemas = (
-        mcap.Schema(number, ros.schema(name).encode(), "ros2msg", name)
+        mcap.Schema(number, schema(name).encode(), "ros2msg", name)
         for name, number in _SCHEMAS.items()
     )
     named = {topic.name: topic for topic in TOPICS}

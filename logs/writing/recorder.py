@@ -34,7 +34,7 @@ _log = logging.getLogger(__name__)
 # Longest time between writing a record and syncing it to the disk [s].
 FSYNC_S = 1.0
 
-# Longest time to create the first file: imports take 0.3 s, far longer on a busy machine [s].
+# Longest time to create the first file: imports take long on a busy machine [s].
 _BEGIN_S = 10.0
 
 Job = Callable[[], object]
@@ -166,10 +166,9 @@ class Recorder:
 
     def _begin(self, stream: BufferedWriter) -> None:
         try:
-            from .journal import Journal  # here, because rosbags and mcap take 0.3 s to import
+            from .journal import Journal  # here, because mcap is slow to import
 
-            self._journal = journal = Journal(stream, self._epoch_ns)
-            self._jobs.put(journal.warm_up)  # after what is there already: a board may wait for it
+            self._journal = Journal(stream, self._epoch_ns)
         except Exception as cause:
             stream.close()
             self._fail(cause)

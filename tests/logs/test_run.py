@@ -252,7 +252,7 @@ def sent(frame: logs.Message, timing: logs.Message, joints: Iterator[logs.Messag
     if not facts["setting"]:
         message = next(joints)
         assert message.time_ns == frame.time_ns
-        moved = tuple(message.data.name), tuple(message.data.position.tolist())
+        moved = tuple(message.data.name), message.data.position
     return Sent(facts["time"], bytes(frame.data.data), facts["scheduled"], facts["hold"], *moved)
 
 
@@ -332,7 +332,7 @@ def test_the_trajectory_is_the_sampled_motion(tmp_path: Path) -> None:
     (wanted,) = (item for item in RUNS["ok"] if isinstance(item, Plan) and item.group == "arm")
     points = message.data.points
     assert message.data.joint_names == list(ARM)
-    assert [tuple(point.positions.tolist()) for point in points] == list(wanted.positions)
+    assert [point.positions for point in points] == list(wanted.positions)
     times = [point.time_from_start.sec + point.time_from_start.nanosec / 1e9 for point in points]
     assert times == pytest.approx(list(wanted.times), abs=1e-9)
 

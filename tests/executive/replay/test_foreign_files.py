@@ -11,7 +11,7 @@ from executive.goals.history import load_goal_history
 from executive.goals.start_pose import last_command
 from executive.replay.verification import verify
 from hardware import load_robot
-from logs.records.ros_types import ros_types
+from logs.records.cdr import Message, decode, encode
 from tests.executive.replay.test_verification import field
 from tests.support.command_line.typed import typed
 from tests.support.paths import EXAMPLES
@@ -47,8 +47,7 @@ def text(topic: str, new: str) -> Change:
     """Replaces the JSON of the first message of a topic."""
 
     def change(record: Any) -> None:
-        types = ros_types()
-        record.data = types.encode(types.make("std_msgs/msg/String", data=new))
+        record.data = encode("std_msgs/msg/String", Message(data=new))
 
     return each([topic], change, 1)
 
@@ -148,9 +147,9 @@ def test_slow_commands_end_with_a_code(tmp_path: Path) -> None:
 @pytest.mark.parametrize("value", [math.nan, math.inf, 9.0])
 def test_a_pose_that_the_arm_cannot_have_is_not_offered(tmp_path: Path, value: float) -> None:
     def turn(record: Any) -> None:
-        state = ros_types().decode("sensor_msgs/msg/JointState", record.data)
-        state.position = state.position * 0 + value
-        record.data = ros_types().encode(state)
+        state = decode("sensor_msgs/msg/JointState", record.data)
+        state.position = (value,) * len(state.position)
+        record.data = encode("sensor_msgs/msg/JointState", state)
 
     robot = load_robot()
     assert last_command(robot, changed(tmp_path, lambda record: None).parent)

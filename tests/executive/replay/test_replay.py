@@ -18,7 +18,7 @@ from executive.cli.terminal import player as keyboard
 from executive.cli.terminal.player import Player
 from executive.replay.verification import verify
 from logs.reading.file_state import locked
-from logs.records.ros_types import ros_types
+from logs.records.cdr import decode, encode
 from logs.views.comparison import compare
 from logs.views.narrative import narrative, overview
 from logs.views.table import export
@@ -266,15 +266,14 @@ def test_every_topic_is_a_table() -> None:
 def test_the_narrative_has_late_frames_and_no_node_that_never_ran(picked: Path) -> None:
     reported = [words for _, words in narrative(picked, everything=False)]
     assert not [words for words in reported if "INVALID" in words or "late" in words]
-    types = ros_types()
 
     def change(record: Any) -> None:
         if type(record).__name__ == "Message" and b'"scheduled"' in record.data:
-            text = types.decode("std_msgs/msg/String", record.data)
+            text = decode("std_msgs/msg/String", record.data)
             timing = json.loads(text.data)
             if timing["scheduled"]:
                 text.data = json.dumps({**timing, "scheduled": timing["time"] - 0.025})
-            record.data = types.encode(text)
+            record.data = encode("std_msgs/msg/String", text)
 
     path = altered(picked, change)
     reported = [words for _, words in narrative(path, everything=False)]

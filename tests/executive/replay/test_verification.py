@@ -13,7 +13,7 @@ import pytest
 import logs
 from executive.replay.verification import Verification, verify, verify_all
 from logs import Recording
-from logs.records.ros_types import ros_types
+from logs.records.cdr import decode, encode
 from tests.conftest import Rig, RigMaker
 from tests.executive.test_executive import reach
 from tests.support.paths import DATA
@@ -150,12 +150,10 @@ def test_one_byte_of_one_frame_that_was_sent(rig: RigMaker) -> None:
 
 
 def test_positions_that_a_frame_does_not_command(rig: RigMaker) -> None:
-    types = ros_types()
-
     def turn(record: Any) -> None:
-        state = types.decode("sensor_msgs/msg/JointState", record.data)
-        state.position = state.position - [0.1, 0, 0, 0]
-        record.data = types.encode(state)
+        state = decode("sensor_msgs/msg/JointState", record.data)
+        state.position = (state.position[0] - 0.1, *state.position[1:])
+        record.data = encode("sensor_msgs/msg/JointState", state)
 
     verification = verify(altered(picked(rig()), each(["/joint_states"], turn, 5)))
     assert checks(verification) == [False, True]

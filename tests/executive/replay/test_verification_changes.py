@@ -10,8 +10,8 @@ import pytest
 import logs
 from executive.replay.verification import verify
 from logs.reading.digests import changed_part as changed_in
+from logs.records.cdr import decode, encode
 from logs.records.file_format import DIGESTS
-from logs.records.ros_types import ros_types
 from tests.conftest import RigMaker
 from tests.executive.replay.test_verification import checks, field, picked
 from tests.support.paths import EXAMPLES
@@ -81,12 +81,11 @@ def test_every_single_change_is_found(tmp_path: Path) -> None:
 
 def decoded(topic: str, type_: str, change: Change, number: int = 1) -> Change:
     """Changes one decoded message of a topic."""
-    types = ros_types()
 
     def tell(record: Any) -> None:
-        message = types.decode(type_, record.data)
+        message = decode(type_, record.data)
         change(message)
-        record.data = types.encode(message)
+        record.data = encode(type_, message)
 
     return each([topic], tell, number)
 
@@ -101,7 +100,7 @@ def move_link(transforms: Any) -> None:
 
 def bend(trajectory: Any) -> None:
     point = trajectory.points[3]
-    point.positions = point.positions + 0.01
+    point.positions = tuple(position + 0.01 for position in point.positions)
 
 
 def get_on(feedback: Any) -> None:

@@ -8,7 +8,8 @@ import pytest
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from logs.records import ros_types as module
-from logs.records.ros_types import RosTypes, ros_types
+from logs.records.ros_types import schema, type_hash
+from logs.records.topics import TOPICS
 
 WITHOUT = "the rosidl wheels are not installed; there are none but for x86-64 Linux"
 MESSAGES = ("SerialFrame", "TaskFeedback", "MeasuredJoints")
@@ -50,15 +51,14 @@ def test_ros_2_builds_our_types(tmp_path: Path) -> None:
     package = tmp_path / "arduinobot_msgs"
     found = built("arduinobot_msgs", ours.parent, package, {uuids.name: uuids})
     names = [f"arduinobot_msgs/msg/{name}" for name in MESSAGES]
-    assert found == {name: ros_types().hash(name) for name in names}
+    assert found == {name: type_hash(name) for name in names}
 
 
 def test_the_types_are_those_of_ros_2() -> None:
-    """rosbags reads the same from its own standard types and with its own parser."""
-    ros = get_typestore(Stores.ROS2_JAZZY)
-    for name in (f"arduinobot_msgs/msg/{each}" for each in MESSAGES):
-        text = Path(module.__file__).with_name(f"{name.rpartition('/')[2]}.msg").read_text()
-        ros.register(get_types_from_msg(text, name))
-    store = RosTypes()._store
-    assert len(store.fielddefs) > 20
-    assert {name: ros.fielddefs[name] for name in store.fielddefs} == store.fielddefs
+    """rosbags reads the same from our definitions as from its own standard types."""
+    ros, ours = get_typestore(Stores.ROS2_JAZZY).fielddefs, {}
+    for topic in TOPICS:
+        ours |= get_types_from_msg(schema(topic.type), topic.type)
+    standard = {name: found for name, found in ours.items() if not name.startswith("arduinobot")}
+    assert len(standard) > 15
+    assert {name: ros[name] for name in standard} == standard

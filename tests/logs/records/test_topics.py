@@ -12,7 +12,7 @@ from rosbags.rosbag2.metadata import parse_qos
 import logs
 from logs import Goal, Plan, Record, Transition
 from logs.records.conversions import Stamp, transition_event
-from logs.records.ros_types import ros_types
+from logs.records.ros_types import schema, type_hash
 from logs.records.topics import TOPICS, offered_qos
 from tests.logs.test_run import ARM, plan
 from tests.support.paths import ROOT
@@ -51,7 +51,7 @@ def test_every_record_has_a_topic() -> None:
 
 
 def test_the_types_are_those_of_ros() -> None:
-    found = {topic.type: ros_types().hash(topic.type) for topic in TOPICS}
+    found = {topic.type: type_hash(topic.type) for topic in TOPICS}
     assert found == {name: f"RIHS01_{digest}" for name, digest in HASHES.items()}
 
 
@@ -88,7 +88,7 @@ def test_lifecycle_has_the_numbers_of_ros(
     label: str, start: str, goal: str, numbers: tuple[int, int, int]
 ) -> None:
     change = Transition(0.0, label, start, goal)
-    event = transition_event(change, Stamp(7, 0), ros_types())
+    event = transition_event(change, Stamp(7, 0))
     assert (event.transition.id, event.start_state.id, event.goal_state.id) == numbers
     assert event.timestamp == 7
 
@@ -112,5 +112,5 @@ def test_the_page_has_the_table() -> None:
 @pytest.mark.parametrize("name", ["SerialFrame", "TaskFeedback", "MeasuredJoints"])
 def test_our_messages_are_documented_in_every_recording(name: str) -> None:
     text = (Path(logs.__file__).parent / "records" / f"{name}.msg").read_text()
-    assert ros_types().schema(f"arduinobot_msgs/msg/{name}").startswith(text)
+    assert schema(f"arduinobot_msgs/msg/{name}").startswith(text)
     assert all("#" in line for line in text.splitlines() if line)

@@ -9,8 +9,8 @@ from typing import Any
 from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
 
+from logs.records.cdr import decode, encode
 from logs.records.file_format import DIGESTS
-from logs.records.ros_types import ros_types
 from logs.writing.compaction import Copy
 
 Change = Callable[[Any], None]
@@ -90,14 +90,13 @@ def each(topics: Collection[str], change: Change, number: int | None = None) -> 
 
 def retold(topic: str, change: Callable[[dict[str, Any]], object], number: int = 1) -> Change:
     """Changes the fields of one message of a topic that carries JSON."""
-    types = ros_types()
 
     def tell(record: Any) -> None:
-        text = types.decode("std_msgs/msg/String", record.data)
+        text = decode("std_msgs/msg/String", record.data)
         fields = json.loads(text.data)
         change(fields)
         text.data = json.dumps(fields)
-        record.data = types.encode(text)
+        record.data = encode("std_msgs/msg/String", text)
 
     return each([topic], tell, number)
 

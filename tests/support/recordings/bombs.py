@@ -13,7 +13,7 @@ import zstandard
 from mcap.opcode import Opcode
 from mcap.writer import CompressionType, Writer
 
-from logs.records.ros_types import ros_types
+from logs.records.cdr import Message, encode
 
 _EMPTY_MESSAGE = struct.pack("<BQHIQQ", Opcode.MESSAGE, 22, 1, 0, 1, 1)
 _PRIVATE = struct.pack("<BQ", 0x91, 0)  # a record of an application, of no length
@@ -43,7 +43,7 @@ BOMBS: dict[str, Callable[[], bytes]] = {
 
 
 def _text(text: str) -> bytes:
-    return ros_types().encode(ros_types().make("std_msgs/msg/String", data=text))
+    return encode("std_msgs/msg/String", Message(data=text))
 
 
 def _packed(records: bytes) -> bytes:

@@ -4,13 +4,10 @@ import json
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from copy import copy
-from dataclasses import MISSING, fields, is_dataclass
 from typing import Any
 
-import numpy as np
-
+from logs.records.cdr import Message, decode, encode
 from logs.records.file_format import DIGESTS
-from logs.records.ros_types import ros_types
 
 Changed = tuple[str, Any]  # where it was changed, and what it is then
 
@@ -72,25 +69,22 @@ def _of_message(message: Any, topic: str, type_: str) -> Iterator[Changed]:
     for name in _HEAD:
         yield f"{topic} {name}", _with(message, **{name: getattr(message, name) + 1})
     yield f"{topic} left out", None
-    for place, value in _of(ros_types().decode(type_, message.data)):
-        data = ros_types().encode(value)
+    for place, value in _of(decode(type_, message.data)):
+        data = encode(type_, value)
         if data != message.data:
             yield f"{topic} {place}", _with(message, data=data)
 
 
 def _of(value: Any) -> Iterator[Changed]:
     """One change of every part of a value; of a list's elements the middle."""
-    if is_dataclass(value):
-        for field in fields(value):
-            if field.default is MISSING:
-                for place, other in _of(getattr(value, field.name)):
-                    changed = copy(value)
-                    object.__setattr__(changed, field.name, other)
-                    yield f".{field.name}{place}", changed
+    if isinstance(value, Message):
+        for name, part in vars(value).items():
+            for place, other in _of(part):
+                yield f".{name}{place}", Message(**{**vars(value), name: other})
     elif isinstance(value, dict):
         for name, part in value.items():
             yield from ((f".{name}{place}", value | {name: other}) for place, other in _of(part))
-    elif isinstance(value, list | np.ndarray):
+    elif isinstance(value, list | tuple | bytes):
         yield from _of_list(value)
     elif isinstance(value, str) and value.startswith("{"):
         yield from ((place, json.dumps(other)) for place, other in _of(json.loads(value)))
@@ -104,10 +98,9 @@ def _of_list(values: Any) -> Iterator[Changed]:
     if isinstance(values, list):  # arrays may be of one length always
         yield "[-1] left out", values[:-1]
     middle = len(values) // 2
-    for place, other in _of(values[middle]):
-        changed = copy(values)
-        changed[middle] = other
-        yield f"[]{place}", changed
+    parts = [("", values[middle] ^ 1)] if isinstance(values, bytes) else _of(values[middle])
+    for place, other in parts:
+        yield f"[]{place}", type(values)([*values[:middle], other, *values[middle + 1 :]])
 
 
 def _other(value: Any) -> Any:
