@@ -2,8 +2,6 @@
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from hardware import Robot, Schedule, servo_path
 
 from .motion.query import Rest, Verify
@@ -38,7 +36,7 @@ class MergedMotion:
         self.groups, self.together = tuple(plan.group for plan in plans), together
         self.sampled: dict[float, list[float]] = {}
         names = [joint.name for joint in robot.actuated]
-        self._start = np.array(start, dtype=float)
+        self._start = [float(q) for q in start]
         self._plans: list[tuple[float, list[int], Plan]] = []
         begins = 0.0
         for plan in plans:
@@ -66,17 +64,18 @@ class MergedMotion:
 
     def begins_at(self, positions: Sequence[float]) -> bool:
         """Return True if the motion starts exactly at these positions."""
-        return bool(np.array_equal(self.sample([0.0])[0], np.asarray(positions)))
+        return self.sample([0.0]) == [[*positions]]
 
     def sample(self, times: Sequence[float]) -> list[list[float]]:
         """Return a row of positions [rad] for each time [s], one value per actuated joint."""
-        at = np.asarray(times, dtype=float)
-        rows = np.tile(self._start, (len(at), 1))
+        rows = [[*self._start] for _ in times]
         for begins, columns, plan in self._plans:
-            rows[:, columns] = plan.sample(at - begins)
-        plain = [[float(q) for q in row] for row in rows]
-        self.sampled.update(zip(at.tolist(), plain, strict=True))
-        return plain
+            moved = plan.sample([time - begins for time in times]).tolist()
+            for row, positions in zip(rows, moved, strict=True):
+                for column, position in zip(columns, positions, strict=True):
+                    row[column] = position
+        self.sampled.update(zip(times, rows, strict=True))
+        return rows
 
 
 def verify_query(

@@ -1,8 +1,8 @@
 """Converts events of the arm and of skills to records."""
 
+import math
+from collections.abc import Iterable
 from dataclasses import fields
-
-import numpy as np
 
 import logs
 from hardware import (
@@ -68,7 +68,8 @@ def _plan_record(event: Planned, robot: Robot, now: float) -> logs.Plan:
     joints = robot.actuated_in(query.group)
     plan, error = (None, answer) if isinstance(answer, MotionError) else (answer, None)
     duration = plan.duration if plan else 0.0
-    times = np.append(np.arange(0.0, duration, _GRID), duration) if plan else np.empty(0)
+    grid = [_GRID * number for number in range(math.ceil(duration / _GRID))]
+    times = (*grid, duration) if plan else ()
     return logs.Plan(
         time=now,
         group=query.group,
@@ -82,9 +83,9 @@ def _plan_record(event: Planned, robot: Robot, now: float) -> logs.Plan:
         acceleration_limits=tuple(
             query.speed * query.speed * joint.acceleration for joint in joints
         ),
-        waypoints=_rows(plan.waypoints) if plan else (),
-        times=tuple(times.tolist()),
-        positions=_rows(plan.sample(times)) if plan else (),
+        waypoints=_rows(plan.waypoints.tolist()) if plan else (),
+        times=times,
+        positions=_rows(plan.sample(times).tolist()) if plan else (),
         duration=duration,
         milliseconds=dict(answer.milliseconds),
         code=error.code if error else "",
@@ -115,7 +116,5 @@ def _schedule_record(event: Scheduled, robot: Robot, now: float) -> logs.Schedul
     )
 
 
-def _rows(
-    array: "np.ndarray[tuple[int, ...], np.dtype[np.float64]]",
-) -> tuple[tuple[float, ...], ...]:
-    return tuple(tuple(row) for row in array.tolist())
+def _rows(rows: Iterable[Iterable[float]]) -> tuple[tuple[float, ...], ...]:
+    return tuple(tuple(row) for row in rows)

@@ -4,7 +4,6 @@ import logging
 import math
 from collections.abc import Iterator, Sequence
 
-import numpy as np
 from py_trees.common import Status
 
 from hardware import Playback, PlaybackState, Schedule, Setpoint
@@ -12,7 +11,6 @@ from skills.base import Skill
 from skills.context import Scheduled
 from skills.errors import Interrupted
 from skills.leader import Blocked
-from skills.motion.arrays import Array
 from skills.motion.errors import MotionCollides, MotionError
 from skills.motion.query import MIN_SPEED, Verify
 from skills.planning_skill import PlannerJob
@@ -53,7 +51,7 @@ class FollowLeader(Skill):
     _generation: int
     _period: float
     _due: float
-    _velocity: Array
+    _velocity: list[float]
 
     @property
     def busy(self) -> bool:
@@ -84,7 +82,7 @@ class FollowLeader(Skill):
             if target is None:
                 self.context.leader.show(None)
                 return Status.SUCCESS
-            self._step(np.array(target))
+            self._step(target)
         self.context.wake_at(self._due)
         return Status.RUNNING
 
@@ -104,13 +102,13 @@ class FollowLeader(Skill):
     def _rest(self) -> None:
         """Forget the step under way: the arm is at rest."""
         self._playback, self._checks, self._contact, self._blocked = None, (), "", False
-        self._velocity = np.zeros(len(self.context.robot.actuated))  # of the last step [rad/s]
+        self._velocity = [0.0] * len(self.context.robot.actuated)  # of the last step [rad/s]
 
-    def _step(self, target: Array) -> None:
+    def _step(self, target: Sequence[float]) -> None:
         """Have the next step towards the leader checked."""
         arm, wire = self.context.arm, self.context.robot.wire_format
         start, self._generation = arm.commanded, arm.generation
-        positions = self._ahead(np.array(start), target)
+        positions = self._ahead(start, target)
         if positions == start:
             return
         frame = wire.encode(positions)
@@ -120,23 +118,23 @@ class FollowLeader(Skill):
         self._start = start
         self._checks = (self._check(start, positions),)
 
-    def _ahead(self, start: Array, target: Array) -> tuple[float, ...]:
+    def _ahead(self, start: Sequence[float], target: Sequence[float]) -> tuple[float, ...]:
         """Return the joint positions after one period: towards the leader, within their limits.
 
         No joint is faster than it can stop at the leader.
         """
-        joints, speed = self.context.robot.actuated, self.get_input("speed")
-        fastest = speed * np.array([joint.velocity for joint in joints])
-        most = speed**2 * np.array([joint.acceleration for joint in joints])
-        low, high = np.array([(joint.lower, joint.upper) for joint in joints]).T
-        left = np.clip(target, low, high) - start
-        change = most * self._period
-        stoppable = np.sqrt(change**2 + 2 * most * abs(left)) - change
-        wanted = np.sign(left) * np.minimum(
-            np.minimum(stoppable, abs(left) / self._period), fastest
-        )
-        self._velocity = np.clip(wanted, self._velocity - change, self._velocity + change)
-        return tuple(np.clip(start + self._velocity * self._period, low, high).tolist())
+        speed, period, positions = self.get_input("speed"), self._period, []
+        for column, joint in enumerate(self.context.robot.actuated):
+            most, at = speed**2 * joint.acceleration, start[column]
+            left = _clip(target[column], joint.lower, joint.upper) - at
+            change = most * period
+            stoppable = math.sqrt(change**2 + 2 * most * abs(left)) - change
+            wanted = min(stoppable, abs(left) / period, speed * joint.velocity)
+            before = self._velocity[column]
+            velocity = _clip(math.copysign(wanted, left), before - change, before + change)
+            self._velocity[column] = velocity
+            positions.append(_clip(at + velocity * period, joint.lower, joint.upper))
+        return tuple(positions)
 
     def _check(self, start: tuple[float, ...], end: tuple[float, ...]) -> PlannerJob:
         """Have a straight motion checked, with the distance that every plan keeps."""
@@ -156,7 +154,7 @@ class FollowLeader(Skill):
             self._show(self._contact, [not each for each in collides])
             self._contact = ""
         elif isinstance(answer := answers[0], MotionCollides):
-            self._velocity[:] = 0.0
+            self._velocity = [0.0] * len(self._velocity)
             if not self._blocked:
                 self._blocked, self._contact = True, answer.contact
                 self._checks = tuple(self._check(self._start, end) for end in self._probes())
@@ -206,3 +204,7 @@ class FollowLeader(Skill):
     @property
     def _playing(self) -> bool:
         return bool(self._playback and self._playback.playing)
+
+
+def _clip(value: float, least: float, most: float) -> float:
+    return min(max(value, least), most)

@@ -21,7 +21,7 @@ import numpy as np
 import pinocchio as pin
 
 from hardware import Robot, Tool
-from skills.motion.arrays import Array, norms
+from skills.motion.arrays import Array, joint_positions, norms
 from skills.motion.deadline import Deadline
 from skills.motion.errors import (
     BadQuery,
@@ -33,7 +33,7 @@ from skills.motion.errors import (
 )
 from skills.motion.query import Reached, ToolQuery
 from skills.motion.timing.time_parameterization import line_duration
-from skills.motion.validation import MAX_MAGNITUDE, check_seed, joint_positions
+from skills.motion.validation import MAX_MAGNITUDE, check_seed
 from skills.motion.world import Vector
 
 from .robot_model.joint_group import JointGroup

@@ -22,7 +22,7 @@ import numpy as np
 from hardware import MAX_DURATION, Clock, RealClock, Robot
 from hardware.joints import DISPLAY_UNITS
 
-from .arrays import Array, norms
+from .arrays import Array, joint_positions, norms
 from .collision.checker import CollisionChecker
 from .collision.endpoint_checker import EndpointChecker
 from .collision.planning_scene import PlanningScene
@@ -43,7 +43,6 @@ from .timing.retime_after_pause import check_rest, remaining_plan
 from .timing.time_parameterization import time_curve
 from .trajectory.curve import Curve
 from .trajectory.plan import Plan
-from .validation import joint_positions
 from .world import EMPTY, Body, World
 
 _MAX_SCENES = 4  # kept in memory

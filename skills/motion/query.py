@@ -2,14 +2,16 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
-from .arrays import readonly
 from .errors import BadQuery, MotionError, shown
 from .trajectory.plan import Plan
 from .world import EMPTY, Body, Vector, World
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from .arrays import Array
 
 MIN_SPEED = 0.01  # least share of the robot's speed
 
@@ -46,7 +48,9 @@ class Query:
     speed: float = 1.0
 
 
-def _numbers(what: str, values: ArrayLike, unit: str) -> NDArray[np.float64]:
+def _numbers(what: str, values: "ArrayLike", unit: str) -> "Array":
+    from .arrays import readonly  # imports NumPy
+
     try:
         return readonly(values)
     except (TypeError, ValueError, OverflowError) as error:
@@ -69,9 +73,9 @@ class Verify:
         BadQuery: Configurations or times are not all numbers.
     """
 
-    configurations: NDArray[np.float64] | Sequence[Sequence[float]]
+    configurations: "Array | Sequence[Sequence[float]]"
     margin: float
-    times: NDArray[np.float64] | Sequence[float] | None = None
+    times: "Array | Sequence[float] | None" = None
     timeout: float = 5.0
     world: World = EMPTY
 

@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 
 from hardware import Robot
-from skills.motion.arrays import Array
+from skills.motion.arrays import Array, joint_positions
 from skills.motion.errors import (
     BadQuery,
     GoalInCollision,
@@ -17,7 +17,7 @@ from skills.motion.errors import (
 )
 from skills.motion.query import MIN_SPEED, Query
 from skills.motion.robot_model.joint_group import JointGroup
-from skills.motion.validation import MAX_MAGNITUDE, check_seed, is_number, joint_positions
+from skills.motion.validation import MAX_MAGNITUDE, check_seed, is_number
 
 from .checker import CollisionChecker
 

@@ -5,6 +5,7 @@ import sys
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from skills.motion.arrays import Array, readonly
 
@@ -66,10 +67,11 @@ class TimeLaw:
         """Duration [s]."""
         return float(self.times[-1])
 
-    def at(self, times: Array) -> tuple[Array, Array, Array]:
-        """Return s, ds/dt [1/s] and d2s/dt2 [1/s2] at times in [0, duration] (K,) [s]."""
-        k = np.searchsorted(self.times, times, side="right") - 1
-        dt, acceleration = times - self.times[k], self.accelerations[k]
+    def at(self, times: ArrayLike) -> tuple[Array, Array, Array]:
+        """Return s, ds/dt [1/s] and d2s/dt2 [1/s2] at times (K,) [s], clipped to [0, duration]."""
+        inside = np.clip(np.asarray(times, dtype=np.float64), 0.0, self.duration)
+        k = np.searchsorted(self.times, inside, side="right") - 1
+        dt, acceleration = inside - self.times[k], self.accelerations[k]
         speed = self.speeds[k] + acceleration * dt
         position = self.positions[k] + dt * (self.speeds[k] + 0.5 * acceleration * dt)
         return np.clip(position, 0.0, self.positions[-1]), speed, acceleration

@@ -13,14 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware import MAX_DURATION, Joint, Robot
-from skills.motion.arrays import Array
+from skills.motion.arrays import Array, joint_positions
 from skills.motion.errors import MotionError, shown
 from skills.motion.query import Carry, Query, Reached, Request, Rest, Result, ToolQuery, Verify
 from skills.motion.robot_model.joint_group import JointGroup
 from skills.motion.trajectory.curve import Curve
 from skills.motion.trajectory.plan import Plan
 from skills.motion.trajectory.time_law import TimeLaw
-from skills.motion.validation import MAX_MAGNITUDE, is_number, joint_positions
+from skills.motion.validation import MAX_MAGNITUDE, is_number
 from skills.motion.world import Body
 
 from .messages import InvalidMessage

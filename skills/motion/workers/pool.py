@@ -7,7 +7,7 @@ from contextlib import suppress
 from functools import partial
 from queue import SimpleQueue
 from threading import Thread
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from hardware import Clock, Robot
 from skills.motion.errors import MotionError, PlanCanceled, WorkerDied
@@ -15,7 +15,9 @@ from skills.motion.query import Carry, Reached, Request, Result, ToolQuery
 from skills.motion.world import EMPTY, Body, World
 
 from .memory import check_memory, has_spare_memory
-from .worker_process import WorkerProcess
+
+if TYPE_CHECKING:
+    from .worker_process import WorkerProcess
 
 logger = logging.getLogger(__name__)
 
@@ -162,6 +164,8 @@ class Pool:
             logger.exception("no planning process could be started")
 
     def _ensure_process(self, slot: "_Slot") -> None:
+        from .worker_process import WorkerProcess  # imports NumPy
+
         if not slot.alive:
             slot.close()
             with self._signal:
@@ -180,6 +184,8 @@ class Pool:
         with self._signal:
             wanted = self._standby is None and not self._closed
         if wanted and has_spare_memory():
+            from .worker_process import WorkerProcess
+
             with suppress(OSError):  # it may not be needed
                 process = WorkerProcess(self._robot, world)
                 with self._signal:

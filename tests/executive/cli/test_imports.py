@@ -17,11 +17,12 @@ ROWS = {
     "stop": ("typed", "stop --server http://127.0.0.1:9"),
     "status": ("typed", "status --server http://127.0.0.1:9"),
     "tasks": ("typed", "tasks"),
-    "run": ("imported", "executive.cli.support.run_tasks"),
+    # The journal is the last that a run loads before its board boots, and NumPy loads meanwhile.
+    "run": ("imported", "executive.cli.support.run_tasks, logs.writing.journal"),
     "serve": ("imported", "executive.cli.support.run_server"),
 }
 HTTP = {"anyio", "certifi", "h11", "httpcore"}
-RUN = {"click", "numpy", "py_trees", "pydot", "ruamel"}
+RUN = {"click", "mcap", "py_trees", "pydot", "ruamel"}
 SERVER = {"fastjsonschema", "prometheus_client", "starlette", "uvicorn", "websockets"}
 LIBRARIES = {
     "--help": {"click"},

@@ -108,7 +108,7 @@ def get_on(feedback: Any) -> None:
 
 
 def nudge(state: Any) -> None:
-    state.position = state.position * [1 + 1e-9, 1, 1, 1]
+    state.position = (state.position[0] * (1 + 1e-9), *state.position[1:])
 
 
 def rename(state: Any) -> None:

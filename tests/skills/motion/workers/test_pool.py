@@ -261,7 +261,7 @@ def test_a_process_that_cannot_be_started_is_tried_again_by_each_job(
     def refuse(_robot: Robot) -> WorkerProcess:
         raise OSError(24, "Too many open files")
 
-    monkeypatch.setattr(pool_module, "WorkerProcess", refuse)
+    monkeypatch.setattr("skills.motion.workers.worker_process.WorkerProcess", refuse)
     pool = Pool(robot, 1, RealClock())
     pool.start()
     for _ in range(2):
