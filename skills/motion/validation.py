@@ -2,6 +2,7 @@
 
 import math
 from numbers import Real
+from typing import cast
 
 from .errors import BadQuery, shown
 
@@ -15,7 +16,7 @@ _MAX_SEED = 2**64 - 2  # recordings store 64 bits
 
 def is_number(value: object, least: float, most: float) -> bool:
     """Return True if a value is a number in [least, most]. NaN is in no range."""
-    return isinstance(value, Real) and bool(least <= value <= most)
+    return isinstance(value, Real) and bool(least <= cast(float, value) <= most)
 
 
 def check_seed(seed: int) -> None:

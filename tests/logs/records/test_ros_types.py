@@ -3,6 +3,7 @@
 import json
 import shutil
 from pathlib import Path
+from typing import Any
 
 import pytest
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
@@ -56,7 +57,7 @@ def test_ros_2_builds_our_types(tmp_path: Path) -> None:
 
 def test_the_types_are_those_of_ros_2() -> None:
     """rosbags reads the same from our definitions as from its own standard types."""
-    ros, ours = get_typestore(Stores.ROS2_JAZZY).fielddefs, {}
+    ros, ours = get_typestore(Stores.ROS2_JAZZY).fielddefs, dict[str, Any]()
     for topic in TOPICS:
         ours |= get_types_from_msg(schema(topic.type), topic.type)
     standard = {name: found for name, found in ours.items() if not name.startswith("arduinobot")}
