@@ -47,6 +47,7 @@ def mcp(port: int | None, allow_move: bool, robot: Path | None, server: str) -> 
       armtree mcp --http 8766
     """  # noqa: D301
     import asyncio
+    from functools import partial
 
     from hardware import load_robot
 
@@ -57,7 +58,7 @@ def mcp(port: int | None, allow_move: bool, robot: Path | None, server: str) -> 
             raise
         why = "the packages of the extra mcp are missing; install them: make mcp"
         raise click.UsageError(why) from error
-    served = make_server(server, load_robot(robot), allow_move)
+    make = partial(make_server, server, load_robot(robot), allow_move)
     listener = listen(port) if port else None
     if port:
         echo(f"Clients connect to http://127.0.0.1:{port}/mcp. Ctrl-C ends this command.", err=True)
@@ -67,7 +68,7 @@ def mcp(port: int | None, allow_move: bool, robot: Path | None, server: str) -> 
         # A thread that reads standard input never ends by itself. The server of the arm sees that
         # the connections end, and cancels the goals.
         signal.signal(number, lambda *_: end_process(INTERRUPTED_EXIT))
-    asyncio.run(serve_http(served, listener) if listener else serve_stdio(served))
+    asyncio.run(serve_http(make, server, listener) if listener else serve_stdio(make()))
 
 
 _TERMINAL = (

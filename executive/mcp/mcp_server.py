@@ -1,9 +1,11 @@
 """The server of the Model Context Protocol: over standard input and output, or HTTP."""
 
+import hmac
 import json
 import logging
 import socket
-from collections.abc import Mapping, Sequence
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+from contextlib import asynccontextmanager
 from importlib.metadata import version
 from typing import Any
 
@@ -21,6 +23,7 @@ from mcp_types import (
     Tool as Described,
     ToolAnnotations,
 )
+from starlette.types import Receive, Scope, Send
 
 from executive.api import strict_json
 from executive.api.checking import Mismatch, checked, checker
@@ -28,6 +31,7 @@ from executive.api.outcome import Cause, cause_of
 from executive.api.token_bucket import TokenBucket
 from executive.client.asynchronous import AsyncClient
 from executive.client.held_goals import HeldGoals
+from executive.client.transport import Address
 from executive.errors import AddressInUse, ClientError
 from hardware import RealClock, Robot
 
@@ -160,25 +164,45 @@ def listen(port: int) -> socket.socket:
         raise AddressInUse(words) from error
 
 
-async def serve_http(server: Server[Any], listener: socket.socket) -> None:
+async def serve_http(make: Callable[[], Server[Any]], url: str, listener: socket.socket) -> None:
     """Serve clients of this machine over HTTP, until a signal comes.
 
     A client sends the token of the server of the arm as `Authorization: Bearer TOKEN`; without it,
-    it can do what any program on this machine can: read and stop.
+    it can do what any program on this machine can: read and stop. Clients with the token of this
+    user have a server of their own, so that others cannot use up its sessions or its calls.
 
     Args:
-        server: The server.
+        make: Makes a server.
+        url: URL of the server of the arm.
         listener: What `listen` returned.
     """
     import uvicorn
+    from starlette.applications import Starlette
+    from starlette.routing import Mount
 
     hosts = [f"{host}:{listener.getsockname()[1]}" for host in (_ADDRESS, "localhost")]
     rules = TransportSecuritySettings(
         allowed_hosts=hosts, allowed_origins=[f"http://{host}" for host in hosts]
     )
-    app = server.streamable_http_app(
-        transport_security=rules, max_request_body_size=_MAX_BODY, max_sessions=_MAX_SESSIONS
+    known, others = (
+        make().streamable_http_app(
+            transport_security=rules, max_request_body_size=_MAX_BODY, max_sessions=_MAX_SESSIONS
+        )
+        for _ in range(2)
     )
+
+    async def choose(scope: Scope, receive: Receive, send: Send) -> None:
+        given = dict(scope["headers"]).get(b"authorization", b"")
+        own = Address.find(url, None).headers.get("authorization", "")
+        right = own and hmac.compare_digest(given, own.encode())
+        await (known if right else others)(scope, receive, send)
+
+    @asynccontextmanager
+    async def run(_: object) -> AsyncIterator[None]:
+        async with known.router.lifespan_context(known), others.router.lifespan_context(others):
+            yield
+
+    app = Starlette(routes=[Mount("/", choose)], lifespan=run)
     config = uvicorn.Config(app, log_config=None, server_header=False, timeout_graceful_shutdown=1)
     with listener:
         await uvicorn.Server(config).serve([listener])

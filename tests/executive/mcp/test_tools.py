@@ -7,6 +7,7 @@ import os
 import sys
 from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -348,11 +349,14 @@ def test_over_http_a_client_needs_the_token_of_the_server(serve: Serve) -> None:
         with pytest.raises(AddressInUse, match="give another port"):
             listen(listener.getsockname()[1])
         url = f"http://127.0.0.1:{listener.getsockname()[1]}/mcp"
-        serving = asyncio.create_task(serve_http(make_server(served.server.url), listener))
+        make = partial(make_server, served.server.url)
+        serving = asyncio.create_task(serve_http(make, served.server.url, listener))
 
-        async def call(headers: dict[str, str], name: str, **arguments: Any) -> str:
+        async def call(
+            headers: dict[str, str], name: str, mode: str = "auto", **arguments: Any
+        ) -> str:
             async with httpx2.AsyncClient(headers=headers) as http:
-                caller = Caller(streamable_http_client(url, http_client=http))
+                caller = Caller(streamable_http_client(url, http_client=http), mode=mode)
                 async with caller.client:
                     return words(await caller.call(name, **arguments))
 
@@ -368,6 +372,19 @@ def test_over_http_a_client_needs_the_token_of_the_server(serve: Serve) -> None:
                 ({"origin": "http://evil.example"}, 403),
             ):
                 assert (await http.post(url, json={}, headers=headers)).status_code == status
+            # Clients without the token use up their sessions and calls, and no others.
+            hello = {"protocolVersion": "2025-06-18", "capabilities": {}}
+            hello |= {"clientInfo": {"name": "x", "version": "1"}}
+            opened = {"jsonrpc": "2.0", "id": 1, "method": "initialize", "params": hello}
+            accept = {"accept": "application/json, text/event-stream"}
+            codes = [
+                (await http.post(url, json=opened, headers=accept)).status_code for _ in range(17)
+            ]
+            assert codes == [200] * 16 + [503]
+            calls = [call({}, "goal_state") for _ in range(int(BURST) + 10)]
+            assert "only stop is not limited" in "".join(await asyncio.gather(*calls))
+        assert (await call(token, "arm_state")).startswith("arm active")
+        assert "task 11 SUCCEEDED" in await call(token, "run_task", "legacy", task=11)
         serving.cancel()
         await asyncio.wait([serving])
 
