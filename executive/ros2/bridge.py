@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from typing import Any, Self
 
@@ -23,6 +24,7 @@ _PAUSE_SECONDS = 0.5  # between two attempts to reach the server
 LOST_SECONDS = 2.0  # without a server, until its goals count as aborted, and a new one is refused
 _SEEN_SECONDS = 2.0  # longest time from the acceptance of a goal to its first event
 _END_SECONDS = 1.5  # longest time for the goals of this process to end with it
+_TASKS_SECONDS = 3.0  # time between two lists of tasks, whose files may change
 
 
 class Bridge:
@@ -40,7 +42,7 @@ class Bridge:
         arm: State of the hardware; empty if the server does not answer.
         on_goal: Called with each new state of a goal.
         on_event: Called with each other event.
-        on_connected: Called when the server answers again.
+        on_tasks: Called when the tasks have changed.
     """
 
     def __init__(self, url: str, robot: Robot, log: Any) -> None:
@@ -50,7 +52,7 @@ class Bridge:
         self.arm = ""
         self.on_goal: list[Callable[[GoalStatus], None]] = []
         self.on_event: list[Callable[[Event], None]] = []
-        self.on_connected: list[Callable[[], None]] = []
+        self.on_tasks: list[Callable[[], None]] = []
         self._connect = partial(AsyncClient, url, name=_CLIENT)
         self.client = self._connect()
         self._held, self._connected = HeldGoals(), asyncio.Event()
@@ -84,6 +86,14 @@ class Bridge:
                 self._connected.clear()
                 losing.append(asyncio.get_running_loop().call_later(LOST_SECONDS, self._lose))
             await asyncio.sleep(_PAUSE_SECONDS)
+
+    async def follow_tasks(self) -> None:
+        """Read the list of tasks, every few seconds while the server answers."""
+        while True:
+            await asyncio.sleep(_TASKS_SECONDS)
+            if self.arm:
+                with suppress(ClientError):
+                    await self._read_tasks()
 
     async def send(self, task: int | str, goal_id: str = "") -> GoalStatus:
         """Send a goal, which is canceled if this process ends, or loses the server.
@@ -134,15 +144,19 @@ class Bridge:
             self._held.release(identity)
 
     async def _synchronize(self) -> None:
-        self.tasks = await self.client.tasks()
+        await self._read_tasks()
         status, goals = await self.client.status(), await self.client.goals()
         self.arm = status.arm.value
         for goal in goals:
             self.goals.take(goal)
         self.goals.lose(frozenset(goal.identity for goal in goals))
-        for act in self.on_connected:
-            act()
         self._connected.set()
+
+    async def _read_tasks(self) -> None:
+        if (found := await self.client.tasks()) != self.tasks:
+            self.tasks = found
+            for act in self.on_tasks:
+                act()
 
     def _take(self, event: Event) -> None:
         if isinstance(event, GoalStatus):

@@ -33,7 +33,7 @@ async def run(url: str, robot: Robot, arguments: Sequence[str] = ()) -> None:
         _serve_action(node, bridge)
         HardwareLifecycle(node, bridge)
         Triggers(node, bridge)
-        parts = (bridge.run(), Joints(node, bridge).run(), ended.wait())
+        parts = (bridge.run(), bridge.follow_tasks(), Joints(node, bridge).run(), ended.wait())
         tasks = [node.spinning, *map(asyncio.ensure_future, parts)]
         try:
             done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)

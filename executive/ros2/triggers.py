@@ -23,17 +23,17 @@ class Triggers:
 
     def __init__(self, node: Node, bridge: Bridge) -> None:
         self._node, self._bridge = node, bridge
-        self._withdraw: dict[str, Callable[[], object]] = {}
+        self._withdraw: dict[tuple[str, str], Callable[[], object]] = {}
         node.serve(Trigger, "~/stop", self._stop)
-        bridge.on_connected.append(self._update)
+        bridge.on_tasks.append(self._update)
 
     def _update(self) -> None:
         """Offer the tasks that the server has now."""
-        tasks = {service_name(task): task for task in self._bridge.tasks}
-        for name in self._withdraw.keys() - tasks.keys():
-            self._withdraw.pop(name)()
-        for name in tasks.keys() - self._withdraw.keys():
-            self._withdraw[name] = self._node.serve(Trigger, name, self._runs(tasks[name].name))
+        offered = {service_name(task): task.name for task in self._bridge.tasks}.items()
+        for service in self._withdraw.keys() - offered:
+            self._withdraw.pop(service)()
+        for name, task in offered - self._withdraw.keys():
+            self._withdraw[name, task] = self._node.serve(Trigger, name, self._runs(task))
 
     def _runs(self, task: str) -> Any:
         async def run(request: Any, response: Any) -> None:

@@ -1,6 +1,7 @@
 """The goals of a server, as its events report them, and the ROS 2 that a process finds."""
 
 import asyncio
+import logging
 import os
 from dataclasses import replace
 from pathlib import Path
@@ -9,8 +10,9 @@ import pytest
 
 from executive.api.outcome import GoalState, GoalStatus, Outcome
 from executive.ros2 import installation
+from executive.ros2.bridge import Bridge
 from executive.ros2.goals import MOST_ENDED, Goals
-from tests.support.servers.serving import Typed
+from tests.support.servers.serving import Serve, Typed
 
 pytest_plugins = ["tests.support.servers.server_fixtures"]
 
@@ -60,6 +62,34 @@ def test_the_oldest_goals_that_ended_are_forgotten() -> None:
     for number in range(MOST_ENDED + 2):
         goals.take(replace(status(str(number), GoalState.SUCCEEDED)))
     assert [*goals.known][:2] == ["under way", "2"]
+
+
+def test_the_tasks_of_a_bridge_follow_their_files(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("executive.ros2.bridge._TASKS_SECONDS", 0.0)
+    served = serve(active=False)
+
+    async def act() -> None:
+        log = logging.getLogger()
+        async with Bridge(served.server.url, served.robot, log) as bridge, asyncio.timeout(20):
+            changed = asyncio.Event()
+            bridge.on_tasks.append(changed.set)
+            parts = [asyncio.create_task(each) for each in (bridge.run(), bridge.follow_tasks())]
+            await changed.wait()
+            before = {each.name for each in bridge.tasks}
+            changed.clear()
+            new = served.tasks / "11_nothing.yaml"
+            (served.tasks / "15_later.yaml").write_text(
+                new.read_text().replace("11", "15").replace("nothing", "later")
+            )
+            await changed.wait()
+            assert {each.name for each in bridge.tasks} == {*before, "later"}
+            for part in parts:
+                part.cancel()
+            await asyncio.wait(parts)
+
+    asyncio.run(act())
 
 
 def test_only_this_machine_finds_the_node_unless_the_user_wants_more(

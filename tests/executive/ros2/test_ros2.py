@@ -112,9 +112,12 @@ def node(start: Start, served: Served, peer: Peer) -> Process:
     return start("-m", "executive", "ros2", "--server", served.server.url)
 
 
-def test_the_answers_are_those_of_rclpy(node: object, peer: Peer) -> None:
+def test_the_answers_are_those_of_rclpy(served: Served, node: object, peer: Peer) -> None:
     reference = peer.ask("rows", "/reference")
     assert peer.ask("rows", "/task_server") == reference
+    nothing = (served.tasks / "11_nothing.yaml").read_text()
+    later = nothing.replace("11", "15").replace("name: nothing", "name: later")
+    (served.tasks / "15_later.yaml").write_text(later)  # for a later test
     assert reference["a good goal"] == [True, True, 4, True]
 
 
@@ -140,6 +143,7 @@ def test_a_stock_client_the_topics_and_the_triggers(
     assert (dict(zip(names, positions, strict=True)), kind) == (expected, "commanded")
     assert {each.get("name") for each in ElementTree.fromstring(urdf).iter("joint")} >= {*names}
     assert peer.ask("trigger", "", "run_nothing")[0]
+    assert peer.ask("trigger", "", "run_later")[0]
     success, message = peer.ask("trigger", "", "run_fail")
     assert not success
     assert "[task.failed" in message
