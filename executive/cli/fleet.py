@@ -11,7 +11,7 @@ import click
 
 from executive.code_table import look_up
 
-from .settings import ABOVE_0, PATH, Whole, local_server, option
+from .settings import ABOVE_0, PATH, Url, Whole, local_server, option
 from .support.command_group import CommandGroup
 from .support.names import TASK, check_goal_id
 from .support.options import set_option
@@ -144,8 +144,14 @@ def key(file: Path) -> None:
 @_FLEET
 @click.option("--pool", metavar="POOL", required=True, help="Pool whose jobs the arm runs.")
 @click.option("--name", metavar="NAME", required=True, help="Name of the arm in the pool.")
+@click.option(
+    "--page",
+    type=Url(),
+    metavar="URL",
+    help="URL of the page of the arm, for other machines. Default: that of --server.",
+)
 @click.option("--child", is_flag=True, hidden=True, help="End when standard input ends.")
-def join(server: str, url: str, pool: str, name: str, child: bool) -> None:
+def join(server: str, url: str, pool: str, name: str, page: str | None, child: bool) -> None:
     """Let the arm of a server run the jobs of a pool, until Ctrl-C.
 
     `armtree serve --fleet URL` does this for its own arm.
@@ -153,7 +159,7 @@ def join(server: str, url: str, pool: str, name: str, child: bool) -> None:
     from executive.fleet.programs import join as run_join
 
     _print_log()
-    run_join(server, url, pool, name, child)
+    run_join(server, url, pool, name, page or "", child)
 
 
 @fleet.command()
@@ -332,17 +338,24 @@ def forget(url: str, arm: str) -> None:
     default=Path(),
     help="Folder for the file. Default: the working directory.",
 )
+@click.option(
+    "--server",
+    type=Url(),
+    metavar="URL",
+    help="Server of the arm, if the URL in `fleet jobs` does not lead to it, or if it needs its "
+    "token. Only this one gets ARMTREE_TOKEN.",
+)
 @_JSON
 @_FLEET
-def logs(url: str, as_json: bool, identity: str, output: Path) -> None:
+def logs(url: str, as_json: bool, identity: str, output: Path, server: str | None) -> None:
     """Fetch the recording of JOB from the server of its arm, and print the path of the file.
 
-    A server on another machine needs ARMTREE_TOKEN.
+    Servers on other machines need their token: see --server.
     """
     from executive.fleet.programs import fetch_recording
 
     async def act(client: "FleetClient") -> None:
-        path = await fetch_recording(client, identity, output)
+        path = await fetch_recording(client, identity, output, server)
         echo_result(as_json, {"file": str(path)}, str(path))
 
     _run(url, act)

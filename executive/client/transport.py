@@ -41,20 +41,23 @@ class Address:
     headers: Mapping[str, str]
 
     @classmethod
-    def find(cls, url: str | None, token: str | None, client: str = "") -> Self:
+    def find(
+        cls, url: str | None, token: str | None, client: str = "", trusted: bool = True
+    ) -> Self:
         """Find a server.
 
         Args:
             url: URL; default ARMTREE_SERVER, then the server on this machine.
             token: Token; default ARMTREE_TOKEN, then the token file of the server.
             client: What this client calls itself; empty for no name.
+            trusted: False for a URL that another program has named; it does not get ARMTREE_TOKEN.
 
         Raises:
             ServerUnreachable: The URL is invalid.
         """
         port = os.environ.get("ARMTREE_TCP_PORT", PORT)
         url = (url or os.environ.get("ARMTREE_SERVER") or f"http://localhost:{port}").rstrip("/")
-        token = token or os.environ.get("ARMTREE_TOKEN")
+        token = token or (os.environ.get("ARMTREE_TOKEN") if trusted else None)
         if own := _own_server(url):
             url, token = own.url, token or own.token
         headers = {"authorization": f"Bearer {token}"} if token else {}

@@ -31,7 +31,7 @@ from nats.js.api import (
 from nats.js.errors import KeyNotFoundError, NotFoundError
 from nats.js.kv import KeyValue
 
-from executive.api import token_file
+from executive.api import strict_json, token_file
 
 from .errors import BadJob, FleetError, FleetRefused, FleetUnreachable
 from .values import PRIORITIES, Job, JobRecord, Member, Presence, from_bytes
@@ -124,7 +124,7 @@ class Fleet:
                 while True:
                     message = await subscription.next_msg(_ANSWER_SECONDS)
                     headers = message.headers or {}
-                    if "Status" in headers:  # the end of the batch
+                    if "Nats-Sequence" not in headers:  # the end of the batch
                         break
                     after = int(headers["Nats-Sequence"])
                     key = headers["Nats-Subject"].removeprefix(prefix)
@@ -172,13 +172,20 @@ class Fleet:
         Args:
             message: Message of the job.
             job: The job.
+
+        Raises:
+            nats.errors.Error: The NATS server does not say its time, as after a start without its
+                disk.
         """
         if job.start_within_s is None:
             return -math.inf
         consumer = consumer_of(job.pool, job.priority)
         answer = await self.nats.request(f"$JS.API.CONSUMER.INFO.{JOBS}.{consumer}", b"")
-        now = datetime.fromisoformat(json.loads(answer.data)["ts"])
-        return (now - message.metadata.timestamp).total_seconds() - job.start_within_s
+        try:
+            now = datetime.fromisoformat(strict_json.parse_object(answer.data)["ts"])
+            return (now - message.metadata.timestamp).total_seconds() - job.start_within_s
+        except (strict_json.NotJson, KeyError, TypeError, ValueError) as error:
+            raise nats.errors.Error(f"no time in an answer about {consumer}: {error}") from error
 
     async def add_consumers(self, pool: str) -> None:
         """Make the consumers of a pool, unless they exist."""

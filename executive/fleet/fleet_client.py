@@ -181,9 +181,9 @@ class FleetClient:
             sequence = (message.seq or sequence) + 1
             try:
                 job = from_bytes(Job, message.data)
+                known = await self._fleet.get(JobRecord, job.identity)
             except BadJob:
                 continue  # a worker will drop it
-            known = await self._fleet.get(JobRecord, job.identity)
             if known is None or known[0].job.attempt < job.attempt:
                 found.append(job)
         return max(info.state.messages, len(found)), found

@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+import re
 import signal
 import socket
 import sys
@@ -12,6 +13,7 @@ from typing import Any
 
 from httpcore import AsyncConnectionPool
 
+from executive.api.schemas import RECORDING_NAME
 from executive.client.asynchronous import AsyncClient
 from executive.client.transport import Address, transport_errors
 from hardware import RealClock
@@ -136,7 +138,7 @@ async def _supervise(
             await asyncio.sleep(_RETRY_SECONDS)
 
 
-def join(server: str, url: str, pool: str, name: str, child: bool) -> None:
+def join(server: str, url: str, pool: str, name: str, page: str, child: bool) -> None:
     """Run the worker of an arm until a signal arrives.
 
     Args:
@@ -144,6 +146,7 @@ def join(server: str, url: str, pool: str, name: str, child: bool) -> None:
         url: URL of the fleet.
         pool: Name of the pool.
         name: Name of the arm.
+        page: URL of its page, for other machines; empty for `server`.
         child: True to end when standard input ends, too.
 
     Raises:
@@ -153,10 +156,10 @@ def join(server: str, url: str, pool: str, name: str, child: bool) -> None:
     """
     check_name("a pool", pool)
     check_name("an arm", name)
-    asyncio.run(_join(server, url, pool, name, child))
+    asyncio.run(_join(server, url, pool, name, page, child))
 
 
-async def _join(server: str, url: str, pool: str, name: str, child: bool) -> None:
+async def _join(server: str, url: str, pool: str, name: str, page: str, child: bool) -> None:
     known: list[Worker] = []
 
     async def changed(up: bool) -> None:
@@ -174,7 +177,7 @@ async def _join(server: str, url: str, pool: str, name: str, child: bool) -> Non
             AsyncClient(server) as client,
             open_fleet(url, f"{pool}.{name}", lasting=True, changed=changed) as fleet,
         ):
-            worker = Worker(fleet, client, pool, name, RealClock())
+            worker = Worker(fleet, client, pool, name, RealClock(), page)
             known[:] = [worker]
             logger.info("Fleet: this arm is %s in %s", worker.arm, url)
             await worker.run()
@@ -203,34 +206,56 @@ async def _signals() -> AsyncIterator[asyncio.Event]:
     yield ended
 
 
-async def fetch_recording(client: FleetClient, identity: str, folder: Path) -> Path:
+async def fetch_recording(
+    client: FleetClient, identity: str, folder: Path, server: str | None = None
+) -> Path:
     """Fetch the recording of a job from the server of its arm.
 
     Args:
         client: The fleet.
         identity: Id of the job.
         folder: Folder for the file.
+        server: URL of that server, which gets ARMTREE_TOKEN; None for the one that the arm has
+            named, which does not: an arm must not get the token of another one.
 
     Returns:
         The path of the file.
 
     Raises:
         UnknownJob: No job has that id.
-        FleetError: It has no recording.
-        ClientError: The server of its arm does not answer, or refuses.
+        FleetError: It has no recording, the server refuses, or the file exists.
+        ClientError: The server of its arm does not answer.
     """
     found = await client.job(identity)
     result = found.result if isinstance(found, JobRecord) else None
     if not isinstance(found, JobRecord) or not result or not result.recording:
         raise FleetError(f"the job {identity} has no recording; `armtree fleet jobs` shows why")
-    path = folder / Path(result.recording).name
-    request = Address.find(found.url, None).request("GET", f"/api/recordings/{path.name}/file")
-    with transport_errors(found.url):
+    name, url = Path(result.recording).name, server or found.url
+    path = folder / name
+    if not re.fullmatch(RECORDING_NAME["pattern"], name):
+        raise FleetError(f"{found.arm} calls its recording {name!r}, so nothing was written")
+    address = Address.find(url, None, trusted=bool(server))
+    request = address.request("GET", f"/api/recordings/{name}/file")
+    with transport_errors(url):
         async with AsyncConnectionPool() as pool, pool.stream(**request) as response:
             if response.status != 200:
-                why = f"it answers {response.status} for the recording {path.name}"
-                raise FleetError(f"{found.url} does not give the file: {why}")
-            with path.open("wb") as stream:
-                async for piece in response.aiter_stream():
-                    stream.write(piece)
+                why = f"it answers {response.status} for the recording {name}"
+                raise FleetError(f"{url} does not give the file: {why}. {_WITH_TOKEN}")
+            try:
+                stream = path.open("xb")
+            except FileExistsError as error:
+                raise FleetError(f"{path} exists; give another folder: -o FOLDER") from error
+            try:
+                with stream:
+                    async for piece in response.aiter_stream():
+                        stream.write(piece)
+            except BaseException:
+                path.unlink()
+                raise
     return path
+
+
+_WITH_TOKEN = (
+    "A server that needs its token gets it by ARMTREE_TOKEN=TOKEN armtree fleet logs JOB --server "
+    "URL"
+)

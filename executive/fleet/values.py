@@ -15,7 +15,7 @@ from .errors import BadJob
 T = TypeVar("T")
 
 PRIORITIES = ("high", "normal", "low")
-_IDENTITY = re.compile(r"[0-9a-f]{32}")
+IDENTITY = re.compile(r"[0-9a-f]{32}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,7 +173,7 @@ def from_bytes(kind: type[T], data: bytes | None) -> T:
     job = found if isinstance(found, Job) else getattr(found, "job", None)
     if not has_type(found, kind) or (
         isinstance(job, Job)
-        and not (_IDENTITY.fullmatch(job.identity) and job.priority in PRIORITIES)
+        and not (IDENTITY.fullmatch(job.identity) and job.priority in PRIORITIES)
     ):
         raise BadJob(f"a {kind.__name__} of a fleet has wrong fields")
     return found

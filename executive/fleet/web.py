@@ -86,7 +86,7 @@ def make_app(client: FleetClient, supervisor: Supervisor) -> Starlette:
     async def arms(_: Request) -> Response:
         rows, queued = await read()
         found = {"queued": queued, "arms": [row.to_json() for row in rows]}
-        return JSONResponse(found, headers=_HEADERS)
+        return JSONResponse({"host": socket.gethostname(), **found}, headers=_HEADERS)
 
     async def metrics(_: Request) -> Response:
         registry = CollectorRegistry()

@@ -9,7 +9,7 @@ import uuid
 from collections.abc import Awaitable, Callable
 from contextlib import AbstractAsyncContextManager, suppress
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 from nats.aio.msg import Msg
 from nats.js.errors import APIError, KeyWrongLastSequenceError
@@ -26,7 +26,9 @@ from hardware.clock import utc_ns
 from .connection import ALIVE_SECONDS, GONE, Fleet, control_subject
 from .errors import ArmLost, BadJob, DeadlinePassed, FleetError, NameTaken
 from .job_requests import JobRequests
-from .values import Job, JobRecord, Member, Presence, Result, from_bytes, to_bytes
+from .values import IDENTITY, Job, JobRecord, Member, Presence, Result, from_bytes, to_bytes
+
+T = TypeVar("T")
 
 logger = logging.getLogger(__name__)
 
@@ -80,10 +82,20 @@ class Worker:
         pool: Name of its pool.
         name: Name of the arm in the pool.
         clock: Time source.
+        page: URL of the server for other machines; empty for that of `server`.
     """
 
-    def __init__(self, fleet: Fleet, server: ArmServer, pool: str, name: str, clock: Clock) -> None:
+    def __init__(
+        self,
+        fleet: Fleet,
+        server: ArmServer,
+        pool: str,
+        name: str,
+        clock: Clock,
+        page: str = "",
+    ) -> None:
         self._fleet, self._server, self._pool, self._clock = fleet, server, pool, clock
+        self._page = page or server.url
         self.arm = f"{pool}.{name}"
         self._me = uuid.uuid4().hex
         self._presence = Presence(self._me, UNREACHABLE)
@@ -159,10 +171,9 @@ class Worker:
             else:
                 self._revision = await fleet.alive.create(self.arm, data)
         except KeyWrongLastSequenceError:
-            found = await fleet.get(Presence, self.arm)
+            found, member = await self._stored(Presence), await self._stored(Member)
             self._revision = 0
             if found and found[0].worker != self._me:
-                member = await fleet.get(Member, self.arm)
                 raise NameTaken(self.arm, member[0].url if member else "unknown") from None
             if found:  # an answer was lost
                 self._revision = found[1]
@@ -170,11 +181,20 @@ class Worker:
                 self._joined = False
             await self._say()
         if not self._joined:
-            url, host = self._server.url, socket.gethostname()
-            mine = Member(self.arm, url, host, self._me, utc_ns(self._clock))
+            mine = Member(self.arm, self._page, socket.gethostname(), self._me, utc_ns(self._clock))
             await fleet.members.put(self.arm, to_bytes(mine))
             await fleet.add_consumers(self._pool)
             self._joined = True
+
+    async def _stored(self, kind: type[T]) -> tuple[T, int] | None:
+        """Return what is stored of this arm, and its revision; a malformed value is removed."""
+        try:
+            return await self._fleet.get(kind, self.arm)
+        except BadJob as error:
+            logger.warning("Fleet: removed a malformed value of %s: %s", self.arm, error)
+            bucket = self._fleet.alive if kind is Presence else self._fleet.members
+            await bucket.purge(self.arm)
+            return None
 
     async def _leave(self) -> None:
         if self._revision:  # the name is not another worker's
@@ -303,7 +323,7 @@ class Worker:
     def _record(self, job: Job, result: Result | None, safe: bool = False) -> JobRecord:
         now = utc_ns(self._clock)
         return JobRecord(
-            job, self.arm, self._server.url, self._me, now, safe, result, now if result else 0
+            job, self.arm, self._page, self._me, now, safe, result, now if result else 0
         )
 
     async def _claim(self, message: Msg, job: Job, safe: bool) -> tuple[JobRecord, int]:
@@ -367,7 +387,12 @@ class Worker:
                 return
             except KeyWrongLastSequenceError:
                 with suppress(*GONE):
-                    found = await self._fleet.get(JobRecord, identity)
+                    try:
+                        found = await self._fleet.get(JobRecord, identity)
+                    except BadJob as error:
+                        logger.warning("Fleet: replaced the record of %s: %s", identity, error)
+                        await self._fleet.jobs.put(identity, to_bytes(mine))
+                        return
                     if found is None:  # the NATS server has lost its disk
                         await self._fleet.jobs.create(identity, to_bytes(mine))
                         return
@@ -384,7 +409,8 @@ class Worker:
         """Store the results of jobs that an earlier worker of this arm had claimed."""
         try:
             for goal in await self._server.goals():
-                await self._recover_goal(goal.identity)
+                with suppress(BadJob):  # a malformed record is not one of this arm
+                    await self._recover_goal(goal.identity)
         except (ClientError, FleetError) as error:
             logger.warning("Fleet: the results of earlier jobs cannot be read: %s", error)
 
@@ -439,7 +465,7 @@ class Worker:
 
     async def _cancel(self, data: bytes) -> dict[str, Any]:
         identity = strict_json.parse_object(data).get("job")
-        if not isinstance(identity, str) or not identity:
+        if not isinstance(identity, str) or not IDENTITY.fullmatch(identity):
             raise ValueError("a cancel needs the id of a job; a stop cancels all")
         self._canceled.add(identity)
         async with self._sending:

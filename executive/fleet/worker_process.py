@@ -46,7 +46,7 @@ class FleetPlace:
 
 
 @contextmanager
-def worker_of(place: FleetPlace, server: str, token: str) -> Iterator[None]:
+def worker_of(place: FleetPlace, server: str, token: str, page: str) -> Iterator[None]:
     """Run the worker of a server as long as the context lasts. It also ends if this process dies.
 
     Nothing in this process waits for the fleet.
@@ -55,6 +55,7 @@ def worker_of(place: FleetPlace, server: str, token: str) -> Iterator[None]:
         place: Place of the arm in the fleet.
         server: URL of the server.
         token: Token of the server.
+        page: URL of the page of the server, for other machines.
     """
     words = ["fleet", "join", "--child", "--server", server, "--fleet", place.url]
     process = subprocess.Popen(
@@ -68,6 +69,8 @@ def worker_of(place: FleetPlace, server: str, token: str) -> Iterator[None]:
             place.pool,
             "--name",
             place.name,
+            "--page",
+            page,
         ],
         stdin=subprocess.PIPE,
         stdout=subprocess.DEVNULL,
@@ -82,8 +85,8 @@ def worker_of(place: FleetPlace, server: str, token: str) -> Iterator[None]:
             logger.error(
                 "FLEET: the worker ended with status %d, so this arm takes no more jobs. The "
                 "server still runs. To start a worker, type: armtree fleet join --server %s "
-                "--fleet %s --pool %s --name %s",
-                *(status, server, place.url, place.pool, place.name),
+                "--fleet %s --pool %s --name %s --page %s",
+                *(status, server, place.url, place.pool, place.name, page),
             )
 
     RealClock().spawn(watch, "fleet worker")

@@ -10,6 +10,7 @@ from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
+from urllib.parse import urlsplit
 
 import uvicorn
 from starlette.websockets import WebSocket
@@ -87,6 +88,17 @@ class ListenOptions:
                 raise ServerError(f"--origin {page} is not an origin, such as http://name:port")
         if self.expose and self.rosbridge:
             raise ServerError("rosbridge has no token, so --rosbridge cannot go with --expose")
+
+    def page(self, port: int) -> str:
+        """Return the URL of the page for other machines: with the first of `hosts`, if any.
+
+        Args:
+            port: TCP port on which the server listens.
+        """
+        address = _LOOPBACK.get(self.address, self.address)
+        name = next(iter(self.hosts), address)
+        proxy = (each for each in self.origins if urlsplit(each).hostname == name.lower())
+        return next(proxy, f"http://{next(iter(host_names((name,), port)))}")
 
     def rules(self, port: int, token: str) -> AccessRules:
         """Return who may call a server with these options.

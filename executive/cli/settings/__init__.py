@@ -20,5 +20,6 @@ from .value_types import (
     AT_LEAST_0 as AT_LEAST_0,
     PATH as PATH,
     Finite as Finite,
+    Url as Url,
     Whole as Whole,
 )

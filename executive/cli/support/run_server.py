@@ -62,7 +62,8 @@ def serve(setup: Setup, listen: ListenOptions, fleet: FleetPlace | None = None) 
                 server.start()
                 clock.spawn(lambda: prepare(executive), "prepare")
                 interrupts.on_cancel(lambda: _leave(executive, interrupts))
-                with worker_of(fleet, server.url, server.token) if fleet else nullcontext():
+                page = listen.page(server.port)
+                with worker_of(fleet, server.url, server.token, page) if fleet else nullcontext():
                     interrupts.wait()
                     logger.info("Ending: the arm is stopped, goals are canceled")
 

@@ -9,8 +9,22 @@ const summary = /** @type {HTMLElement} */ (document.getElementById("summary"));
 /**
  * @typedef {{arm: string, state: string, job: string, last: string, done: number, url: string,
  *   host: string}} Arm
- * @typedef {{queued: number, arms: Arm[]}} Fleet
+ * @typedef {{host: string, queued: number, arms: Arm[]}} Fleet
  */
+
+/**
+ * The page of an arm, or why there is no link to it.
+ *
+ * @param {Arm} arm
+ * @param {string} here - name of the machine of this page
+ */
+function link(arm, here) {
+  const parts = /^https?:\/\//.test(arm.url) && URL.canParse(arm.url) && new URL(arm.url);
+  if (!parts) return "its URL is not that of a page";
+  if (arm.host !== here && /^(localhost|127\..*|\[::1\])$/.test(parts.hostname))
+    return `its page is only on ${arm.host}; armtree serve --bind 0.0.0.0 --expose --host ${arm.host} shows it here`;
+  return parts;
+}
 
 /** @param {string} text @param {string} [style] */
 function cell(text, style = "") {
@@ -20,16 +34,18 @@ function cell(text, style = "") {
   return made;
 }
 
-/** @param {Arm} arm */
-function row(arm) {
+/** @param {Arm} arm @param {string} here */
+function row(arm, here) {
   const name = document.createElement("td");
-  if (/^https?:\/\//.test(arm.url)) {
-    const link = document.createElement("a");
-    link.href = arm.url;
-    link.textContent = arm.arm;
-    name.append(link);
+  const target = link(arm, here);
+  if (target instanceof URL) {
+    const anchor = document.createElement("a");
+    anchor.href = target.href;
+    anchor.textContent = arm.arm;
+    name.append(anchor);
   } else {
     name.textContent = arm.arm;
+    name.title = target;
   }
   const made = document.createElement("tr");
   made.append(
@@ -51,7 +67,7 @@ function show(fleet) {
   const states = Object.entries(counts).map(([state, count]) => `${count} ${state}`);
   summary.className = "";
   summary.textContent = `${fleet.arms.length} ${fleet.arms.length === 1 ? "arm" : "arms"}: ${states.join(", ") || "none has joined"}; ${fleet.queued} jobs queued`;
-  arms.replaceChildren(...fleet.arms.map(row));
+  arms.replaceChildren(...fleet.arms.map((arm) => row(arm, fleet.host)));
 }
 
 let shown = "";

@@ -153,6 +153,8 @@ def test_what_is_malformed_stops_nothing(url: str) -> None:
             await fleet.members.put("bench.strange", b"[]")
             await fleet.alive.put("bench.strange", b'{"worker": 5}')
             await fleet.jobs.put("a" * 32, b'"text"')
+            headers = {"Status": "404"}  # as at the end of an answer of NATS
+            await fleet.stream.publish("$KV.fleet_members.bench.other", b"7", headers=headers)
             assert [row.member.arm for row in await client.arms()] == ["bench.0"]
             assert [each.arm for each in await client.resume()] == ["bench.0"]
             await fleet.jobs.create(LOST_ID, to_bytes(lost()))
@@ -221,6 +223,31 @@ def test_a_worker_whose_name_was_taken_meanwhile_ends(url: str) -> None:
                 await asyncio.wait_for(running, 10)
             assert (await fleet.alive.get("bench.0")).value == other
             assert [*await fleet.values(Member)] == ["bench.0"]
+
+    asyncio.run(main())
+
+
+def test_malformed_values_of_its_own_do_not_end_a_worker(url: str) -> None:
+    async def main() -> None:
+        async with open_fleet(url, "test") as fleet:
+            arm = SimulatedArm()
+            worker = Worker(fleet, arm, "bench", "0", CLOCK, "http://bench.example:8765")
+            running = asyncio.create_task(worker.run())
+            job = await sent(fleet)
+            await arm.started.wait()
+            assert (await fleet.values(Member))["bench.0"].url == "http://bench.example:8765"
+            for bucket in (fleet.members, fleet.alive):
+                await bucket.put("bench.0", b"not JSON")
+            await fleet.jobs.put(job.identity, b"7")
+            arm.finish(job.identity)
+            async with asyncio.timeout(10):
+                while not (await fleet.values(Member) and await fleet.values(Presence)):
+                    await asyncio.sleep(0)
+                while (record := (await fleet.values(JobRecord)).get(job.identity)) is None:
+                    await asyncio.sleep(0)
+            assert (record.state, record.url) == ("SUCCEEDED", "http://bench.example:8765")
+            worker.end()
+            await running
 
     asyncio.run(main())
 
@@ -304,6 +331,7 @@ def test_a_malformed_request_is_answered_and_a_malformed_answer_ignored(url: str
                 b'{"job": "a", "job": "b"}',
                 b"{}",
                 b'{"job": ""}',
+                b'{"job": "../../arm/activate"}',
             ):
                 answer = await nats.request(control_subject("cancel", "bench.0"), body, 5.0)
                 assert json.loads(answer.data)["error"]

@@ -1,8 +1,12 @@
 """The page of a fleet: what it serves, and what a browser shows of it."""
 
+import socket
+import threading
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
+import uvicorn
 from prometheus_client.parser import text_string_to_metric_families
 from starlette.testclient import TestClient
 
@@ -10,6 +14,9 @@ from executive.fleet import web
 from executive.fleet.connection import GONE
 from executive.fleet.fleet_client import ArmRow
 from executive.fleet.values import Member, Presence
+from tests.support.servers.browsing import is_accessible, shows
+
+pytest_plugins = ["tests.support.servers.browser_fixtures"]
 
 ROWS = [
     ArmRow(
@@ -17,6 +24,8 @@ ROWS = [
         Presence("b" * 32, "busy", "a" * 32, "ok", 3),
     ),
     ArmRow(Member("bench.<b>", "javascript:alert(1)", "lab", "c" * 32, 1), None),
+    ArmRow(Member("bench.far", "http://127.0.0.1:8765", "lab", "d" * 32, 1), None),
+    ArmRow(Member("bench.near", "http://[::1]:8765", socket.gethostname(), "e" * 32, 1), None),
 ]
 
 
@@ -42,29 +51,29 @@ def stored() -> Stored:
 
 
 @pytest.fixture
-def browser(stored: Stored) -> Iterator[TestClient]:
+def requests(stored: Stored) -> Iterator[TestClient]:
     app = web.make_app(stored, stored)  # type: ignore[arg-type]
     with TestClient(app, base_url="http://127.0.0.1") as client:
         yield client
 
 
-def test_the_page_its_arms_and_its_files(browser: TestClient) -> None:
-    found = browser.get("/arms").json()
-    assert found["queued"] == 4
-    assert [each["state"] for each in found["arms"]] == ["busy", "gone"]
+def test_the_page_its_arms_and_its_files(requests: TestClient) -> None:
+    found = requests.get("/arms").json()
+    assert (found["queued"], found["host"]) == (4, socket.gethostname())
+    assert [each["state"] for each in found["arms"]] == ["busy", *["gone"] * 3]
     assert found["arms"][0]["url"] == "http://arm:8765"
     for path, kind in (("/", "text/html"), ("/fleet.js", "javascript"), ("/fleet.css", "text/css")):
-        answer = browser.get(path)
+        answer = requests.get(path)
         assert kind in answer.headers["content-type"]
         assert "default-src 'self'" in answer.headers["content-security-policy"]
-    assert browser.get("/../web.py").status_code == 404
-    assert browser.get("/arms", headers={"host": "evil.example"}).status_code == 400
-    assert browser.post("/arms").status_code == 405
+    assert requests.get("/../web.py").status_code == 404
+    assert requests.get("/arms", headers={"host": "evil.example"}).status_code == 400
+    assert requests.post("/arms").status_code == 405
 
 
-def test_the_figures_are_those_of_prometheus(browser: TestClient) -> None:
+def test_the_figures_are_those_of_prometheus(requests: TestClient) -> None:
     by = ("pool", "state", "code")
-    families = text_string_to_metric_families(browser.get("/metrics").text)
+    families = text_string_to_metric_families(requests.get("/metrics").text)
     figures = {
         (sample.name, *map(sample.labels.get, by)): sample.value
         for family in families
@@ -72,7 +81,7 @@ def test_the_figures_are_those_of_prometheus(browser: TestClient) -> None:
     }
     assert figures == {
         ("armtree_fleet_arms", "bench", "busy", None): 1,
-        ("armtree_fleet_arms", "bench", "gone", None): 1,
+        ("armtree_fleet_arms", "bench", "gone", None): 3,
         ("armtree_fleet_jobs_queued", None, None, None): 4,
         ("armtree_fleet_jobs_claimed", None, None, None): 1,
         ("armtree_fleet_jobs_ended_total", "bench", "SUCCEEDED", "ok"): 2,
@@ -80,8 +89,47 @@ def test_the_figures_are_those_of_prometheus(browser: TestClient) -> None:
     }
 
 
-def test_a_fleet_that_does_not_answer_is_named(browser: TestClient, stored: Stored) -> None:
+def test_a_fleet_that_does_not_answer_is_named(requests: TestClient, stored: Stored) -> None:
     for stored.error in (GONE[0](), TimeoutError("too slow")):
-        answer = browser.get("/arms")
+        answer = requests.get("/arms")
         assert answer.status_code == 503
         assert "NATS server does not answer" in answer.text
+
+
+@pytest.fixture
+def page(stored: Stored) -> Iterator[str]:
+    """The URL of the page of `stored`."""
+    app = web.make_app(stored, stored)  # type: ignore[arg-type]
+    config = uvicorn.Config(app, lifespan="off", log_config=None, timeout_graceful_shutdown=1)
+    server, listener = uvicorn.Server(config), web.listen(0)
+    thread = threading.Thread(target=server.run, args=([listener],))
+    thread.start()
+    yield f"http://127.0.0.1:{listener.getsockname()[1]}"
+    server.should_exit = True
+    thread.join()
+
+
+@pytest.mark.slow
+def test_a_browser_shows_the_arms_and_links_to_pages_that_it_can_reach(
+    page: str, stored: Stored, browser: Any
+) -> None:
+    problems: list[str] = []
+    tab = browser.new_page()
+    tab.on("pageerror", lambda error: problems.append(str(error)))
+    tab.goto(page)
+    shows(tab, "#summary", "^4 arms: 1 busy, 3 gone; 4 jobs queued$")
+    assert [each.inner_text() for each in tab.locator("#arms tr").first.locator("td").all()] == [
+        *("bench.arm-7", "busy", "a" * 32, "ok", "3", "lab")
+    ]
+    links = tab.eval_on_selector_all("#arms a", "all => all.map(a => [a.textContent, a.href])")
+    assert links == [["bench.arm-7", "http://arm:8765/"], ["bench.near", "http://[::1]:8765/"]]
+    assert tab.locator("#arms td", has_text="bench.<b>").get_attribute("title")
+    far = tab.locator("#arms td", has_text="bench.far").get_attribute("title")
+    assert "its page is only on lab; armtree serve --bind 0.0.0.0 --expose --host lab" in far
+    is_accessible(tab)
+    stored.error = TimeoutError("too slow")
+    shows(tab, "#summary", "^What follows is old: the NATS server does not answer: too slow$")
+    stored.error = None
+    shows(tab, "#summary", "^4 arms")
+    tab.close()
+    assert problems == []

@@ -5,6 +5,7 @@ from starlette.datastructures import Headers
 
 from executive.errors import RequestError
 from executive.server.security import AccessRules, host_names, is_loopback
+from executive.server.server import ListenOptions
 from tests.support.servers.serving import Serve
 
 pytest_plugins = ["tests.support.servers.server_fixtures"]
@@ -44,6 +45,23 @@ def test_names_of_the_server_are_accepted(host: str) -> None:
 )  # fmt: skip
 def test_another_host_is_refused(host: str) -> None:
     assert refused(("host", host)) == "request.host"
+
+
+@pytest.mark.parametrize(
+    ("options", "page"),
+    [
+        (ListenOptions(), "http://127.0.0.1:8765"),
+        (ListenOptions("::", expose=True), "http://[::1]:8765"),
+        (ListenOptions("192.0.2.7", expose=True), "http://192.0.2.7:8765"),
+        (ListenOptions("0.0.0.0", hosts=("arm-7", "b"), expose=True), "http://arm-7:8765"),
+        (
+            ListenOptions(hosts=("Robot.Example",), origins=("http://b", "https://robot.example")),
+            "https://robot.example",
+        ),
+    ],
+)
+def test_the_page_has_a_url_for_other_machines(options: ListenOptions, page: str) -> None:
+    assert options.page(8765) == page
 
 
 def test_port_80_may_be_left_out() -> None:

@@ -1,0 +1,92 @@
+"""`armtree fleet logs` fetches recordings from servers that arms have named."""
+
+import asyncio
+import threading
+from collections.abc import Iterator
+from http.server import BaseHTTPRequestHandler, HTTPServer
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from executive.fleet.errors import FleetError
+from executive.fleet.fleet_client import FleetClient
+from executive.fleet.programs import fetch_recording
+from executive.fleet.values import Job, JobRecord, Result
+
+JOB = Job("a" * 32, "bench", 1, {}, 1)
+
+
+class Stored(FleetClient):
+    """A fleet with one job.
+
+    Args:
+        url: URL that its arm has stored.
+        recording: Path that its arm has stored.
+    """
+
+    def __init__(self, url: str, recording: str) -> None:
+        result = Result("SUCCEEDED", "ok", "", recording=recording)
+        self._record = JobRecord(JOB, "bench.0", url, "b" * 32, 1, result=result, ended_ns=2)
+
+    async def job(self, identity: str) -> JobRecord:
+        """The record."""
+        return self._record
+
+
+@pytest.fixture
+def arm() -> Iterator[HTTPServer]:
+    """A server that sends a file to whoever has the token, and notes what it got."""
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            given = self.headers.get("authorization", "")
+            server.given.append((self.path, given))  # type: ignore[attr-defined]
+            right = given == "Bearer secret" or "open" in self.path
+            self.send_response(200 if right else 401)
+            self.send_header("content-length", "3")
+            self.end_headers()
+            self.wfile.write(b"run")
+
+        def log_message(self, *words: Any) -> None:
+            pass
+
+    server = HTTPServer(("127.0.0.1", 0), Handler)
+    server.given = []  # type: ignore[attr-defined]
+    threading.Thread(target=server.serve_forever, args=(0.01,), daemon=True).start()
+    yield server
+    server.shutdown()
+    server.server_close()
+
+
+def fetch(arm: HTTPServer, folder: Path, recording: str, named: bool = False) -> bytes:
+    url = f"http://127.0.0.1:{arm.server_port}"
+    client, server = Stored(url, f"recordings/{recording}"), url if named else None
+    return asyncio.run(fetch_recording(client, JOB.identity, folder, server)).read_bytes()
+
+
+def test_only_a_server_that_the_user_names_gets_the_token(
+    arm: HTTPServer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.setenv("ARMTREE_TOKEN", "secret")
+    with pytest.raises(FleetError, match=r"answers 401 .* --server URL"):
+        fetch(arm, tmp_path, "1.mcap")
+    assert fetch(arm, tmp_path, "open.mcap") == b"run"
+    assert fetch(arm, tmp_path, "1.mcap", named=True) == b"run"
+    path = "/api/recordings/{}/file".format
+    assert arm.given == [  # type: ignore[attr-defined]
+        (path("1.mcap"), ""),
+        (path("open.mcap"), ""),
+        (path("1.mcap"), "Bearer secret"),
+    ]
+
+
+def test_a_recording_replaces_no_file(arm: HTTPServer, tmp_path: Path) -> None:
+    for name in (".bashrc", "..", "a.toml", "b\\c.mcap", "open\n.mcap"):
+        with pytest.raises(FleetError, match="nothing was written"):
+            fetch(arm, tmp_path, name)
+    assert fetch(arm, tmp_path, "open.mcap") == b"run"
+    with pytest.raises(FleetError, match=r"exists; give another folder: -o"):
+        fetch(arm, tmp_path, "open.mcap")
+    assert [each.name for each in tmp_path.iterdir()] == ["open.mcap"]
