@@ -241,7 +241,9 @@ def test_malformed_values_of_its_own_do_not_end_a_worker(url: str) -> None:
             await fleet.jobs.put(job.identity, b"7")
             arm.finish(job.identity)
             async with asyncio.timeout(10):
-                while not (await fleet.values(Member) and await fleet.values(Presence)):
+                while not await fleet.values(Presence):
+                    await asyncio.sleep(0)
+                while not await fleet.values(Member):
                     await asyncio.sleep(0)
                 while (record := (await fleet.values(JobRecord)).get(job.identity)) is None:
                     await asyncio.sleep(0)

@@ -82,7 +82,7 @@ def test_a_request_that_is_repeated_brings_one_job_at_a_time(tmp_path: Path) -> 
             assert await asked is None
             await publish(fleet, HIGH)
             await publish(fleet, LOW)
-            found = []
+            found = list[str]()
             while len(found) < 2:
                 if message := await requests.next():
                     found.append(message.subject.split(".")[-1])
