@@ -194,6 +194,16 @@ class WebSocketConnection(_QueuedProtocol, WebSocketsSansIOProtocol):
         else:
             super().send_receive_event_to_app()
 
+    def shutdown(self) -> None:
+        """Close the connection when the server ends.
+
+        Without an answer to the handshake uvicorn would send one, and fail at the application's.
+        """
+        if self.handshake_complete:
+            super().shutdown()
+        else:
+            self.transport.close()
+
     @property
     def is_full(self) -> bool:
         """True if a message waits for the application."""
@@ -284,7 +294,13 @@ class HttpConnection(_QueuedProtocol, H11Protocol):
         self._update_head_timer()
 
     def handle_websocket_upgrade(self, event: h11.Request) -> None:
-        """End the timer when a WebSocket takes over."""
+        """End the timer when a WebSocket takes over.
+
+        Data that was sent before the answer is refused, as RFC 6455 section 4.1 allows none.
+        """
+        if self.conn.trailing_data[0] or self.fair_queue.has(self):
+            self.send_400_response("a WebSocket sends nothing before the answer to its handshake")
+            return
         self._end_head_timer()
         super().handle_websocket_upgrade(event)
 
@@ -300,6 +316,7 @@ class HttpConnection(_QueuedProtocol, H11Protocol):
             head = h11.Response(status_code=400, headers=headers, reason=STATUS_PHRASES[400])
             for event in (head, h11.Data(data=body), h11.EndOfMessage()):
                 self.transport.write(self.conn.send(event) or b"")
+        self.fair_queue.remove(self)
         self._discard()
         self.transport.close()
 

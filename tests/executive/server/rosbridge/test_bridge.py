@@ -1,5 +1,6 @@
 """rosbridge: unchanged clients of the original robot, and raw connections."""
 
+import asyncio
 import base64
 import contextlib
 import json
@@ -11,15 +12,17 @@ from contextlib import AbstractContextManager, suppress
 from typing import Any
 
 import pytest
+from starlette.websockets import WebSocket
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.frames import Frame, Opcode
 from websockets.sync.client import ClientConnection, connect
 
 from executive.goals import queue as goals
+from executive.server import server
 from executive.server.limits import connections, fair_queue
 from executive.server.rosbridge import bridge, protocol as ros
 from tests.support.paths import PEERS
-from tests.support.servers.foreign_clients import UPGRADE, raw
+from tests.support.servers.foreign_clients import UPGRADE, answer, raw
 from tests.support.servers.javascript import without_node
 from tests.support.servers.serving import Serve, Served
 
@@ -371,6 +374,43 @@ def test_a_cancel_is_not_queued(
         say(client, **cancel)
         assert heard(client, "action_result")["status"] == 5
         served.stop()  # the queue would not process their closing for years
+
+
+def test_messages_before_the_answer_to_the_handshake_are_refused(
+    serve: Serve, caplog: pytest.LogCaptureFixture
+) -> None:
+    served = serve(rosbridge=True)
+    asks = ("GET / HTTP/1.1", f"host: 127.0.0.1:{served.server.port}", *UPGRADE, "")
+    for length in (1, 3 * fair_queue.CHUNK):
+        with raw(served, *asks, "x" * length) as connection:
+            assert answer(connection).startswith(b"HTTP/1.1 400")
+    assert not [each.message for each in caplog.records if each.exc_info]
+
+
+def test_a_handshake_that_is_answered_after_the_end_of_the_server_is_no_error(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    begun, ended = threading.Event(), threading.Event()
+
+    async def refuse(_: object, websocket: WebSocket) -> None:
+        begun.set()
+        await asyncio.to_thread(ended.wait)
+        await websocket.close()
+
+    class Ending(connections.WebSocketConnection):
+        def shutdown(self) -> None:
+            super().shutdown()
+            ended.set()
+
+    monkeypatch.setattr(bridge.Bridge, "serve", refuse)
+    monkeypatch.setattr(server, "WebSocketConnection", Ending)
+    served = serve(rosbridge=True)
+    asks = ("GET / HTTP/1.1", f"host: 127.0.0.1:{served.server.port}", *UPGRADE, "")
+    with raw(served, *asks) as connection:
+        assert begun.wait(10)
+        served.stop()
+        assert answer(connection) == b""
+    assert not [each.message for each in caplog.records if each.exc_info]
 
 
 def test_a_client_that_does_not_read_is_dropped(
