@@ -335,7 +335,7 @@ class Executive:
         if transition == "activate":
             self._recordings.check_space()
             self._recordings.wait()  # the board boots next, and may move the arm
-            self.start_pose.activate(self._arm, pose)
+            self.start_pose.activate(self._arm, self._pool.start, pose)
             return self._arm.state
         if transition in ("deactivate", "shutdown") and self._arm.state is State.ACTIVE:
             # First, or the goal would report the stop as its cause.
@@ -389,7 +389,6 @@ class Executive:
         self.robot.require(Ability.TORQUE)
         if self.setup.single_user:
             if self._arm.state is State.UNCONFIGURED:
-                self._pool.start()  # as a goal does that activates the arm
                 self.arm_to("configure")
             if self._arm.state is State.INACTIVE:
                 self.arm_to("activate")

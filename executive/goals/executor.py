@@ -233,11 +233,11 @@ class GoalExecutor:
             raise self._arm.failure.with_traceback(None)
         self._recordings.check_space()
         if self._arm.state is State.UNCONFIGURED:
-            self._pool.start()  # it starts while the board boots
             self._arm.configure()
         if self._arm.state is State.INACTIVE:
             self._recordings.flush()  # the board boots next, and may move the arm
-            self._start_pose.activate(self._arm)
+            # The planners load NumPy, and their processes start, while the board boots.
+            self._start_pose.activate(self._arm, self._pool.start)
 
     def _discard(self, attempt: _Attempt) -> None:
         if attempt.tree:

@@ -1,5 +1,6 @@
 """The start pose of an activation: that of the robot file, or the one that a person confirms."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -73,18 +74,21 @@ class StartPose:
             )
         return last.positions
 
-    def activate(self, arm: Arm, confirmed: str | None = None) -> None:
+    def activate(
+        self, arm: Arm, meanwhile: Callable[[], None], confirmed: str | None = None
+    ) -> None:
         """Activate the arm in its start pose.
 
         Args:
             arm: The arm.
+            meanwhile: Called while the board boots; see `Arm.activate`.
             confirmed: Pose that a person confirms now.
 
         Raises:
             PoseUnconfirmed: As `find`.
             HardwareError: The activation failed.
         """
-        arm.activate(self.find(confirmed))
+        arm.activate(self.find(confirmed), meanwhile)
         self.note(arm.commanded)
 
     def note(self, positions: tuple[float, ...]) -> None:

@@ -51,6 +51,10 @@ def _ignore(event: ArmEvent) -> None:
     """Ignore an event."""
 
 
+def _nothing() -> None:
+    """Start nothing while the board boots."""
+
+
 def _at_once(timeout: float) -> bool:
     """Send the next frame at once."""
     return True
@@ -87,7 +91,7 @@ class Arm:
         self._link, self._clock, self._observe = link, clock, observe
         self._signal = clock.signal()
         self._canceled = self._faulting = False
-        self._start_pose = robot.boot_pose
+        self._start_pose, self._meanwhile = robot.boot_pose, _nothing
         self._refusal: HardwareError | None = None  # why the last request was refused
         self._failure: HardwareError | None = None  # the fault that ended the activation
         self._connection: Connection | None = None
@@ -155,12 +159,17 @@ class Arm:
         """
         self._request("configure", State.INACTIVE)
 
-    def activate(self, start_pose: tuple[float, ...] | None = None) -> None:
+    def activate(
+        self,
+        start_pose: tuple[float, ...] | None = None,
+        meanwhile: Callable[[], None] = _nothing,
+    ) -> None:
         """Open the port and wait for the board to boot. Most boards reset, which may move the arm.
 
         Args:
             start_pose: Pose of the arm when the port opens, one position per actuated joint [rad];
                 default: the start pose of the robot file.
+            meanwhile: Called when the port is open and the board boots. It must return quickly.
 
         Raises:
             LinkError: The port cannot be opened, and the arm stays inactive; or it was lost during
@@ -171,7 +180,7 @@ class Arm:
             ActivationStopped: `stop` was called during the boot.
             TransitionRefused: The transition is not legal now.
         """
-        self._start_pose = start_pose or self.robot.boot_pose
+        self._start_pose, self._meanwhile = start_pose or self.robot.boot_pose, meanwhile
         self._request("activate", State.ACTIVE)
         if connection := self._connection:
             connection.send_start_commands()
@@ -445,6 +454,7 @@ class Arm:
     def _boot(self, connection: Connection) -> None:
         """Wait until the board has booted: until it reports that, or for the boot wait."""
         session, until = connection.session, self._clock.now() + self.robot.serial.boot_wait
+        self._meanwhile()
         while True:
             connection.guard.poll()  # without the lock, because an observer is called
             with self._signal:

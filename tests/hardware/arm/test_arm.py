@@ -55,6 +55,13 @@ def test_activate_waits_for_the_boot_and_sends_nothing(rig: Rig) -> None:
     assert rig.frames == []
 
 
+def test_the_caller_works_while_the_board_boots(rig: Rig) -> None:
+    found: list[tuple[State, int, float]] = []
+    rig.arm.configure()
+    rig.arm.activate(meanwhile=lambda: found.append((rig.arm.state, rig.resets, rig.clock.now())))
+    assert found == [(State.ACTIVATING, 1, 0.0)]
+
+
 def test_edges_are_reported_in_order(rig: Rig) -> None:
     rig.start()
     rig.arm.deactivate()
