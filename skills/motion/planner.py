@@ -66,8 +66,9 @@ class Planner:
     def __init__(self, robot: Robot, clock: Clock | None = None) -> None:
         self._robot, self._clock = robot, clock or RealClock()
         self._model = RobotModel(robot)
+        self._endpoints = EndpointChecker(robot)
+        self._groups = {name: JointGroup(robot, name) for name in robot.groups}
         self._checkers = dict[World, CollisionChecker]()
-        self._groups = dict[str, EndpointChecker]()
         self.checker = self._checker(EMPTY)
 
     def prepare(self, world: World) -> None:
@@ -113,9 +114,8 @@ class Planner:
         with watch.stage("ends" if query.world in self._checkers else "world"):
             checker = self._checker(query.world)
         with watch.stage("ends"):
-            endpoints = self._endpoints(query.group)
-            start, points = endpoints.check(checker, query)
-            group = endpoints.group
+            group = self._group(query.group)
+            start, points = self._endpoints.check(query, group, checker)
         validator = MotionValidator(
             checker=checker,
             group=group,
@@ -126,35 +126,35 @@ class Planner:
             deadline=deadline,
         )
         with checker.within(deadline):
-            limits = group.limits_at(query.speed)
+            velocity, acceleration = group.limits_at(query.speed)
             for path in _paths(validator, points, query.seed, watch):
+                waypoints, curve = path
                 with watch.stage("time"):
-                    profile = time_curve(path[1], *limits)
+                    profile = time_curve(curve, velocity, acceleration, group.most_acceleration)
                 if profile:
                     break
             assert profile, "a path that stops at every waypoint can be timed"
-            waypoints, curve = path
-        with watch.stage("time"):
-            plan = Plan(
-                group=query.group,
-                joints=group.names,
-                start=start,
-                origin=points[0],
-                goal=waypoints[-1],
-                seed=query.seed,
-                velocity=limits[0],
-                acceleration=limits[1],
-                waypoints=waypoints,
-                curve=curve,
-                profile=profile.within_sum(curve, group.most_acceleration),
-                milliseconds=watch.milliseconds,  # the same dictionary: later stages are added
-            )
-            _check_duration(plan, group)
-            deadline.check()
-        if not curve.straight:
-            with watch.stage("check"), checker.within(deadline):
-                verify_plan(validator, plan)
+            with watch.stage("time"):
+                plan = Plan(
+                    group=query.group,
+                    joints=group.names,
+                    start=start,
+                    origin=points[0],
+                    goal=waypoints[-1],
+                    seed=query.seed,
+                    velocity=velocity,
+                    acceleration=acceleration,
+                    waypoints=waypoints,
+                    curve=curve,
+                    profile=profile,
+                    milliseconds=watch.milliseconds,  # the same dictionary: later stages are added
+                )
+                _check_duration(plan, group)
                 deadline.check()
+            if not curve.straight:
+                with watch.stage("check"):
+                    verify_plan(validator, plan)
+                    deadline.check()
         return plan
 
     def verify(self, request: Verify) -> None:
@@ -168,7 +168,7 @@ class Planner:
         check_types(request)
         deadline, checker = Deadline(self._clock, request.timeout), self._checker(request.world)
         with checker.within(deadline):
-            verify_rows(checker, checker.scene.lever_arms, self._model.joints, request, deadline)
+            verify_rows(checker, request, deadline)
 
     def reach(self, query: ToolQuery) -> Reached:
         """Return joint positions that bring the tool to the query's point.
@@ -179,7 +179,7 @@ class Planner:
         """
         check_types(query)
         checker, deadline = self._checker(query.world), Deadline(self._clock, query.timeout)
-        group = self._endpoints(query.group).group
+        group = self._group(query.group)
         with checker.within(deadline):
             return solve_ik(self._robot, self._model, group, checker, query, deadline)
 
@@ -194,16 +194,9 @@ class Planner:
         watch = Stopwatch(self._clock)
         check_rest(request)
         start = joint_positions("start", request.start, self._robot.actuated)
-        group = self._endpoints(request.plan.group).group
-        if request.plan.joints != group.names:
-            moves, own = ", ".join(request.plan.joints), ", ".join(group.names)
-            raise BadQuery(
-                f"The plan moves {moves}, but {request.plan.group} has {own}; plan again"
-            )
+        group = self._group(request.plan.group)
         with watch.stage("time"):
-            plan = remaining_plan(request.plan, request.time, start, group.columns)
-            profile = plan.profile.within_sum(plan.curve, group.most_acceleration)
-        plan = dataclasses.replace(plan, profile=profile)
+            plan = remaining_plan(request, start, group)
         _check_duration(plan, group)
         return dataclasses.replace(plan, milliseconds=watch.milliseconds)
 
@@ -219,10 +212,10 @@ class Planner:
         positions = joint_positions("position", request.positions, self._robot.actuated)
         return self._checker(EMPTY).scene.attached(body, request.link, positions)
 
-    def _endpoints(self, group: str) -> EndpointChecker:
-        if group not in self._groups:
-            self._groups[group] = EndpointChecker(self._robot, JointGroup(self._robot, group))
-        return self._groups[group]
+    def _group(self, name: str) -> JointGroup:
+        if name not in self._groups:
+            raise BadQuery.group(name, self._groups)
+        return self._groups[name]
 
     def _checker(self, world: World) -> CollisionChecker:
         """Return the checker of a world. Those of the empty and of the latest worlds are kept."""

@@ -25,18 +25,14 @@ _MAX_SPARE = 1.0  # largest distance to keep beyond the robot's margin [m]
 
 
 class EndpointChecker:
-    """Checks the endpoints of queries for one group.
+    """Checks the endpoints of queries.
 
     Args:
         robot: The robot.
-        group: The group that moves.
-
-    Attributes:
-        group: The group that moves.
     """
 
-    def __init__(self, robot: Robot, group: JointGroup) -> None:
-        self.group, self._actuated, self._margin = group, robot.actuated, robot.collision.margin
+    def __init__(self, robot: Robot) -> None:
+        self._actuated, self._margin = robot.actuated, robot.collision.margin
         columns = {joint.name: i for i, joint in enumerate(self._actuated)}
         # For each joint: column, multiplier and offset of its position, and the joint.
         self._positions = [
@@ -46,12 +42,15 @@ class EndpointChecker:
             for joint in robot.joints
         ]
 
-    def check(self, checker: CollisionChecker, query: Query) -> tuple[Array, Array]:
+    def check(
+        self, query: Query, group: JointGroup, checker: CollisionChecker
+    ) -> tuple[Array, Array]:
         """Check a query and return its endpoints.
 
         Args:
-            checker: Checks configurations in the query's world.
             query: The query.
+            group: The group that moves.
+            checker: Checks configurations in the query's world.
 
         Returns:
             All actuated joints at the start (A,), and the group's joints at start, via points and
@@ -61,7 +60,6 @@ class EndpointChecker:
             BadQuery, NotFinite, StartOutOfBounds, GoalOutOfBounds, StartInCollision,
             GoalInCollision: The first that applies, in this order. A via point counts as a goal.
         """
-        group = self.group
         check_seed(query.seed)
         if not is_number(query.spare, 0.0, _MAX_SPARE):
             raise BadQuery(f"The spare is {shown(query.spare)} m; give 0 to {_MAX_SPARE:g}")

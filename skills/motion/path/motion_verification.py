@@ -49,20 +49,11 @@ def verify_plan(validator: MotionValidator, plan: Plan) -> None:
         raise MotionCollides(0, time, *contact, validator.margin)
 
 
-def verify_rows(
-    checker: CollisionChecker,
-    lever_arms: Array,
-    joints: Sequence[str],
-    request: Verify,
-    deadline: Deadline,
-) -> None:
+def verify_rows(checker: CollisionChecker, request: Verify, deadline: Deadline) -> None:
     """Check a motion along its rows, in steps that travel less than the margin.
 
     Args:
         checker: Checks configurations in the request's world.
-        lever_arms: Bounds on the travel of each pair of links per unit of each actuated joint
-            (P, A) [m/rad].
-        joints: Names of the actuated joints (A).
         request: The motion.
         deadline: Deadline of the request.
 
@@ -71,12 +62,12 @@ def verify_rows(
         BadQuery, NotFinite: The request is not valid.
         PlanTimeout: The deadline passed.
     """
-    rows, times = _check_request(request, joints)
+    rows, times = _check_request(request, checker.scene.robot_model.joints)
     step = max(request.margin, MIN_STEP)
     if invalid := checker.first_invalid_contact(rows[:1], request.margin):
         time = None if times is None else float(times[0])
         raise MotionCollides(0, time, *invalid[1], request.margin)
-    for chunk in _places(rows, lever_arms, step):
+    for chunk in _places(rows, checker.scene.lever_arms, step):
         deadline.check()
         points = _interpolate(rows, chunk)
         hit = checker.first_collision(points, request.margin)

@@ -45,7 +45,8 @@ def limits_met(plan: Plan) -> list[Limit]:
     if not times.size:
         return []
     interval = np.searchsorted(plan.profile.times, times, side="right") - 1
-    ratios = plan.profile.acceleration_ratios(plan.curve, plan.acceleration)
+    slopes = plan.curve.intervals(plan.profile.positions)
+    ratios = plan.profile.acceleration_ratios(slopes, plan.acceleration)
     scale = _largest_between_stops(plan, ratios)
     reached = ratios >= _AT_LIMIT * scale
     top = _AT_LIMIT * np.sqrt(scale[interval]) * plan.velocity

@@ -5,11 +5,11 @@ import sys
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skills.motion.arrays import Array, norms
 from skills.motion.errors import BadQuery, NotFinite, shown
 from skills.motion.query import Rest
+from skills.motion.robot_model.joint_group import JointGroup
 from skills.motion.trajectory.curve import Curve
 from skills.motion.trajectory.plan import Plan
 from skills.motion.validation import is_number
@@ -35,20 +35,24 @@ def check_rest(request: Rest) -> None:
         raise BadQuery("The limits of the plan are not above 0; give a Plan of this planner")
 
 
-def remaining_plan(plan: Plan, time: float, start: Array, columns: NDArray[np.intp]) -> Plan:
+def remaining_plan(request: Rest, start: Array, group: JointGroup) -> Plan:
     """Return the same path from the point of the stop, timed again from standstill.
 
     Args:
-        plan: The motion.
-        time: Time of the stop, from the motion's start [s].
+        request: A request that `check_rest` accepts.
         start: All actuated joints at the stop (A,) [rad].
-        columns: Indices of the plan's joints in `start` (J,).
+        group: The group that moves.
 
     Raises:
-        BadQuery: The arm is not on the path, or the rest cannot be timed.
+        BadQuery: The plan is of other joints, the arm is not on the path, or the rest cannot be
+            timed.
     """
-    place = float(plan.profile.at(np.clip(np.array([time]), 0.0, plan.duration))[0][0])
-    curve, origin = plan.curve.after(place), start[columns]
+    plan = request.plan
+    if plan.joints != group.names:
+        moves, own = ", ".join(plan.joints), ", ".join(group.names)
+        raise BadQuery(f"The plan moves {moves}, but {plan.group} has {own}; plan again")
+    place = float(plan.profile.at(np.clip(np.array([request.time]), 0.0, plan.duration))[0][0])
+    curve, origin = plan.curve.after(place), start[group.columns]
     if not np.allclose(curve.constant[0], origin, rtol=0.0, atol=_SHORT):
         raise BadQuery("The arm is not where the motion was stopped; plan again")
     waypoints = np.vstack((origin, _waypoints_ahead(plan.waypoints, curve.length)))
@@ -56,7 +60,7 @@ def remaining_plan(plan: Plan, time: float, start: Array, columns: NDArray[np.in
         curve = Curve.point(plan.goal)
     elif curve.length <= _SHORT:
         curve = Curve.line(origin, plan.goal)
-    profile = time_curve(curve, plan.velocity, plan.acceleration)
+    profile = time_curve(curve, plan.velocity, plan.acceleration, group.most_acceleration)
     if profile is None:
         raise BadQuery("The rest of the motion cannot be timed; plan again")
     return replace(

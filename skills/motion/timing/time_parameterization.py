@@ -1,5 +1,6 @@
 """Time parameterization of a curve: time-optimal under velocity and acceleration limits."""
 
+import math
 from itertools import pairwise
 
 import numpy as np
@@ -11,13 +12,17 @@ from skills.motion.trajectory.time_law import TimeLaw
 from .toppra import time_section
 
 
-def time_curve(curve: Curve, velocity: Array, acceleration: Array) -> TimeLaw | None:
+def time_curve(
+    curve: Curve, velocity: Array, acceleration: Array, acceleration_sum: float = math.inf
+) -> TimeLaw | None:
     """Return the time law of a curve, at rest at both ends and at its stops.
 
     Args:
         curve: The path.
         velocity: Velocity limits (J,) [rad/s].
         acceleration: Acceleration limits (J,) [rad/s2].
+        acceleration_sum: Largest sum of the absolute accelerations of all joints [rad/s2]. If the
+            motion exceeds it, all of it is slowed down.
 
     Returns:
         The time law, or None if it would have to stop between. That happens on blends only.
@@ -30,7 +35,7 @@ def time_curve(curve: Curve, velocity: Array, acceleration: Array) -> TimeLaw | 
         if part is None:
             return None
         whole = whole.then(part) if whole else part
-    return whole
+    return whole and whole.within_sum(curve, acceleration_sum)
 
 
 def _time_section(

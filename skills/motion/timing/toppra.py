@@ -20,7 +20,7 @@ is taken at each grid point of a pass; the rest is computed for all intervals at
 import numpy as np
 
 from skills.motion.arrays import Array
-from skills.motion.trajectory.curve import Curve
+from skills.motion.trajectory.curve import Curve, Slopes
 from skills.motion.trajectory.time_law import TimeLaw
 
 _INTERVALS = 40  # approximate number of grid intervals per section
@@ -46,20 +46,21 @@ def time_section(
     Returns:
         The time law, or None if the motion would have to stop in between.
     """
-    grid = _grid(curve, breaks, velocity, acceleration)
-    polygons = _Polygons(curve, grid, acceleration)
-    most = _max_squares(*curve.intervals(grid)[:2], velocity)
+    grid = _grid(breaks, curve.intervals(breaks), velocity, acceleration)
+    slopes = curve.intervals(grid)
+    polygons = _Polygons(grid, slopes, acceleration)
+    most = _max_squares(slopes, velocity)
     for _ in range(_MAX_SOLUTIONS):
         squares = polygons.solve(most)
         if not np.all(squares[1:] + squares[:-1] > 0.0):  # also if one is NaN
             return None
         law = _time_law(grid, np.sqrt(squares))
-        fast = _speed_ratios(curve, law, velocity)
+        fast = _speed_ratios(law, slopes, velocity)
         if fast.max() <= _SLIGHTLY:
             break
         around = np.maximum([*fast, 1.0], [1.0, *fast])  # of the intervals at each grid point
         most = np.where(around > 1.0, np.minimum(most, squares / np.square(around)), most)
-    hard = law.acceleration_ratios(curve, acceleration).max()
+    hard = law.acceleration_ratios(slopes, acceleration).max()
     return law.slowed(max(1.0, float(fast.max()), float(np.sqrt(hard))))
 
 
@@ -67,13 +68,13 @@ class _Polygons:
     """All (x, y) that keep the acceleration limits, for each interval of a grid.
 
     Args:
-        curve: The path.
         grid: Ends of the intervals (K + 1,).
+        slopes: Derivatives of the curve in the intervals.
         acceleration: Acceleration limits (J,) [rad/s2].
     """
 
-    def __init__(self, curve: Curve, grid: Array, acceleration: Array) -> None:
-        lower, upper, second = curve.intervals(grid)
+    def __init__(self, grid: Array, slopes: Slopes, acceleration: Array) -> None:
+        lower, upper, second = slopes
         double = 2.0 * np.diff(grid)[:, None]
         # The limits at the lower end of each interval, and those at its upper end.
         a = np.hstack((double * second - lower, -upper))
@@ -145,23 +146,23 @@ def _strips(a: Array, b: Array, c: Array) -> tuple[Array, Array]:
         return np.where(used, b / divisor, 0.0), np.where(used, c / abs(divisor), np.inf)
 
 
-def _max_squares(lower: Array, upper: Array, velocity: Array) -> Array:
+def _max_squares(slopes: Slopes, velocity: Array) -> Array:
     """Return the largest squared path speed at each grid point (K + 1,)."""
-    steepest = np.vstack((abs(lower), np.zeros_like(lower[:1])))
-    steepest[1:] = np.maximum(steepest[1:], abs(upper))
+    steepest = np.vstack((abs(slopes.lower), np.zeros_like(slopes.lower[:1])))
+    steepest[1:] = np.maximum(steepest[1:], abs(slopes.upper))
     with np.errstate(divide="ignore", over="ignore"):  # a joint at rest limits nothing
         speeds = np.min(velocity / steepest, axis=1)
     squares: Array = np.minimum(speeds, _MAX_SPEED) ** 2
     return squares
 
 
-def _grid(curve: Curve, breaks: Array, velocity: Array, acceleration: Array) -> Array:
+def _grid(breaks: Array, pieces: Slopes, velocity: Array, acceleration: Array) -> Array:
     """Return the grid: all breaks, even points between, and the ends of the first and last ramp.
 
     The latter make the time law exact on the lines at both ends.
     """
     even = _even_grid(breaks)
-    lower, upper, second = curve.intervals(breaks)
+    lower, upper, second = pieces
     with np.errstate(divide="ignore", over="ignore"):
         speeds = [np.min(velocity / abs(slope)) for slope in (lower[0], upper[-1])]
         pushes = [np.min(acceleration / abs(slope)) for slope in (lower[0], upper[-1])]
@@ -188,13 +189,13 @@ def _time_law(grid: Array, speeds: Array) -> TimeLaw:
     return TimeLaw(times, grid, speeds, accelerations)
 
 
-def _speed_ratios(curve: Curve, law: TimeLaw, velocity: Array) -> Array:
+def _speed_ratios(law: TimeLaw, slopes: Slopes, velocity: Array) -> Array:
     """Return the largest joint speed in each interval, as a share of its limit (K,).
 
     Within an interval its square is p(s)^2 x(s), with p and x linear in s. Its maximum is at an
     end, or where 2 p' x + p x' = 0.
     """
-    p0, _, p1 = curve.intervals(law.positions)
+    p0, _, p1 = slopes
     squares, steps = np.square(law.speeds)[:, None], np.diff(law.positions)[:, None]
     x0, x1 = squares[:-1], np.diff(squares, axis=0) / steps
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):

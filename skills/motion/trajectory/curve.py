@@ -10,6 +10,7 @@ so dq/ds changes linearly from d to e and is continuous, and |dq/ds| <= 1.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,20 @@ from numpy.typing import NDArray
 from skills.motion.arrays import Array, norms, readonly
 
 _SAME = 1e-9  # a break less than this ahead counts as passed: no piece is too short to be timed
+
+
+class Slopes(NamedTuple):
+    """Derivatives of a curve in intervals of s, each within one piece.
+
+    Attributes:
+        lower: dq/ds at the lower ends (K, J).
+        upper: dq/ds at the upper ends (K, J).
+        second: d2q/ds2 (K, J) [1/rad].
+    """
+
+    lower: Array
+    upper: Array
+    second: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,19 +143,12 @@ class Curve:
         i, _ = self._piece(s)
         return 2.0 * self.quadratic[i]
 
-    def intervals(self, grid: Array) -> tuple[Array, Array, Array]:
-        """Return the derivatives in intervals of s, each within one piece.
-
-        Args:
-            grid: Ends of the intervals (K + 1,).
-
-        Returns:
-            dq/ds at the lower ends and at the upper ends, and d2q/ds2, each (K, J).
-        """
+    def intervals(self, grid: Array) -> Slopes:
+        """Return the derivatives in intervals of s, by the ends of the intervals (K + 1,)."""
         i, _ = self._piece(0.5 * (grid[:-1] + grid[1:]))
         second = 2.0 * self.quadratic[i]
         lower, upper = ((s - self.breaks[i])[:, None] for s in (grid[:-1], grid[1:]))
-        return self.linear[i] + lower * second, self.linear[i] + upper * second, second
+        return Slopes(self.linear[i] + lower * second, self.linear[i] + upper * second, second)
 
     def _piece(self, s: Array) -> tuple[NDArray[np.intp], Array]:
         i = np.searchsorted(self.breaks[1:-1], s, side="right")

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from skills.motion.arrays import Array, readonly
 
-from .curve import Curve
+from .curve import Curve, Slopes
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,19 +76,19 @@ class TimeLaw:
         position = self.positions[k] + dt * (self.speeds[k] + 0.5 * acceleration * dt)
         return np.clip(position, 0.0, self.positions[-1]), speed, acceleration
 
-    def acceleration_ratios(self, curve: Curve, acceleration: Array) -> Array:
+    def acceleration_ratios(self, slopes: Slopes, acceleration: Array) -> Array:
         """Return the largest acceleration of each joint between two knots, divided by its limit.
 
         It is linear in s there, so it is largest at one of the two knots.
 
         Args:
-            curve: The path.
+            slopes: Derivatives of the path between the knots.
             acceleration: Acceleration limits (J,) [rad/s2].
 
         Returns:
             Ratios (K - 1, J).
         """
-        ratios: Array = np.maximum(*self._accelerations_at_knots(curve)) / acceleration
+        ratios: Array = np.maximum(*self._accelerations_at_knots(slopes)) / acceleration
         return ratios
 
     def within_sum(self, curve: Curve, most: float) -> "TimeLaw":
@@ -100,15 +100,14 @@ class TimeLaw:
         """
         if most == math.inf:
             return self
-        sums = [
-            np.max(each.sum(axis=1), initial=0.0) for each in self._accelerations_at_knots(curve)
-        ]
+        ends = self._accelerations_at_knots(curve.intervals(self.positions))
+        sums = [np.max(each.sum(axis=1), initial=0.0) for each in ends]
         factor = math.sqrt(float(max(sums)) / most)
         return self.slowed(factor) if factor > 1.0 else self
 
-    def _accelerations_at_knots(self, curve: Curve) -> tuple[Array, Array]:
+    def _accelerations_at_knots(self, slopes: Slopes) -> tuple[Array, Array]:
         """Return the absolute accelerations at both ends of each interval, (K - 1, J) each."""
-        lower, upper, second = curve.intervals(self.positions)
+        lower, upper, second = slopes
         push, squares = self.accelerations[:-1, None], np.square(self.speeds)[:, None]
         first, last = lower * push + second * squares[:-1], upper * push + second * squares[1:]
         return abs(first), abs(last)
