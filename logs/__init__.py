@@ -28,6 +28,7 @@ if typing.TYPE_CHECKING:
     from .reading.recording import Recording as Recording
     from .records.packing import pack as pack, unpack as unpack
     from .records.records import (
+        HALTED as HALTED,
         MOVE as MOVE,
         Attachment as Attachment,
         Description as Description,
@@ -46,6 +47,7 @@ if typing.TYPE_CHECKING:
         Sent as Sent,
         Transition as Transition,
         goal_title as goal_title,
+        shown_status as shown_status,
     )
     from .views.run_figure import plot as plot
     from .views.table import table as table

@@ -3,11 +3,9 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from logs import RecordingError
+from logs import RecordingError, shown_status
 from logs.views.timeline import Row, timeline
 from trees.export.outline import Entry
-
-_STATES = {"INVALID": "HALTED"}  # INVALID after RUNNING
 
 
 def tree_of(path: Path) -> Entry:
@@ -33,8 +31,8 @@ def _entry(rows: Sequence[Row], number: int) -> Entry:
             break
         if rows[child].depth == row.depth + 1:
             below.append(_entry(rows, child))
-    last = row.spans[-1].state if row.spans else "INVALID"
-    state = _STATES.get(last, last) if row.spans else last
+    states = ["", "INVALID", *(each.state for each in row.spans)]
+    state = shown_status(states[-1], states[-2])
     return Entry(row.name, row.name, tuple(below), state=state, note=_note(row))
 
 

@@ -215,6 +215,19 @@ class NodeStatus:
     message: str
 
 
+HALTED = "HALTED"  # INVALID after RUNNING, as people see it
+
+
+def shown_status(status: str, before: str) -> str:
+    """Return the status of a node as people see it: `HALTED` if it was interrupted.
+
+    Args:
+        status: Its recorded status.
+        before: Its status before; empty for none.
+    """
+    return HALTED if status == "INVALID" and before == "RUNNING" else status
+
+
 @dataclass(frozen=True, slots=True)
 class Plan:
     """A planner's query and its answer; N samples, W waypoints, V via points, J joints.

@@ -33,6 +33,11 @@ _MEMORY = {
 }
 
 
+_IF = "there is no if: a selector runs its nodes until one succeeds; begin it with the "
+_ONE_CASE = f"{_IF}inverted condition"
+_TWO_CASES = f"{_IF}sequence of one case, which begins with the condition"
+
+
 class _Reactive:
     """What nodes without memory add: ticks while a later child runs, to repeat the children."""
 
@@ -118,6 +123,7 @@ class SelectorKind(_InTurn):
     with_memory, reactive = composites.Selector, ReactiveSelector
     groot_tag = "Fallback"
     synonyms = ("fallback",)
+    keywords = {"else": _TWO_CASES, "if": _ONE_CASE, "then": _ONE_CASE}
 
     def possible_outcomes(self, node: Node) -> PossibleOutcomes:
         """Return the possible outcomes, and report children that are never reached."""

@@ -70,6 +70,9 @@ class GuardKind(ControlNodeKind):
         "every": duration("period of the checks", 0.1, least=0.01),
     }
     condition = "while"
+    keywords = {
+        "do": "there is no do: a guard runs its node while a condition holds; write guard: for do:"
+    }
     may_halt = True
 
     def make(

@@ -122,6 +122,8 @@ class ControlNodeKind(ABC):
             the context, and the options by name.
         groot_tag: Name of the node of BehaviorTree.CPP that does the same, if it has no ports.
         synonyms: Words of other languages and libraries for it, for corrections.
+        keywords: Keywords of programming languages that it stands for, but that take other nodes
+            below them; each with the message for it.
     """
 
     name: ClassVar[str]
@@ -137,6 +139,7 @@ class ControlNodeKind(ABC):
     node: ClassVar[Callable[..., Behaviour]]
     groot_tag: ClassVar[str] = ""
     synonyms: ClassVar[tuple[str, ...]] = ()
+    keywords: ClassVar[Mapping[str, str]] = {}
 
     def __init_subclass__(cls, register: bool = True) -> None:
         """Register the kind."""

@@ -22,11 +22,6 @@ _WORDS = re.compile(r"[a-z]+( [a-z]+)+")
 _EXAMPLES = {"integer": "3", "duration": "1 s"}  # of an option, by type
 _FILES = {"subtree": ("with", "name"), "task": ("with", "name")}
 
-_IF = "there is no if: a selector runs its nodes until one succeeds; begin it with the "
-_ONE_CASE = f"{_IF}inverted condition"
-_TWO_CASES = f"{_IF}sequence of one case, which begins with the condition"
-_WHILE = "there is no do: a guard runs its node while a condition holds; write guard: for do:"
-_OTHER_WORDS = {"else": _TWO_CASES, "if": _ONE_CASE, "then": _ONE_CASE, "do": _WHILE}
 _AMOUNT = re.compile(r"[0-9.]+ ?([a-z]+)?")
 
 
@@ -71,7 +66,7 @@ class NodeParser:
         if isinstance(value.value, list) and value.value:
             margin = " " * (value.place.column - 1)
             instead = Correction(f"{margin}sequence:", value.place.line, 0)
-        elif keys.keys() <= _OTHER_WORDS.keys() and {"if", "then"} <= keys.keys():
+        elif {"if", "then"} <= keys.keys() <= {"if", "then", "else"}:
             instead = replaced_block(value.place, _as_selector(keys))
         self._wrong(value.place, _no_node(value, tuple(keys)), instead)
         return self._broken(value, keys)
@@ -425,7 +420,8 @@ def _no_node(value: Located, keys: tuple[str, ...]) -> str:
     if not keys:
         what = "nothing" if value.value is None else str(value)
         return f"a node is a skill, a subtree, or a control node such as sequence, not {what}"
-    if other := next((why for word, why in _OTHER_WORDS.items() if word in keys), ""):
+    messages = (item for kind in _kinds().values() for item in kind.keywords.items())
+    if other := next((why for word, why in messages if word in keys), ""):
         return other
     near = "".join(did_you_mean(head) for head in _likely(keys).values())
     heads = [key for key in keys if key in _heads() or key[:1].isupper()]

@@ -2,8 +2,9 @@
 
 from dataclasses import dataclass
 
+from logs import shown_status
+
 RUNNING, INVALID = "RUNNING", "INVALID"
-HALTED = "HALTED"  # INVALID after RUNNING
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,8 +26,7 @@ class NodeState:
         """Return the state after a change of status at a time [s]."""
         began, ended, starts = self.began, self.ended, self.starts
         ran, runs = self.status == RUNNING, status == RUNNING
-        if status == INVALID and ran:
-            status = HALTED
+        status = shown_status(status, self.status)
         if time == (began if runs else ended) or (status == INVALID and not ran):
             return NodeState(status, began, ended, starts)  # it was known
         if runs or not ran:  # it may start and end within one tick

@@ -19,7 +19,7 @@ from hardware.printable import printable
 
 from .joint_rows import joint_rows
 from .run_state import RunState
-from .tree_rows import HALTED, Row, tree_rows
+from .tree_rows import Row, tree_rows
 
 # status: glyph, its style, style of the name
 _STYLES = {
@@ -27,7 +27,7 @@ _STYLES = {
     "RUNNING": ("▶", "cyan", "bold"),
     "SUCCESS": ("✓", "green", ""),
     "FAILURE": ("✗", "red", ""),
-    HALTED: ("■", "yellow", ""),
+    logs.HALTED: ("■", "yellow", ""),
 }
 _OUTCOMES = {GoalState.SUCCEEDED: "green", GoalState.CANCELED: "yellow", GoalState.ABORTED: "red"}
 _PERIOD = 0.1  # between two pictures [s]

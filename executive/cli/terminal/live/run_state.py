@@ -8,8 +8,6 @@ from executive.api.events import Where
 from executive.api.outcome import Outcome
 from hardware.printable import printable
 
-from .tree_rows import HALTED
-
 
 @dataclass(slots=True)
 class RunState:
@@ -94,11 +92,10 @@ class RunState:
         self.percentage = 100 if state == "SUCCEEDED" else self.percentage
 
     def _node(self, record: logs.NodeStatus) -> None:
-        record = replace(record, name=printable(record.name), message=printable(record.message))
-        before = self.nodes.get(record.path)
-        if record.status == "INVALID" and before and before.status == "RUNNING":
-            record = replace(record, status=HALTED)
-        self.nodes[record.path] = record
+        before = self.nodes[record.path].status if record.path in self.nodes else ""
+        status = logs.shown_status(record.status, before)
+        name, message = printable(record.name), printable(record.message)
+        self.nodes[record.path] = replace(record, status=status, name=name, message=message)
 
     def _schedule(self, record: logs.Schedule) -> None:
         self.positions = record.start

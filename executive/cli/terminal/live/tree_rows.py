@@ -7,10 +7,9 @@ from itertools import islice
 
 import logs
 
-HALTED = "HALTED"  # INVALID after RUNNING
-_AT_WORK = ("RUNNING", HALTED)
+_AT_WORK = ("RUNNING", logs.HALTED)
 _ALL = 1 << 30
-_COUNTS = {"SUCCESS": "done", "FAILURE": "failed", HALTED: "stopped", "INVALID": "to come"}
+_COUNTS = {"SUCCESS": "done", "FAILURE": "failed", logs.HALTED: "stopped", "INVALID": "to come"}
 
 # How much is folded, from nothing to most: levels shown below a node that is not at work, and
 # siblings shown on each side of one that is, where -1 means not even how many they are.

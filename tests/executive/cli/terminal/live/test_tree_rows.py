@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import pytest
 
 import logs
-from executive.cli.terminal.live.tree_rows import HALTED, Row, tree_rows
+from executive.cli.terminal.live.tree_rows import Row, tree_rows
 
 
 def nodes(statuses: Mapping[str, str]) -> dict[str, logs.NodeStatus]:
@@ -36,7 +36,7 @@ def test_what_is_done_is_folded_first() -> None:
     assert rows[1].message == "2 nodes"
 
 
-@pytest.mark.parametrize("status", ["RUNNING", HALTED])
+@pytest.mark.parametrize("status", ["RUNNING", logs.HALTED])
 @pytest.mark.parametrize("most", [2, 3, 5, 8, 20])
 def test_the_node_at_work_is_shown_with_its_neighbours(most: int, status: str) -> None:
     rows = tree_rows(flat(200, status, 300), most)
