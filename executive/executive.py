@@ -50,7 +50,7 @@ from .goals.event_subscribers import EventSubscribers
 from .goals.executor import GoalExecutor
 from .goals.history import load_goal_history
 from .goals.mailbox import Mailbox
-from .goals.move_task import move_text, read_move
+from .goals.moves.move_task import move_text, read_move
 from .goals.queue import GoalQueue
 from .goals.start_pose import StartPose
 from .goals.stop import GoalStopper

@@ -29,13 +29,12 @@ if typing.TYPE_CHECKING:
     from .clock import Clock as Clock, RealClock as RealClock, SimulatedClock as SimulatedClock
     from .description.robot import CollisionRules as CollisionRules, Robot as Robot, Tool as Tool
     from .description.robot_file import load_robot as load_robot, shipped_robots as shipped_robots
-    from .drivers.board_protocol import BoardProtocol as BoardProtocol
+    from .drivers.board_protocol import BoardProtocol as BoardProtocol, Measurement as Measurement
     from .drivers.firmware_profile import (
         Ability as Ability,
         Firmware as Firmware,
         Words as Words,
     )
-    from .drivers.measurement import Measurement as Measurement
     from .drivers.virtual.in_process_link import BoardLink as BoardLink
     from .drivers.wire_format import Frame as Frame
     from .errors import (

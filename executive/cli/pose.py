@@ -61,7 +61,7 @@ def save(
       armtree pose save left
       armtree pose save half_open --group gripper
     """  # noqa: D301
-    from executive.goals.poses import save_where
+    from executive.goals.moves.poses import save_where
     from hardware import load_robot
     from skills import BadTarget
 
@@ -83,7 +83,7 @@ def save(
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object per pose.")
 def ls(robot: Path | None, trees: Path | None, as_json: bool) -> None:
     """List the poses, their joints, and where they are from."""
-    from executive.goals.poses import listed_poses
+    from executive.goals.moves.poses import listed_poses
 
     loaded, library = load_library(trees, robot)
     for name, positions, source in listed_poses(loaded, library):
@@ -100,7 +100,7 @@ def ls(robot: Path | None, trees: Path | None, as_json: bool) -> None:
 @click.option("--json", "as_json", is_flag=True, help="Print a JSON object.")
 def show(name: str, robot: Path | None, trees: Path | None, as_json: bool) -> None:
     """Print the joints of a pose, the point of the tool, and where the pose is from."""
-    from executive.goals.poses import listed_poses
+    from executive.goals.moves.poses import listed_poses
     from hardware.spelling import choices
     from trees.errors import PoseUnknown
 

@@ -22,7 +22,7 @@ from trees.errors import BadArguments, FileError
 from .breakpoints import Breakpoints
 from .goal import Goal
 from .mailbox import Mailbox
-from .move_task import draft_move
+from .moves.move_task import draft_move
 from .queue import GoalQueue
 from .run_loop import Run, decide_outcome
 from .start_pose import StartPose

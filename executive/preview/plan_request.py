@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
-from executive.goals.goal_words import TASK, Poses, is_point, read_value, read_words
+from executive.goals.moves.goal_words import TASK, Poses, is_point, read_value, read_words
 from hardware import Robot
 from skills import (
     TOOL_PORTS,

@@ -11,8 +11,8 @@ from typing import ParamSpec, Self, TypeVar
 
 from hardware.clock import Clock, RealClock
 from hardware.description.robot import Robot
+from hardware.drivers.board_protocol import Measurement
 from hardware.drivers.firmware_profile import Ability
-from hardware.drivers.measurement import Measurement
 from hardware.errors import (
     ActivationStopped,
     HardwareError,

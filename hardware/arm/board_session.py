@@ -3,8 +3,7 @@
 import threading
 from collections.abc import Sequence
 
-from hardware.drivers.board_protocol import BoardProtocol
-from hardware.drivers.measurement import Measurement
+from hardware.drivers.board_protocol import BoardProtocol, Measurement
 from hardware.drivers.wire_format import Frame
 
 

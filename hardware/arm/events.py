@@ -5,7 +5,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from hardware.drivers.measurement import Measurement
+from hardware.drivers.board_protocol import Measurement
 from hardware.errors import HardwareError
 
 from .lifecycle import State

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 
 from hardware.description.robot import Robot
-from hardware.drivers.measurement import Measurement
+from hardware.drivers.board_protocol import Measurement
 from hardware.errors import InterfaceClaimed, InterfaceUnknown, StaleGeneration
 from hardware.joints import Joint
 

@@ -5,7 +5,7 @@ import math
 from collections.abc import Collection, Sequence
 
 from hardware.description.guards import Guards
-from hardware.drivers.measurement import Measurement
+from hardware.drivers.board_protocol import Measurement
 from hardware.errors import (
     JointNotFollowing,
     JointStalled,

@@ -1,10 +1,29 @@
-"""The protocol of a board: messages in both directions, other than frames."""
+"""The protocol of a board: messages in both directions, other than frames, and what it measures."""
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
-from .measurement import Measurement
 from .wire_format import Frame
+
+
+@dataclass(frozen=True, slots=True)
+class Measurement:
+    """Measured values, one per actuated joint. What the board does not measure is empty.
+
+    Attributes:
+        position: Positions [rad].
+        velocity: Velocities [rad/s].
+        effort: Parts of the largest torque of the servo, from -1 to 1.
+        temperature: Temperatures of the servos [C].
+        voltage: Voltages of their supply [V].
+    """
+
+    position: tuple[float, ...]
+    velocity: tuple[float, ...] = ()
+    effort: tuple[float, ...] = ()
+    temperature: tuple[float, ...] = ()
+    voltage: tuple[float, ...] = ()
 
 
 class BoardProtocol:

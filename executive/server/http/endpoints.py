@@ -16,7 +16,7 @@ from executive.api.schemas import MAX_LISTED
 from executive.errors import BadRequest, NotFound, NotHeld, ResultTimeout, TooMuch
 from executive.executive import Executive
 from executive.goals.breakpoints import check_node
-from executive.goals.poses import listed_poses, remove_own, save_where
+from executive.goals.moves.poses import listed_poses, remove_own, save_where
 from executive.goals.questions import Questions
 from executive.server.errors import http_status
 from executive.server.event_hub import EventHub

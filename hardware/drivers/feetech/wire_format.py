@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from hardware.drivers.measurement import Measurement
+from hardware.drivers.board_protocol import Measurement
 from hardware.drivers.wire_format import Frame
 from hardware.joints import Joint, check_positions
 

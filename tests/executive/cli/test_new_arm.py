@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from executive.cli.main import cli
-from executive.goals.goal_words import read_words
+from executive.goals.moves.goal_words import read_words
 from executive.replay.verification import verify
 from executive.testing import SimulatedArm
 from hardware import DescriptionError, load_robot

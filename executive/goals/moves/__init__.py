@@ -1,0 +1,1 @@
+"""Moves: their words, the task that they become, and poses."""
