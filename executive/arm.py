@@ -12,7 +12,8 @@ from typing import Any, Self
 
 from hardware import VIRTUAL, SerialLink, load_robot
 from skills import Operator
-from trees.errors import EXAMPLES, SHIPPED_ROBOT
+from trees import EXAMPLES
+from trees.errors import SHIPPED_ROBOT
 from trees.reading.library import with_robot
 
 from .api.codes import OK

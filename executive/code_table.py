@@ -3,7 +3,7 @@
 An error class carries its code, exit status and hint, and its docstring begins with the meaning.
 """
 
-from hardware.errors import ArmtreeError
+from hardware import ArmtreeError
 
 from .api.codes import DIFFERS, INTERNAL, ROWS, Code
 

@@ -7,7 +7,7 @@ goal) and ClientError. Every error has a stable `code`, and its message says wha
 from collections.abc import Mapping
 from typing import Any
 
-from hardware.errors import ArmtreeError, HardwareError, WriteRefused
+from hardware import ArmtreeError, HardwareError, WriteRefused
 from logs import goal_title
 from trees import FileError
 

@@ -24,8 +24,8 @@ from hardware import (
     State,
     StateChanged,
     TransitionRefused,
+    utc_ns,
 )
-from hardware.clock import utc_ns
 from logs import MOVE, goal_title, unpack
 from skills import (
     Context,

@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import logs
-from hardware import VIRTUAL, Clock, Link, RealClock, Robot
-from hardware.clock import utc_ns
+from hardware import VIRTUAL, Clock, Link, RealClock, Robot, utc_ns
 from logs.writing.retention import Rule, prune
 from skills import Leader, Operator
 from skills.motion import Pool

@@ -26,7 +26,12 @@ if typing.TYPE_CHECKING:
         servo_path as servo_path,
     )
     from .arm.streamer import Playback as Playback, PlaybackState as PlaybackState
-    from .clock import Clock as Clock, RealClock as RealClock, SimulatedClock as SimulatedClock
+    from .clock import (
+        Clock as Clock,
+        RealClock as RealClock,
+        SimulatedClock as SimulatedClock,
+        utc_ns as utc_ns,
+    )
     from .description.robot import CollisionRules as CollisionRules, Robot as Robot, Tool as Tool
     from .description.robot_file import load_robot as load_robot, shipped_robots as shipped_robots
     from .drivers.board_protocol import BoardProtocol as BoardProtocol, Measurement as Measurement
@@ -39,6 +44,7 @@ if typing.TYPE_CHECKING:
     from .drivers.wire_format import Frame as Frame
     from .errors import (
         ActivationStopped as ActivationStopped,
+        ArmtreeError as ArmtreeError,
         BadPosition as BadPosition,
         CancelTimeout as CancelTimeout,
         DescriptionError as DescriptionError,
@@ -50,7 +56,9 @@ if typing.TYPE_CHECKING:
         TransitionRefused as TransitionRefused,
         WriteRefused as WriteRefused,
     )
+    from .files import read_file as read_file, write_file as write_file
     from .joints import (
+        DISPLAY_UNITS as DISPLAY_UNITS,
         Joint as Joint,
         Mimic as Mimic,
         check_position as check_position,

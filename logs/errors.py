@@ -6,7 +6,7 @@ The root is LogError. Every error has a stable `code`, and its message says what
 import errno
 from pathlib import Path
 
-from hardware.errors import ArmtreeError
+from hardware import ArmtreeError
 
 # Numbers of the operating system's errors for a full disk, and for a full quota.
 DISK_FULL = (errno.ENOSPC, errno.EDQUOT)

@@ -6,7 +6,7 @@ The root is SkillError. Below it, TaskFailed is for tasks that failed by their o
 from collections.abc import Sequence
 from typing import Self, TypeVar
 
-from hardware.errors import ArmtreeError, BadPosition, HardwareError
+from hardware import ArmtreeError, BadPosition, HardwareError
 
 from .motion.errors import MotionError
 

@@ -23,12 +23,17 @@ CROWDED = {
     "executive": "one folder per part (servers, clients, fleets), beside the ways to open an arm",
     "executive/server/page/static/views": "one file per part of the page",
     "hardware": "one folder per part, beside what all rooms share: clock, files, errors, spelling",
+    "skills": "the base classes and interfaces of skills, beside one folder each for leaves and motion",
     "skills/leaves": "one file per skill",
+    "skills/motion": "one folder per step of a plan, beside the values that all steps share",
     "executive/cli": "one file per group of commands; their helpers are in support/ and terminal/",
     "tests": "one folder per room and per kind of test",
     "tests/faults/rows": "one file per part that fails",
     "tests/executive": "one folder per part, as the code",
     "tests/executive/cli": "one file per group of commands, as the code",
+    "tests/executive/server": "one file per promise of the server",
+    "tests/hardware/arm": "one file per promise of the arm",
+    "tests/skills/motion": "one file per kind of arm and request, beside the folders of the code",
 }
 # Files that import others by name, and why.
 LOADERS = {
@@ -38,7 +43,7 @@ LOADERS = {
     "trees.nodes": "in the order in which messages list the kinds",
     "executive.cli.support.command_group": "a command when it is typed, from the table of `main`",
 }
-SIBLINGS = 14  # about a dozen
+SIBLINGS = 13  # about a dozen
 LINES = 600
 
 
@@ -98,6 +103,26 @@ def test_rooms_import_only_rooms_below() -> None:
         for other in others
         if (room := name.partition(".")[0]) != (below := other.partition(".")[0])
         and below not in BELOW[room]
+    ]
+    assert wrong == []
+
+
+def test_what_a_room_exports_is_imported_from_it() -> None:
+    exported = {
+        (".".join((room, str(node.module))), alias.name)
+        for room in BELOW
+        for node in ast.walk(ast.parse((ROOT / room / "__init__.py").read_text()))
+        if isinstance(node, ast.ImportFrom) and node.level
+        for alias in node.names
+    }
+    wrong = [
+        f"{name}: from {node.module} import {alias.name}"
+        for name, path in MODULES.items()
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.ImportFrom) and node.module and not node.level
+        if name.partition(".")[0] != node.module.partition(".")[0]
+        for alias in node.names
+        if (node.module, alias.name) in exported
     ]
     assert wrong == []
 

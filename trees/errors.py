@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Self
 
-from hardware.errors import ArmtreeError
+from hardware import ArmtreeError
 from hardware.spelling import there_are
 
 SHIPPED_ROBOT = "arduinobot"  # name of the robot that the shipped tasks and examples are for

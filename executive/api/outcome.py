@@ -11,7 +11,7 @@ from enum import Enum
 from typing import Any, TypeVar
 
 import logs
-from hardware.errors import ArmtreeError
+from hardware import ArmtreeError
 from hardware.printable import plural
 
 from .codes import CANCELED, INTERNAL, OK, ROWS

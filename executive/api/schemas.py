@@ -4,8 +4,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
-from hardware import State
-from hardware.joints import DISPLAY_UNITS
+from hardware import DISPLAY_UNITS, State
 
 from .events import UNITS, Policy
 from .outcome import CancelCode, Cause, GoalState, Outcome

@@ -215,7 +215,7 @@ def diff(one: Path, other: Path, output: Path | None, as_json: bool) -> None:
 @_JSON
 def plot(recordings: tuple[Path, ...], output: Path | None, as_json: bool) -> None:
     """Draw joint positions, timing and scenes of recordings."""
-    from logs.views.run_figure import plot as draw
+    from logs import plot as draw
 
     if output and len(recordings) > 1:
         raise click.UsageError("--output needs exactly one recording")
@@ -308,7 +308,7 @@ def prune(folder: Path, days: float | None, mb: float | None, dry_run: bool, as_
     Example:
       armtree log prune --days 30 --mb 500 --dry-run
     """  # noqa: D301
-    from hardware.clock import RealClock, utc_ns
+    from hardware import RealClock, utc_ns
     from logs.writing.retention import Rule, prune as delete_old
 
     if days is None and mb is None:

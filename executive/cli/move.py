@@ -27,8 +27,7 @@ from .terminal.streams import echo, echo_result
 if TYPE_CHECKING:
     from executive.api.events import Where
     from executive.api.move import Move
-    from hardware import Robot
-    from hardware.joints import Joint
+    from hardware import Joint, Robot
 
 
 def _moving(function: Callable[..., "Move"]) -> Callable[..., None]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from hardware.joints import DISPLAY_UNITS
+from hardware import DISPLAY_UNITS
 from hardware.printable import plural, printable
 
 from .settings import PATH, Whole, option

@@ -2,7 +2,7 @@
 
 import re
 
-from hardware.errors import ArmtreeError
+from hardware import ArmtreeError
 
 _NAME = re.compile(r"[A-Za-z0-9_-]{1,32}")
 

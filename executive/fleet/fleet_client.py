@@ -12,8 +12,7 @@ from nats.js.errors import KeyWrongLastSequenceError, NotFoundError
 
 from executive.api import strict_json
 from executive.api.outcome import CANCELED_CAUSE, GoalState
-from hardware import Clock
-from hardware.clock import utc_ns
+from hardware import Clock, utc_ns
 
 from .connection import ALIVE, JOBS, Fleet, consumer_of, control_subject, job_subject
 from .errors import (

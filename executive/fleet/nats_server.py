@@ -15,8 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from executive.api import token_file
-from hardware import Clock
-from hardware.files import read_file
+from hardware import Clock, read_file
 
 from .errors import FleetMissing, FleetUnsafe, NotStarted
 

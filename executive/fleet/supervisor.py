@@ -9,8 +9,7 @@ from dataclasses import replace
 from nats.js.errors import KeyWrongLastSequenceError
 
 from executive.api.outcome import cause_of
-from hardware import Clock
-from hardware.clock import utc_ns
+from hardware import Clock, utc_ns
 
 from .connection import ALIVE_SECONDS, GONE, Fleet
 from .errors import ArmLost

@@ -20,8 +20,7 @@ from executive.api.events import Status
 from executive.api.outcome import CancelResult, GoalState, GoalStatus, Outcome, cause_for, cause_of
 from executive.client.values import Task
 from executive.errors import ClientError, Refused
-from hardware import Clock, State
-from hardware.clock import utc_ns
+from hardware import Clock, State, utc_ns
 
 from .connection import ALIVE_SECONDS, GONE, Fleet, control_subject
 from .errors import ArmLost, BadJob, DeadlinePassed, FleetError, NameTaken

@@ -14,10 +14,10 @@ from executive.recording.recordings import Recordings
 from hardware import ActivationStopped, HardwareError, State
 from skills import Context, SkillError
 from skills.motion import MotionError
-from trees import Library, Located, TaskFile, TreeError, UnknownTask
+from trees import FileError, Library, Located, TaskFile, TreeError, UnknownTask
 from trees.build import Tree, build
 from trees.compile.arguments import located
-from trees.errors import BadArguments, FileError
+from trees.errors import BadArguments
 
 from .breakpoints import Breakpoints
 from .goal import Goal

@@ -22,8 +22,7 @@ from executive.api.outcome import (
     cause_of,
 )
 from executive.errors import ExecutorBlocked, GoalPreempted, ResultTimeout, UnknownGoal
-from hardware import Clock
-from hardware.clock import utc_ns
+from hardware import Clock, utc_ns
 from logs import goal_title
 from trees import Located
 

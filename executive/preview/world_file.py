@@ -4,8 +4,7 @@ from pathlib import Path
 
 from executive.api import strict_json
 from executive.errors import BadWorldFile
-from hardware import Robot
-from hardware.files import read_file
+from hardware import Robot, read_file
 from skills.motion import BadWorld, World
 from skills.motion.collision.planning_scene import PlanningScene
 from trees import Mistake, Place

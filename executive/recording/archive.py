@@ -16,10 +16,9 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from hardware import Robot, load_robot
+from hardware import Robot, load_robot, read_file
 from hardware.description.meshes import MAX_MESH_BYTES
 from hardware.description.urdf import UrdfError
-from hardware.files import read_file
 from logs import Attachment, Recording, RecordingError, pack
 from skills.motion import World
 

@@ -11,8 +11,7 @@ from pathlib import Path
 
 import logs
 from executive.api.outcome import GoalState, GoalStatus, Outcome
-from hardware import Ability, ArmEvent, Clock, Robot, State
-from hardware.clock import utc_ns
+from hardware import Ability, ArmEvent, Clock, Robot, State, utc_ns
 from logs.writing.compaction_process import CompactionProcess, shared_process
 from skills import Planned, SkillEvent
 from trees.build import Tree

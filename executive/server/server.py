@@ -21,8 +21,7 @@ from executive.api.strict_json import MAX_BYTES
 from executive.errors import AddressInUse, ServerError, TooFewFiles
 from executive.executive import Executive
 from executive.goals.questions import Questions, ignore
-from hardware import Clock
-from hardware.clock import utc_ns
+from hardware import Clock, utc_ns
 from trees.live_library import LiveLibrary
 
 from .event_hub import EventHub

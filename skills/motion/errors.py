@@ -10,8 +10,7 @@ from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import Any
 
-from hardware.errors import ArmtreeError
-from hardware.joints import DISPLAY_UNITS
+from hardware import DISPLAY_UNITS, ArmtreeError
 
 
 class MotionError(ArmtreeError):

@@ -19,8 +19,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from hardware import MAX_DURATION, Clock, RealClock, Robot
-from hardware.joints import DISPLAY_UNITS
+from hardware import DISPLAY_UNITS, MAX_DURATION, Clock, RealClock, Robot
 
 from .arrays import Array, joint_positions, norms
 from .collision.checker import CollisionChecker

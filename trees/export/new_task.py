@@ -6,9 +6,7 @@ from collections.abc import Collection
 from itertools import count
 from pathlib import Path
 
-from hardware import Robot
-from hardware.files import write_file
-from hardware.joints import DISPLAY_UNITS
+from hardware import DISPLAY_UNITS, Robot, write_file
 from trees.errors import FileError
 from trees.reading.library import Library
 

@@ -9,9 +9,7 @@ from pathlib import Path
 from ruamel.yaml import YAML
 from ruamel.yaml.nodes import CollectionNode, Node
 
-from hardware import Robot
-from hardware.files import write_file
-from hardware.joints import Joint
+from hardware import Joint, Robot, write_file
 from hardware.spelling import choices
 from trees.declarations import UNITS
 from trees.errors import FileError, Mistake, Place, PoseUnknown

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
 
-from hardware import Robot
-from hardware.files import write_file
+from hardware import Robot, write_file
 from hardware.printable import plural
 from skills import wait_node
 from trees.declarations import Declaration

@@ -27,7 +27,7 @@ from ruamel.yaml.events import (
     StreamEndEvent,
 )
 
-from hardware.files import read_file
+from hardware import read_file
 from trees.errors import FileError, Mistake, Place
 
 MAX_BYTES = 256 * 1024

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
-from hardware.joints import DISPLAY_UNITS
+from hardware import DISPLAY_UNITS
 from hardware.printable import plural
 from hardware.spelling import choices, closest, did_you_mean, there_are
 from trees.declarations import ANY, LIST, UNITS, Declaration, type_fits, words

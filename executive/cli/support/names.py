@@ -144,8 +144,8 @@ def recordings_folder(context: click.Context) -> Path:
 @completing
 def complete_recording(context: click.Context, word: str) -> Iterator[tuple[str, str]]:
     """Complete the name of a recording in the folder of recordings."""
+    from logs import goal_title
     from logs.reading.find import LATEST, runs
-    from logs.records.records import goal_title
 
     yield LATEST, "the last run"
     if word.startswith(LATEST):

@@ -15,8 +15,7 @@ from executive.api.move import LEADER, Move
 from executive.api.outcome import Outcome
 from executive.cli.terminal.jog_screen import JogArm, outcome_words
 from executive.cli.terminal.key_screen import KeyScreen
-from hardware import HardwareError, State
-from hardware.joints import DISPLAY_UNITS
+from hardware import DISPLAY_UNITS, HardwareError, State
 from skills import Blocked
 
 _REDRAW = 0.1  # [s]

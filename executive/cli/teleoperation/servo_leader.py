@@ -3,8 +3,18 @@
 from collections.abc import Callable
 from contextlib import suppress
 
-from hardware import Arm, ArmEvent, Faulted, HardwareError, Link, Measured, RealClock, Robot, State
-from hardware.drivers.firmware_profile import Ability
+from hardware import (
+    Ability,
+    Arm,
+    ArmEvent,
+    Faulted,
+    HardwareError,
+    Link,
+    Measured,
+    RealClock,
+    Robot,
+    State,
+)
 from skills import Blocked
 
 

@@ -7,7 +7,7 @@ from typing import Self
 
 from executive.api.events import Where
 from executive.api.move import HOME, Move
-from hardware.joints import DISPLAY_UNITS
+from hardware import DISPLAY_UNITS
 from hardware.printable import plural
 
 from .keyboard import DELETE, DOWN, ENTER, ESCAPE, LEFT, RIGHT, UP, key_name

@@ -25,7 +25,7 @@ from executive.server.metrics import Metrics
 from executive.server.page.robot_shapes import RobotScene
 from executive.server.security import is_authenticated
 from executive.server.sign_in import SignIn
-from hardware.clock import utc_ns
+from hardware import utc_ns
 from trees.live_library import LiveLibrary
 
 from .recording_endpoints import RecordingEndpoints

@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from executive.errors import NotFound
-from hardware import Robot
+from hardware import Robot, read_file
 from hardware.description.urdf import Shape, UrdfError, UrdfJoint
-from hardware.files import read_file
 
 MAX_MESH_BYTES = 2**24
 MESH_KIND = ".stl"  # other meshes are not shown, but the collision shape of their link is

@@ -20,8 +20,7 @@ from executive.errors import UnknownGoal
 from executive.executive import Executive
 from executive.server.event_hub import EventHub
 from executive.server.limits.cancel_thread import CancelThread
-from hardware import Ability, joint_positions
-from hardware.clock import utc_ns
+from hardware import Ability, joint_positions, utc_ns
 
 from . import protocol as ros
 
