@@ -23,7 +23,7 @@ CROWDED = {
     "executive": "one folder per part (servers, clients, fleets), beside the ways to open an arm",
     "executive/server/page/static/views": "one file per part of the page",
     "hardware": "one folder per part, beside what all rooms share: clock, files, errors, spelling",
-    "skills": "the base classes and interfaces of skills, beside one folder each for leaves and motion",
+    "skills": "base classes and interfaces of skills, beside the folders of leaves and motion",
     "skills/leaves": "one file per skill",
     "skills/motion": "one folder per step of a plan, beside the values that all steps share",
     "executive/cli": "one file per group of commands; their helpers are in support/ and terminal/",

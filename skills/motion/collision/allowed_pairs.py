@@ -11,14 +11,14 @@ import numpy as np
 
 from hardware import Joint, Robot
 from hardware.description.neighbours import adjacent_links
-from skills.motion.arrays import Array, Mask
+from skills.motion.arrays import Array
 from skills.motion.robot_model.robot_model import RobotModel
 
-from .broad_phase import BATCH
 from .checker import CollisionChecker, Contact
 from .planning_scene import PlanningScene
 
 _SAMPLES = 10_000
+_ROUGH = 500  # samples in which the hulls of a pair are checked before
 _EXACT = 200  # samples in which the exact shapes of a pair are checked
 _ALWAYS = 0.95  # share of samples in contact from which a pair counts as always in contact
 # Hulls that never come closer than the margin and this, in any sample, never touch [m]: between two
@@ -68,37 +68,35 @@ def find_allowed_pairs(
         BadWorld: There are too many pairs of shapes.
     """
     margin, samples = robot.collision.margin, _random(robot, seed)
-    model = RobotModel(robot)
-    scene = _scene(robot, model, ())
-    pairs = scene.hulls.collisionPairs
-    names = [_names(scene, pair.first, pair.second) for pair in pairs]
+    scene = _scene(robot, ())
+    names = scene.linked_pairs(scene.hulls)
     adjacent = adjacent_links(robot.description, {link for pair in names for link in pair})
     checker, reasons = CollisionChecker(scene), dict[tuple[str, str], str]()
     for k, pair in enumerate(names):
+        only = frozenset((k,))
         if frozenset(pair) in adjacent:
             reasons[pair] = "adjacent"
-        elif not _near(checker, samples, margin + _RESERVE, k).any():
+        elif not checker.hulls_near(samples, margin + _RESERVE, only).any():
             reasons[pair] = "never"
-        elif _near(checker, samples[:BATCH], margin, k).mean() >= _ALWAYS:
+        elif checker.hulls_near(samples[:_ROUGH], margin, only).mean() >= _ALWAYS:
             rows = samples[:_EXACT]
-            hits = [checker.first_collision(q[None, :], margin, frozenset((k,))) == 0 for q in rows]
+            hits = [checker.first_collision(q[None, :], margin, only) == 0 for q in rows]
             if np.mean(hits) >= _ALWAYS:
                 reasons[pair] = "always"
-    checker = CollisionChecker(_scene(robot, model, reasons))
-    boot = robot.boot_pose
-    if not _free(checker, boot, margin):
-        middle = tuple(0.5 * sum(_range(joint)) for joint in robot.actuated)
-        boot = middle if _free(checker, middle, margin) else boot
-    while not _free(checker, boot, margin):
-        contact = checker.nearest(boot)
-        assert contact
-        reasons[contact.first, contact.second] = "default"
-        checker = CollisionChecker(_scene(robot, model, reasons))
+    checker = CollisionChecker(_scene(robot, reasons, scene.robot_model))
+    middle = tuple(0.5 * sum(_range(joint)) for joint in robot.actuated)
+    starts = robot.boot_pose, middle
+    boot = next((each for each in starts if _free(checker, each, margin)), robot.boot_pose)
+    while invalid := checker.first_invalid_contact(np.array([boot]), margin):
+        reasons[invalid[1].first, invalid[1].second] = "default"
+        checker = CollisionChecker(_scene(robot, reasons, scene.robot_model))
     free = {name: _free_pose(robot, checker, boot, pose) for name, pose in poses.items()}
-    return AllowedPairs(reasons, len(pairs), boot, checker.nearest(boot), free)
+    return AllowedPairs(reasons, len(names), boot, checker.nearest(boot), free)
 
 
-def _scene(robot: Robot, model: RobotModel, allowed: Iterable[tuple[str, str]]) -> PlanningScene:
+def _scene(
+    robot: Robot, allowed: Iterable[tuple[str, str]], model: RobotModel | None = None
+) -> PlanningScene:
     rules = replace(robot.collision, allowed=frozenset(map(frozenset, allowed)))
     return PlanningScene(replace(robot, collision=rules), robot_model=model)
 
@@ -117,16 +115,6 @@ def _free_pose(
             break
     positions = zip(robot.actuated, row, strict=True)
     return {joint.name: float(q) for joint, q in positions if joint.name in pose}
-
-
-def _names(scene: PlanningScene, first: int, second: int) -> tuple[str, str]:
-    return scene.link(scene.hulls, first), scene.link(scene.hulls, second)
-
-
-def _near(checker: CollisionChecker, rows: Array, margin: float, pair: int) -> Mask:
-    """Return for each configuration whether the hulls of a pair are closer than a margin (N,)."""
-    parts = [rows[begin : begin + BATCH] for begin in range(0, len(rows), BATCH)]
-    return np.concatenate([checker.hulls_near(part, margin, frozenset((pair,))) for part in parts])
 
 
 def _free(checker: CollisionChecker, configuration: tuple[float, ...], margin: float) -> bool:

@@ -234,7 +234,7 @@ class CollisionChecker:
         """Return True for each configuration with hulls closer than a margin (N,).
 
         Args:
-            configurations: All actuated joints, at most `BATCH` rows (N, A) [rad].
+            configurations: All actuated joints (N, A) [rad].
             margin: Distance to keep [m].
             pairs: Pairs of `scene.hulls` to check.
         """

@@ -49,8 +49,8 @@ class SignedDistance:
         self._scene, self._data, self._placed = scene, data, placed
         self._containment = containment
         self._placed_hulls = scene.hulls.createData()
-        pairs = {links: k for k, links in enumerate(_linked_pairs(scene, scene.hulls))}
-        self._hull_pairs = [pairs[links] for links in _linked_pairs(scene, scene.exact)]
+        pairs = {links: k for k, links in enumerate(scene.linked_pairs(scene.hulls))}
+        self._hull_pairs = [pairs[links] for links in scene.linked_pairs(scene.exact)]
 
     def nearest(self, q: Array) -> tuple[int, float]:
         """Return the pair of `scene.exact` that is deepest, or else closest, and its distance [m].
@@ -174,9 +174,3 @@ class SignedDistance:
         pose = self._placed.oMg[index]
         moved = coal.Transform3s(pose.rotation, pose.translation + shift)
         return self._scene.exact.geometryObjects[index].geometry, moved
-
-
-def _linked_pairs(scene: PlanningScene, geometry: pin.GeometryModel) -> list[tuple[str, str]]:
-    """Return the two links of each pair of a geometry."""
-    links = [scene.link(geometry, index) for index in range(len(geometry.geometryObjects))]
-    return [(links[pair.first], links[pair.second]) for pair in geometry.collisionPairs]

@@ -92,6 +92,11 @@ class PlanningScene:
             return str(shape.name)
         return str(self.kinematics.frames[shape.parentFrame].name)
 
+    def linked_pairs(self, geometry: pin.GeometryModel) -> list[tuple[str, str]]:
+        """Return the two links of each pair of a geometry."""
+        links = [self.link(geometry, index) for index in range(len(geometry.geometryObjects))]
+        return [(links[pair.first], links[pair.second]) for pair in geometry.collisionPairs]
+
     def is_body(self, geometry: pin.GeometryModel, index: int) -> bool:
         """Return True if a shape is a body of the world, and False if it is part of the robot."""
         return geometry.geometryObjects[index].name in self._bodies
