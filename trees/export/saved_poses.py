@@ -83,21 +83,19 @@ def create_poses(
     """Create the poses file of a robot that has none.
 
     Args:
-        robot: The robot.
+        robot: The robot. None of its name ships, so there are no other poses.
         folder: Folder of the user's files. It is created if it does not exist.
         poses: Joint positions by joint name [rad], [m], by the name of the pose.
         comment: Lines for the head of the file.
 
     Returns:
-        The file; None if it exists already, or if a shipped pose has one of these names.
+        The file; None if it exists already.
 
     Raises:
-        FileError: A file is wrong, or this one cannot be written.
+        FileError: It cannot be written.
     """
-    library = Library(folder if folder.is_dir() else None, robot.name)
     path = folder / robot.name / POSES
-    known = {name for file in library.draft_poses()[0] for name in file.poses}
-    if path.exists() or known & poses.keys():
+    if path.exists():
         return None
     lines = [f"# Poses of the {robot.name}. A pose can replace joint values in any task."]
     lines += [*(f"# {line}" for line in comment.splitlines()), "poses:"]
