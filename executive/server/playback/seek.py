@@ -386,4 +386,4 @@ def _lateness(message: logs.Message) -> tuple[float, float] | None:
 def _positions(message: logs.Message) -> dict[str, float]:
     """Return the positions in a message of the joints' states, by joint."""
     data = message.data
-    return dict(zip(data.name, data.position.tolist(), strict=False))
+    return dict(zip(data.name, data.position, strict=False))
