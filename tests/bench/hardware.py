@@ -353,7 +353,8 @@ def bus_cycles(seconds: float, rate: float) -> tuple[list[float], list[float]]:
         playback = arm.play(schedule, watch.wake, "bench", arm.generation)
         watch.until(lambda: playback.state is not PlaybackState.PLAYING, seconds)
         assert playback.state is PlaybackState.DONE, playback.error
-        events = list(watch.events)
+        # Two threads report them, so an answer may be reported before its frame.
+        events = sorted(watch.events, key=lambda event: event.time)
     lasted, ended, frame = list[float](), list[float](), None
     for event in events:
         match event:
