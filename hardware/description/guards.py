@@ -1,8 +1,6 @@
 """What a robot file allows of measured values, in the table `guards`."""
 
-from dataclasses import dataclass, fields
-
-from hardware.toml_table import TomlTable
+from dataclasses import dataclass
 
 HOLD, TORQUE_OFF = "hold", "torque_off"
 
@@ -38,16 +36,3 @@ class Guards:
     warn_v: float = 4.8
     least_v: float = 4.4
     on_fault: str = HOLD
-
-    @classmethod
-    def read(cls, table: TomlTable) -> "Guards":
-        """Read the table; keys that it does not have keep their defaults.
-
-        Raises:
-            DescriptionError: A value is wrong.
-        """
-        limits = [field.name for field in fields(cls) if field.name != "on_fault"]
-        values = {name: table.number(name, above=0) for name in limits if name in table}
-        on_fault = table.choice("on_fault", (HOLD, TORQUE_OFF), default=HOLD)
-        table.done()
-        return cls(**values, on_fault=on_fault)

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from dataclasses import fields
 from pathlib import Path
 
 from hardware.drivers.driver import Driver, load_driver
@@ -16,7 +17,7 @@ from hardware.toml_table import TomlTable
 from .calibration import calibration_file, is_robot_file, read_calibration
 from .forward_kinematics import ForwardKinematics
 from .gripper import Gripper
-from .guards import Guards
+from .guards import HOLD, TORQUE_OFF, Guards
 from .robot import CollisionRules, Robot, Serial, Tool
 from .urdf import Urdf, UrdfError, UrdfJoint
 
@@ -72,9 +73,9 @@ def load_robot(
         brake=root.number("brake_s", least=0, most=MAX_BRAKE, default=0.0),
     )
     root.done()
-    driver.check(root, robot.actuated, robot.firmware)
+    driver.check(root, robot.actuated, firmware)
     if firmware is not NO_FIRMWARE:
-        _check_serial(root.table("serial"), robot)
+        _check_serial(root.table("serial"), serial, firmware)
     return robot
 
 
@@ -131,22 +132,26 @@ def _guards(root: TomlTable, firmware: Firmware) -> Guards:
     if Ability.MEASURE not in firmware.abilities:
         why = f"{firmware.name} measures nothing that they could check"
         root.fail("guards", f"the table is not allowed: {why}; remove it")
-    return Guards.read(root.table("guards"))
+    table = root.table("guards")
+    limits = [field.name for field in fields(Guards) if field.name != "on_fault"]
+    values = {name: table.number(name, above=0) for name in limits if name in table}
+    on_fault = table.choice("on_fault", (HOLD, TORQUE_OFF), default=HOLD)
+    table.done()
+    return Guards(**values, on_fault=on_fault)
 
 
-def _check_serial(table: TomlTable, robot: Robot) -> None:
+def _check_serial(table: TomlTable, serial: Serial, firmware: Firmware) -> None:
     """Check the serial line against the firmware."""
-    firmware, wait, baud = robot.firmware, robot.serial.boot_wait, robot.serial.baud
-    if firmware.baud not in (0, baud):
-        table.fail("baud", f"{baud} is not {firmware.baud}, the speed of {firmware.name}")
+    if firmware.baud not in (0, serial.baud):
+        table.fail("baud", f"{serial.baud} is not {firmware.baud}, the speed of {firmware.name}")
     fixed = firmware.reports_pose or not firmware.resets
-    if fixed and robot.serial.resets is not firmware.resets:
+    if fixed and serial.resets is not firmware.resets:
         does = "resets" if firmware.resets else "does not reset"
         why = f"opening the port {does} a board with {firmware.name}"
-        table.fail("reset_on_open", f"{str(robot.serial.resets).lower()} is not allowed: {why}")
-    if wait < firmware.boot_time:
+        table.fail("reset_on_open", f"{str(serial.resets).lower()} is not allowed: {why}")
+    if serial.boot_wait < firmware.boot_time:
         needs = f"{firmware.name} needs {firmware.boot_time:g} s from reset to its first byte"
-        table.fail("boot_wait_s", f"{wait:g} s is too short: {needs}")
+        table.fail("boot_wait_s", f"{serial.boot_wait:g} s is too short: {needs}")
 
 
 def _joints(

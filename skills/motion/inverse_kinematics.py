@@ -92,10 +92,13 @@ def solve_ik(
     chain = ToolChain(robot, model, group, query)
     point = np.array(query.point) + (chain.tool_pose(start)[0] if query.relative else 0.0)
     margin, solutions, misses = robot.collision.margin, list[_Result](), list[_Result]()
+
+    def duration(solution: _Result) -> float:
+        return chain.duration(start, solution.joints)
+
     for results in _Search(chain, start, point, query.seed, deadline).rounds():
-        reached = [each for each in results if each.reached]
-        reached.sort(key=lambda solution: chain.duration(start, solution.joints))
-        solutions += reached
+        reached = sorted((each for each in results if each.reached), key=duration)
+        solutions = sorted([*solutions, *reached], key=duration)
         misses += [each for each in results if not each.reached]
         for solution in reached:
             if validity.first_invalid(group.full(start, solution.joints[None, :]), margin) is None:
@@ -104,8 +107,7 @@ def solve_ik(
         best = min(_nearest(misses), key=lambda miss: miss.angle)
         points = tuple(point.tolist()), tuple(best.point.tolist())
         raise Unreachable(*points, best.distance, best.angle, query.direction, _POINT_TOLERANCE)
-    soonest = min(solutions, key=lambda solution: chain.duration(start, solution.joints))
-    contact = validity.nearest(group.full(start, soonest.joints[None, :])[0])
+    contact = validity.nearest(group.full(start, solutions[0].joints[None, :])[0])
     assert contact
     raise GoalInCollision(*contact, margin)
 

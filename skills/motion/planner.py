@@ -167,7 +167,7 @@ class Planner:
         check_types(request)
         deadline, checker = Deadline(self._clock, request.timeout), self._checker(request.world)
         with checker.within(deadline):
-            verify_rows(checker, request, deadline)
+            verify_rows(checker, request)
 
     def reach(self, query: ToolQuery) -> Reached:
         """Return joint positions that bring the tool to the query's point.

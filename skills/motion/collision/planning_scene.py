@@ -146,13 +146,14 @@ class PlanningScene:
     def _body_shapes(self, world: World) -> Iterator[tuple[pin.GeometryObject, pin.GeometryObject]]:
         """Yield each body's exact shape and its hull."""
         for body in world.bodies:
+            shape = _coal_shape(body.shape)
             try:
                 frame = self.robot_model.frame_index(body.link)
             except BadWorld as error:
                 raise BadWorld(f"{body.name} is attached to {body.link}: {error}") from error
             parent = self.kinematics.frames[frame]
             joint, pose = parent.parentJoint, parent.placement * placement(body)
-            exact = pin.GeometryObject(body.name, joint, frame, pose, _coal_shape(body.shape))
+            exact = pin.GeometryObject(body.name, joint, frame, pose, shape)
             if not isinstance(body.shape, Mesh):
                 yield exact, exact
                 continue

@@ -7,7 +7,6 @@ import numpy as np
 
 from skills.motion.arrays import Array
 from skills.motion.collision.checker import CollisionChecker
-from skills.motion.deadline import Deadline
 from skills.motion.errors import BadQuery, MotionCollides, NotFinite, shown
 from skills.motion.query import Verify
 from skills.motion.trajectory.plan import Plan
@@ -49,13 +48,12 @@ def verify_plan(validator: MotionValidator, plan: Plan) -> None:
         raise MotionCollides(0, time, *contact, validator.margin)
 
 
-def verify_rows(checker: CollisionChecker, request: Verify, deadline: Deadline) -> None:
+def verify_rows(checker: CollisionChecker, request: Verify) -> None:
     """Check a motion along its rows, in steps that travel less than the margin.
 
     Args:
-        checker: Checks configurations in the request's world.
+        checker: Checks configurations in the request's world, within its deadline.
         request: The motion.
-        deadline: Deadline of the request.
 
     Raises:
         MotionCollides: The motion is in collision; has the first contact.
@@ -68,7 +66,6 @@ def verify_rows(checker: CollisionChecker, request: Verify, deadline: Deadline) 
         time = None if times is None else float(times[0])
         raise MotionCollides(0, time, *invalid[1], request.margin)
     for chunk in _places(rows, checker.scene.lever_arms, step):
-        deadline.check()
         points = _interpolate(rows, chunk)
         hit = checker.first_collision(points, request.margin)
         if hit is not None:
