@@ -18,7 +18,8 @@ from skills.motion.validation import MAX_MAGNITUDE, is_number
 from .geometry import EnclosedVolume, convex_hull
 from .lever_arms import LeverArms, floor_lever_arms, joint_axes, lever_arms
 
-_MAX_MOVING, _MAX_SHAPES = 100, 1000  # joints that move, and collision shapes, of a robot
+# Joints that move, and collision shapes, of a robot that is planned for within seconds.
+_MAX_MOVING, _MAX_SHAPES = 100, 1000
 _LEAST_RATE = 1e-9  # smallest limit of velocity and acceleration of a joint [rad/s, rad/s2]
 
 
@@ -54,7 +55,8 @@ class RobotModel:
             for mistake in described.shape_mistakes(MAX_MAGNITUDE):
                 raise mistake
             counts = described.shape_counts()
-            _check_size(robot, sum(counts.values()))
+            if (shapes := sum(counts.values())) > _MAX_SHAPES:
+                raise ValueError(f"it has {shapes} collision shapes; the limit is {_MAX_SHAPES}")
             # pinocchio parses the text again: only its reader also makes frames and shapes.
             text = described.text_with_meshes(robot.mesh)
             self._free = pin.buildModelFromXML(text)  # mimic joints have coordinates of their own
@@ -145,8 +147,12 @@ def _check_robot(robot: Robot) -> None:
     """Check the numbers of a Robot, which may be built by hand and not read from a file.
 
     Raises:
-        ModelUnusable: A limit, the margin, the floor, a mimic joint or the tool is out of range.
+        ModelUnusable: A limit, the margin, the floor, a mimic joint or the tool is out of range, or
+            there are too many joints.
     """
+    if (count := len(robot.joints)) > _MAX_MOVING:
+        why = f"it has {count} moving joints; the limit is {_MAX_MOVING}"
+        raise ModelUnusable(str(robot.urdf), why)
     rules, path, most = robot.collision, str(robot.path), MAX_MAGNITUDE
     floor = 0.0 if rules.floor is None else rules.floor
     for what, value, least in (("margin", rules.margin, 0.0), ("floor", floor, -most)):
@@ -178,20 +184,6 @@ def _check_robot(robot: Robot) -> None:
         offset = shown(robot.tool.offset)
         why = f"the tool's offset is {offset} m; give numbers up to {most:g}"
         raise ModelUnusable(path, why)
-
-
-def _check_size(robot: Robot, shapes: int) -> None:
-    """Check that a robot is small enough to be planned for within seconds.
-
-    Raises:
-        ModelUnusable: It has too many moving joints or collision shapes.
-    """
-    for what, count, most in (
-        ("moving joints", len(robot.joints), _MAX_MOVING),
-        ("collision shapes", shapes, _MAX_SHAPES),
-    ):
-        if count > most:
-            raise ModelUnusable(str(robot.urdf), f"it has {count} {what}; the limit is {most}")
 
 
 def _check_placements(robot: Robot, free: pin.Model) -> None:
