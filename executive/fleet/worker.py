@@ -19,7 +19,7 @@ from executive.api.codes import BUSY, QUEUE_FULL
 from executive.api.events import Status
 from executive.api.outcome import CancelResult, GoalState, GoalStatus, Outcome, cause_for, cause_of
 from executive.client.values import Task
-from executive.errors import ClientError, Refused
+from executive.errors import ClientError, Refused, ServerUnreachable
 from hardware import Clock, State, utc_ns
 
 from .connection import ALIVE_SECONDS, GONE, Fleet, control_subject
@@ -35,6 +35,7 @@ BEAT_SECONDS = 3.0  # time between two presences
 _SPREAD = 0.3, 1.0  # delay of a presence after a change [s]
 _LAST_SECONDS = 3.0  # longest time for the last result after `end`
 _PAUSE_SECONDS = 1.0  # before what failed is tried again
+_ATTEMPTS = 10  # to reach the server of the arm for a result
 _NOT_NOW = (BUSY, QUEUE_FULL)  # the arm has refused, so nothing has moved: another arm may do it
 
 READY, BUSY_ARM, HELD, UNREACHABLE = "ready", "busy", "held", "unreachable"
@@ -284,6 +285,8 @@ class Worker:
             await self._server.send(job.task, job.arguments, job.identity, deadman=True)
         except Refused as error:
             return Result.failed(error.cause)
+        except ServerUnreachable:
+            return None  # it may have accepted it; `_result` finds out
         except ClientError as error:
             return Result.failed(cause_of(error))
         return None
@@ -300,11 +303,15 @@ class Worker:
                 await asyncio.sleep(_PAUSE_SECONDS)
 
     async def _result(self, identity: str) -> Result:
-        """Wait for the end of a goal."""
-        try:
-            outcome = await self._server.result(identity)
-        except ClientError as error:
-            return Result.failed(cause_of(error))
+        """Wait for the end of a goal, also if its server cannot be reached for a moment."""
+        for attempt in range(_ATTEMPTS):
+            try:
+                outcome = await self._server.result(identity)
+                break
+            except ClientError as error:
+                if not isinstance(error, ServerUnreachable) or attempt == _ATTEMPTS - 1:
+                    return Result.failed(cause_of(error))
+                await asyncio.sleep(_PAUSE_SECONDS)
         if outcome.state is GoalState.CANCELED and identity not in self._canceled:
             self._held = "stopped at the arm"
             logger.warning("Fleet: %s was stopped, and takes no jobs until a resume", self.arm)

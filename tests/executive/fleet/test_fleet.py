@@ -7,12 +7,15 @@ from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import nats.errors
 import pytest
 from nats.aio.msg import Msg
 from nats.js.kv import KeyValue
 
+from executive.api.outcome import Outcome
+from executive.errors import ServerUnreachable
 from executive.fleet import worker as worker_module
 from executive.fleet.connection import Fleet, control_subject, job_subject, open_fleet
 from executive.fleet.errors import (
@@ -205,6 +208,40 @@ def test_a_claim_whose_answer_is_lost_is_run(url: str, monkeypatch: pytest.Monke
             async with asyncio.timeout(10):
                 assert (await ended(client, job)).state == "SUCCEEDED"
             assert arm.received == [job.identity]
+
+    asyncio.run(main())
+
+
+def test_a_worker_that_loses_its_server_for_a_moment_reports_the_true_result(
+    url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As after a pause of the worker, in which its connections have ended."""
+    monkeypatch.setattr("executive.fleet.worker._PAUSE_SECONDS", 0.0)
+
+    class Unsteady(SimulatedArm):
+        """An arm whose first answers get lost."""
+
+        lost = 2
+
+        async def send(self, *words: Any, **named: Any) -> str:
+            await super().send(*words, **named)
+            raise ServerUnreachable(self.url, "lost")
+
+        async def result(self, goal_id: str) -> Outcome:
+            if self.lost:
+                self.lost -= 1
+                raise ServerUnreachable(self.url, "lost")
+            return await super().result(goal_id)
+
+    async def main() -> None:
+        arm = Unsteady(duration=0.0)
+        async with joined(url, arm) as client:
+            job = await client.send(1, "bench", {})
+            assert (await ended(client, job)).state == "SUCCEEDED"
+            arm.lost = 10**6
+            result = (await ended(client, await client.send(1, "bench", {}))).result
+            assert result
+            assert result.code == "server.unreachable"
 
     asyncio.run(main())
 
