@@ -227,7 +227,11 @@ class Calls:
         raise Refused({"code": "goal.not_executing", "message": "no goal is under way"})
 
     async def _goal_words(self, goal: GoalStatus) -> str:
-        return goal_words(goal, () if goal.outcome else await self._client.questions())
+        if goal.outcome:
+            return goal_words(goal)
+        status = await self._client.status()
+        paused = bool(status.paused and status.goal and status.goal.identity == goal.identity)
+        return goal_words(goal, await self._client.questions(), paused)
 
 
 _AT_THE_END = 1e9  # [s]

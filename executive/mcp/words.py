@@ -44,16 +44,20 @@ def _property(declared: Mapping[str, Any]) -> dict[str, Any]:
     return found
 
 
-def goal_words(goal: GoalStatus, questions: tuple[OpenQuestion, ...] = ()) -> str:
+def goal_words(
+    goal: GoalStatus, questions: tuple[OpenQuestion, ...] = (), paused: bool = False
+) -> str:
     """Return the state of a goal in words.
 
     Args:
         goal: The goal.
         questions: Open questions of tasks.
+        paused: True if it is paused.
     """
     if goal.outcome:
         return f"{goal.outcome.text()}\ngoal {goal.identity}"
-    lines = [f"{goal_title(goal.task)} {goal.state.name}, goal {goal.identity}"]
+    state = "PAUSED" if paused else goal.state.name
+    lines = [f"{goal_title(goal.task)} {state}, goal {goal.identity}"]
     lines += [
         f"It waits for a person: {each.text}{' or '.join(each.choices) and ' '}"
         f"{'/'.join(each.choices)}. They answer on the page (`armtree view`), or with "
@@ -81,7 +85,8 @@ def run_lines(row: Mapping[str, Any], window: Mapping[str, Any]) -> Iterator[str
         yield from (
             f"{key} {cause[key]}" for key in ("node", "joint", "value", "limit") if cause[key]
         )
-        yield f"-> {cause['hint']}"
+        if cause["hint"]:
+            yield f"-> {cause['hint']}"
     elif row["code"] not in ("", OK):
         yield f"{row['message']} [{row['code']}]"
         yield f"-> {look_up(row['code']).hint}"

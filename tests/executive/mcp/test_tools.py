@@ -341,6 +341,22 @@ def test_a_flood_is_refused_and_a_stop_is_not(serve: Serve) -> None:
     drive(Caller(make_server(served.server.url)), act)
 
 
+def test_a_paused_goal_says_so(serve: Serve) -> None:
+    served = serve()
+
+    async def act(caller: Caller) -> None:
+        running = asyncio.create_task(caller.bad("run_task", task="wait"))
+        await executing(served)
+        await caller.good("pause")
+        assert "task 10 PAUSED" in await caller.good("goal_state")
+        await caller.good("resume")
+        assert "task 10 EXECUTING" in await caller.good("goal_state")
+        await caller.good("stop")
+        assert "CANCELED" in await running
+
+    drive(Caller(make_server(served.server.url)), act)
+
+
 def test_over_http_a_client_needs_the_token_of_the_server(serve: Serve) -> None:
     served = serve()
 
