@@ -339,7 +339,8 @@ def forget(url: str, arm: str) -> None:
     help="Folder for the file. Default: the working directory.",
 )
 @click.option(
-    "--server",
+    "--from",
+    "server",
     type=Url(),
     metavar="URL",
     help="Server of the arm, if the URL in `fleet jobs` does not lead to it, or if it needs its "
@@ -350,7 +351,7 @@ def forget(url: str, arm: str) -> None:
 def logs(url: str, as_json: bool, identity: str, output: Path, server: str | None) -> None:
     """Fetch the recording of JOB from the server of its arm, and print the path of the file.
 
-    Servers on other machines need their token: see --server.
+    Servers on other machines need their token: see --from.
     """
     from executive.fleet.programs import fetch_recording
 

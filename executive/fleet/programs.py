@@ -256,6 +256,5 @@ async def fetch_recording(
 
 
 _WITH_TOKEN = (
-    "A server that needs its token gets it by ARMTREE_TOKEN=TOKEN armtree fleet logs JOB --server "
-    "URL"
+    "A server that needs its token gets it by ARMTREE_TOKEN=TOKEN armtree fleet logs JOB --from URL"
 )

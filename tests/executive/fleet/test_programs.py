@@ -70,7 +70,7 @@ def test_only_a_server_that_the_user_names_gets_the_token(
 ) -> None:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     monkeypatch.setenv("ARMTREE_TOKEN", "secret")
-    with pytest.raises(FleetError, match=r"answers 401 .* --server URL"):
+    with pytest.raises(FleetError, match=r"answers 401 .* --from URL"):
         fetch(arm, tmp_path, "1.mcap")
     assert fetch(arm, tmp_path, "open.mcap") == b"run"
     assert fetch(arm, tmp_path, "1.mcap", named=True) == b"run"
