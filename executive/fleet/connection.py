@@ -7,6 +7,7 @@ import math
 import os
 import re
 import ssl
+from collections import deque
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequence
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
@@ -51,6 +52,7 @@ _KEEP_SECONDS = 7 * 86400.0  # records of jobs are kept for this time [s]
 _QUEUE_BYTES = 2**30
 _CONNECT_SECONDS, _ANSWER_SECONDS = 2.0, 5.0
 _RETRY_SECONDS = 1.0
+_MOST_TOLD = 8  # errors of a connection that are remembered
 _WAITING = 20_000  # arms of a pool that wait for a job
 _BATCH = 500  # values that are read with one request
 
@@ -279,14 +281,17 @@ class _Watch:
     ) -> None:
         self._url, self._connection, self._lasting = url, connection, lasting
         self._changed = changed
-        self._told = list[Exception]()
+        self._told = deque[Exception](maxlen=_MOST_TOLD)
+        self._logged: type[FleetError] | None = None
         self._user, self._canceled = asyncio.current_task(), False
         self.closing = False
 
     async def note(self, error: Exception) -> None:
         """Note an error. Without this callback the library logs every failed attempt."""
-        if self._lasting and not self._told:
-            logger.warning("Fleet: %s", self.why(error))
+        why = self.why(error)
+        if self._lasting and type(why) is not self._logged:
+            self._logged = type(why)
+            logger.warning("Fleet: %s", why)
         self._told.append(error)
 
     async def disconnected(self) -> None:
@@ -297,6 +302,7 @@ class _Watch:
     async def reconnected(self) -> None:
         """Say that the connection is back, once what the fleet stores exists."""
         self._told.clear()
+        self._logged = None
         await _open(self._connection, self._url, self._lasting)  # a restart loses memory
         if self._changed:
             await self._changed(True)
@@ -314,7 +320,7 @@ class _Watch:
 
     def why(self, error: BaseException) -> FleetError:
         """Return the error of this project for one of nats-py."""
-        return _why(self._url, error, self._told)
+        return _why(self._url, error, [*self._told])
 
 
 def _why(url: str, error: BaseException, told: Sequence[Exception]) -> FleetError:
@@ -384,8 +390,9 @@ def _credentials(url: str) -> dict[str, Any]:
     parts = urlsplit(url)
     if key := os.environ.get("ARMTREE_FLEET_NKEY"):
         found["nkeys_seed"] = str(Path(key).expanduser())
-    elif token := os.environ.get("ARMTREE_FLEET_TOKEN") or _own_token(url):
-        found["token"] = token
+    elif not parts.username:
+        # Read for each attempt: the server may start later than this program.
+        found["token"] = lambda: os.environ.get("ARMTREE_FLEET_TOKEN") or _own_token(url)
     if parts.scheme == "tls":
         found["tls"] = ssl.create_default_context(cafile=os.environ.get("ARMTREE_FLEET_CA"))
     return found

@@ -16,7 +16,7 @@ from nats.js.kv import KeyValue
 
 from executive.api.outcome import Outcome
 from executive.errors import ServerUnreachable
-from executive.fleet import worker as worker_module
+from executive.fleet import connection, worker as worker_module
 from executive.fleet.connection import Fleet, control_subject, job_subject, open_fleet
 from executive.fleet.errors import (
     BadJob,
@@ -287,6 +287,32 @@ def test_malformed_values_of_its_own_do_not_end_a_worker(url: str) -> None:
             assert (record.state, record.url) == ("SUCCEEDED", "http://bench.example:8765")
             worker.end()
             await running
+
+    asyncio.run(main())
+
+
+def test_a_worker_may_start_before_the_nats_server(
+    options: NatsOptions, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("ARMTREE_FLEET_TOKEN", raising=False)
+
+    async def main() -> None:
+        failed, arm = asyncio.Event(), SimulatedArm(duration=0.0)
+        monkeypatch.setattr(connection.logger, "warning", lambda *_: failed.set())
+
+        async def work() -> None:
+            async with open_fleet(options.url, "arm", lasting=True) as fleet:
+                await Worker(fleet, arm, "bench", "0", CLOCK).run()
+
+        working = asyncio.create_task(work())
+        await failed.wait()
+        with nats_server(options, CLOCK):  # its token is in a file only now
+            async with asyncio.timeout(20), open_fleet(options.url, "person") as fleet:
+                job = await sent(fleet)
+                record = await ended(FleetClient(fleet, CLOCK), job)
+                assert record.state == "SUCCEEDED"
+            working.cancel()
+            await asyncio.wait([working])
 
     asyncio.run(main())
 
