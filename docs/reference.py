@@ -20,6 +20,7 @@ from docs.fields_table import table as fields
 from executive.api.operations import OPERATIONS
 from executive.cli.main import SECTIONS, cli
 from executive.cli.settings.rows import SETTINGS, environment_name
+from executive.code_table import meaning
 from tests.support.codes import all_codes
 from trees.compile.port_types import declarations, known_skills
 
@@ -44,6 +45,7 @@ _FAMILIES = {
     "task": "Tasks",
 }
 _MARKER = re.compile(r"^<!-- generated: (\w+) -->$", re.MULTILINE)
+_STATUS = re.compile(r"(\d+) (\S.*?)(?:  |$)", re.MULTILINE)
 _LINK = re.compile(r"\[([^\]]+)\]\((?!https?:)([^)]+)\)")
 _SECTION = re.compile(
     r"^(Args|Attributes|Raises|Returns|Yields):\n((?:    .*\n?|\n)+)", re.MULTILINE
@@ -77,12 +79,16 @@ def _command(command: click.Command, above: click.Context, name: str, level: str
 def codes() -> Iterator[str]:
     """Yield a table of the codes of each family."""
     families = defaultdict[str, list[str]](list)
-    for code, known in all_codes().items():
-        row = f"| `{code}` | {known.meaning}. | {_sentence(known.hint)} | {known.exit_status} |"
+    for code, kind in all_codes().items():
+        what = (
+            f"{meaning(kind)}. | {_sentence(kind.hint)} | {kind.exit_status} | {kind.http_status}"
+        )
+        row = f"| `{code}` | {what} |"
         family = code.partition(".")[0]
         families[_FAMILIES.get(family, "Others")].append(row)
     for title in sorted(families, key=lambda each: (each == "Others", each)):
-        head = "| code | what happened | what to do | exit status |\n|---|---|---|---|"
+        head = "| code | what happened | what to do | exit status | HTTP status |"
+        head += "\n|---|---|---|---|---|"
         yield "\n".join((f"## {title}\n", head, *families[title]))
 
 
@@ -90,13 +96,17 @@ def _sentence(hint: str) -> str:
     return f"{hint[0].upper()}{hint[1:]}." if hint else ""
 
 
-def codes_by_status() -> Iterator[str]:
-    """Yield a table of the codes that end a command with each status."""
-    rows = defaultdict[int, list[str]](list)
-    for code, known in all_codes().items():
-        rows[known.exit_status].append(f"`{code}`")
-    lines = [f"| {status} | {', '.join(rows[status])} |" for status in sorted(rows)]
-    yield "\n".join(("| exit status | codes |\n|---|---|", *lines))
+def exit_statuses() -> Iterator[str]:
+    """Yield a table of the exit statuses: their meaning in the help, and their codes."""
+    codes = defaultdict[int, list[str]](list)
+    for code, kind in all_codes().items():
+        codes[kind.exit_status].append(f"`{code}`")
+    _, _, listed = (cli.help or "").partition("Exit status:")
+    meanings = {int(number): words for number, words in _STATUS.findall(listed)}
+    rows = (
+        f"| {each} | {meanings[each]} | {', '.join(codes[each])} |" for each in sorted(meanings)
+    )
+    yield "\n".join(("| exit status | meaning | codes |\n|---|---|---|", *rows))
 
 
 def settings() -> Iterator[str]:
@@ -185,8 +195,8 @@ def _text(docstring: str) -> str:
 
 GENERATED: dict[str, Callable[[], Iterator[str]]] = {
     "codes": codes,
-    "codes_by_status": codes_by_status,
     "command_line": command_line,
+    "exit_statuses": exit_statuses,
     "fields": lambda: iter(["\n".join(fields())]),
     "operations": operations,
     "python": python,

@@ -10,7 +10,7 @@ from pathlib import Path
 from threading import Lock
 from typing import Any, Self
 
-from hardware import VIRTUAL, SerialLink, load_robot
+from hardware import VIRTUAL, load_robot
 from skills import Operator
 from trees import EXAMPLES
 from trees.errors import SHIPPED_ROBOT
@@ -62,8 +62,8 @@ class Arm:
         robot: str | Path | None = None,
         trees: str | Path | None = None,
         skills: str | Path | None = None,
-        recordings: str | Path = "recordings",
-        seed: int = 1,
+        recordings: str | Path = Setup.recordings,
+        seed: int = Setup.seed,
         pose: str | None = None,
         operator: Operator | None = None,
     ) -> None:
@@ -82,13 +82,8 @@ class Arm:
             pose=pose,
             single_user=True,
         )
-        link = description.link(port)
-        if isinstance(link, SerialLink):
-            link.check()
         resources = ExitStack()
-        self.executive = resources.enter_context(
-            open_executive(setup, link=link, operator=operator)
-        )
+        self.executive = resources.enter_context(open_executive(setup, operator=operator))
         self._runner = TaskRunner(self.executive)
         self._close, self._lock = weakref.finalize(self, resources.close), Lock()  # also at exit
         self.executive.start()

@@ -1,27 +1,22 @@
-"""What a code means: the exit status, the words and the hint of every failure.
+"""The class of each code, with the exit status, the HTTP status, the meaning and the hint."""
 
-An error class carries its code, exit status and hint, and its docstring begins with the meaning.
-"""
+from hardware import ArmtreeError, InternalError
 
-from hardware import ArmtreeError
-
-from .api.codes import DIFFERS, INTERNAL, ROWS, Code
-
-# What describes an unknown code of a family, if it is not FAMILY or FAMILY.error.
-_FAMILIES = {"task": "task.failed", "replay": DIFFERS}
+from .api.codes import OK
 
 
-def look_up(code: str) -> Code:
-    """Return the meaning of a code, or of its family if no class has that code."""
-    if code not in ROWS and code not in ArmtreeError.by_code:
+def look_up(code: str) -> type[ArmtreeError]:
+    """Return the class of a code, or of its family if no class has that code."""
+    if code not in ArmtreeError.by_code:
         load_errors()
     family = code.partition(".")[0]
-    for name in (code, family, f"{family}.error", _FAMILIES.get(family, "")):
-        if name in ROWS:
-            return ROWS[name]
-        if kind := ArmtreeError.by_code.get(name):
-            return describe(kind)
-    return ROWS[INTERNAL]
+    names = (code, family, f"{family}.error", f"{family}.failed", InternalError.code)
+    return next(ArmtreeError.by_code[name] for name in names if name in ArmtreeError.by_code)
+
+
+def exit_status(code: str) -> int:
+    """Return the exit status of a command that ends with a code."""
+    return 0 if code == OK else look_up(code).exit_status
 
 
 def load_errors() -> None:
@@ -35,7 +30,6 @@ def load_errors() -> None:
     import trees.errors  # noqa: F401
 
 
-def describe(kind: type[ArmtreeError]) -> Code:
-    """Return the meaning of the code of an error class."""
-    meaning = " ".join((kind.__doc__ or "").split()).partition(". ")[0].rstrip(".")
-    return Code(kind.exit_status, meaning, kind.hint, kind.heading)
+def meaning(kind: type[ArmtreeError]) -> str:
+    """Return what an error class means: the first sentence of its docstring."""
+    return " ".join((kind.__doc__ or "").split()).partition(". ")[0].rstrip(".")

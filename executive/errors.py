@@ -4,9 +4,6 @@ The roots are GoalError, ServerError, RequestError (a server refuses a request b
 goal) and ClientError. Every error has a stable `code`, and its message says what to do next.
 """
 
-from collections.abc import Mapping
-from typing import Any
-
 from hardware import ArmtreeError, HardwareError, WriteRefused
 from logs import goal_title
 from trees import FileError
@@ -28,10 +25,58 @@ class UnknownGoal(GoalError):
     """No goal has that identity, or its result is forgotten."""
 
     code = "goal.unknown"
+    http_status = 404
     hint = "request the result sooner"
 
     def __init__(self, identity: str) -> None:
         super().__init__(f"no goal {identity} is known; results are kept for a while only")
+
+
+class GoalCanceled(GoalError):
+    """The goal was canceled."""
+
+    code = "goal.canceled"
+    exit_status = 7
+    hint = ""
+
+    def __init__(self) -> None:
+        super().__init__("Canceled")
+
+
+class GoalBusy(GoalError):
+    """Another goal is under way."""
+
+    code = "goal.busy"
+    hint = "wait, or cancel it: `armtree cancel GOAL`, or `armtree stop`"
+
+
+class QueueFull(GoalError):
+    """The queue of goals is full."""
+
+    code = "goal.queue_full"
+    http_status = 429
+    hint = "wait for some, or cancel them"
+
+
+class DuplicateGoal(GoalError):
+    """Another goal has that identity."""
+
+    code = "goal.duplicate"
+    hint = "give every goal its own identity"
+
+    def __init__(self, identity: str) -> None:
+        super().__init__(f"the goal {identity} exists already; {self.hint}")
+
+
+class BadIdentity(GoalError):
+    """The identity of a goal is not 32 lower-case hexadecimal digits."""
+
+    code = "goal.bad_id"
+    http_status = 422
+    hint = "leave it out to get one"
+
+    def __init__(self, identity: str) -> None:
+        super().__init__(f"{identity!r} is not the identity of a goal: give 32 hexadecimal digits")
 
 
 class ResultTimeout(GoalError, TimeoutError):
@@ -51,8 +96,9 @@ class NotExecuting(GoalError):
     code = "goal.not_executing"
     hint = "`armtree status` shows which one is"
 
-    def __init__(self, identity: str, state: str) -> None:
-        super().__init__(f"goal {identity} is {state}; only one that is EXECUTING can be paused")
+    def __init__(self, identity: str = "", state: str = "") -> None:
+        words = f"goal {identity} is {state}; only one that is EXECUTING can be paused"
+        super().__init__(words if identity else "no goal is under way")
 
 
 class GoalUnderWay(GoalError):
@@ -89,6 +135,7 @@ class NoSuchNode(GoalError):
     """No task has a node with that path."""
 
     code = "goal.no_such_node"
+    http_status = 404
     hint = "`armtree run N --json` prints the paths of nodes"
 
 
@@ -136,10 +183,19 @@ class ServerRestarted(GoalError):
         )
 
 
+class ServerClosing(GoalError):
+    """The server is ending."""
+
+    code = "server.closing"
+    exit_status = 13
+    hint = "start it again"
+
+
 class UnknownQuestion(GoalError):
     """No open question has that identity."""
 
     code = "goal.unknown_question"
+    http_status = 404
     hint = "`armtree answer` lists them"
 
     def __init__(self, identity: str) -> None:
@@ -150,6 +206,7 @@ class BadAnswer(GoalError):
     """An answer is not one of the choices."""
 
     code = "goal.bad_answer"
+    http_status = 422
     hint = "give one of the choices"
 
     def __init__(self, words: str, question: str) -> None:
@@ -209,16 +266,16 @@ class RequestError(ArmtreeError):
         status: HTTP status of the answer; default: that of the class.
     """
 
-    status = 400
     code = "request"
     exit_status = 13
+    http_status = 400
     hint = "`/openapi.json` describes all requests"
 
     def __init__(self, message: str, hint: str = "", status: int | None = None) -> None:
         cut = message if len(message) <= _LONGEST else f"{message[:_LONGEST]} …"
         super().__init__(cut)
         self.hint = hint or self.hint
-        self.status = status or self.status
+        self.http_status = status or self.http_status
 
 
 class BadRequest(RequestError):
@@ -230,22 +287,22 @@ class BadRequest(RequestError):
 class NotFound(RequestError):
     """The address does not exist."""
 
-    status = 404
     code = "request.not_found"
+    http_status = 404
 
 
 class BadMethod(RequestError):
     """The address has no such method."""
 
-    status = 405
     code = "request.method"
+    http_status = 405
 
 
 class Forbidden(RequestError):
     """The request comes from another site, or is sent to another name."""
 
-    status = 403
     code = "request.forbidden"
+    http_status = 403
     hint = "see the message"
 
 
@@ -266,40 +323,40 @@ class WrongOrigin(Forbidden):
 class Unauthorized(RequestError):
     """The token is missing or wrong."""
 
-    status = 401
     code = "request.token"
+    http_status = 401
     hint = "the server printed it when it started"
 
 
 class WrongCode(RequestError):
     """The code of a link to the page is unknown, or was used."""
 
-    status = 401
     code = "request.code"
+    http_status = 401
     hint = "`armtree view` opens the page with a new link"
 
 
 class TooMuch(RequestError):
     """Too many requests or clients."""
 
-    status = 429
     code = "request.too_many"
+    http_status = 429
     hint = "wait a moment"
 
 
 class TooLarge(TooMuch):
     """The body of a request is too large."""
 
-    status = 413
     code = "request.too_large"
+    http_status = 413
     hint = "send less"
 
 
 class TooSlow(TooMuch):
     """The body of a request arrived too slowly."""
 
-    status = 408
     code = "request.timeout"
+    http_status = 408
     hint = "send it at once"
 
 
@@ -341,12 +398,35 @@ class BadWorldFile(FileError):
     hint = "correct it at the line that the message names"
 
 
-class BadConfiguration(ArmtreeError):
+class UsageError(ArmtreeError):
+    """The command line is wrong."""
+
+    code = "usage"
+    exit_status = 2
+    hint = "see `armtree COMMAND --help`"
+
+
+class FileUnusable(ArmtreeError):
+    """A file cannot be read or written, or what it contains is wrong."""
+
+    code = "file"
+    exit_status = 3
+    hint = "see the message"
+
+
+class BadConfiguration(FileUnusable):
     """A file of settings is wrong."""
 
     code = "file.settings"
-    exit_status = 3
     hint = "correct it at the line that the message names; `armtree config` lists the settings"
+
+
+class ReplayDiffers(ArmtreeError):
+    """A replay differs from its recording."""
+
+    code = "replay.differs"
+    exit_status = 12
+    hint = "see where it differs"
 
 
 class ClientError(ArmtreeError):
@@ -401,28 +481,24 @@ class Refused(ClientError):
     """The server refuses a request.
 
     Args:
-        fields: The error as JSON.
+        cause: Why it refuses.
 
     Attributes:
         code: Stable name of the cause.
-        node: Path of the node that it concerns, or None.
-        joint: Name of the joint that it concerns, or None.
+        node: Path of the node that it concerns; empty for none.
+        joint: Name of the joint that it concerns; empty for none.
         value: The wrong value [rad], [m] or [s].
         limit: Limit of the value, in the same unit.
         hint: What to do about it.
         cause: All of these as one value, as in an outcome.
     """
 
-    def __init__(self, fields: Mapping[str, Any]) -> None:
-        self.code = str(fields.get("code") or ClientError.code)
-        self.node, self.joint = fields.get("node"), fields.get("joint")
-        self.value, self.limit = fields.get("value"), fields.get("limit")
-        self.hint = str(fields.get("hint") or "")
-        words = str(fields.get("message") or "the server refused, and gave no reason")
-        named = str(self.node or ""), str(self.joint or "")
-        self.cause = Cause(self.code, words, *named, self.value, self.limit, self.hint)
-        adds = self.hint and self.code.startswith("request.")  # other messages contain the hint
-        super().__init__(f"{words}; {self.hint}" if adds else words)
+    def __init__(self, cause: Cause) -> None:
+        self.cause, self.code, self.hint = cause, cause.code, cause.hint
+        self.node, self.joint = cause.node, cause.joint
+        self.value, self.limit = cause.value, cause.limit
+        adds = cause.hint and cause.code.startswith("request.")  # other messages contain the hint
+        super().__init__(f"{cause.message}; {cause.hint}" if adds else cause.message)
 
 
 class GoalFailed(ClientError):

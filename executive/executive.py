@@ -42,7 +42,8 @@ from skills.motion.world import Vector
 from trees import Library, Located, TreeError
 from trees.compile.arguments import located
 
-from .api.events import Event, Policy, Status, Where
+from .api import Policy
+from .api.events import Event, Status, Where
 from .api.move import Move
 from .api.outcome import Acceptance, CancelResult, GoalState, GoalStatus, Outcome, cause_of
 from .errors import GoalUnderWay, NotExecuting, NotPaused, TooManyBreakpoints

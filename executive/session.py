@@ -53,7 +53,8 @@ def open_executive(
         report: Receives what was done to earlier recordings, one line each.
 
     Raises:
-        HardwareError: The robot file is wrong, names no driver, or the start pose is not confirmed.
+        HardwareError: The robot file is wrong, names no driver, or the start pose is not confirmed;
+            for a single user also: the port does not exist, or may not be used.
         TreeError: The folder of tasks cannot be read.
         LogError: At the end: a recording could not be finished.
     """
@@ -78,6 +79,11 @@ def open_executive(
         with closing(executive):
             if setup.single_user or setup.activate or setup.pose:
                 executive.start_pose.find()  # rejected before the port is opened
+            if setup.single_user and port != VIRTUAL:
+                from hardware import SerialLink  # slow to import
+
+                if isinstance(link, SerialLink):
+                    link.check()
             yield executive
 
 

@@ -2,15 +2,17 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from hardware import Robot, load_robot
+from .api import Policy
 
-from .api.events import Policy
+if TYPE_CHECKING:
+    from hardware import Robot
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Setup:
-    """A robot, its tasks and how they are run.
+    """A robot, its tasks and how they are run. The settings have the same defaults.
 
     Attributes:
         robot: Robot file, or a robot; None for the shipped Arduinobot.
@@ -34,7 +36,7 @@ class Setup:
             position, or None; needed if opening the port does not reset the board.
     """
 
-    robot: Path | Robot | None = None
+    robot: "Path | Robot | None" = None
     port: str | None = None
     trees: Path | None = None
     reload: bool = True
@@ -51,10 +53,12 @@ class Setup:
     activate: bool = False
     pose: str | None = None
 
-    def load_robot(self) -> Robot:
+    def load_robot(self) -> "Robot":
         """Return the robot.
 
         Raises:
             DescriptionError: The robot file or its URDF is wrong.
         """
+        from hardware import Robot, load_robot  # slow to import
+
         return self.robot if isinstance(self.robot, Robot) else load_robot(self.robot)

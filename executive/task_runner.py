@@ -14,8 +14,8 @@ from trees import Located
 
 from .api.codes import OK
 from .api.move import Move, number_of
-from .api.outcome import CANCELED_CAUSE, GoalState, Outcome
-from .errors import ResultTimeout, UnknownGoal
+from .api.outcome import GoalState, Outcome, cause_of
+from .errors import GoalCanceled, ResultTimeout, UnknownGoal
 from .executive import Executive
 
 _SLICE = 0.5  # longest single wait for an outcome, so that Ctrl-C is noticed [s]
@@ -113,7 +113,7 @@ class TaskRunner:
         accepted: Callable[[], None] = lambda: None,
     ) -> Outcome:
         if self._stopped:
-            return Outcome.of(number_of(task), GoalState.CANCELED, CANCELED_CAUSE)
+            return Outcome.of(number_of(task), GoalState.CANCELED, cause_of(GoalCanceled()))
         answer = self._executive.send(task, arguments, goal, strict=True)
         if answer.cause:
             return Outcome.of(number_of(task), GoalState.ABORTED, answer.cause)

@@ -49,6 +49,7 @@ if typing.TYPE_CHECKING:
         CancelTimeout as CancelTimeout,
         DescriptionError as DescriptionError,
         HardwareError as HardwareError,
+        InternalError as InternalError,
         LinkError as LinkError,
         NoDriver as NoDriver,
         NotActive as NotActive,

@@ -18,6 +18,7 @@ class ArmtreeError(Exception):
     Attributes:
         code: Stable name of the cause.
         exit_status: Exit status of a command that it ends.
+        http_status: HTTP status of the answer to a request that it ends.
         hint: What to do next.
         heading: Text before the message of the cause; empty for none.
         by_code: The loaded classes that have a code of their own, by that code.
@@ -25,6 +26,7 @@ class ArmtreeError(Exception):
 
     code = "internal"
     exit_status = 1
+    http_status = 409
     hint = ""
     heading = ""
     by_code: ClassVar[dict[str, type["ArmtreeError"]]] = {}
@@ -33,6 +35,15 @@ class ArmtreeError(Exception):
         super().__init_subclass__(**more)
         if "code" in vars(cls):
             cls.by_code.setdefault(cls.code, cls)
+
+
+class InternalError(ArmtreeError):
+    """A bug in armtree."""
+
+    code = ArmtreeError.code
+    http_status = 500
+    hint = "report it, with --debug and the recording"
+    heading = "A bug in armtree"
 
 
 class HardwareError(ArmtreeError):
@@ -53,6 +64,7 @@ class DescriptionError(HardwareError):
 
     code = "file.robot"
     exit_status = 3
+    http_status = 422
     hint = "correct that file, or give another one with --robot"
 
     def __init__(self, path: Path, line: int, message: str) -> None:

@@ -22,6 +22,7 @@ class SkillError(ArmtreeError):
 
     code = "skill.error"
     exit_status = 1
+    http_status = 422
     hint = "report it"
     heading = "The task failed"
     node = ""

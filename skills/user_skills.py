@@ -13,7 +13,7 @@ from typing import NoReturn
 from py_trees.ports import get_ports_registry, register_ports_class
 
 from hardware import read_file
-from hardware.drivers.installed import EntryPoint, entry_points
+from hardware.installed import EntryPoint, entry_points
 
 GROUP = "armtree.skills"
 _MAX_BYTES = 2**20  # of a file

@@ -180,6 +180,7 @@ class TreeError(ArmtreeError):
 
     code = "file.error"
     exit_status = 3
+    http_status = 422
     hint = "correct it at the line that the message names"
 
 
@@ -210,6 +211,7 @@ class PoseUnknown(FileError):
     """No file has a pose of that name."""
 
     code = "file.no_pose"
+    http_status = 404
     hint = "`armtree pose ls` lists the poses"
 
 
@@ -309,6 +311,7 @@ class BadArguments(FileError):
 
     code = "goal.bad_arguments"
     exit_status = 4
+    http_status = 409  # well-formed, but not what the task accepts now
     hint = "`armtree tasks` shows what each task takes"
 
     def __init__(self, mistakes: Iterable[Mistake]) -> None:
@@ -334,6 +337,7 @@ class UnknownTask(TreeError):
 
     code = "goal.unknown_task"
     exit_status = 4
+    http_status = 404
     hint = "`armtree tasks` lists them"
 
     def __init__(

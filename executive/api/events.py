@@ -7,10 +7,10 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from enum import StrEnum
 from typing import TYPE_CHECKING, Any, cast
 
 import logs
+from executive.api import Policy
 from hardware import State
 from hardware.joints import joint_words
 from hardware.printable import wire_bytes, wire_text
@@ -68,14 +68,6 @@ UNITS = {"time": "time_s", "duration": "duration_s", "scheduled": "scheduled_s"}
 
 _RECORDS = {name: kind for kind, name in EVENTS.items()}
 _FIELDS = {unit: name for name, unit in UNITS.items()}
-
-
-class Policy(StrEnum):
-    """What happens to a goal that arrives while another one is under way."""
-
-    REJECT = "reject"
-    QUEUE = "queue"
-    PREEMPT = "preempt"
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,15 +6,15 @@ numbers of `GoalState` and `CancelCode` are those of ROS 2.
 
 import sys
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, field, fields
 from enum import Enum
-from typing import Any, TypeVar
+from typing import Any, Self, TypeVar
 
 import logs
-from hardware import ArmtreeError
+from hardware import ArmtreeError, InternalError
 from hardware.printable import plural
 
-from .codes import CANCELED, INTERNAL, OK, ROWS
+from .codes import OK
 
 T = TypeVar("T")
 
@@ -84,28 +84,69 @@ class Cause:
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
-    """How a goal ended.
+class Ending:
+    """How a goal, or a job of a fleet, ended.
 
     Attributes:
-        task: Task number.
         state: SUCCEEDED, ABORTED or CANCELED.
         code: Stable name of the cause, `ok` for success.
         message: Description for people.
         frames: Number of frames sent.
         duration: Time from acceptance to the end [s].
         recording: Path of the recording; empty if there is none.
-        cause: Why the goal failed; None if it succeeded.
+        cause: Why it failed; None if it succeeded.
     """
 
-    task: int
     state: GoalState
     code: str
     message: str
-    frames: int
-    duration: float
-    recording: str
+    frames: int = 0
+    duration: float = 0.0
+    recording: str = ""
     cause: Cause | None = None
+
+    @property
+    def success(self) -> bool:
+        """True if the task was done."""
+        return self.state is GoalState.SUCCEEDED
+
+    @property
+    def hint(self) -> str:
+        """What to do next; empty if the message says it."""
+        cause = self.cause
+        return cause.hint if cause and cause.hint not in cause.message else ""
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the ending as a JSON object."""
+        first = {"state": self.state.name, "success": self.success}
+        plain: dict[str, Any] = {**first, **asdict(self), **first}
+        return plain | {"duration_s": round(plain.pop("duration"), 6)}
+
+    @classmethod
+    def from_json(cls, plain: Mapping[str, Any]) -> Self:
+        """Return the ending from what `to_json` returned.
+
+        Raises:
+            KeyError: A key is missing.
+        """
+        values = {
+            **plain,
+            "state": GoalState[plain["state"]],
+            "duration": plain["duration_s"],
+            "cause": plain["cause"] and Cause.from_json(plain["cause"]),
+        }
+        return from_fields(cls, values)
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome(Ending):
+    """How a goal ended.
+
+    Attributes:
+        task: Task number.
+    """
+
+    task: int = field(kw_only=True)
 
     @classmethod
     def of(
@@ -119,18 +160,7 @@ class Outcome:
     ) -> "Outcome":
         """Return the outcome with the code and message of its cause."""
         code, message = (cause.code, cause.message) if cause else (OK, "Done")
-        return cls(task, state, code, message, frames, duration, recording, cause)
-
-    @property
-    def success(self) -> bool:
-        """True if the task was done."""
-        return self.state is GoalState.SUCCEEDED
-
-    @property
-    def hint(self) -> str:
-        """What to do next; empty if the message says it."""
-        cause = self.cause
-        return cause.hint if cause and cause.hint not in cause.message else ""
+        return cls(state, code, message, frames, duration, recording, cause, task=task)
 
     def text(self) -> str:
         """Return the outcome in words, with its hint and its recording on further lines."""
@@ -143,24 +173,7 @@ class Outcome:
 
     def to_json(self) -> dict[str, Any]:
         """Return the outcome as a JSON object."""
-        first = {"task": self.task, "state": self.state.name, "success": self.success}
-        plain: dict[str, Any] = {**first, **asdict(self), **first}
-        return plain | {"duration_s": round(plain.pop("duration"), 6)}
-
-    @classmethod
-    def from_json(cls, plain: Mapping[str, Any]) -> "Outcome":
-        """Return the outcome from what `to_json` returned.
-
-        Raises:
-            KeyError: A key is missing.
-        """
-        values = {
-            **plain,
-            "state": GoalState[plain["state"]],
-            "duration": plain["duration_s"],
-            "cause": plain["cause"] and Cause.from_json(plain["cause"]),
-        }
-        return from_fields(cls, values)
+        return {"task": self.task, **Ending.to_json(self)}
 
     def to_record(self, identity: str, time: float) -> logs.Result:
         """Return the record of the end of a goal.
@@ -260,6 +273,12 @@ class Acceptance:
         """Description for people."""
         return self.cause.message if self.cause else "accepted"
 
+    def to_json(self) -> dict[str, Any]:
+        """Return the answer as a JSON object: the goal, or why it was refused."""
+        if self.cause:
+            return self.cause.to_json()
+        return {"goal_id": self.identity, "stamp_ns": self.stamp_ns}
+
 
 @dataclass(frozen=True, slots=True)
 class CancelResult:
@@ -288,41 +307,26 @@ class CancelResult:
 
 
 def cause_of(error: Exception, node: str = "", message: str = "") -> Cause:
-    """Return the cause that describes an error.
+    """Return the cause that an error holds, else one that describes it.
 
     Args:
         error: What failed; its joint, value and limit are kept.
         node: Path of the node that failed; default: the node that the error names.
         message: Description for people; default: the message of the error.
     """
-    bug = ROWS[INTERNAL]
-    code, heading, hint = INTERNAL, bug.heading, bug.hint
-    if isinstance(error, ArmtreeError):
-        code, heading, hint = error.code, error.heading, error.hint
+    if isinstance(cause := getattr(error, "cause", None), Cause):
+        return cause
+    known = error if isinstance(error, ArmtreeError) else InternalError
     words = message or str(error)
     return Cause(
-        code=code,
-        message=f"{heading}: {words}" if heading else words,
+        code=known.code,
+        message=f"{known.heading}: {words}" if known.heading else words,
         node=node or str(getattr(error, "node", None) or ""),
         joint=str(getattr(error, "joint", "")),
         value=_number(error, _VALUES),
         limit=_limit(error),
-        hint=hint,
+        hint=known.hint,
     )
-
-
-def cause_for(code: str, message: str = "") -> Cause:
-    """Return the cause with a code that no exception carries.
-
-    Args:
-        code: One of `executive.api.codes`.
-        message: Description for people; default: the heading of the code.
-    """
-    known = ROWS[code]
-    return Cause(code, message or known.heading, hint=known.hint)
-
-
-CANCELED_CAUSE = cause_for(CANCELED)
 
 
 def from_fields(kind: type[T], values: Mapping[str, Any]) -> T:

@@ -4,9 +4,10 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
+from executive.api import Policy
 from hardware import DISPLAY_UNITS, State
 
-from .events import UNITS, Policy
+from .events import UNITS
 from .outcome import CancelCode, Cause, GoalState, Outcome
 
 Schema = Mapping[str, Any]

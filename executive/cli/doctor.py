@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import click
 from click.core import ParameterSource
 
-from executive.code_table import look_up
+from executive.code_table import exit_status
 
 from .settings import PATH
 from .support.command_group import command
@@ -84,7 +84,7 @@ def doctor(
         echo(f"\n{report} has all of this; it names the files and ports of this machine")
     if failures:
         echo("\nFix what says NO.")
-        sys.exit(look_up(failures[0]).exit_status)
+        sys.exit(exit_status(failures[0]))
     loaded, library = load_library(trees, robot)
     numbers = library.numbers()
     first = ["run", f"{numbers[0]}"] if numbers else first_motion(loaded)

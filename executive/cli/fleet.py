@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from executive.code_table import look_up
+from executive.api import ADDRESS, NATS_PORT, POOL
+from executive.code_table import exit_status
 
 from .settings import ABOVE_0, PATH, Url, Whole, local_server, option
 from .support.command_group import CommandGroup
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from executive.fleet.fleet_client import FleetClient
     from executive.fleet.values import Job, JobRecord
 
-_HERE = "nats://127.0.0.1:4222"
+_HERE = f"nats://{ADDRESS}:{NATS_PORT}"
 _IDENTITY = click.argument("identity", metavar="JOB", callback=check_goal_id)
 _WHOM = click.argument("whom", metavar="[POOL|ARM]...", nargs=-1)
 _JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON: an object per line.")
@@ -68,7 +69,7 @@ def fleet() -> None:
     "--bind",
     "address",
     metavar="ADDRESS",
-    default="127.0.0.1",
+    default=ADDRESS,
     show_default=True,
     help="Address to listen on. Another one than this machine's own needs the next three options.",
 )
@@ -77,7 +78,7 @@ def fleet() -> None:
     "port",
     metavar="PORT",
     type=Whole(1, 65535),
-    default=4222,
+    default=NATS_PORT,
     show_default=True,
     help="TCP port.",
 )
@@ -164,9 +165,7 @@ def join(server: str, url: str, pool: str, name: str, page: str | None, child: b
 
 @fleet.command()
 @click.argument("task", type=TASK)
-@click.option(
-    "--pool", metavar="POOL", default="arms", show_default=True, help="Pool that runs it."
-)
+@click.option("--pool", metavar="POOL", default=POOL, show_default=True, help="Pool that runs it.")
 @set_option
 @click.option(
     "--id",
@@ -219,7 +218,7 @@ def send(
 
     _run(url, act)
     if ended and ended[0].result:
-        sys.exit(look_up(ended[0].result.code).exit_status)
+        sys.exit(exit_status(ended[0].result.code))
 
 
 def _print_record(record: "JobRecord", as_json: bool) -> None:

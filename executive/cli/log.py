@@ -6,9 +6,6 @@ from typing import TYPE_CHECKING
 
 import click
 
-from executive.api.codes import DIFFERS
-from executive.code_table import look_up
-
 from .settings import AT_LEAST_0, PATH, find_setting
 from .support.command_group import CommandGroup
 from .support.failures import for_each, print_incomplete
@@ -189,6 +186,7 @@ def diff(one: Path, other: Path, output: Path | None, as_json: bool) -> None:
 
     The exit status is 12 if the frames differ.
     """
+    from executive.errors import ReplayDiffers
     from logs.views.comparison import compare
 
     both = compare(one, other)
@@ -206,7 +204,7 @@ def diff(one: Path, other: Path, output: Path | None, as_json: bool) -> None:
     row = {"same": not both.first, "first": both.first, "joints": joints, "drawing": drawing}
     echo_result(as_json, row, "\n".join(lines))
     partial = print_incomplete(one, other)
-    sys.exit(look_up(DIFFERS).exit_status if both.first else partial)
+    sys.exit(ReplayDiffers.exit_status if both.first else partial)
 
 
 @log.command()

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from executive.code_table import look_up
+from executive.code_table import exit_status
 
 from .settings import option
 from .support.command_group import command, diagnostics
@@ -62,7 +62,7 @@ def _execute(
 
         setup = Setup(**options, reload=False, single_user=True)
         outcome = execute(setup, [move], as_json=as_json, verbose=verbose)[-1]
-        return look_up(outcome.code).exit_status
+        return exit_status(outcome.code)
     from executive.client.synchronous import Client
 
     from .support.server_goals import send_and_wait
@@ -71,7 +71,7 @@ def _execute(
         if not as_json:
             echo(f"Server {client.url}")
         outcome = send_and_wait(client, move, (), False, as_json, verbose)
-    return look_up(outcome.code).exit_status
+    return exit_status(outcome.code)
 
 
 @command(context_settings={"ignore_unknown_options": True})  # -0.1 is a number

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import click
 
-from executive.api.codes import DIFFERS
-from executive.code_table import look_up
+from executive.code_table import exit_status
 
 from .settings import ABOVE_0, AT_LEAST_0, Whole, option
 from .support.command_group import command, diagnostics
@@ -117,10 +116,11 @@ def replay(
         outcomes = execute(
             setup, [task], as_json=as_json, known=False, verbose=diagnostics().verbose
         )
-    sys.exit(look_up(outcomes[-1].code).exit_status)
+    sys.exit(exit_status(outcomes[-1].code))
 
 
 def _verify(given: Iterable[Path], jobs: int | None, as_json: bool) -> None:
+    from executive.errors import ReplayDiffers
     from executive.replay.verification import verify_all
     from logs import RecordingInUse
 
@@ -132,14 +132,14 @@ def _verify(given: Iterable[Path], jobs: int | None, as_json: bool) -> None:
         same = all(check.holds for check in verification.checks)
         if verification.code == RecordingInUse.code:
             written += 1
-        elif code := verification.code if same else DIFFERS:
+        elif code := verification.code if same else ReplayDiffers.code:
             wrong.append((verification.path, code))
     if not as_json and len(paths) > 1:
         _sum_up(len(paths) - written, written, wrong)
     if written == len(paths):
         sys.exit(RecordingInUse.exit_status)
     # The highest status counts: differs, then incomplete, then unreadable.
-    sys.exit(max((look_up(code).exit_status for _, code in wrong), default=0))
+    sys.exit(max((exit_status(code) for _, code in wrong), default=0))
 
 
 def _sum_up(verified: int, written: int, wrong: Sequence[tuple[Path, str]]) -> None:

@@ -5,7 +5,7 @@ from typing import Any
 
 import click
 
-from executive.code_table import look_up
+from executive.code_table import exit_status
 
 from .support.command_group import command, diagnostics
 from .support.names import TASK, load_library
@@ -45,4 +45,4 @@ def run(
         _, library = load_library(setup.trees, options["robot"])
         numbers = [task if isinstance(task, int) else library.number(task) for task in tasks]
     outcomes = execute(setup, numbers, settings, as_json, diagnostics().verbose)
-    sys.exit(look_up(outcomes[-1].code).exit_status)
+    sys.exit(exit_status(outcomes[-1].code))

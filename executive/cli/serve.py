@@ -4,6 +4,8 @@ from typing import Any
 
 import click
 
+from executive.api import ADDRESS, POOL
+
 from .settings import option
 from .support.command_group import command
 from .support.options import run_options, source_options
@@ -17,7 +19,7 @@ from .support.options import run_options, source_options
     "--bind",
     "address",
     metavar="ADDRESS",
-    default="127.0.0.1",
+    default=ADDRESS,
     show_default=True,
     help="Address to listen on.",
 )
@@ -46,7 +48,7 @@ from .support.options import run_options, source_options
 @click.option(
     "--pool",
     metavar="POOL",
-    default="arms",
+    default=POOL,
     show_default=True,
     help="With --fleet: pool whose jobs the arm runs.",
 )
@@ -77,7 +79,7 @@ def serve(
       armtree serve --port virtual --activate
       armtree serve --bind 0.0.0.0 --expose --policy queue
     """  # noqa: D301
-    from executive.api.events import Policy
+    from executive.api import Policy
     from executive.fleet.worker_process import FleetPlace
     from executive.server.server import ListenOptions
     from executive.setup import Setup

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from executive.code_table import look_up
+from executive.code_table import exit_status
 
 from .settings import Whole, local_server, option
 from .support.command_group import command, diagnostics
@@ -69,7 +69,7 @@ def send(
     check_robot(client, robot)
     if wait or deadman:
         outcome = send_and_wait(client, task, settings, deadman, as_json, diagnostics().verbose)
-        sys.exit(look_up(outcome.code).exit_status)
+        sys.exit(exit_status(outcome.code))
     goal_id = client.send(task, parameters(settings))
     echo_result(as_json, {"goal_id": goal_id}, goal_id)
 
@@ -188,12 +188,12 @@ def _goal_command(change: str, meaning: str) -> click.Command:
     @_goal_argument
     @_with_client
     def run(client: "Client", as_json: bool, goal_id: str) -> None:
-        from executive.errors import Refused
+        from executive.errors import NotExecuting
         from logs import goal_title
 
         running = client.status().goal
         if not goal_id and running is None:
-            raise Refused({"code": "goal.not_executing", "message": "no goal is being executed"})
+            raise NotExecuting
         goal = getattr(client, change)(goal_id or (running and running.identity))
         title = f"{goal_title(goal.task)} ({goal.identity})"
         echo_result(as_json, goal.to_json(), title)

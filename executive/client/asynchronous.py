@@ -195,7 +195,7 @@ class AsyncClient:
             except Refused as error:
                 if error.code != ResultTimeout.code:
                     raise
-        raise Refused(cause_of(ResultTimeout(goal_id, timeout or 0.0)).to_json())
+        raise Refused(cause_of(ResultTimeout(goal_id, timeout or 0.0)))
 
     async def goal(self, goal_id: str) -> GoalStatus:
         """Return the state of a goal."""

@@ -4,7 +4,8 @@ import asyncio
 import uuid
 from collections.abc import Awaitable, Callable
 
-from executive.errors import ClientError, Refused
+from executive.api.outcome import cause_of
+from executive.errors import ClientError, Refused, TooMuch
 
 from .asynchronous import AsyncClient
 
@@ -37,7 +38,7 @@ class HeldGoals:
         """
         if len(self.tasks) >= MOST_HELD:
             words = f"{MOST_HELD} goals of this process are under way, which is the limit"
-            raise Refused({"code": "request.too_many", "message": words, "hint": "wait"})
+            raise Refused(cause_of(TooMuch(words)))
         goal_id = goal_id or uuid.uuid4().hex
         accepted: asyncio.Future[str] = asyncio.get_running_loop().create_future()
 

@@ -7,6 +7,7 @@ from typing import Any
 from executive.api import strict_json
 from executive.api.events import Event, event_from_json
 from executive.api.operations import OPERATIONS
+from executive.api.outcome import Cause
 from executive.api.schemas import ERROR, inlined
 from executive.errors import Refused, WrongAnswer
 from hardware import Clock
@@ -58,7 +59,7 @@ class ResponseBody:
             value, wrong = None, f"it answers {self._status} without JSON"
             raise WrongAnswer(self._url, wrong) from error
         if self._status >= 400 and _fits_schema("", value):
-            raise Refused(value)
+            raise Refused(Cause.from_json(value))
         if self._status != OPERATIONS[name].status or not _fits_schema(name, value):
             raise WrongAnswer(self._url, f"it answers {self._status}, but its fields are wrong")
         return value

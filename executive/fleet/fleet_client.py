@@ -11,7 +11,8 @@ from typing import Any
 from nats.js.errors import KeyWrongLastSequenceError, NotFoundError
 
 from executive.api import strict_json
-from executive.api.outcome import CANCELED_CAUSE, GoalState
+from executive.api.outcome import GoalState
+from executive.errors import GoalCanceled
 from hardware import Clock, utc_ns
 
 from .connection import ALIVE, JOBS, Fleet, consumer_of, control_subject, job_subject
@@ -30,7 +31,7 @@ from .values import (
     JobRecord,
     Member,
     Presence,
-    Result,
+    failed,
     from_bytes,
     to_bytes,
 )
@@ -224,7 +225,7 @@ class FleetClient:
         known = await self.job(identity)
         if isinstance(known, Job):
             now = utc_ns(self._clock)
-            result = Result.failed(CANCELED_CAUSE, GoalState.CANCELED)
+            result = failed(GoalCanceled(), GoalState.CANCELED)
             record = JobRecord(known, "", "", "", now, result=result, ended_ns=now)
             try:
                 await self._fleet.jobs.create(identity, to_bytes(record))
@@ -245,7 +246,7 @@ class FleetClient:
         """End a job whose arm does not answer, so that no further attempt of it runs."""
         found = await self._fleet.get(JobRecord, identity)
         if found and found[0].result is None:
-            result = Result.failed(CANCELED_CAUSE, GoalState.CANCELED)
+            result = failed(GoalCanceled(), GoalState.CANCELED)
             ended = replace(found[0], result=result, ended_ns=utc_ns(self._clock))
             with suppress(KeyWrongLastSequenceError):  # its arm, or another one, has come first
                 await self._fleet.jobs.update(identity, to_bytes(ended), last=found[1])
@@ -338,11 +339,11 @@ class FleetClient:
                 async with asyncio.timeout(left):
                     await news.wait()
         await subscription.unsubscribe()
-        failed = {arm for arm, answer in found.items() if answer.error}
-        if missing := sorted((wanted - found.keys()) | failed):
+        errors = {arm for arm, answer in found.items() if answer.error}
+        if missing := sorted((wanted - found.keys()) | errors):
             words = {arm: f" ({found[arm].error})" if arm in found else "" for arm in missing}
             named = tuple(f"{arm}{words[arm]}" for arm in missing)
-            raise NotConfirmed(f"{request}, {len(found) - len(failed)} of {len(wanted)}", named)
+            raise NotConfirmed(f"{request}, {len(found) - len(errors)} of {len(wanted)}", named)
         return sorted(found.values(), key=lambda answer: answer.arm)
 
     async def _hold_queues(self, whom: Sequence[str], hold: bool) -> None:

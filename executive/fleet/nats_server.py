@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from executive.api import token_file
+from executive.api import ADDRESS, NATS_PORT, token_file
 from hardware import Clock, read_file
 
 from .errors import FleetMissing, FleetUnsafe, NotStarted
@@ -56,8 +56,8 @@ class NatsOptions:
     """
 
     data: Path
-    address: str = "127.0.0.1"
-    port: int = 4222
+    address: str = ADDRESS
+    port: int = NATS_PORT
     certificate: Path | None = None
     key: Path | None = None
     nkeys: Path | None = None

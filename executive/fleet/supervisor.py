@@ -8,13 +8,12 @@ from dataclasses import replace
 
 from nats.js.errors import KeyWrongLastSequenceError
 
-from executive.api.outcome import cause_of
 from hardware import Clock, utc_ns
 
 from .connection import ALIVE_SECONDS, GONE, Fleet
 from .errors import ArmLost
 from .fleet_client import publish
-from .values import JobRecord, Presence, Result, to_bytes
+from .values import JobRecord, Presence, failed, to_bytes
 
 logger = logging.getLogger(__name__)
 
@@ -104,7 +103,7 @@ class Supervisor:
             return None
         lost = ArmLost(record.arm, record.url, silence)
         now = utc_ns(self._clock)
-        ended = replace(record, result=Result.failed(cause_of(lost)), ended_ns=now)
+        ended = replace(record, result=failed(lost), ended_ns=now)
         try:
             await self._fleet.jobs.update(job.identity, to_bytes(ended), last=found[1])
         except KeyWrongLastSequenceError:

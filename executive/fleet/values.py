@@ -2,12 +2,13 @@
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
+from functools import partial
 from typing import Any, TypeVar
 
 from executive.api import strict_json
-from executive.api.outcome import Cause, GoalState, Outcome
+from executive.api.outcome import Ending, GoalState, cause_of
 from logs.records.field_types import has_type
 
 from .errors import BadJob
@@ -45,40 +46,6 @@ class Job:
 
 
 @dataclass(frozen=True, slots=True)
-class Result:
-    """How a job ended.
-
-    Attributes:
-        state: SUCCEEDED, CANCELED or ABORTED.
-        code: Stable name of the cause, `ok` for success.
-        message: Description for people.
-        hint: What to do next.
-        frames: Number of frames sent.
-        duration_s: Time from acceptance by the arm to the end [s].
-        recording: Path of the recording on the arm's machine; empty if there is none.
-    """
-
-    state: str
-    code: str
-    message: str
-    hint: str = ""
-    frames: int = 0
-    duration_s: float = 0.0
-    recording: str = ""
-
-    @classmethod
-    def of(cls, outcome: Outcome) -> "Result":
-        """Return the result of a job whose goal ended."""
-        known = (outcome.frames, round(outcome.duration, 6), outcome.recording)
-        return cls(outcome.state.name, outcome.code, outcome.message, outcome.hint, *known)
-
-    @classmethod
-    def failed(cls, cause: Cause, state: GoalState = GoalState.ABORTED) -> "Result":
-        """Return the result of a job that failed before an arm reported an outcome."""
-        return cls(state.name, cause.code, cause.message, cause.hint)
-
-
-@dataclass(frozen=True, slots=True)
 class JobRecord:
     """What is known of a job that is not queued any more.
 
@@ -100,14 +67,14 @@ class JobRecord:
     worker: str
     claimed_ns: int
     retry_safe: bool = False
-    result: Result | None = None
+    result: Ending | None = None
     ended_ns: int = 0
     late: bool = False
 
     @property
     def state(self) -> str:
         """CLAIMED, or the state of the result."""
-        return self.result.state if self.result else "CLAIMED"
+        return self.result.state.name if self.result else "CLAIMED"
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,15 +115,21 @@ class Presence:
     done: int = 0
 
 
-_INNER: Mapping[str, type] = {"job": Job, "result": Result}
+def failed(error: Exception, state: GoalState = GoalState.ABORTED) -> Ending:
+    """Return the end of a job that failed before an arm reported an outcome."""
+    cause = cause_of(error)
+    return Ending(state, cause.code, cause.message, cause=cause)
 
 
 def to_bytes(value: Any) -> bytes:
     """Return a value of this file as JSON."""
-    return json.dumps(value, ensure_ascii=False, allow_nan=False, default=_fields).encode()
+    return json.dumps(value, ensure_ascii=False, allow_nan=False, default=to_json).encode()
 
 
-def _fields(value: Any) -> dict[str, Any]:
+def to_json(value: Any) -> dict[str, Any]:
+    """Return a value of this file as a JSON object, with values of this file in it."""
+    if isinstance(value, Ending):
+        return value.to_json()
     return {each.name: getattr(value, each.name) for each in fields(value)}
 
 
@@ -181,7 +154,13 @@ def from_bytes(kind: type[T], data: bytes | None) -> T:
 
 def _value(kind: Any, plain: Mapping[str, Any]) -> Any:
     given = {each.name: plain[each.name] for each in fields(kind) if each.name in plain}
-    for name, inner in _INNER.items():
+    for name, read in _INNER.items():
         if isinstance(given.get(name), dict):
-            given[name] = _value(inner, given[name])
+            given[name] = read(given[name])
     return kind(**given)
+
+
+_INNER: Mapping[str, Callable[[Any], Any]] = {
+    "job": partial(_value, Job),
+    "result": Ending.from_json,
+}

@@ -18,12 +18,13 @@ from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response
 from starlette.routing import Route
 
+from executive.api import ADDRESS
+
 from .connection import GONE
 from .errors import NotStarted
 from .fleet_client import ArmRow, FleetClient
 from .supervisor import Supervisor
 
-_ADDRESS = "127.0.0.1"
 _FILES = ("index.html", "fleet.css", "fleet.js")
 _HEADERS = {
     "cache-control": "no-store",
@@ -44,10 +45,10 @@ def listen(port: int) -> socket.socket:
         NotStarted: Another program listens there.
     """
     try:
-        return socket.create_server((_ADDRESS, port))
+        return socket.create_server((ADDRESS, port))
     except OSError as error:
         raise NotStarted(
-            f"the page of the fleet cannot listen on {_ADDRESS} port {port}: {error.strerror}; "
+            f"the page of the fleet cannot listen on {ADDRESS} port {port}: {error.strerror}; "
             "choose another port with --http-port, or 0 for any free one"
         ) from error
 
@@ -106,7 +107,7 @@ def make_app(client: FleetClient, supervisor: Supervisor) -> Starlette:
     return Starlette(
         routes=routes,
         # Pages of other sites cannot read it under another name of this machine.
-        middleware=[Middleware(TrustedHostMiddleware, allowed_hosts=[_ADDRESS, "localhost"])],
+        middleware=[Middleware(TrustedHostMiddleware, allowed_hosts=[ADDRESS, "localhost"])],
         exception_handlers=dict.fromkeys(GONE, gone),
     )
 

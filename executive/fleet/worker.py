@@ -15,17 +15,16 @@ from nats.aio.msg import Msg
 from nats.js.errors import APIError, KeyWrongLastSequenceError
 
 from executive.api import strict_json
-from executive.api.codes import BUSY, QUEUE_FULL
 from executive.api.events import Status
-from executive.api.outcome import CancelResult, GoalState, GoalStatus, Outcome, cause_for, cause_of
+from executive.api.outcome import CancelResult, Ending, GoalState, GoalStatus, Outcome
 from executive.client.values import Task
-from executive.errors import ClientError, Refused, ServerUnreachable
+from executive.errors import ClientError, GoalBusy, QueueFull, ServerUnreachable
 from hardware import Clock, State, utc_ns
 
 from .connection import ALIVE_SECONDS, GONE, Fleet, control_subject
 from .errors import ArmLost, BadJob, DeadlinePassed, FleetError, NameTaken
 from .job_requests import JobRequests
-from .values import IDENTITY, Job, JobRecord, Member, Presence, Result, from_bytes, to_bytes
+from .values import IDENTITY, Job, JobRecord, Member, Presence, failed, from_bytes, to_bytes
 
 T = TypeVar("T")
 
@@ -36,7 +35,8 @@ _SPREAD = 0.3, 1.0  # delay of a presence after a change [s]
 _LAST_SECONDS = 3.0  # longest time for the last result after `end`
 _PAUSE_SECONDS = 1.0  # before what failed is tried again
 _ATTEMPTS = 10  # to reach the server of the arm for a result
-_NOT_NOW = (BUSY, QUEUE_FULL)  # the arm has refused, so nothing has moved: another arm may do it
+# The arm has refused, so nothing has moved: another arm may do it.
+_NOT_NOW = (GoalBusy.code, QueueFull.code)
 
 READY, BUSY_ARM, HELD, UNREACHABLE = "ready", "busy", "held", "unreachable"
 
@@ -277,18 +277,16 @@ class Worker:
         if not message.is_acked:
             await message.ack()
 
-    async def _send(self, job: Job) -> Result | None:
+    async def _send(self, job: Job) -> Ending | None:
         """Send a claimed job to the arm; return None if it accepts it, else why it did not run."""
         if self._held:
-            return Result.failed(cause_for(BUSY, f"{self.arm} is held: {self._held}"))
+            return failed(GoalBusy(f"{self.arm} is held: {self._held}"))
         try:
             await self._server.send(job.task, job.arguments, job.identity, deadman=True)
-        except Refused as error:
-            return Result.failed(error.cause)
         except ServerUnreachable:
             return None  # it may have accepted it; `_result` finds out
         except ClientError as error:
-            return Result.failed(cause_of(error))
+            return failed(error)
         return None
 
     async def _release(self, identity: str, revision: int) -> None:
@@ -302,7 +300,7 @@ class Worker:
             except GONE:
                 await asyncio.sleep(_PAUSE_SECONDS)
 
-    async def _result(self, identity: str) -> Result:
+    async def _result(self, identity: str) -> Ending:
         """Wait for the end of a goal, also if its server cannot be reached for a moment."""
         for attempt in range(_ATTEMPTS):
             try:
@@ -310,13 +308,13 @@ class Worker:
                 break
             except ClientError as error:
                 if not isinstance(error, ServerUnreachable) or attempt == _ATTEMPTS - 1:
-                    return Result.failed(cause_of(error))
+                    return failed(error)
                 await asyncio.sleep(_PAUSE_SECONDS)
         if outcome.state is GoalState.CANCELED and identity not in self._canceled:
             self._held = "stopped at the arm"
             logger.warning("Fleet: %s was stopped, and takes no jobs until a resume", self.arm)
         self._canceled.discard(identity)
-        return Result.of(outcome)
+        return outcome
 
     async def _is_retry_safe(self, job: Job) -> bool:
         try:
@@ -326,7 +324,7 @@ class Worker:
         wanted = (each for each in tasks if job.task in (each.number, each.name))
         return any(each.retry_safe for each in wanted)
 
-    def _record(self, job: Job, result: Result | None, safe: bool = False) -> JobRecord:
+    def _record(self, job: Job, result: Ending | None, safe: bool = False) -> JobRecord:
         now = utc_ns(self._clock)
         return JobRecord(
             job, self.arm, self._page, self._me, now, safe, result, now if result else 0
@@ -349,7 +347,7 @@ class Worker:
         while True:
             try:
                 late = await self._fleet.lateness(message, job)
-                result = Result.failed(cause_of(DeadlinePassed(late))) if late > 0 else None
+                result = failed(DeadlinePassed(late)) if late > 0 else None
                 record = self._record(job, result, safe)
                 return record, await self._create(record)
             except GONE as error:
@@ -383,9 +381,10 @@ class Worker:
         except KeyWrongLastSequenceError:
             return 0
 
-    async def _store(self, record: JobRecord, revision: int, result: Result) -> None:
+    async def _store(self, record: JobRecord, revision: int, result: Ending) -> None:
         """Store the result of a job, however long the NATS server is gone."""
         identity, told = record.job.identity, False
+        result = Ending.from_json(result.to_json())  # as it is read: without the task, and rounded
         mine = replace(record, result=result, ended_ns=utc_ns(self._clock))
         while True:
             try:
@@ -433,8 +432,8 @@ class Worker:
         if record.result and record.result.code != ArmLost.code:
             return
         record = replace(record, worker=self._me, late=bool(record.result))
-        result = Result.of(await self._server.result(identity))
-        logger.info("Fleet: the job %s of an earlier worker is %s", identity, result.state)
+        result = await self._server.result(identity)
+        logger.info("Fleet: the job %s of an earlier worker is %s", identity, result.state.name)
         await self._store(record, revision, result)
 
     async def _listen(

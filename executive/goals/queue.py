@@ -7,10 +7,8 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from itertools import islice
 
-from executive.api.codes import BAD_IDENTITY, BUSY, CLOSING, DUPLICATE, QUEUE_FULL
-from executive.api.events import Policy
+from executive.api import Policy
 from executive.api.outcome import (
-    CANCELED_CAUSE,
     Acceptance,
     CancelCode,
     CancelResult,
@@ -18,10 +16,20 @@ from executive.api.outcome import (
     GoalState,
     GoalStatus,
     Outcome,
-    cause_for,
     cause_of,
 )
-from executive.errors import ExecutorBlocked, GoalPreempted, ResultTimeout, UnknownGoal
+from executive.errors import (
+    BadIdentity,
+    DuplicateGoal,
+    ExecutorBlocked,
+    GoalBusy,
+    GoalCanceled,
+    GoalPreempted,
+    QueueFull,
+    ResultTimeout,
+    ServerClosing,
+    UnknownGoal,
+)
 from hardware import Clock, utc_ns
 from logs import goal_title
 from trees import Located
@@ -94,7 +102,7 @@ class GoalQueue:
             self._forget()
             identity = identity or uuid.uuid4().hex
             if refusal := self._refusal(identity, invalid):
-                return Acceptance(identity, 0, refusal), None
+                return Acceptance(identity, 0, cause_of(refusal)), None
             preempted = self._preempt(identity) if self.policy is Policy.PREEMPT else None
             now, mailbox = self._clock.now(), Mailbox(self._clock)
             stamp = self._stamp(now)
@@ -263,26 +271,23 @@ class GoalQueue:
         while goal.stops:
             self.signal.wait(None)
 
-    def _refusal(self, identity: str, invalid: Exception | None) -> Cause | None:
+    def _refusal(self, identity: str, invalid: Exception | None) -> Exception | None:
         if self._closed:
-            return cause_for(CLOSING, "the server is ending; start it again")
+            return ServerClosing("the server is ending; start it again")
         if not _IDENTITY.fullmatch(identity):
-            words = f"{identity!r} is not the identity of a goal: give 32 hexadecimal digits"
-            return cause_for(BAD_IDENTITY, words)
+            return BadIdentity(identity)
         if identity in self._goals:
-            words = f"the goal {identity} exists already; give every goal its own identity"
-            return cause_for(DUPLICATE, words)
+            return DuplicateGoal(identity)
         busy = self.current
         if busy and self.blocked:
-            return cause_of(_blocked(busy))
+            return _blocked(busy)
         if invalid:  # checked first, because waiting would not help
-            return cause_of(invalid)
+            return invalid
         if busy and self.policy is Policy.REJECT:
-            words = f"goal {busy.identity} for {goal_title(busy.task)} is under way"
-            return cause_for(BUSY, words)
+            return GoalBusy(f"goal {busy.identity} for {goal_title(busy.task)} is under way")
         if self.policy is Policy.QUEUE and len(self._waiting) >= WAITING:
             words = f"{WAITING} goals are waiting, which is the limit; wait, or cancel some"
-            return cause_for(QUEUE_FULL, words)
+            return QueueFull(words)
         return None
 
     def _preempt(self, identity: str) -> Goal | None:
@@ -314,7 +319,7 @@ class GoalQueue:
             goal.mailbox.cancel()
         else:
             self._waiting.remove(goal)
-            self._end_unstarted(goal, GoalState.CANCELED, CANCELED_CAUSE)
+            self._end_unstarted(goal, GoalState.CANCELED, cause_of(GoalCanceled()))
 
     def _end_unstarted(self, goal: Goal, state: GoalState, cause: Cause) -> None:
         duration = self._clock.now() - goal.accepted

@@ -7,7 +7,8 @@ from typing import NamedTuple
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from executive.api.outcome import CANCELED_CAUSE, Cause, GoalState, cause_of
+from executive.api.outcome import Cause, GoalState, cause_of
+from executive.errors import GoalCanceled
 from hardware import ActivationStopped, Arm, Clock
 from logs import Feedback, NodeStatus, Record
 from skills import Skill, SkillBroken, TaskFailed
@@ -183,7 +184,7 @@ def decide_outcome(
         return GoalState.SUCCEEDED, None
     if tree is not None and tree.root.status is Status.FAILURE:
         return GoalState.ABORTED, _of_tree(tree.root)
-    return GoalState.CANCELED, CANCELED_CAUSE
+    return GoalState.CANCELED, cause_of(GoalCanceled())
 
 
 def _of_tree(root: Behaviour) -> Cause:

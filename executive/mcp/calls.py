@@ -4,19 +4,21 @@ import asyncio
 import base64
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from mcp_types import ImageContent, TextContent
 
 from executive.api.events import kind_of
 from executive.api.move import Move
-from executive.api.outcome import GoalStatus
+from executive.api.outcome import GoalStatus, cause_of
 from executive.client.asynchronous import AsyncClient
 from executive.client.held_goals import Connect, HeldGoals, Send
 from executive.client.values import PlannedTask, Task
-from executive.errors import Refused, ServerLost, ServerUnreachable
+from executive.errors import Forbidden, NotExecuting, Refused, ServerLost, ServerUnreachable
 from hardware import Robot
 from hardware.printable import plural
+from trees import UnknownTask
 
 from .asking import Person
 from .following import follow
@@ -27,8 +29,8 @@ Content = list[TextContent | ImageContent]
 
 _ACTIVATE = "The arm may move when its port is opened. Is the space around it free? Activate it?"
 _BY_HAND = (
-    "a person must confirm this, and this client cannot ask one: ask them to press Activate on "
-    "the page (`armtree view`), or to type `armtree arm activate`"
+    "a person must confirm this, and this client cannot ask one",
+    "ask them to press Activate on the page (`armtree view`), or to type `armtree arm activate`",
 )
 _YES, _NO = "yes, activate it", "no"
 
@@ -60,7 +62,6 @@ class Calls:
         self._person, self._robot = person, robot
 
     async def list_tasks(self) -> str:
-        """List the tasks."""
         rows = [
             {"task": each.number, "name": each.name, "description": each.description}
             | {"arguments": [*each.inputs]}
@@ -70,27 +71,19 @@ class Calls:
         return _lines(rows)
 
     async def describe_task(self, task: int | str) -> str:
-        """Describe a task."""
         known = await self._client.tasks()
         found = next((each for each in known if task in (each.number, each.name)), None)
         if found is None:
-            names = ", ".join(f"{each.number} {each.name}" for each in known)
-            raise Refused(
-                {
-                    "code": "goal.unknown_task",
-                    "message": f"there is no task {task}; there are {names}",
-                }
-            )
+            named = isinstance(task, str)
+            raise UnknownTask(task, [each.name if named else each.number for each in known])
         return json.dumps(_described(found), indent=1, ensure_ascii=False)
 
     async def check_task(self, task: int | str, arguments: Mapping[str, Any] | None = None) -> str:
-        """Check a task and plan it."""
         return _plan_words(await self._client.plan(task, arguments))
 
     async def plan_task(
         self, task: int | str, arguments: Mapping[str, Any] | None = None
     ) -> Content:
-        """Check a task, plan it and draw it."""
         from .picture import picture  # its planner and matplotlib take seconds to import
 
         planned = await self._client.plan(task, arguments)
@@ -109,7 +102,6 @@ class Calls:
         arguments: Mapping[str, Any] | None = None,
         wait_s: float = WAIT,
     ) -> str:
-        """Run a task."""
         return await self._run(
             lambda client, goal_id: client.send(task, arguments, goal_id, deadman=True), wait_s
         )
@@ -121,40 +113,34 @@ class Calls:
         speed: float = 1.0,
         wait_s: float = WAIT,
     ) -> str:
-        """Move the arm."""
         move = Move.of(to, {}, relative, speed)
         return await self._run(
             lambda client, goal_id: client.send_move(move, goal_id, deadman=True), wait_s
         )
 
     async def goal_state(self, goal_id: str = "", wait_s: float = 0.0) -> str:
-        """Return the state of a goal."""
         goal = await self._goal(goal_id)
         if wait_s and not goal.outcome:
             goal = await follow(self._client, goal.identity, self._person, wait_s)
         return await self._goal_words(goal)
 
     async def pause(self, goal_id: str = "") -> str:
-        """Stop the arm and keep the goal."""
         goal = await self._client.pause((await self._goal(goal_id)).identity)
         return f"paused; {await self._goal_words(goal)}"
 
     async def resume(self, goal_id: str = "") -> str:
-        """Resume a paused goal."""
         goal = await self._client.resume((await self._goal(goal_id)).identity)
         return f"resumed; {await self._goal_words(goal)}"
 
     async def stop(self) -> str:
-        """Stop the arm and cancel all goals."""
         try:
             canceled = ", ".join((await self._client.stop()).goals)
         except ServerUnreachable as error:
-            words = f"NOT STOPPED: {error}. Tell the person to switch the power of its servos off"
-            raise Refused({"code": error.code, "message": words}) from error
+            cause, hint = cause_of(error), "tell the person to switch the power of its servos off"
+            raise Refused(replace(cause, message=f"NOT STOPPED: {error}", hint=hint)) from error
         return f"stopped; canceled {canceled}" if canceled else "stopped; no goal was under way"
 
     async def arm_state(self) -> str:
-        """Return the state of the arm."""
         status, where = await asyncio.gather(self._client.status(), self._client.where())
         lines = [f"arm {status.arm}" + ("" if status.commanded else ": it cannot run tasks now")]
         if status.fault:
@@ -171,28 +157,24 @@ class Calls:
         return "\n".join(lines)
 
     async def activate_arm(self, pose: str | None = None) -> str:
-        """Activate the arm after a person has confirmed it."""
         if not self._person.can_answer:
-            raise Refused({"code": "request.forbidden", "message": _BY_HAND})
+            raise Forbidden(*_BY_HAND)
         if self._person.state:
             words = self._person.answer
         else:
             words = await self._person.ask(_ACTIVATE, (_YES, _NO), {"activate": True})
         if words != _YES:
-            refused = {"code": "request.forbidden", "message": "the person did not confirm it"}
-            raise Refused(refused)
+            raise Forbidden("the person did not confirm it", "activate it only after they do")
         return f"arm {await self._client.arm('activate', pose)}"
 
     async def list_recordings(
         self, limit: int = 10, task: int | None = None, state: str = ""
     ) -> str:
-        """List the last runs."""
         rows = await self._client.recordings(task=task, state=state, limit=limit)
         keys = ("name", "title", "state", "code", "message", "duration_s")
         return _lines([{key: row[key] for key in keys} for row in rows])
 
     async def explain_run(self, recording: str) -> str:
-        """Explain how a run ended."""
         window = await self._client.recorded_events(recording, _AT_THE_END)
         rows = await self._client.recordings(search=recording, limit=1)
         empty = {"title": recording, "state": "", "code": "", "message": "", "duration_s": None}
@@ -224,7 +206,7 @@ class Calls:
             return await self._client.goal(goal_id)
         if found := (await self._client.status()).goal:
             return found
-        raise Refused({"code": "goal.not_executing", "message": "no goal is under way"})
+        raise NotExecuting
 
     async def _goal_words(self, goal: GoalStatus) -> str:
         if goal.outcome:

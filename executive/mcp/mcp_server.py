@@ -6,7 +6,6 @@ import logging
 import socket
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from contextlib import asynccontextmanager
-from importlib.metadata import version
 from typing import Any
 
 from mcp.server import Server, ServerRequestContext
@@ -25,15 +24,16 @@ from mcp_types import (
 )
 from starlette.types import Receive, Scope, Send
 
-from executive.api import strict_json
+from executive.api import ADDRESS, strict_json
 from executive.api.checking import Mismatch, checked, checker
-from executive.api.outcome import Cause, cause_of
+from executive.api.outcome import cause_of
 from executive.api.token_bucket import TokenBucket
 from executive.client.asynchronous import AsyncClient
 from executive.client.held_goals import HeldGoals
 from executive.client.transport import Address
-from executive.errors import AddressInUse, ClientError
-from hardware import RealClock, Robot
+from executive.errors import AddressInUse, BadRequest, TooMuch
+from hardware import ArmtreeError, InternalError, RealClock, Robot
+from hardware.installed import version
 
 from .asking import MustRepeat, Person
 from .calls import Calls, NotDone
@@ -42,7 +42,6 @@ from .tools import MOVE, TOOLS, Tool
 logger = logging.getLogger(__name__)
 
 NAME = "armtree"
-_ADDRESS = "127.0.0.1"
 RATE, BURST = 5.0, 20.0  # calls per second and at once; stops are not counted
 _NO_TOKEN = "none"  # an empty one would be replaced by that of the user
 _MAX_ARGUMENTS = 48 * 1024  # bytes; the server of the arm takes a little more
@@ -85,17 +84,15 @@ class Tools:
             return await self._answer(context, params)
         except MustRepeat as question:
             return question.result
-        except ClientError as error:
-            return _refusal(getattr(error, "cause", None) or cause_of(error))
+        except ArmtreeError as error:
+            return _refusal(error)
         except NotDone as error:
             return CallToolResult(content=[TextContent(text=str(error))], is_error=True)
         except Mismatch as error:
-            return _refusal(Cause("request.malformed", str(error), hint="correct the arguments"))
+            return _refusal(BadRequest(str(error), "correct the arguments"))
         except Exception:  # the outermost place of a call
             logger.exception("a bug in armtree")
-            return _refusal(
-                Cause("internal", "a bug in armtree; the log has more", hint="report it")
-            )
+            return _refusal(InternalError("the log has more"))
 
     async def _answer(self, context: _Context, params: CallToolRequestParams) -> CallToolResult:
         tool = self._tools.get(params.name)
@@ -103,8 +100,7 @@ class Tools:
             known = ", ".join(self._tools)
             raise Mismatch(f"there is no tool {params.name[:40]!r}; there are {known}")
         if tool.limited and not self._bucket.take():
-            words = f"more than {RATE:g} calls per second; only stop is not limited"
-            return _refusal(Cause("request.too_many", words, hint="wait a moment"))
+            raise TooMuch(f"more than {RATE:g} calls per second; only stop is not limited")
         given = checked(self._checkers[tool.name], _as_json(params.arguments), "the arguments")
 
         def connect() -> AsyncClient:
@@ -158,9 +154,9 @@ def listen(port: int) -> socket.socket:
         AddressInUse: Another program listens there.
     """
     try:
-        return socket.create_server((_ADDRESS, port))
+        return socket.create_server((ADDRESS, port))
     except OSError as error:
-        words = f"cannot listen on {_ADDRESS} port {port}: {error.strerror}; give another port"
+        words = f"cannot listen on {ADDRESS} port {port}: {error.strerror}; give another port"
         raise AddressInUse(words) from error
 
 
@@ -180,7 +176,7 @@ async def serve_http(make: Callable[[], Server[Any]], url: str, listener: socket
     from starlette.applications import Starlette
     from starlette.routing import Mount
 
-    hosts = [f"{host}:{listener.getsockname()[1]}" for host in (_ADDRESS, "localhost")]
+    hosts = [f"{host}:{listener.getsockname()[1]}" for host in (ADDRESS, "localhost")]
     rules = TransportSecuritySettings(
         allowed_hosts=hosts, allowed_origins=[f"http://{host}" for host in hosts]
     )
@@ -239,7 +235,8 @@ def _described(tool: Tool) -> Described:
     )
 
 
-def _refusal(cause: Cause) -> CallToolResult:
+def _refusal(error: ArmtreeError) -> CallToolResult:
+    cause = cause_of(error)
     hint = f"\n-> {cause.hint}" if cause.hint and cause.hint not in cause.message else ""
     return CallToolResult(content=[TextContent(text=f"{cause}{hint}")], is_error=True)
 

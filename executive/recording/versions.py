@@ -9,7 +9,7 @@ from types import ModuleType
 
 import hardware
 import skills.motion
-from hardware.drivers.installed import version
+from hardware.installed import version
 
 _PLANNING = ("numpy", "pin", "coal")
 _SCHEDULING = (

@@ -14,7 +14,7 @@ from dataclasses import asdict, dataclass
 from multiprocessing import get_context
 from pathlib import Path
 
-from executive.api.codes import DIFFERS
+from executive.errors import ReplayDiffers
 from executive.recording.archive import restore_robot
 from hardware import HardwareError
 from hardware.printable import plural
@@ -124,7 +124,7 @@ def verify(path: Path) -> Verification:
     motion = sum(record.duration for record in records if isinstance(record, Schedule))
     words, code = (str(cut), cut.code) if cut else ("", "")
     if recording.complete and (part := recording.changed):
-        words, code = f"{part} was changed or removed after the run", DIFFERS
+        words, code = f"{part} was changed or removed after the run", ReplayDiffers.code
     return Verification(path, checks, words, code, motion)
 
 

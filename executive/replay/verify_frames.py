@@ -6,8 +6,9 @@ Each function returns the first difference in words, or an empty string if there
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise, takewhile, zip_longest
 
-from executive.api.codes import CANCELED, OK
+from executive.api.codes import OK
 from executive.api.outcome import GoalState
+from executive.errors import GoalCanceled
 from hardware import HardwareError, Robot, Schedule as Compiled, compile_schedule
 from hardware.printable import wire_text
 from logs import Goal, NodeStatus, Record, Result, Schedule, Sent, goal_title
@@ -284,7 +285,8 @@ def _state_difference(result: Result, root: str) -> str:
     """Check a result's state against its code and the root's last status ("" without a tree)."""
     done = result.state == GoalState.SUCCEEDED.name
     canceled = result.state == GoalState.CANCELED.name
-    if (result.success, result.code == OK, result.code == CANCELED) != (done, done, canceled):
+    found = (result.success, result.code == OK, result.code == GoalCanceled.code)
+    if found != (done, done, canceled):
         flags = f"success {result.success} and the code {result.code}"
         return f"the result is {result.state}, but has {flags}"
     if root and ((done and root != _SUCCESS) or (canceled and root == _SUCCESS)):

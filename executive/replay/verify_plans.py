@@ -11,6 +11,7 @@ from hardware import Robot
 from logs import Plan, Schedule
 from skills.merged_motion import MergedMotion
 from skills.motion import MotionError, Plan as Planned, Query, Rest
+from skills.motion.errors import PlanCanceled, PlanTimeout, WorkerDied
 
 from .recorded_run import RecordedRun
 
@@ -18,7 +19,7 @@ from .recorded_run import RecordedRun
 _TIMEOUT = 120.0  # [s]
 
 # Failures that depend on the machine's load, not on the query.
-_BY_CHANCE = ("plan.canceled", "plan.timeout", "plan.worker_died")
+_BY_CHANCE = [kind.code for kind in (PlanCanceled, PlanTimeout, WorkerDied)]
 
 
 def plans_difference(run: RecordedRun) -> str:

@@ -7,13 +7,12 @@ from functools import partial
 from typing import Any, Self
 
 import logs
-from executive.api.codes import DUPLICATE
 from executive.api.events import Event
-from executive.api.outcome import GoalStatus
+from executive.api.outcome import GoalStatus, cause_of
 from executive.client.asynchronous import AsyncClient
 from executive.client.held_goals import HeldGoals
 from executive.client.values import Task
-from executive.errors import ClientError, Refused, ServerUnreachable
+from executive.errors import ClientError, DuplicateGoal, Refused, ServerUnreachable
 from hardware import Robot
 
 from .goals import Goals
@@ -116,7 +115,7 @@ class Bridge:
             words = "the node is not connected to it"
             raise ServerUnreachable(self.client.url, words) from error
         if goal_id in self.goals.known or goal_id in self._held.tasks:
-            raise Refused({"code": DUPLICATE, "message": f"goal {goal_id} is known already"})
+            raise Refused(cause_of(DuplicateGoal(goal_id)))
         identity = await self._held.send(self._connect, post, goal_id)
         try:
             async with asyncio.timeout(_SEEN_SECONDS):

@@ -15,7 +15,7 @@ from urllib.parse import urlsplit
 import uvicorn
 from starlette.websockets import WebSocket
 
-from executive.api import PORT, token_file
+from executive.api import ADDRESS, PORT, token_file
 from executive.api.outcome import CancelCode, CancelResult
 from executive.api.strict_json import MAX_BYTES
 from executive.errors import AddressInUse, ServerError, TooFewFiles
@@ -59,7 +59,7 @@ class ListenOptions:
         rosbridge: True to serve rosbridge clients.
     """
 
-    address: str = "127.0.0.1"
+    address: str = ADDRESS
     port: int = PORT
     hosts: tuple[str, ...] = ()
     origins: tuple[str, ...] = ()

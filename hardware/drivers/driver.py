@@ -11,13 +11,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Protocol
 
+from hardware.installed import entry_points
 from hardware.joints import Joint
 from hardware.link.link import Link
 from hardware.toml_table import TomlTable
 
 from .board_protocol import BoardProtocol
 from .firmware_profile import Firmware
-from .installed import entry_points
 from .virtual.model import BoardModel
 from .wire_format import WireFormat
 

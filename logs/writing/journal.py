@@ -16,7 +16,7 @@ from mcap.data_stream import RecordBuilder
 
 from hardware.description.forward_kinematics import ForwardKinematics
 from hardware.description.urdf import Urdf
-from hardware.drivers.installed import version
+from hardware.installed import version
 from logs.errors import DISK_FULL
 from logs.records.cdr import encode
 from logs.records.conversions import Stamp
@@ -262,7 +262,7 @@ def _head(epoch_ns: int) -> bytes:
     )
     named = {topic.name: topic for topic in TOPICS}
     return MAGIC + _bytes(
-        mcap.Header("ros2", f"armtree {version('armtree') or ''}".rstrip() + UNFINISHED),
+        mcap.Header("ros2", f"armtree {version('armtree')}".rstrip() + UNFINISHED),
         mcap.Metadata("armtree", {"epoch_ns": str(epoch_ns)}),
         mcap.Metadata("rosbag2", ROSBAG2),
         *schemas,

@@ -22,6 +22,7 @@ class MotionError(ArmtreeError):
 
     code = "plan.error"
     exit_status = 5
+    http_status = 422
     hint = "choose another goal"
     heading = "One or more planners failed"
     milliseconds: Mapping[str, float] = MappingProxyType({})

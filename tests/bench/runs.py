@@ -30,7 +30,8 @@ from py_trees.common import Status
 
 import executive.goals.executor
 import logs
-from executive.api.events import Event, Policy
+from executive.api import Policy
+from executive.api.events import Event
 from executive.api.outcome import GoalState
 from executive.executive import Executive
 from executive.goals.run_loop import Run

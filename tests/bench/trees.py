@@ -17,7 +17,7 @@ from typing import Any
 # Python puts a script's folder first, where this file would pass for the room of its name.
 sys.path = [folder for folder in sys.path if Path(folder) != Path(__file__).parent]
 
-from executive.api.events import Policy
+from executive.api import Policy
 from executive.goals.goal import Goal
 from executive.goals.mailbox import Mailbox
 from executive.goals.queue import GoalQueue

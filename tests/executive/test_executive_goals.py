@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import logs
-from executive.api.events import Policy
+from executive.api import Policy
 from executive.api.outcome import Acceptance, GoalState, GoalStatus
 from executive.cli.support.log_handler import LogHandler
 from executive.cli.support.run_server import prepare

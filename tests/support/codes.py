@@ -1,18 +1,13 @@
 """Every code of armtree."""
 
-from executive.api.codes import ROWS, Code
-from executive.code_table import describe, load_errors
-from hardware.errors import ArmtreeError
+from executive.code_table import load_errors
+from hardware import ArmtreeError
 
 ROOMS = ("executive", "hardware", "logs", "skills", "trees")
 
 
-def all_codes() -> dict[str, Code]:
-    """Return what each code of armtree means, sorted by code."""
+def all_codes() -> dict[str, type[ArmtreeError]]:
+    """Return the class of each code of armtree, sorted by code."""
     load_errors()
-    ours = {
-        code: describe(kind)
-        for code, kind in ArmtreeError.by_code.items()
-        if kind.__module__.partition(".")[0] in ROOMS
-    }
-    return dict(sorted((ROWS | ours).items()))
+    found = sorted(ArmtreeError.by_code.items())
+    return {code: kind for code, kind in found if kind.__module__.partition(".")[0] in ROOMS}

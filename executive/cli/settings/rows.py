@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from executive.api import PORT
+from executive.api import PORT, Policy
+from executive.setup import Setup
 
 from .value_types import ABOVE_0, AT_LEAST_0, PATH, Finite, FleetUrl, Url, Whole
 
@@ -85,7 +86,7 @@ SETTINGS = {
         help="JSON file with the bodies around the arm, as in the example.",
     ),
     "recordings": Setting(
-        metavar="FOLDER", type=PATH, default=Path("recordings"), help="Folder for recordings."
+        metavar="FOLDER", type=PATH, default=Setup.recordings, help="Folder for recordings."
     ),
     "server": Setting(
         type=Url(),
@@ -102,21 +103,23 @@ SETTINGS = {
         help="TCP port of the server; 0 for any free one.",
     ),
     "policy": Setting(
-        type=click.Choice(["reject", "queue", "preempt"]),
-        default="reject",
+        type=click.Choice([policy.value for policy in Policy]),
+        default=Setup.policy.value,
         help="What happens to a goal while another one runs.",
     ),
     "result_timeout": Setting(
         type=Finite(-1),
-        default=900.0,
+        default=Setup.result_timeout,
         metavar="SECONDS",
         help="How long a result is kept [s]; -1 to keep it until there are 1000 newer ones.",
     ),
-    "seed": Setting(metavar="N", type=Whole(1), default=1, help="Seed of the planner."),
-    "workers": Setting(metavar="N", type=Whole(1), default=1, help="Number of planner processes."),
+    "seed": Setting(metavar="N", type=Whole(1), default=Setup.seed, help="Seed of the planner."),
+    "workers": Setting(
+        metavar="N", type=Whole(1), default=Setup.workers, help="Number of planner processes."
+    ),
     "recording_timeout": Setting(
         type=ABOVE_0,
-        default=5.0,
+        default=Setup.recording_timeout,
         metavar="SECONDS",
         help="Longest time that a frame may wait for the recording of the previous frame [s]. "
         "After that time the motion ends with log.behind. While a frame waits, the arm stands "

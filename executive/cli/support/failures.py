@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from executive.api.codes import INTERNAL, USAGE
 from executive.cli.terminal.streams import echo
-from executive.code_table import look_up
+from executive.code_table import exit_status
+from hardware import ArmtreeError, InternalError
 
 if TYPE_CHECKING:
     from executive.api.outcome import Cause
@@ -22,8 +22,6 @@ if TYPE_CHECKING:
 class Refusal(click.ClickException):
     """A command that cannot be executed here and now, although it is spelt correctly."""
 
-    exit_code = 2
-
 
 def print_error(error: Exception) -> int:
     """Print an error with its code and hint to standard error. Return the exit status.
@@ -31,37 +29,38 @@ def print_error(error: Exception) -> int:
     If the command line has --json, also print it to standard output, as the definition `error` of
     `docs/output.schema.json` describes it.
     """
-    from executive.api.outcome import Cause, cause_for, cause_of
-    from executive.errors import Refused
+    from executive.api.outcome import cause_of
+    from executive.errors import FileUnusable, UsageError
 
     if isinstance(error, click.ClickException):
         error.show(shown := io.StringIO())
         echo(shown.getvalue(), err=True, nl=False)
-        _print_json(Cause(USAGE, error.format_message(), hint=look_up(USAGE).hint), error)
-        return error.exit_code
-    cause = error.cause if isinstance(error, Refused) else cause_of(error)
+        return _print_json(cause_of(UsageError(error.format_message())), error)
+    known = error
     if isinstance(error, OSError) and error.filename:
-        cause = cause_for("file", f"{error.filename}: {error.strerror}; check the path")
+        known = FileUnusable(f"{error.filename}: {error.strerror}; check the path")
     elif isinstance(error, OSError) and error.errno == errno.ENOSPC:
-        cause = cause_for("file", "the disk is full; make room, then try again")
-    elif cause.code == INTERNAL:
-        cause = cause_for(INTERNAL, f"a bug in armtree: {error!r}; --debug shows where")
-    words = cause.message if isinstance(error, OSError) or cause.code == INTERNAL else str(error)
+        known = FileUnusable("the disk is full; make room, then try again")
+    elif not isinstance(error, ArmtreeError):
+        known = InternalError(f"{error!r}; --debug shows where")
+    cause = cause_of(known)
+    words = cause.message if isinstance(known, InternalError) else str(known)
     hint = vars(error).get("hint")  # an error that a server returned
     more = f"\n  -> {hint}" if hint and hint not in words else ""
     lines = f"{words} [{cause.code}]".replace("\n", "\n  ")
     echo(f"Error: {lines}{more}", err=True)
-    _print_json(cause, error)
-    return look_up(cause.code).exit_status
+    return _print_json(cause, error)
 
 
-def _print_json(cause: "Cause", error: Exception) -> None:
-    if "--json" not in sys.argv:
-        return
-    places = [plain_mistake(each) for each in getattr(error, "mistakes", ())]
-    status = look_up(cause.code).exit_status
-    event = {"event": "error", "code": cause.code, "message": cause.message, "hint": cause.hint}
-    echo(json.dumps({**event, "exit_status": status, "places": places, "cause": cause.to_json()}))
+def _print_json(cause: "Cause", error: Exception) -> int:
+    """Print a cause if the command line has --json. Return its exit status."""
+    status = exit_status(cause.code)
+    if "--json" in sys.argv:
+        places = [plain_mistake(each) for each in getattr(error, "mistakes", ())]
+        words = {"code": cause.code, "message": cause.message, "hint": cause.hint}
+        more = {"exit_status": status, "places": places, "cause": cause.to_json()}
+        echo(json.dumps({"event": "error", **words, **more}))
+    return status
 
 
 def plain_mistake(mistake: "Mistake") -> dict[str, Any]:

@@ -7,19 +7,19 @@ from contextlib import nullcontext
 from functools import partial
 
 import logs
-from executive.api.codes import CLOSING
 from executive.api.events import Event, QuestionStatus
 from executive.api.move import Move, number_of
 from executive.api.outcome import GoalState, GoalStatus, Outcome
 from executive.cli.terminal.line_view import view_for
 from executive.cli.terminal.view import View
 from executive.client.synchronous import Client
-from executive.errors import ClientError, Refused, ServerLost, ServerUnreachable
+from executive.errors import ClientError, Refused, ServerClosing, ServerLost, ServerUnreachable
 from hardware import RealClock, State
 from trees.compile.arguments import read_arguments
 
 from .interrupts import CANCELING, Interrupts
 
+_ENDED = "the server has ended, or this client read too slowly"
 _LAST_WORDS = "Ended at once. The goal may still run on the server: `armtree cancel` cancels it."
 
 logger = logging.getLogger(__name__)
@@ -113,7 +113,8 @@ def watch(client: Client, as_json: bool, verbose: bool) -> None:
     """Show every event of a server, until Ctrl-C.
 
     Raises:
-        ClientError: The server cannot be reached, or has ended.
+        ClientError: The server cannot be reached.
+        ServerClosing: It has ended.
     """
     with view_for(as_json, verbose) as view, client.events() as events:
         view.put(client.where())
@@ -122,7 +123,7 @@ def watch(client: Client, as_json: bool, verbose: bool) -> None:
                 _watch(event, view)
             elif event.outcome:
                 view.put(event.outcome)
-    raise _ended()
+    raise ServerClosing(_ENDED)
 
 
 def _show_goal(events: Iterator[Event], goal_id: str, view: View) -> Outcome:
@@ -138,19 +139,13 @@ def _show_goal(events: Iterator[Event], goal_id: str, view: View) -> Outcome:
             belongs = event.goal_id == goal_id
         if belongs or isinstance(event, logs.Transition):
             _watch(event, view)
-    raise _ended()
+    raise ServerClosing(_ENDED)
 
 
 def _watch(event: logs.Record | QuestionStatus, view: View) -> None:
     if isinstance(event, logs.LogLine) and event.level >= logging.WARNING:
         view.put(f"warning: {event.message}")
     view.put(event)
-
-
-def _ended() -> Refused:
-    return Refused(
-        {"code": CLOSING, "message": "the server has ended, or this client read too slowly"}
-    )
 
 
 def _cancel(client: Client, goal_id: str, view: View) -> None:

@@ -9,12 +9,13 @@ from enum import Enum
 from textwrap import wrap
 from typing import Protocol
 
-from executive.api.codes import CANCELED, OK
+from executive.api.codes import OK
 from executive.api.events import Where
 from executive.api.move import LEADER, Move
 from executive.api.outcome import Outcome
 from executive.cli.terminal.jog_screen import JogArm, outcome_words
 from executive.cli.terminal.key_screen import KeyScreen
+from executive.errors import GoalCanceled
 from hardware import DISPLAY_UNITS, HardwareError, State
 from skills import Blocked
 
@@ -239,7 +240,8 @@ def _nothing() -> None:
 
 def _words(outcome: Outcome | None) -> tuple[str, bool]:
     """Return the message for the end of a goal, and whether it is an error."""
-    return outcome_words(outcome) if outcome and outcome.code != CANCELED else ("", False)
+    ended = outcome and outcome.code != GoalCanceled.code
+    return outcome_words(outcome) if outcome and ended else ("", False)
 
 
 def _shown(positions: Mapping[str, float] | None, name: str, unit: str) -> str:

@@ -3,26 +3,26 @@
 import asyncio
 import sys
 from collections.abc import Sequence
-from dataclasses import asdict
 from typing import Any
 
 from executive.fleet.fleet_client import ArmRow, FleetClient
-from executive.fleet.values import Job, JobRecord
+from executive.fleet.values import Job, JobRecord, to_json
 from hardware.printable import plural
 
 
 def record_row(record: JobRecord) -> dict[str, Any]:
     """Return the record of a job as a JSON object."""
-    plain = asdict(record)
-    job = plain.pop("job")
-    return {**job_row(record.job), **plain, "state": record.state, "arguments": job["arguments"]}
+    plain = to_json(record) | {"state": record.state, "result": None}
+    if result := record.result:
+        plain["result"] = result.to_json() | {"hint": result.hint}
+    return {**job_row(plain.pop("job")), **plain}
 
 
 def job_row(found: Job | JobRecord) -> dict[str, Any]:
     """Return a job, or its record, as a JSON object."""
     if isinstance(found, JobRecord):
         return record_row(found)
-    plain = asdict(found)
+    plain = to_json(found)
     return {"job": plain.pop("identity"), "state": "QUEUED", **plain}
 
 
@@ -39,13 +39,12 @@ def record_text(record: JobRecord) -> str:
     text = f"{record.job.identity}  {record.state:<9}  task {record.job.task} on {arm}"
     if result is None:
         return text
-    text += f" ({result.duration_s:.2f} s, {plural(result.frames, 'frame')})"
+    text += f" ({result.duration:.2f} s, {plural(result.frames, 'frame')})"
     if record.late:
         text += ", reported after it was given up"
     if result.code != "ok":
         text += f"\n  {result.message} [{result.code}]"
-        if result.hint and result.hint not in result.message:
-            text += f"\n  -> {result.hint}"
+        text += f"\n  -> {result.hint}" if result.hint else ""
     return f"{text}\n  recording {result.recording} on {record.url}" if result.recording else text
 
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 from queue import SimpleQueue
 from typing import Protocol
 
-from executive.api.codes import CANCELED, OK
+from executive.api.codes import OK
 from executive.api.events import Where
 from executive.api.move import Move
 from executive.api.outcome import Cause, Outcome, cause_of
-from executive.errors import ClientError, Refused, ServerLost, ServerUnreachable
+from executive.errors import ClientError, GoalCanceled, Refused, ServerLost, ServerUnreachable
 from hardware import NotActive
 
 from .jog_model import Action, Call, Command, Go, Jog, Leave, Stop, Yes
@@ -244,7 +244,7 @@ def outcome_words(outcome: Outcome) -> tuple[str, bool]:
     """Return the message for the end of a move, and whether it is an error."""
     if outcome.code == OK:
         return "", False
-    if outcome.code == CANCELED or outcome.cause is None:
+    if outcome.code == GoalCanceled.code or outcome.cause is None:
         return "Stopped", False
     return _with_hint(outcome.cause), True
 

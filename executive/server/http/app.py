@@ -298,9 +298,9 @@ async def _read(request: Request, limit: int) -> bytes:
 def _refusal(error: RequestError) -> Response:
     # The client may still be sending a body that will not be read.
     headers = {"connection": "close"}
-    if error.status == 401:
+    if error.http_status == 401:
         headers["www-authenticate"] = "Bearer"
-    return JSONResponse(cause_of(error).to_json(), error.status, headers)
+    return JSONResponse(cause_of(error).to_json(), error.http_status, headers)
 
 
 async def _not_routed(request: Request, error: Exception) -> Response:

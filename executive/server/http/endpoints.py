@@ -7,7 +7,7 @@ from types import MappingProxyType
 from typing import Any
 
 from starlette.requests import ClientDisconnect, Request
-from starlette.responses import JSONResponse, Response, StreamingResponse
+from starlette.responses import Response, StreamingResponse
 
 from executive.api.events import Event, event_to_json
 from executive.api.move import Move
@@ -18,7 +18,7 @@ from executive.executive import Executive
 from executive.goals.breakpoints import check_node
 from executive.goals.moves.poses import listed_poses, remove_own, save_where
 from executive.goals.questions import Questions
-from executive.server.errors import http_status
+from executive.server.errors import refusal
 from executive.server.event_hub import EventHub
 from executive.server.limits.cancel_thread import CancelThread
 from executive.server.metrics import Metrics
@@ -76,11 +76,9 @@ class Endpoints(RecordingEndpoints):
         hub.listeners += [self._metrics.count, self._wake]
 
     async def robot(self) -> Json:
-        """Describe the robot."""
         return await asyncio.to_thread(self._scene.description)
 
     async def mesh(self, digest: str) -> bytes:
-        """Return a mesh of the robot, or of a body around it."""
         found = await asyncio.to_thread(self._executive.world_mesh, digest)
         if found is not None:
             return found
@@ -90,25 +88,19 @@ class Endpoints(RecordingEndpoints):
             return await super().mesh(digest)
 
     async def status(self) -> Json:
-        """Return the state of the arm and of the goals."""
         return self._executive.status().to_json()
 
     async def where(self) -> Json:
-        """Return where the arm is."""
         return self._executive.where().to_json()
 
     async def tasks(self) -> Json:
-        """List the tasks."""
         async with self._listing:
             return {"tasks": await asyncio.to_thread(self._library.listed)}
 
     async def nodes(self, task: int) -> Json:
-        """List the nodes of a task's tree."""
         return {"nodes": await asyncio.to_thread(self._library.nodes, task)}
 
     async def poses(self) -> Json:
-        """List the poses."""
-
         def read() -> list[tuple[str, Mapping[str, float], str]]:
             return list(listed_poses(self._executive.robot, self._library.latest))
 
@@ -116,7 +108,6 @@ class Endpoints(RecordingEndpoints):
         return {"poses": [{"pose": n, "positions": p, "source": s} for n, p, s in found]}
 
     async def save_pose(self, name: str, group: str = "arm", replace: bool = False) -> Json:
-        """Save the commanded position as a pose."""
         executive, folder = self._executive, self._library.folder
         path, positions = await asyncio.to_thread(
             save_where, executive.robot, executive.where(), folder, name, group, replace
@@ -124,13 +115,11 @@ class Endpoints(RecordingEndpoints):
         return {"pose": name, "positions": positions, "source": str(path)}
 
     async def remove_pose(self, name: str) -> Json:
-        """Remove a pose of the user."""
         robot, folder = self._executive.robot, self._library.folder
         path = await asyncio.to_thread(remove_own, robot, folder, name)
         return {"pose": name, "source": str(path)}
 
     async def goals(self, limit: int | None = None, before: int | None = None) -> Json:
-        """List the newest goals, or the newest accepted before a time."""
         newest = MAX_LISTED if limit is None else limit
         found = self._executive.goals(newest if before is None else None)
         if before is not None:
@@ -145,12 +134,10 @@ class Endpoints(RecordingEndpoints):
         deadman: bool = False,
         client: str = "",
     ) -> Json | Response:
-        """Accept or refuse a goal."""
         number, texts = await self._number(task), _as_texts(arguments)
         return await self._accept(number, texts, goal_id, deadman, client)
 
     async def plan(self, task: float | str, arguments: Json = _NO_ARGUMENTS) -> Json:
-        """Check a task and plan its motions."""
         number, texts = await self._number(task), _as_texts(arguments)
         async with self._planning:
             found = await asyncio.to_thread(self._executive.dry_run, number, texts)
@@ -170,7 +157,6 @@ class Endpoints(RecordingEndpoints):
         deadman: bool = False,
         client: str = "",
     ) -> Json | Response:
-        """Accept or refuse a move."""
         move = Move(tuple(map(str, to)), relative, speed)
         return await self._accept(move, {}, goal_id, deadman, client)
 
@@ -182,18 +168,16 @@ class Endpoints(RecordingEndpoints):
         send = self._executive.send_and_record
         acceptance = await asyncio.to_thread(send, task, texts, goal_id, client)
         if acceptance.cause:
-            return JSONResponse(acceptance.cause.to_json(), http_status(acceptance.code))
+            return refusal(acceptance.cause)
         held = self._held.get(goal_id)
         if deadman and not (held and held.is_set()):  # released before the goal was accepted
             await self._canceler.cancel(goal_id)
-        return {"goal_id": acceptance.identity, "stamp_ns": acceptance.stamp_ns}
+        return acceptance.to_json()
 
     async def goal(self, goal_id: str) -> Json:
-        """Return the state of a goal."""
         return self._executive.goal(goal_id).to_json()
 
     async def result(self, request: Request, goal_id: str, timeout: float | None = None) -> Json:
-        """Wait for the end of a goal, at most as long as the client does."""
         outcome = self._executive.goal(goal_id).outcome
         if outcome is None:
             ended = self._ended.setdefault(goal_id, asyncio.get_running_loop().create_future())
@@ -203,7 +187,6 @@ class Endpoints(RecordingEndpoints):
         return {"goal_id": goal_id, **outcome.to_json()}
 
     async def hold(self, request: Request, goal_id: str) -> Json:
-        """Hold a goal until its client sends nothing more, then cancel it."""
         held = self._held.setdefault(goal_id, asyncio.Event())
         if held.is_set():
             raise BadRequest(f"goal {goal_id} is held already")
@@ -216,38 +199,30 @@ class Endpoints(RecordingEndpoints):
         return {"goal_id": goal_id, "canceled": goal_id in answer.goals}
 
     async def cancel_goal(self, goal_id: str, stamp_ns: float = 0) -> Json:
-        """Cancel a goal, and with a stamp every goal accepted until then."""
         return await self.cancel(goal_id, stamp_ns)
 
     async def cancel(self, goal_id: str = "", stamp_ns: float = 0) -> Json:
-        """Cancel the named goals, or all."""
         return (await self._canceler.cancel(goal_id, int(stamp_ns))).to_json()
 
     async def stop(self) -> Json:
-        """Stop the arm and cancel all goals."""
         return (await self._canceler.cancel()).to_json()
 
     async def pause(self, goal_id: str) -> Json:
-        """Stop the arm and keep the goal."""
         return await self._change(self._executive.pause, goal_id)
 
     async def resume(self, goal_id: str) -> Json:
-        """Resume a paused goal."""
         return await self._change(self._executive.resume, goal_id)
 
     async def step(self, goal_id: str) -> Json:
-        """Resume a paused goal until the next node starts."""
         return await self._change(self._executive.step, goal_id)
 
     async def break_at(self, node: str, on: bool = True) -> Json:
-        """Set or clear a breakpoint."""
         if on:
             await asyncio.to_thread(check_node, self._library, node)
         self._executive.break_at(node, on)
         return {"breakpoints": self._executive.status().breakpoints}
 
     async def questions(self) -> Json:
-        """List the open questions of tasks."""
         waiting = [
             {"question_id": each.question_id, "text": each.text, "choices": each.choices}
             for each in self._questions.open()
@@ -255,17 +230,14 @@ class Endpoints(RecordingEndpoints):
         return {"questions": waiting}
 
     async def answer(self, question_id: str, answer: str) -> Json:
-        """Answer a question."""
         counts = self._questions.answer(question_id, answer)
         return {"question_id": question_id, "answer": counts}
 
     async def arm(self, transition: str, pose: str | None = None) -> Json:
-        """Take the arm through its lifecycle."""
         state = await asyncio.to_thread(self._executive.arm_to, transition, pose)
         return {"arm": state.value}
 
     async def events(self, request: Request, events: str = "") -> Response:
-        """Stream events as they happen."""
         known = is_authenticated(request.scope)
         if sum(each.authenticated is known for each in self._hub.subscribers) >= MAX_SUBSCRIBERS:
             raise TooMuch(f"{MAX_SUBSCRIBERS} clients watch already", "close one of them")
@@ -273,7 +245,6 @@ class Endpoints(RecordingEndpoints):
         return StreamingResponse(stream, media_type="text/event-stream")
 
     async def metrics(self) -> bytes:
-        """Return metrics for Prometheus."""
         return self._metrics.text()
 
     async def _stream(self, kinds: frozenset[str], known: bool) -> AsyncIterator[bytes]:

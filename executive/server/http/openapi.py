@@ -1,11 +1,11 @@
 """The OpenAPI document, generated from the rows of `operations`."""
 
 from collections.abc import Iterable, Mapping
-from importlib.metadata import version
 from typing import Any
 
 from executive.api.operations import Access, Operation
 from executive.api.schemas import ERROR, TEXT, Component, Schema
+from hardware.installed import version
 
 # What media contain that are not JSON; of a stream, each of its events.
 _MEDIA: Mapping[str, Schema] = {

@@ -2,7 +2,6 @@
 
 import asyncio
 from collections.abc import Callable, Mapping
-from importlib.metadata import version
 from json import dumps
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ from executive.errors import NotFound
 from executive.server.playback.recording_list import Query, RecordingFolder
 from executive.server.playback.seek import POINTS
 from executive.server.sign_in import SignIn
+from hardware.installed import version
 from logs import RecordingError
 
 from .openapi import document
@@ -40,23 +40,18 @@ class RecordingEndpoints:
         self._document = document(o for o in OPERATIONS.values() if hasattr(self, o.name))
 
     async def health(self) -> Json:
-        """Report that the server answers."""
         return {"ok": True, "version": version("armtree"), "arm": self.has_arm}
 
     async def session(self) -> Json:
-        """Report that the token is right."""
         return {"ok": True}
 
     async def sign_in(self, code: str) -> Json:
-        """Exchange the code of a link for the token."""
         return {"token": self._sign_in.redeem(code)}
 
     async def link(self) -> Json:
-        """Return a link that signs one browser in."""
         return {"url": self._sign_in.link()}
 
     async def mesh(self, digest: str) -> bytes:
-        """Return a mesh of a robot that was described, or of a body in a recording."""
         for timeline in self._recordings.timelines:
             if found := await asyncio.to_thread(timeline.mesh, digest):
                 return found
@@ -77,16 +72,13 @@ class RecordingEndpoints:
         before: str = "",
         limit: int = MAX_LISTED,
     ) -> Json:
-        """List recordings."""
         query = Query(search, task, state, since, until, before, limit)
         return {"recordings": await asyncio.to_thread(self._recordings.rows, query)}
 
     async def recording(self, name: str) -> Json:
-        """Return when the run of a recording began."""
         return (await asyncio.to_thread(self._recordings.timeline, name)).to_json()
 
     async def recorded_events(self, name: str, at: float = 0.0) -> Response:
-        """Return the recorded events around a moment."""
         return await asyncio.to_thread(self._window, name, at)
 
     def _window(self, name: str, at: float) -> Response:
@@ -99,41 +91,32 @@ class RecordingEndpoints:
         return Response(text, media_type="application/json")
 
     async def recorded_series(self, name: str, points: int = POINTS) -> Json:
-        """Return the data of the plots of a whole recording."""
         timeline = await asyncio.to_thread(self._recordings.timeline, name)
         return await asyncio.to_thread(timeline.series, points)
 
     async def recorded_robot(self, name: str) -> Json:
-        """Describe the robot of a recording."""
         scene = await asyncio.to_thread(self._recordings.scene, name)
         return await asyncio.to_thread(scene.description)
 
     async def recorded_nodes(self, name: str) -> Json:
-        """List the nodes of a recorded task."""
         return {"nodes": await asyncio.to_thread(self._recordings.nodes, name)}
 
     async def recording_file(self, request: Request, name: str) -> Response:
-        """Return the file of a recording."""
         path = self._recordings.path(name)
         return FileResponse(path, media_type="application/octet-stream", filename=name)
 
     async def verify_recording(self, name: str) -> Json:
-        """Plan and compile a run again, and compare it with the recording."""
         return await asyncio.to_thread(self._recordings.verify, name)
 
     async def pin_recording(self, name: str, on: bool = True) -> Json:
-        """Protect a recording from deletion, or no longer."""
         return await asyncio.to_thread(self._recordings.pin, name, on)
 
     async def delete_recording(self, name: str) -> Json:
-        """Delete a recording."""
         await asyncio.to_thread(self._recordings.delete, name)
         return {"name": name}
 
     async def restore_recording(self, name: str) -> Json:
-        """Restore a deleted recording."""
         return await asyncio.to_thread(self._recordings.restore, name)
 
     async def openapi(self) -> Json:
-        """Return the OpenAPI document."""
         return self._document

@@ -16,7 +16,7 @@ import logs
 from executive.api.events import Event
 from executive.api.outcome import GoalStatus
 from executive.api.token_bucket import TokenBucket
-from executive.errors import UnknownGoal
+from executive.errors import TooMuch, UnknownGoal
 from executive.executive import Executive
 from executive.server.event_hub import EventHub
 from executive.server.limits.cancel_thread import CancelThread
@@ -249,7 +249,7 @@ class _Client:
         if not self._bridge.goal_bucket.take():
             rate, burst = GOAL_RATE
             raise ros.BadGoal(
-                f"more than {burst:g} goals at once and {rate:g} per second [request.too_many]; "
+                f"more than {burst:g} goals at once and {rate:g} per second [{TooMuch.code}]; "
                 "wait a moment",
                 client_id,
             )

@@ -5,9 +5,10 @@ from pathlib import Path
 
 import pytest
 
+from executive.api.outcome import Cause, Ending, GoalState
 from executive.cli.terminal.fleet_tables import arms_text, job_row, job_text
 from executive.fleet.fleet_client import ArmRow
-from executive.fleet.values import Job, JobRecord, Member, Presence, Result
+from executive.fleet.values import Job, JobRecord, Member, Presence, from_bytes, to_bytes
 from tests.support.command_line.typed import typed
 
 JOB = Job("a" * 32, "bench", "wave", {"swing": "20 deg"}, 1)
@@ -48,7 +49,9 @@ def test_arms_and_jobs_are_lines() -> None:
     assert rows[1].to_json()["state"] == "gone"
     assert job_text(JOB) == f"{JOB.identity}  QUEUED     task wave for bench, normal"
     assert job_text(RECORD) == f"{JOB.identity}  CLAIMED    task wave on bench.arm-7"
-    lost = replace(RECORD, result=Result("ABORTED", "fleet.arm_lost", "gone", "look at it"))
+    cause = Cause("fleet.arm_lost", "gone", hint="look at it")
+    lost = replace(RECORD, result=Ending(GoalState.ABORTED, cause.code, "gone", cause=cause))
+    assert from_bytes(JobRecord, to_bytes(lost)) == lost
     assert job_text(lost).splitlines()[1:] == ["  gone [fleet.arm_lost]", "  -> look at it"]
     assert job_row(lost)["result"]["code"] == "fleet.arm_lost"
     assert (job_row(JOB)["job"], job_row(JOB)["state"]) == (JOB.identity, "QUEUED")

@@ -9,10 +9,11 @@ from typing import Any
 
 import pytest
 
+from executive.api.outcome import Ending, GoalState
 from executive.fleet.errors import FleetError
 from executive.fleet.fleet_client import FleetClient
 from executive.fleet.programs import fetch_recording
-from executive.fleet.values import Job, JobRecord, Result
+from executive.fleet.values import Job, JobRecord
 
 JOB = Job("a" * 32, "bench", 1, {}, 1)
 
@@ -26,7 +27,7 @@ class Stored(FleetClient):
     """
 
     def __init__(self, url: str, recording: str) -> None:
-        result = Result("SUCCEEDED", "ok", "", recording=recording)
+        result = Ending(GoalState.SUCCEEDED, "ok", "", recording=recording)
         self._record = JobRecord(JOB, "bench.0", url, "b" * 32, 1, result=result, ended_ns=2)
 
     async def job(self, identity: str) -> JobRecord:

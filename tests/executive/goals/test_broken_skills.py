@@ -7,7 +7,7 @@ import pytest
 from py_trees.common import Status
 
 import logs
-from executive.api.events import Policy
+from executive.api import Policy
 from executive.api.outcome import GoalState
 from hardware import Clock, RealClock, State
 from skills import Skill, skill

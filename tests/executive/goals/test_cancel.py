@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import logs
-from executive.api.events import Policy
+from executive.api import Policy
 from executive.api.outcome import CancelCode, GoalState, Outcome
 from hardware import State
 from skills import Skill

@@ -8,7 +8,7 @@ import pytest
 from click.testing import CliRunner
 
 import logs
-from executive.api.events import Policy
+from executive.api import Policy
 from executive.api.outcome import GoalState
 from executive.cli.main import cli
 from executive.errors import PoseUnconfirmed

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import logs
-from executive.api.events import Policy
+from executive.api import Policy
 from executive.api.outcome import GoalState
 from executive.errors import NotExecuting, NotPaused, TooManyBreakpoints, UnknownGoal
 from executive.executive import BREAKPOINTS

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from executive.api.events import Policy
+from executive.api import Policy
 from executive.api.outcome import Acceptance, CancelCode, GoalState, Outcome
 from executive.errors import ResultTimeout, UnknownGoal
 from executive.goals.queue import KEPT, WAITING

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import settings, strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
-from executive.api.events import Policy
+from executive.api import Policy
 from executive.api.outcome import CancelCode, GoalState
 from executive.errors import ResultTimeout
 from tests.support.generated.goals_table import Table

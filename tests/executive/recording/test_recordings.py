@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 import logs
-from executive.api.events import Policy
+from executive.api import Policy
 from executive.api.outcome import GoalState, Outcome
 from executive.cli.support.log_handler import LogHandler
 from executive.goals.goal import Goal

@@ -14,8 +14,8 @@ from xml.etree import ElementTree
 
 import pytest
 
+from executive.api import Policy
 from executive.api.codes import INTERRUPTED_EXIT
-from executive.api.events import Policy
 from executive.api.outcome import GoalState
 from executive.ros2 import installation
 from hardware import RealClock, Robot, joint_positions

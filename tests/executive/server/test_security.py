@@ -119,7 +119,7 @@ def test_two_origins_are_refused() -> None:
 def test_a_wrong_token_is_refused(value: str) -> None:
     with pytest.raises(RequestError, match="token") as caught:
         RULES.check_token(headers(("authorization", value)))
-    assert caught.value.status == 401
+    assert caught.value.http_status == 401
     assert "the-token" not in str(caught.value)
 
 

@@ -62,7 +62,7 @@ def unpack(scene: Scene) -> None:
         begin = time.monotonic()
         done = scene.armtree(*command, limits=limits)
         scene.ended(done, 0, 3, 4, 10, 12, what=" ".join(command))
-        for wrong in ("a bug in armtree", "Traceback", "MemoryError"):
+        for wrong in ("bug in armtree", "Traceback", "MemoryError"):
             scene.check(wrong not in done.text(), f"{command}: {last_line(done)}")
         scene.figure(time.monotonic() - begin)
 

@@ -16,8 +16,8 @@ from typing import NamedTuple
 from mcap.records import Channel, Message
 from mcap.stream_reader import StreamReader
 
-from executive.api.codes import CANCELED
 from executive.api.outcome import Outcome
+from executive.errors import GoalCanceled
 from executive.executive import Executive
 from executive.session import open_executive
 from executive.setup import Setup
@@ -57,6 +57,7 @@ WRITES, GOAL, TORQUE = Instruction.SYNC_WRITE, 42, 40  # the addresses of STS se
 NOT_BOOTED = {"hw.servo_missing", "hw.no_servos", "hw.board_silent", "hw.servo_fault"}
 SILENT = {"hw.servo_silent"}
 FEW, ALWAYS = 3, 1_000_000  # answers
+CANCELED = GoalCanceled.code
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
 """A queue of goals, and an executor that a test controls."""
 
-from executive.api.events import Policy
+from executive.api import Policy
 from executive.api.outcome import Acceptance, CancelCode, GoalState, GoalStatus, Outcome
 from executive.goals.goal import Goal
 from executive.goals.queue import GoalQueue
@@ -50,4 +50,4 @@ class Table:
 
 
 def outcome(state: GoalState) -> Outcome:
-    return Outcome(1, state, "ok", "", 0, 0.0, "")
+    return Outcome.of(1, state, None)

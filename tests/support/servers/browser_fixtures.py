@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from executive.api.events import Policy
+from executive.api import Policy
 from hardware import RealClock, Robot
 from skills.motion import Pool
 from tests.support.servers.browsing import Open, Tab

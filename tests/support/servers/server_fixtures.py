@@ -7,8 +7,7 @@ from typing import Any
 
 import pytest
 
-from executive.api import token_file
-from executive.api.events import Policy
+from executive.api import Policy, token_file
 from executive.cli.main import main
 from executive.testing import SharedPool
 from hardware import RealClock, Robot, load_robot

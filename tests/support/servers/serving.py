@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from armtree import Client
-from executive.api.events import Policy
+from executive.api import Policy
 from executive.api.operations import OPERATIONS
 from executive.executive import Executive
 from executive.goals.questions import Questions

@@ -5,19 +5,18 @@ from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager
 from typing import Any
 
-from executive.api.codes import BUSY
-from executive.api.events import Policy, Status
+from executive.api import Policy
+from executive.api.events import Status
 from executive.api.outcome import (
-    CANCELED_CAUSE,
     CancelCode,
     CancelResult,
     GoalState,
     GoalStatus,
     Outcome,
-    cause_for,
+    cause_of,
 )
 from executive.client.values import Task
-from executive.errors import Refused
+from executive.errors import GoalBusy, GoalCanceled, Refused
 from hardware import State
 
 
@@ -69,7 +68,7 @@ class SimulatedArm:
     ) -> str:
         """Accept a goal, or refuse a second one."""
         if self._running:
-            raise Refused(cause_for(BUSY).to_json())
+            raise Refused(cause_of(GoalBusy()))
         assert goal_id not in self.received, "executed twice"
         self.received.append(goal_id)
         self.tasks_of.append(task)
@@ -105,5 +104,5 @@ class SimulatedArm:
     def _end(self, goal_id: str, state: GoalState) -> None:
         end = self._ended.get(goal_id)
         if end and not end.done():
-            cause = None if state is GoalState.SUCCEEDED else CANCELED_CAUSE
+            cause = None if state is GoalState.SUCCEEDED else cause_of(GoalCanceled())
             end.set_result(Outcome.of(1, state, cause, 3, 0.5, "recordings/one.mcap"))

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 import logs
-from executive.api.events import Policy
+from executive.api import Policy
 from executive.api.operations import OPERATIONS
 from executive.api.outcome import Acceptance, GoalStatus
 from executive.server.http import endpoints as api

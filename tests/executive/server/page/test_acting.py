@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from executive.api.events import Policy
+from executive.api import Policy
 from executive.api.move import Move
 from executive.api.outcome import Outcome
 from tests.executive.preview.test_dry_run import COLLIDE

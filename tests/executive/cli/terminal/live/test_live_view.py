@@ -14,10 +14,11 @@ from rich.console import Console
 
 import logs
 from executive.api.events import QuestionStatus, Where
-from executive.api.outcome import CANCELED_CAUSE, GoalState, Outcome
+from executive.api.outcome import GoalState, Outcome, cause_of
 from executive.cli.terminal.live.live_view import LiveView
 from executive.cli.terminal.live.run_state import RunState
 from executive.cli.terminal.view import Prompt
+from executive.errors import GoalCanceled
 from hardware import State, load_robot
 from tests.end_to_end.test_command_line import robot
 from tests.support.command_line.screen import Screen, on_screen
@@ -54,7 +55,7 @@ def test_times_of_another_clock() -> None:
     view.show(logs.Feedback(1003.0, "ab" * 16, 5, "executing", ""))
     now = 65.5
     assert "1 min 00 s elapsed" in live_pictures.drawn(view.picture(), (80, 24))
-    view.show(Outcome.of(1, GoalState.CANCELED, CANCELED_CAUSE))
+    view.show(Outcome.of(1, GoalState.CANCELED, cause_of(GoalCanceled())))
     now = 100.0
     assert "1 min 00 s elapsed" in live_pictures.drawn(view.picture(), (80, 24))
 

@@ -48,8 +48,8 @@ def entry_points(group: str) -> dict[str, EntryPoint]:
     return found
 
 
-def version(name: str) -> str | None:
-    """Return the version of a package, or None if it is not installed.
+def version(name: str) -> str:
+    """Return the version of a package; empty if it is not installed.
 
     Args:
         name: Name of the package without hyphens, dots and capitals.
@@ -58,7 +58,7 @@ def version(name: str) -> str | None:
         package, _, number = os.path.basename(folder).removesuffix(".dist-info").partition("-")
         if package == name:
             return number
-    return None
+    return ""
 
 
 @cache
