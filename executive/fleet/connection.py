@@ -189,6 +189,15 @@ class Fleet:
         except (strict_json.NotJson, KeyError, TypeError, ValueError) as error:
             raise nats.errors.Error(f"no time in an answer about {consumer}: {error}") from error
 
+    async def pools(self) -> set[str]:
+        """Return the names of all pools that an arm has ever joined."""
+        found, names = set[str](), [""]
+        while names:  # an answer has a limited number
+            infos = await self.stream.consumers_info(JOBS, offset=len(found))
+            names = [info.name or "" for info in infos]
+            found.update(names)
+        return {name.rpartition("-")[0] for name in found}
+
     async def add_consumers(self, pool: str) -> None:
         """Make the consumers of a pool, unless they exist."""
         with suppress(NotFoundError):

@@ -348,8 +348,7 @@ class FleetClient:
 
     async def _hold_queues(self, whom: Sequence[str], hold: bool) -> None:
         """Hold the queues of whole pools, also for arms that are not connected now."""
-        consumers = await self._fleet.stream.consumers_info(JOBS)
-        pools = {name.rpartition("-")[0] for name in (each.name or "" for each in consumers)}
+        pools = await self._fleet.pools()
         for pool in pools & {*whom} if {*whom} else pools:
             for priority in PRIORITIES:
                 name = consumer_of(pool, priority)

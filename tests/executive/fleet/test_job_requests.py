@@ -6,9 +6,12 @@ from contextlib import asynccontextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 from nats.aio.client import Client as Nats
+from nats.js import JetStreamContext
+from nats.js.api import ConsumerInfo
 
 from executive.fleet.connection import GONE, JOBS, Fleet, consumer_of, job_subject, open_fleet
 from executive.fleet.fleet_client import publish
@@ -88,6 +91,24 @@ def test_a_request_that_is_repeated_brings_one_job_at_a_time(tmp_path: Path) -> 
                     found.append(message.subject.split(".")[-1])
                     await message.ack()
             assert sorted(found) == [HIGH.identity, LOW.identity]
+
+    asyncio.run(main())
+
+
+def test_all_pools_are_known_however_many_there_are(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ask = JetStreamContext.consumers_info
+
+    async def two(*words: Any, **named: Any) -> list[ConsumerInfo]:
+        return (await ask(*words, **named))[:2]  # NATS answers with at most 256
+
+    monkeypatch.setattr(JetStreamContext, "consumers_info", two)
+
+    async def main() -> None:
+        async with requesting(tmp_path) as (fleet, _):
+            await fleet.add_consumers("pool-2")
+            assert await fleet.pools() == {"bench", "pool-2"}
 
     asyncio.run(main())
 
