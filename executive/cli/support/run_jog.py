@@ -12,7 +12,7 @@ import click
 from executive.api.codes import INTERRUPTED_EXIT
 from executive.api.events import EVENTS, STATUS, Event, Where
 from executive.api.move import Move
-from executive.api.outcome import GoalState, GoalStatus, Outcome
+from executive.api.outcome import Cause, GoalState, GoalStatus, Outcome
 from executive.cli.terminal.jog_model import Command
 from executive.cli.terminal.jog_screen import Act, JogArm, JogScreen
 from executive.cli.terminal.keyboard import key_by_key
@@ -69,10 +69,14 @@ class OwnArm:
         if not self.by_hand:
             return where
         if not where.measured:
-            self.by_hand, fault = False, self._executive.status().fault
+            self.by_hand, fault = False, self.fault()
             raise NotActive(f"The arm has no torque: hold it. {fault.message if fault else ''}")
         there = Where.of(self._executive.robot, where.arm, where.measured)
         return replace(there, measured=where.measured)
+
+    def fault(self) -> Cause | None:
+        """Return the fault that took the arm out of *active*; None after the next activation."""
+        return self._executive.status().fault
 
     def watch(self, changed: Callable[[], None]) -> None:
         """Call a function at every change."""

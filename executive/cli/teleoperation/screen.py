@@ -12,8 +12,8 @@ from typing import Protocol
 from executive.api.codes import OK
 from executive.api.events import Where
 from executive.api.move import LEADER, Move
-from executive.api.outcome import Outcome
-from executive.cli.terminal.jog_screen import JogArm, outcome_words
+from executive.api.outcome import Cause, Outcome
+from executive.cli.terminal.jog_screen import JogArm, cause_words, outcome_words
 from executive.cli.terminal.key_screen import KeyScreen
 from executive.errors import GoalCanceled
 from hardware import DISPLAY_UNITS, HardwareError, State
@@ -32,6 +32,13 @@ class Phase(Enum):
     APPROACHES = "moves to the leader"
     FOLLOWS = "follows"
     LOST = "holds; the leader is lost"
+
+
+class Follower(JogArm, Protocol):
+    """The arm that follows."""
+
+    def fault(self) -> Cause | None:
+        """Return the fault that took it out of *active*; None after the next activation."""
 
 
 class HandGuided(Protocol):
@@ -56,8 +63,9 @@ class View:
         leader: Measured position of the leader by joint [rad]; None if it is lost.
         where: Where the arm is.
         blocked: Why it does not follow; None if it does.
-        message: Last message, for people.
+        message: Last message of the arm, for people.
         failed: True if the message is an error.
+        lost: Why the leader is lost; empty if it is not.
     """
 
     phase: Phase
@@ -66,6 +74,7 @@ class View:
     blocked: Blocked | None = None
     message: str = ""
     failed: bool = False
+    lost: str = ""
 
     def lines(self, width: int, rows: int) -> Iterator[tuple[str, bool]]:
         """Return the lines of the screen, each with True if it belongs to an error.
@@ -76,7 +85,9 @@ class View:
         """
         blocked = self.phase is Phase.FOLLOWS and self.blocked
         said = wrap(f"Blocked: {blocked.contact}" if blocked else self.message, width)
-        wrong = bool(blocked) or self.failed
+        if self.lost not in self.message:  # the error of a goal that followed it
+            said += wrap(f"Leader: {self.lost}", width)
+        wrong = bool(blocked or self.failed or self.lost)
         body = list(self._joints())
         does = "waits at an obstacle" if blocked else self.phase.value
         lines = [(f"armtree teleop   arm {self.where.arm.value}, {does}", False)]
@@ -106,10 +117,10 @@ class View:
         match self.phase:
             case Phase.ASKS:
                 return "y release the leader   q leave"
+            case Phase.HOLDS | Phase.LOST if self.failed and self.where.arm is State.UNCONFIGURED:
+                return "q leave, then start armtree teleop again"  # a person leaves the error
             case Phase.LOST:
                 return "q leave"
-            case Phase.HOLDS if self.failed and self.where.arm is State.UNCONFIGURED:
-                return "q leave, then start armtree teleop again"  # a person leaves the error
             case Phase.HOLDS:
                 return "space follow   q leave"
             case _:
@@ -125,7 +136,7 @@ class TeleopScreen(KeyScreen):
         speed: Share of the robot's speed.
     """
 
-    def __init__(self, arm: JogArm, leader: HandGuided, speed: float) -> None:
+    def __init__(self, arm: Follower, leader: HandGuided, speed: float) -> None:
         super().__init__(_REDRAW)
         self._arm, self._leader, self._speed = arm, leader, speed
         self._lock = threading.Lock()  # held to change the view
@@ -168,7 +179,7 @@ class TeleopScreen(KeyScreen):
         try:
             self._leader.release()
         except HardwareError as error:
-            self._show(Phase.LOST, str(error), failed=True)
+            self._lose(error)
             return
         self._start()
 
@@ -194,7 +205,7 @@ class TeleopScreen(KeyScreen):
                 outcome = self._arm.move(Move((LEADER,), speed=self._speed), _nothing)
             self._show(Phase.HOLDS, *_words(outcome))
         except HardwareError as error:  # of the leader
-            self._show(Phase.LOST, str(error), failed=True)
+            self._lose(error)
         finally:
             self._leader.following = False
             self.wake()
@@ -217,17 +228,23 @@ class TeleopScreen(KeyScreen):
         """Take where both arms are into the view."""
         if self._following and self._following.done():
             self._following.result()  # raises what nothing expects
-        where, blocked = self._arm.where(), self._leader.blocked
+        where, blocked, leader = self._arm.where(), self._leader.blocked, None
         try:
             leader = dict(zip(where.units, self._leader.where(), strict=True))
         except HardwareError as error:
-            with self._lock:
-                if self._view.phase is not Phase.LOST:
-                    self._view = replace(self._view, message=str(error), failed=True)
-                self._view = replace(self._view, phase=Phase.LOST, leader=None, where=where)
-            return
+            self._lose(error)
+        fault = self._arm.fault()
         with self._lock:
             self._view = replace(self._view, leader=leader, where=where, blocked=blocked)
+            if fault and fault.message not in self._view.message:  # no goal was under way
+                self._view = replace(self._view, message=cause_words(fault), failed=True)
+
+    def _lose(self, error: HardwareError) -> None:
+        """Show that the leader is lost, and do not move on to where it was."""
+        if self._view.phase is Phase.APPROACHES:
+            self.stop()
+        with self._lock:
+            self._view = replace(self._view, phase=Phase.LOST, lost=str(error))
 
     def _show(self, phase: Phase, message: str, failed: bool = False) -> None:
         with self._lock:

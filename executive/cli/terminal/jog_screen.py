@@ -182,7 +182,7 @@ class JogScreen(KeyScreen):
             case ClientError():
                 gone = isinstance(event, ServerUnreachable)
                 self._lost = self._lost or (ServerLost() if gone else event)
-                self._jog = self._jog.lose(_with_hint(cause_of(self._lost)))
+                self._jog = self._jog.lose(cause_words(cause_of(self._lost)))
                 self._where = replace(self._where, commanded=None, measured=None, tool=None)
             case Exception():
                 raise event
@@ -246,10 +246,10 @@ def outcome_words(outcome: Outcome) -> tuple[str, bool]:
         return "", False
     if outcome.code == GoalCanceled.code or outcome.cause is None:
         return "Stopped", False
-    return _with_hint(outcome.cause), True
+    return cause_words(outcome.cause), True
 
 
-def _with_hint(cause: Cause) -> str:
+def cause_words(cause: Cause) -> str:
     """Return a cause in words; what is cut is at the end."""
     hint = f" -> {cause.hint}" if cause.hint and cause.hint not in cause.message else ""
     return f"{cause.code}: {cause.message}{hint}"
