@@ -72,6 +72,7 @@ class WriteGuard:
         self.interfaces = command_interfaces(robot)
         self._claims = Claims(self.interfaces)
         self._arrivals = [-math.inf] * len(positions)
+        self._most_behind = _most_behind(robot)
         self._closed = self._hold_due = False
         self.torque = not robot.can(Ability.TORQUE)
         self.start_from(positions)
@@ -229,10 +230,10 @@ class WriteGuard:
             changed = frame != self._last_frame
             if changed:
                 self._check_pacing(frame)
-                arrivals = self._check_velocity(target)
+            arrivals = self._check_velocity(target, frame)
+            if changed:
                 self._send(frame, target, scheduled)
-                self._arrivals = arrivals
-            self._commanded = target
+            self._commanded, self._arrivals = target, arrivals
         self._outbox.deliver()
         return changed
 
@@ -270,15 +271,21 @@ class WriteGuard:
         commanded.update(zip(claim.interfaces, positions, strict=True))
         return check_positions(self._robot.actuated, tuple(commanded.values()))
 
-    def _check_velocity(self, target: tuple[float, ...]) -> list[float]:
-        """Return when each joint reaches its target if it moves at its velocity limit [s]."""
-        now, period, arrivals = self._clock.now(), 1 / self._robot.firmware.rate, []
-        moves = zip(self._robot.actuated, self._commanded, target, self._arrivals, strict=True)
-        for joint, before, after, busy_until in moves:
+    def _check_velocity(self, target: tuple[float, ...], frame: Frame) -> list[float]:
+        """Return when each joint reaches its target if it moves at its velocity limit [s].
+
+        A step that does not turn its servo is not refused, but counts for the next one.
+        """
+        now, arrivals = self._clock.now(), []
+        turns = zip(self._last_frame.servos, frame.servos, strict=True)
+        moves = zip(self._commanded, target, self._arrivals, self._most_behind, turns, strict=True)
+        for joint, move in zip(self._robot.actuated, moves, strict=True):
+            before, after, busy_until, most, (servo, servo_after) = move
             limit = joint.velocity * _VELOCITY_MARGIN
             behind = max(busy_until - now, 0.0) + abs(after - before) / limit
-            if behind > _PERIODS_BEHIND * period:
-                needed = max(abs(after - before), limit * behind / _PERIODS_BEHIND) / period
+            if behind > most and servo_after != servo:
+                period = 1 / self._robot.firmware.rate
+                needed = max(abs(after - before) / period, limit * behind / most)
                 scale, unit = DISPLAY_UNITS[joint.unit]
                 raise JointTooFast(joint.name, needed, joint.velocity, scale, unit)
             arrivals.append(now + behind)
@@ -322,3 +329,20 @@ class WriteGuard:
             if isinstance(error, LinkError) or not isinstance(error, Exception):
                 raise
             raise DriverFailed(error) from error  # even a WriteRefused, which only the guard raises
+
+
+def _most_behind(robot: Robot) -> list[float]:
+    """Return how long each joint may be behind its command [s].
+
+    A servo turns by whole units, and a slow joint may need many periods for one of them.
+    """
+    ends = [
+        (j.lower, j.upper) if math.isfinite(j.upper - j.lower) else (0.0, 1.0)
+        for j in robot.actuated
+    ]
+    low, high = (robot.wire_format.encode(each).servos for each in zip(*ends, strict=True))
+    late = _PERIODS_BEHIND / robot.firmware.rate
+    return [
+        late + (upper - lower) / max(1, abs(b - a)) / (joint.velocity * _VELOCITY_MARGIN)
+        for joint, (lower, upper), a, b in zip(robot.actuated, ends, low, high, strict=True)
+    ]

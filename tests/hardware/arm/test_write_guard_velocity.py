@@ -60,6 +60,36 @@ def test_every_motion_within_the_limits_is_sent_even_if_frames_are_late(
         assert len(rig.sent) == sent
 
 
+@pytest.mark.parametrize("firmware", [STOCK, ARMTREE])
+@pytest.mark.parametrize("velocity", [0.3, 0.1, 0.02])
+def test_a_slow_joint_may_need_many_periods_for_one_degree(
+    firmware: Firmware, velocity: float
+) -> None:
+    rig, goals = Rig(firmware, velocity=velocity), [(0.2, -0.1, 0.05, 0.0), (0.0, 0.1, 0.0, -0.1)]
+    for start, goal in zip([HOME, *goals], goals, strict=False):
+        play(rig, schedule(rig, start, goal, velocity))
+    assert rig.guard.commanded == goals[-1]
+    assert len(rig.sent) > 10
+
+
+def test_steps_that_change_no_frame_count_for_the_velocity() -> None:
+    """Each pair moves the joint by a degree: nearly all of it in the step that is not sent."""
+    velocity, degree = 0.1, math.radians(1)
+    rig = Rig(ARMTREE, velocity=velocity)
+    began = rig.clock.now()
+
+    def move() -> None:
+        for number in range(1, 30):
+            rig.wait(rig.guard.earliest)
+            for position in (number - 0.01, number + 0.01):
+                rig.write((position * degree, 0.0, 0.0, 0.0))
+
+    with pytest.raises(JointTooFast):
+        move()
+    periods = rig.clock.now() - began + 3 / ARMTREE.rate
+    assert rig.guard.commanded[0] <= 1.01 * velocity * periods + 2 * degree
+
+
 @settings(max_examples=50)
 @given(POSES, st.floats(1.5, 20.0))
 def test_a_motion_beyond_a_limit_is_refused(goal: tuple[float, ...], factor: float) -> None:
@@ -72,7 +102,8 @@ def test_a_motion_beyond_a_limit_is_refused(goal: tuple[float, ...], factor: flo
     if isinstance(refused.value, JointTooFast):
         assert refused.value.value > LIMIT
     travel = max(abs(q) for q in rig.guard.commanded)
-    assert travel <= 1.01 * LIMIT * (rig.clock.now() - 2.0 + 3 / ARMTREE.rate)
+    periods = rig.clock.now() - 2.0 + 3 / ARMTREE.rate
+    assert travel <= 1.01 * LIMIT * periods + math.radians(1)
 
 
 def test_the_refusal_names_joint_velocity_and_limit_in_degrees() -> None:
