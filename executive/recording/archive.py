@@ -25,6 +25,7 @@ from skills.motion import World
 _NOTE = "robot"
 _making = threading.Lock()  # a cache may make a value twice
 MAX_MESHES = 2**26  # most bytes of the meshes of a robot in one recording
+_MAX_RATE = 1000.0  # of frames; a motion of ten minutes has 600,000 [Hz]
 
 
 @dataclass(frozen=True, slots=True)
@@ -236,7 +237,7 @@ def _firmware_values(robot: Robot, recorded: str) -> dict[str, Any]:
     """Return the recorded values of the firmware; values of a newer armtree are ignored.
 
     Raises:
-        ValueError: A value has the wrong type.
+        ValueError: A value has the wrong type, or is out of range.
     """
     figures = _figures(robot)
     values = json.loads(recorded)
@@ -244,7 +245,7 @@ def _firmware_values(robot: Robot, recorded: str) -> dict[str, Any]:
         raise ValueError("it is not a JSON object")
     for name, known in figures.items():
         value = values.get(name, _plain(known))
-        if not _same_type(value, _plain(known)):
+        if not _same_type(value, _plain(known)) or not _in_range(name, value):
             raise ValueError(f"{name} {value!r}")
         figures[name] = value.encode("latin-1") if isinstance(known, bytes) else value
     return figures
@@ -252,6 +253,13 @@ def _firmware_values(robot: Robot, recorded: str) -> dict[str, Any]:
 
 def _same_type(value: Any, known: Any) -> bool:
     return isinstance(value, (int, float) if isinstance(known, float) else type(known))
+
+
+def _in_range(name: str, value: Any) -> bool:
+    """Return whether a value is a text, or a number that costs no memory and no time."""
+    if isinstance(value, str):
+        return True
+    return 0 < value <= _MAX_RATE if name == "rate" else bool(value >= 0)
 
 
 def _restored_files() -> Path:

@@ -212,14 +212,18 @@ def test_an_invalid_field_is_refused_with_its_name(
     assert "is invalid; another program recorded it" in verification.text()
 
 
-def test_a_firmware_value_of_the_wrong_type_is_refused(rig: RigMaker) -> None:
-    for old, new in (('"ring": 63', '"ring": "6"'), ('"ring": 63', '"ring" 63')):
+def test_a_wrong_value_of_a_firmware_is_refused(rig: RigMaker) -> None:
+    path = picked(rig())
+    wrong = [('"ring": 63', new) for new in ('"ring": "6"', '"ring" 63', '"ring": -1')]
+    wrong += [('"rate": 10.0', f'"rate": {rate}') for rate in ("1e12", "0", "-1", "NaN")]
+    for old, new in wrong:
 
         def change(record: Any, old: str = old, new: str = new) -> None:
             if type(record).__name__ == "Metadata" and record.name == "robot":
+                assert old in record.metadata["firmware"]
                 record.metadata["firmware"] = record.metadata["firmware"].replace(old, new)
 
-        verification = verify(altered(picked(rig()), change))
+        verification = verify(altered(path, change))
         assert (checks(verification), verification.code) == ([], "log.unreadable")
         assert "holds an invalid robot" in verification.error
 
