@@ -5,11 +5,15 @@ The NATS server of a fleet leaves another kind of file, which only its clients r
 
 import json
 import os
+import re
 import socket
 import stat
 import tempfile
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from urllib.parse import urlsplit
+
+from .strict_json import parse_object
 
 HTTP_PORT = 80  # clients leave it out
 SERVER, FLEET = "server", "fleet"  # kinds of files: of `armtree serve`, of `armtree fleet up`
@@ -40,8 +44,23 @@ class ServerInfo:
 
     @property
     def is_running(self) -> bool:
-        """True if its process exists."""
-        return Path("/proc", str(self.pid)).exists()
+        """True if its process exists. A process of another user has only got its number."""
+        try:
+            return Path("/proc", str(self.pid)).stat().st_uid == os.getuid()
+        except OSError:
+            return False
+
+
+def loopback(url: str) -> str:
+    """Return a URL with an address in place of `localhost`, unless TLS checks that name.
+
+    That name may also mean ::1, where another user's program may listen.
+    """
+    parts = urlsplit(url)
+    if parts.hostname != "localhost" or parts.scheme in ("https", "tls"):
+        return url
+    address = re.sub("localhost", "127.0.0.1", parts.netloc, flags=re.IGNORECASE)
+    return parts._replace(netloc=address).geturl()
 
 
 def new_token() -> str:
@@ -103,7 +122,7 @@ def _read(file: Path) -> ServerInfo | None:
         with os.fdopen(handle) as stream:
             found = os.fstat(handle)
             is_own = found.st_uid == os.getuid() and stat.S_ISREG(found.st_mode)
-            return ServerInfo(**json.loads(stream.read(_MOST))) if is_own else None
+            return ServerInfo(**parse_object(stream.read(_MOST))) if is_own else None
     except (OSError, ValueError, TypeError):
         return None
 

@@ -58,8 +58,8 @@ class Address:
         port = os.environ.get("ARMTREE_TCP_PORT", PORT)
         url = (url or os.environ.get("ARMTREE_SERVER") or f"http://localhost:{port}").rstrip("/")
         token = token or (os.environ.get("ARMTREE_TOKEN") if trusted else None)
-        if own := _own_server(url):
-            url, token = own.url, token or own.token
+        own = _own_server(url)
+        url, token = (own.url, token or own.token) if own else (token_file.loopback(url), token)
         headers = {"authorization": f"Bearer {token}"} if token else {}
         if client:
             headers["user-agent"] = client

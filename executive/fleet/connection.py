@@ -238,7 +238,7 @@ async def open_fleet(
         FleetUnreachable: No server answers, or it does not answer any more.
         FleetRefused: The server refuses the credentials, or what this program wants to do.
     """
-    connection = Nats()
+    url, connection = token_file.loopback(url), Nats()
     watch = _Watch(url, connection, lasting, changed)
     options: dict[str, Any] = {
         **(_credentials(url) if credentials is None else credentials),
@@ -408,8 +408,15 @@ def _credentials(url: str) -> dict[str, Any]:
 
 
 def _own_token(url: str) -> str:
-    """Return the token of a NATS server that this user started here, or an empty text."""
+    """Return the token of a NATS server that this user started here, or an empty text.
+
+    Another user's program may listen at other addresses of this machine. TLS would refuse it.
+    """
     parts = urlsplit(url)
     own = token_file.read(parts.port or NATS_PORT, token_file.FLEET)
-    local = parts.hostname in ("localhost", "127.0.0.1", "::1")
-    return own.token if own and local else ""
+    if not own:
+        return ""
+    known = {urlsplit(own.url).hostname}
+    if parts.scheme == "tls":
+        known |= {"localhost", "127.0.0.1", "::1"}
+    return own.token if parts.hostname in known else ""

@@ -130,6 +130,30 @@ def test_the_token_is_sent_only_to_the_address_of_the_server(serve: Serve) -> No
     assert not any(b"authorization" in head.lower() for head in heads)
 
 
+def test_localhost_is_the_address_at_which_servers_listen(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """It may also mean ::1, where another user's program would be sent the token."""
+    monkeypatch.setenv("ARMTREE_TOKEN", "secret")
+    for url, found in {
+        "http://localhost:9": "http://127.0.0.1:9",
+        "http://LocalHost": "http://127.0.0.1",
+        "https://localhost:9": "https://localhost:9",  # it has a certificate
+        "http://localhost.example": "http://localhost.example",
+    }.items():
+        address = transport.Address.find(url, None)
+        assert address.url == found
+        assert address.headers["host"] == found.partition("//")[2]
+
+
+def test_a_process_of_another_user_is_not_the_server_that_had_its_number() -> None:
+    found = [int(path.name) for path in Path("/proc").iterdir() if path.name.isdigit()]
+    others = [pid for pid in found if Path("/proc", str(pid)).stat().st_uid != os.getuid()]
+    for pid in (*others[:1], 2**30):
+        assert not token_file.ServerInfo("http://127.0.0.1:9", "secret", pid).is_running
+    assert token_file.ServerInfo("http://127.0.0.1:9", "secret", os.getpid()).is_running
+
+
 @pytest.mark.parametrize(
     ("address", "url"), [("0.0.0.0", "http://127.0.0.1"), ("::", "http://[::1]")]
 )
@@ -152,6 +176,9 @@ def test_the_token_is_read_from_a_regular_file_only(serve: Serve, tmp_path: Path
     file.unlink()
     os.mkfifo(file)
     assert "authorization" not in transport.Address.find(f"http://localhost:{port}", None).headers
+    file.unlink()
+    file.write_text("[" * 4000)
+    assert token_file.read(port) is None
     aside.replace(file)
     assert token_file.read(port)
 

@@ -1,0 +1,43 @@
+"""The connection to the NATS server of a fleet, without a fleet."""
+
+import asyncio
+import socket
+import threading
+from pathlib import Path
+
+import pytest
+
+from executive.fleet.connection import open_fleet
+from executive.fleet.errors import FleetError
+from executive.fleet.nats_server import NatsOptions, nats_server
+from hardware import RealClock
+from tests.support.servers.free_port import free_port
+
+
+def test_the_token_is_sent_only_to_the_address_of_the_server(tmp_path: Path) -> None:
+    """Another user's program may listen on the same port of another address."""
+    options, heads = NatsOptions(tmp_path / "fleet", port=free_port()), list[bytes]()
+
+    def listen(listener: socket.socket) -> None:
+        connection, _ = listener.accept()
+        with connection:
+            connection.sendall(b'INFO {"auth_required": true, "max_payload": 9}\r\n')
+            heads.append(connection.recv(65_536))
+
+    async def connect(url: str) -> None:
+        async with open_fleet(url, "person"):
+            pass
+
+    address = "::1", options.port
+    with (
+        socket.create_server(address, family=socket.AF_INET6) as listener,
+        nats_server(options, RealClock()),
+    ):
+        asyncio.run(connect(f"nats://localhost:{options.port}"))
+        other = threading.Thread(target=listen, args=(listener,))
+        other.start()
+        with pytest.raises(FleetError):
+            asyncio.run(connect(f"nats://[::1]:{options.port}"))
+        other.join()
+    assert heads[0].startswith(b"CONNECT")
+    assert (options.data / "token").read_bytes() not in heads[0]
