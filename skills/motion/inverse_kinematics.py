@@ -98,7 +98,7 @@ def solve_ik(
 
     for results in _Search(chain, start, point, query.seed, deadline).rounds():
         reached = sorted((each for each in results if each.reached), key=duration)
-        solutions = sorted([*solutions, *reached], key=duration)
+        solutions += reached
         misses += [each for each in results if not each.reached]
         for solution in reached:
             if validity.first_invalid(group.full(start, solution.joints[None, :]), margin) is None:
@@ -107,7 +107,7 @@ def solve_ik(
         best = min(_nearest(misses), key=lambda miss: miss.angle)
         points = tuple(point.tolist()), tuple(best.point.tolist())
         raise Unreachable(*points, best.distance, best.angle, query.direction, _POINT_TOLERANCE)
-    contact = validity.nearest(group.full(start, solutions[0].joints[None, :])[0])
+    contact = validity.nearest(group.full(start, min(solutions, key=duration).joints[None, :])[0])
     assert contact
     raise GoalInCollision(*contact, margin)
 
