@@ -14,7 +14,7 @@ from logs import Feedback, NodeStatus, Record
 from skills import Skill, SkillBroken, TaskFailed
 from trees.build import Tree
 from trees.compile.node_paths import paths
-from trees.nodes.loops import Loop
+from trees.nodes.loops import loops_in, share_of_rounds
 
 from .goal import Goal
 from .stop import GoalStopper
@@ -237,8 +237,9 @@ class Progress:
         self._tree = tree
         # Skills that measure their progress, also before they start.
         self._moving = [s for s in tree.skills if type(s).progress is not Skill.progress]
-        loops = (node for node in tree.root.iterate() if isinstance(node, Loop))
-        self._failed = dict.fromkeys(loops, 0)  # failed attempts of each at the last step
+        self._failed = dict.fromkeys(
+            loops_in(tree.root), 0
+        )  # failed attempts of each at the last step
         self._last = ProgressPoint(None, "", "", 1)
 
     def step(self, paused: bool = False) -> ProgressPoint | None:
@@ -283,9 +284,4 @@ class Progress:
 def _share(skill: Skill) -> float | None:
     """Return the finished share of a skill's work, with all rounds of loops; None if unknown."""
     share = None if skill.status is Status.INVALID else skill.call_hook("progress")
-    node: Behaviour | None = skill.parent
-    while node is not None:
-        if isinstance(node, Loop):
-            share = node.progress(share)
-        node = node.parent
-    return share
+    return share_of_rounds(skill, share)

@@ -115,7 +115,8 @@ def draft_robot(
     is_tree = not mistakes
     mistakes += _joint_mistakes(urdf)
     mistakes += urdf.shape_mistakes(largest)
-    mistakes += mesh_mistakes(path, (name for name, used in urdf.meshes().items() if name and used))
+    used = [name for name, collides in urdf.meshes().items() if name and collides]
+    mistakes += mesh_mistakes(path, used)
     mistakes += _gripper_mistakes(gripper or (), urdf)
     if tool is not None and urdf.links and tool not in urdf.links:
         there = ", ".join(urdf.links)

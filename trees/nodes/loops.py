@@ -246,6 +246,25 @@ class WaitForKind(ControlNodeKind):
         return [("RetryUntilSuccessful", {"num_attempts": "-1", "_description": description})]
 
 
+def loops_in(root: Behaviour) -> Iterator[Loop]:
+    """Yield the loops in a tree."""
+    return (node for node in root.iterate() if isinstance(node, Loop))
+
+
+def share_of_rounds(node: Behaviour, share: float | None) -> float | None:
+    """Return the progress of a node, with all rounds of the loops around it.
+
+    Args:
+        node: The node.
+        share: Its progress in this round, from 0 to 1; None if it is not known.
+    """
+    above = node.parent
+    while above is not None:
+        share = above.progress(share) if isinstance(above, Loop) else share
+        above = above.parent
+    return share
+
+
 def busy(node: Behaviour) -> bool:
     """Return whether work that a node started still continues, even after the node was halted."""
     return any(isinstance(below, Skill) and below.call_hook("busy") for below in node.iterate())
