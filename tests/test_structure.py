@@ -3,6 +3,7 @@
 import ast
 import re
 from collections.abc import Iterator
+from functools import cache
 from itertools import takewhile
 from pathlib import Path
 
@@ -57,10 +58,17 @@ def modules() -> dict[str, Path]:
 MODULES = modules()
 
 
+@cache
+def nodes(path: Path) -> tuple[ast.AST, ...]:
+    """What a file imports, and its constants."""
+    kinds = ast.Import | ast.ImportFrom | ast.Constant
+    return tuple(node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, kinds))
+
+
 def imports(name: str, path: Path) -> Iterator[str]:
     """The files of ours that a file imports or names in a string, wherever in it that is."""
     package = name if path.name == "__init__.py" else name.rpartition(".")[0]
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in nodes(path):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names if alias.name in MODULES)
         elif isinstance(node, ast.ImportFrom):
@@ -75,31 +83,35 @@ def imports(name: str, path: Path) -> Iterator[str]:
             yield str(node.value)
 
 
-ARROWS = {name: set(imports(name, path)) for name, path in MODULES.items()}
-for folder in ("skills.leaves", "trees.nodes"):
-    ARROWS[folder] |= {name for name in MODULES if name.rpartition(".")[0] == folder}
-COMMANDS = " ".join(SECTIONS.values()).split()
-ARROWS["executive.cli.main"] |= {f"executive.cli.{way.partition('.')[0]}" for way in COMMANDS}
+@pytest.fixture(scope="module")
+def arrows() -> dict[str, set[str]]:
+    """What each file imports."""
+    found = {name: set(imports(name, path)) for name, path in MODULES.items()}
+    for folder in ("skills.leaves", "trees.nodes"):
+        found[folder] |= {name for name in MODULES if name.rpartition(".")[0] == folder}
+    commands = " ".join(SECTIONS.values()).split()
+    found["executive.cli.main"] |= {f"executive.cli.{way.partition('.')[0]}" for way in commands}
+    return found
 
 
-def test_the_arrows_are_seen() -> None:
-    assert "hardware.arm.arm" in ARROWS["hardware"]
-    assert "skills" in ARROWS["executive.executive"]
-    assert len(ARROWS) > 150
+def test_the_arrows_are_seen(arrows: dict[str, set[str]]) -> None:
+    assert "hardware.arm.arm" in arrows["hardware"]
+    assert "skills" in arrows["executive.executive"]
+    assert len(arrows) > 150
 
 
-def test_only_a_loader_imports_by_name() -> None:
+def test_only_a_loader_imports_by_name(arrows: dict[str, set[str]]) -> None:
     by_name = re.compile(r"\b(import_module|__import__|run_module)\b")
     found = {name for name, path in MODULES.items() if by_name.search(path.read_text())}
     assert found == {*LOADERS}
-    assert "executive.cli.run" in ARROWS["executive.cli.main"]
-    assert "skills.motion.workers.worker_main" in ARROWS["skills.motion.workers.worker_process"]
+    assert "executive.cli.run" in arrows["executive.cli.main"]
+    assert "skills.motion.workers.worker_main" in arrows["skills.motion.workers.worker_process"]
 
 
-def test_rooms_import_only_rooms_below() -> None:
+def test_rooms_import_only_rooms_below(arrows: dict[str, set[str]]) -> None:
     wrong = [
         f"{name} -> {other}"
-        for name, others in ARROWS.items()
+        for name, others in arrows.items()
         for other in others
         if (room := name.partition(".")[0]) != (below := other.partition(".")[0])
         and below not in BELOW[room]
@@ -111,7 +123,7 @@ def test_what_a_room_exports_is_imported_from_it() -> None:
     exported = {
         (".".join((room, str(node.module))), alias.name)
         for room in BELOW
-        for node in ast.walk(ast.parse((ROOT / room / "__init__.py").read_text()))
+        for node in nodes(ROOT / room / "__init__.py")
         if isinstance(node, ast.ImportFrom) and node.level
         for alias in node.names
         if alias.name == alias.asname
@@ -119,7 +131,7 @@ def test_what_a_room_exports_is_imported_from_it() -> None:
     wrong = [
         f"{name}: from {node.module} import {alias.name}"
         for name, path in MODULES.items()
-        for node in ast.walk(ast.parse(path.read_text()))
+        for node in nodes(path)
         if isinstance(node, ast.ImportFrom) and node.module and not node.level
         if name.partition(".")[0] != node.module.partition(".")[0]
         for alias in node.names
@@ -128,12 +140,14 @@ def test_what_a_room_exports_is_imported_from_it() -> None:
     assert wrong == []
 
 
-def test_no_file_imports_itself_by_way_of_others() -> None:
-    assert circles(ARROWS) == []
+def test_no_file_imports_itself_by_way_of_others(arrows: dict[str, set[str]]) -> None:
+    assert circles(arrows) == []
 
 
-def test_a_folder_and_what_is_beside_it_do_not_import_each_other() -> None:
-    pairs = set(folder_arrows(ARROWS))
+def test_a_folder_and_what_is_beside_it_do_not_import_each_other(
+    arrows: dict[str, set[str]],
+) -> None:
+    pairs = set(folder_arrows(arrows))
     assert sorted(pair for pair in pairs if pair[::-1] in pairs) == []
 
 

@@ -45,6 +45,7 @@ def test_task_files_are_right(earlier: Path) -> None:
     assert "are right" in out
 
 
+@pytest.mark.slow
 def test_a_task_with_everything_runs_on_the_robot_file(earlier: Path) -> None:
     robot = earlier / "arduinobot.toml"
     with SimulatedArm(earlier / "trees", earlier / "skills", robot) as arm:
@@ -53,12 +54,14 @@ def test_a_task_with_everything_runs_on_the_robot_file(earlier: Path) -> None:
         assert arm.said("Say") == ["$5 a piece, times 3", "half of it 0.25"]
 
 
+@pytest.mark.slow
 def test_obstacles_are_read(earlier: Path) -> None:
     status, out, err = typed(earlier / "recordings", "plan", "right", "--json", "-o", "plan.svg")
     assert status == 0, err
     assert "post" in out
 
 
+@pytest.mark.slow
 def test_recordings_are_read_and_their_frames_follow_from_their_plans(earlier: Path) -> None:
     files = sorted((earlier / "recordings").glob("*.mcap"))
     assert files

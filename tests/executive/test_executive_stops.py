@@ -298,6 +298,7 @@ def test_no_port(rig: RigMaker) -> None:
     assert outcome.message.startswith("No serial port provided")
 
 
+@pytest.mark.slow
 def test_threads_and_descriptors_do_not_grow(rig: RigMaker) -> None:
     rig().run(1)
     before, descriptors = threads(), len(os.listdir("/proc/self/fd"))

@@ -357,6 +357,7 @@ def test_a_paused_goal_says_so(serve: Serve) -> None:
     drive(Caller(make_server(served.server.url)), act)
 
 
+@pytest.mark.slow
 def test_over_http_a_client_needs_the_token_of_the_server(serve: Serve) -> None:
     served = serve()
 

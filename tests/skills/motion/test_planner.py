@@ -144,6 +144,7 @@ def test_derivatives_are_those_of_the_samples(planner: Planner) -> None:
     assert np.allclose(turns[away], plan.accelerations(times)[away], atol=1e-3)
 
 
+@pytest.mark.slow
 def test_every_seed_finds_a_path_within_the_limits(planner: Planner) -> None:
     for seed in range(40):
         plan = planner.plan(dataclasses.replace(SEARCHED, seed=seed))

@@ -78,6 +78,7 @@ def test_a_path_is_divided_where_the_gripper_moves(so101: Robot) -> None:
     assert second[1] == first[1]
 
 
+@pytest.mark.slow
 def test_a_path_is_a_step_of_a_task_that_runs(so101: Robot, tmp_path: Path) -> None:
     task = TaughtTask(so101, tmp_path, 5, "swing")
     samples = swing(150, gripper_from=60)

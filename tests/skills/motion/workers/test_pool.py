@@ -214,6 +214,7 @@ def test_cancel_kills_the_process_and_the_next_job_succeeds(pool: Pool) -> None:
     assert len(running_job.results) == 1
 
 
+@pytest.mark.slow
 def test_a_worker_that_is_killed_at_a_long_job_is_replaced_by_one_that_stands_by(
     pool: Pool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
