@@ -82,8 +82,10 @@ class Planner:
         """Answer any request: with a Plan, Reached or Body, or None for Verify.
 
         Raises:
+            BadQuery: The request or one of its attributes is of a wrong type.
             MotionError: As `plan`, `rest`, `reach`, `carry` and `verify`.
         """
+        check_types(request)
         match request:
             case Query():
                 return self.plan(request)
@@ -96,8 +98,6 @@ class Planner:
                 return self.carry(request)
             case Rest():
                 return self.rest(request)
-            case _:
-                return check_types(request)  # raises: it is none of these
 
     def plan(self, query: Query) -> Plan:
         """Return the motion for a query.
@@ -107,7 +107,6 @@ class Planner:
             GoalInCollision, Barred, NoPath, TooLong, PlanTimeout, MotionCollides: The first stage
             that fails. The error has the durations of all stages so far.
         """
-        check_types(query)
         watch, deadline = Stopwatch(self._clock), Deadline(self._clock, query.timeout)
         margin = self._robot.collision.margin
         with watch.stage("ends" if query.world in self._checkers else "world"):
@@ -164,7 +163,6 @@ class Planner:
             BadQuery, NotFinite: The request is not valid.
             PlanTimeout: The deadline passed.
         """
-        check_types(request)
         deadline, checker = Deadline(self._clock, request.timeout), self._checker(request.world)
         with checker.within(deadline):
             verify_rows(checker, request)
@@ -176,7 +174,6 @@ class Planner:
             BadQuery, NotFinite, StartOutOfBounds, Unreachable, GoalInCollision, PlanTimeout:
                 The first that applies.
         """
-        check_types(query)
         checker, deadline = self._checker(query.world), Deadline(self._clock, query.timeout)
         group = self._group(query.group)
         with checker.within(deadline):
@@ -189,7 +186,6 @@ class Planner:
             BadQuery, NotFinite: The arm is not on the path, or the request is not valid.
             TooLong: The rest would take too long.
         """
-        check_types(request)
         watch = Stopwatch(self._clock)
         check_rest(request)
         start = joint_positions("start", request.start, self._robot.actuated)
@@ -206,7 +202,6 @@ class Planner:
             BadWorld: There is no such body or link.
             BadQuery, NotFinite: The positions are not valid.
         """
-        check_types(request)
         body = request.world.body(request.body)
         positions = joint_positions("position", request.positions, self._robot.actuated)
         return self._checker(EMPTY).scene.attached(body, request.link, positions)

@@ -91,6 +91,7 @@ class TreeCompiler:
 
     def __init__(self, draft: Draft, library: Library, context: Context, namespace: str) -> None:
         self._task, self._mistakes = draft[0], Mistakes(draft[1])
+        self._wrong = self._mistakes.add
         self._context, self._library = context, library
         self._sources, self._skills = Sources(library), known_skills()
         self._keys, self._nodes = Keys(), 0
@@ -120,9 +121,6 @@ class TreeCompiler:
             self._keys.reads.add(key)
         tree.unread = self._keys.never_read()
         return tree
-
-    def _wrong(self, place: Place, message: str, instead: Correction | None = None) -> None:
-        self._mistakes.add(place, message, instead)
 
     def _stand_ins(self, declared: Mapping[str, Declaration], namespace: str) -> dict[str, StandIn]:
         """Return placeholders of the declared types, by full names of keys."""

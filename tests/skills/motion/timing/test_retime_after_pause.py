@@ -122,4 +122,4 @@ ODD: tuple[tuple[str, Any, str], ...] = (
 @pytest.mark.parametrize(("what", "odd", "message"), ODD)
 def test_invalid_requests(what: str, odd: Any, message: str) -> None:
     with pytest.raises(BadQuery, match=message):
-        PLANNER.rest(replace(Rest(LINE, 0.1, tuple(LINE.start)), **{what: odd}))
+        PLANNER.answer(replace(Rest(LINE, 0.1, tuple(LINE.start)), **{what: odd}))
