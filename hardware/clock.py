@@ -1,7 +1,7 @@
 """Injected time: the real clock, and a simulated clock that jumps when all threads wait.
 
-No other code reads the time, sleeps or starts a thread. So a program with a `SimulatedClock` runs
-the same code as with a `RealClock`, without waiting.
+No other code reads the time, sleeps or starts a thread. Therefore a program runs the same code with
+a `SimulatedClock` as with a `RealClock`, without waiting.
 """
 
 import threading
@@ -19,7 +19,7 @@ class Signal(Protocol):
     def __exit__(self, *raised: object) -> None: ...
 
     def wait(self, until: float | None) -> None:
-        """Release it, sleep until notified or until a time [s], and acquire it again."""
+        """Release the lock, sleep until a notification or a time [s], and acquire it again."""
 
     def notify(self) -> None:
         """Wake all waiting threads."""
@@ -32,7 +32,7 @@ class Clock(Protocol):
         """Return the monotonic time [s]."""
 
     def epoch_ns(self) -> int:
-        """Return the UTC time at which this clock was at 0 [ns since 1970]."""
+        """Return the UTC time at time 0 of this clock [ns since 1970]."""
 
     def signal(self) -> Signal:
         """Return a new condition variable on this clock."""
@@ -57,7 +57,7 @@ class RealClock:
         return time.monotonic()
 
     def epoch_ns(self) -> int:
-        """Return the UTC time at which the monotonic clock was at 0 [ns since 1970]."""
+        """Return the UTC time at time 0 of the monotonic clock [ns since 1970]."""
         return self._epoch_ns
 
     def signal(self) -> Signal:
@@ -99,11 +99,11 @@ class _Sleeper:
 class SimulatedClock:
     """A clock that stops while any thread works, and jumps to the next deadline when all wait.
 
-    Only threads that it spawned and threads inside `working()` count as working. A notified thread
-    counts as working at once, so the clock cannot jump before it runs.
+    Only threads of `spawn` and threads inside `working()` count as working. A notified thread
+    counts as working at once, so the clock cannot jump before this thread runs.
 
     Args:
-        epoch_ns: UTC time at which this clock is at 0 [ns since 1970].
+        epoch_ns: UTC time at time 0 of this clock [ns since 1970].
     """
 
     def __init__(self, epoch_ns: int = 1_767_225_600_000_000_000) -> None:
@@ -119,7 +119,7 @@ class SimulatedClock:
         return self._now
 
     def epoch_ns(self) -> int:
-        """Return the UTC time at which this clock was at 0 [ns since 1970]."""
+        """Return the UTC time at time 0 of this clock [ns since 1970]."""
         return self._epoch_ns
 
     def signal(self) -> Signal:
@@ -144,7 +144,7 @@ class SimulatedClock:
 
     @contextmanager
     def working(self) -> Iterator[None]:
-        """Mark the calling thread as working. Does nothing if it is marked already."""
+        """Mark the calling thread as working. Does nothing if it is already marked."""
         if self._counts():
             yield
             return
@@ -158,7 +158,7 @@ class SimulatedClock:
             self._stop_working()
 
     def _counts(self) -> bool:
-        """Return whether the calling thread counts as working."""
+        """Return True if the calling thread counts as working."""
         return getattr(self._thread_local, "counts", False)
 
     def _stop_working(self) -> None:

@@ -1,8 +1,8 @@
 """Errors of the arm.
 
-The root is HardwareError. Below it, LinkError concerns the serial port, BoardError the board, and
-WriteRefused a frame that the write guard did not send. `drivers/servo_errors.py` has the errors of
-servos on a bus. Every error has a stable `code`, and its message says what to do.
+The root is HardwareError. LinkError concerns the serial port. BoardError concerns the board.
+WriteRefused concerns a frame that the write guard did not send. `drivers/servo_errors.py` has the
+errors of servos on a bus. Every error has a stable `code`, and its message says what to do.
 """
 
 import math
@@ -59,7 +59,7 @@ class DescriptionError(HardwareError):
 
     Attributes:
         path: The file.
-        line: Line number, 0 if no line can be named.
+        line: Line number; 0 if unknown.
     """
 
     code = "file.robot"
@@ -102,7 +102,7 @@ class NotAble(HardwareError):
     def __init__(self, robot: str, firmware: str, ability: str) -> None:
         super().__init__(
             f"The board of {robot}, with the firmware {firmware}, cannot {ability}. Use an arm "
-            "whose board can; the page *Your own driver* says which ones"
+            "whose board can; the page *Your own driver* lists the boards"
         )
 
 
@@ -193,7 +193,8 @@ class PortLost(LinkError):
     def __init__(self, port: str, why: str) -> None:
         super().__init__(
             port,
-            f"{why}: the port {port} is gone. Check the cable and the power, then run again",
+            f"{why}: the port {port} has disappeared. Check the cable and the power, then run "
+            "again",
         )
 
 
@@ -219,7 +220,7 @@ class BoardError(HardwareError):
 
 
 class BoardSilent(BoardError):
-    """The board did not report what it must report before the arm may move."""
+    """A report of the board, which the arm needs before it moves, is missing."""
 
     code = "hw.board_silent"
     hint = "check its power and cable, and the firmware that the robot file names"
@@ -231,7 +232,7 @@ class BoardSilent(BoardError):
 
 
 class WrongFirmware(BoardError):
-    """The board runs another firmware than the robot file names."""
+    """The firmware of the board is not the one in the robot file."""
 
     code = "hw.wrong_firmware"
     hint = "correct the robot file"
@@ -244,7 +245,7 @@ class WrongFirmware(BoardError):
 
 
 class PoseOutsideLimits(BoardError):
-    """The board holds a servo outside its joint's limits. A frame would make it jump."""
+    """A servo is outside the limits of its joint, and the first frame would make it jump."""
 
     code = "hw.pose_outside"
     hint = "move the joint inside its limits, as the message says"
@@ -258,7 +259,7 @@ class PoseOutsideLimits(BoardError):
 
 
 class BoardReset(BoardError):
-    """The board restarted while the arm was active. Its servos left their positions."""
+    """The board restarted while the arm was active. Its servos may have moved."""
 
     code = "hw.board_reset"
     hint = "check the power supply of the servos"
@@ -271,7 +272,7 @@ class BoardReset(BoardError):
 
 
 class FrameLost(BoardError):
-    """The board received other frames than were sent."""
+    """The frames that the board received differ from the sent ones."""
 
     code = "hw.frame_lost"
     hint = "check the cable"
@@ -281,7 +282,7 @@ class FrameLost(BoardError):
 
 
 class MeasuredFault(BoardError):
-    """A measured value is beyond its limit.
+    """A measured value exceeds its limit.
 
     Attributes:
         joint: Name of the joint.
@@ -372,7 +373,7 @@ class SupplyTooLow(MeasuredFault):
 
 
 class DriverFailed(HardwareError):
-    """The driver of the arm failed. It raised no HardwareError, or armtree has a bug.
+    """The driver of the arm raised an exception other than a HardwareError.
 
     Attributes:
         __cause__: The exception.
@@ -384,8 +385,8 @@ class DriverFailed(HardwareError):
     def __init__(self, cause: BaseException) -> None:
         self.__cause__ = cause
         super().__init__(
-            f"The driver failed: {cause!r}. It is unknown what the board received last. Fix the "
-            "driver, or the cause that it names, then run again"
+            f"The driver failed: {cause!r}. The board may not have received the last frame. Fix "
+            "the driver or the named cause, then run again"
         )
 
 
@@ -409,20 +410,20 @@ class ActivationStopped(TransitionRefused):
 
 
 class CancelTimeout(HardwareError):
-    """A goal did not stop in time, so the arm left *active*."""
+    """A goal did not stop in time, so the arm is no longer active."""
 
     code = "hw.cancel_timeout"
     hint = "fix the skill that the message names, then configure and activate"
 
 
 class WriteRefused(HardwareError):
-    """The write guard refused; nothing was sent."""
+    """The write guard refused a frame and sent nothing."""
 
     code = "hw.refused"
 
 
 class NotActive(WriteRefused):
-    """The arm is not active, so nothing may be written to it."""
+    """The arm is not active, so it accepts no commands."""
 
     code = "hw.not_active"
     hint = (
@@ -458,7 +459,7 @@ class InterfaceClaimed(WriteRefused):
 
 
 class StaleGeneration(WriteRefused):
-    """The motion was stopped, so it may not write."""
+    """The motion was stopped, so it may not send frames."""
 
     code = "hw.stale"
     hint = "run again"
@@ -481,9 +482,9 @@ class BadPosition(WriteRefused, ValueError):
     """A joint position is missing, not finite or outside its limits.
 
     Attributes:
-        joint: Name of the joint, or "" if none can be named.
-        value: The position that was given [rad].
-        limit: The limit that it exceeds [rad], or None if the value is not a finite number.
+        joint: Name of the joint; empty if unknown.
+        value: The position [rad].
+        limit: The exceeded limit [rad]; None if the value is not a finite number.
     """
 
     code = "hw.bad_position"
@@ -529,7 +530,7 @@ class JointTooFast(WriteRefused):
     """
 
     code = "hw.joint_too_fast"
-    hint = "report it, with the recording; the planner must keep the limits of the robot file"
+    hint = "report this bug with the recording: the planner must keep the limits of the robot file"
 
     def __init__(self, joint: str, value: float, limit: float, scale: float, unit: str) -> None:
         self.joint, self.value, self.limit = joint, value, limit

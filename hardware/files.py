@@ -1,4 +1,4 @@
-"""Opens files of users, ordinary ones up to a size, and replaces files atomically."""
+"""Reads ordinary files up to a size, and replaces files atomically."""
 
 import errno
 import os
@@ -9,19 +9,22 @@ from pathlib import Path
 def read_file(path: Path, most: int) -> bytes:
     """Return the content of a file.
 
-    Anything but an ordinary file is refused without opening it: a pipe or a device may never end,
-    and opening a serial port resets its board.
+    A file that is not ordinary is refused without opening it: a pipe or a device may never end, and
+    opening a serial port resets its board.
 
     Args:
         path: The file.
         most: Largest size [bytes].
 
     Raises:
-        OSError: The file cannot be read, is not ordinary, or is larger; `strerror` says why.
+        OSError: The file cannot be read, is not ordinary, or is too large. `strerror` has the
+            cause.
         ValueError: The path is invalid.
     """
     _check_ordinary(os.stat(path), path)
-    handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY)  # if it was just replaced
+    handle = os.open(
+        path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY
+    )  # in case a pipe or port has just replaced it
     with os.fdopen(handle, "rb") as stream:
         _check_ordinary(os.fstat(handle), path)
         data = stream.read(most + 1)
@@ -31,14 +34,14 @@ def read_file(path: Path, most: int) -> bytes:
 
 
 def write_file(path: Path, data: bytes) -> None:
-    """Replace the content of a file atomically: after a crash it is the old one or the new one.
+    """Replace the content of a file atomically. A crash leaves the old or the new content.
 
     Args:
-        path: The file; it need not exist. A link stays, and the file that it names is replaced.
+        path: The file. It need not exist. A symbolic link stays, and its target is replaced.
         data: The new content.
 
     Raises:
-        OSError: The file cannot be written; it has not changed.
+        OSError: The file cannot be written. It is unchanged.
     """
     path = path.resolve()
     new = path.with_name(f".{path.name}.{os.getpid()}")

@@ -1,7 +1,7 @@
-"""What is installed: versions and entry points, as importlib.metadata has them.
+"""Versions and entry points of installed packages, as importlib.metadata returns them.
 
-importlib.metadata reads the files of all packages with a parser for e-mail. A run would wait 40 ms
-for it, most of them for imports.
+importlib.metadata reads the files of all packages with a parser for e-mail. This costs a run 40 ms,
+mostly for imports.
 """
 
 import os
@@ -78,14 +78,14 @@ def _packages(path: tuple[str, ...]) -> list[str]:
     """Return the folders that describe the packages on a path, in its order."""
     found: list[str] = []
     for folder in path:
-        with suppress(OSError):  # a ZIP file, or it does not exist
+        with suppress(OSError):  # the path is a ZIP file, or it does not exist
             names = os.listdir(folder or ".")
             found += (f"{folder}/{name}" for name in names if name.endswith("-info"))
     return found
 
 
 def _section(text: str, name: str) -> Iterator[str]:
-    """Yield the lines of a section that have a value."""
+    """Yield the lines `NAME = VALUE` of a section."""
     inside = False
     for line in text.splitlines():
         if line.strip().startswith("["):

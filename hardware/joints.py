@@ -1,7 +1,7 @@
 """Joints as data, and the check of joint positions.
 
-The position of a prismatic joint is in metres. Where the documentation of this package gives the
-unit [rad] for a joint, read [m] for such a joint.
+The position of a prismatic joint is in metres: for such a joint, read [m] for the unit [rad] in the
+documentation of this package.
 """
 
 import math
@@ -20,7 +20,7 @@ class Mimic:
     """A joint that follows another: `multiplier * leader + offset`.
 
     Attributes:
-        leader: Name of the joint it follows.
+        leader: Name of the joint that it follows.
         multiplier: Factor of the leader's position.
         offset: Position of the follower when the leader is at 0 [rad].
     """
@@ -44,10 +44,11 @@ class Joint:
         upper: Largest position [rad].
         velocity: Velocity limit [rad/s].
         acceleration: Acceleration limit [rad/s2].
-        boot: Position in the start pose: where a plan begins, and after a reset of the board [rad].
-        mimic: How it follows another joint, or None if it moves independently.
-        wire: How its driver encodes it in a frame, or None if it has no servo of its own or the
-            robot file names no driver.
+        boot: Position in the start pose: at the begin of a plan, and after a reset of the board
+            [rad].
+        mimic: Relation to the joint that it follows; None if it moves independently.
+        wire: Its encoding in a frame. None if it has no servo of its own, or if the robot file
+            names no driver.
         unit: Unit of its position: `rad`, or `m` for a prismatic joint.
     """
 
@@ -63,13 +64,13 @@ class Joint:
 
     @property
     def continuous(self) -> bool:
-        """Whether it turns without limits, so that positions a whole turn apart are equal."""
+        """True if it turns without limits. Positions that differ by a whole turn are then equal."""
         return self.unit == "rad" and self.lower == -math.inf and self.upper == math.inf
 
     def words(self, position: float, digits: int = 5) -> str:
         """Return a position [rad] for people, in degrees or in mm, with this number of digits."""
         scale, unit = DISPLAY_UNITS[self.unit]
-        return f"{scale * position:z.{digits}g} {unit}"  # z: no -0
+        return f"{scale * position:z.{digits}g} {unit}"  # `z` writes 0, not -0
 
 
 def rounded(position: float, unit: str = "rad") -> str:
@@ -83,7 +84,7 @@ def joint_words(positions: Mapping[str, float], units: Mapping[str, str]) -> str
 
     Args:
         positions: The positions.
-        units: Units of joints; a joint without one turns.
+        units: Units of joints by name. Default for a joint: rad.
     """
     return ", ".join(
         f"{name} {rounded(q, units.get(name, 'rad'))}" for name, q in positions.items()
@@ -95,17 +96,17 @@ def check_position(joint: Joint, q: object) -> float:
 
     Args:
         joint: The joint.
-        q: Position of the joint [rad]; any real number except a bool.
+        q: Position of the joint [rad]: any real number except a bool.
 
     Returns:
         The position as a float [rad].
 
     Raises:
-        BadPosition: It is not a number, not finite, or outside the limits.
+        BadPosition: The position is not a number, not finite, or outside the limits.
     """
     try:
         value = float(q) if isinstance(q, Real) and not isinstance(q, bool) else math.nan
-    except OverflowError:  # an integer beyond all floats
+    except OverflowError:  # an integer too large for a float
         value = math.inf
     if not math.isfinite(value):
         raise BadPosition(f"{joint.name} = {q!r} is not a finite number", joint.name, q)

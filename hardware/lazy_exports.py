@@ -1,6 +1,6 @@
-"""Public names of a package that are loaded at their first use, so that importing it is quick.
+"""Loads public names of a package at their first use, so that its import is quick.
 
-The package lists them as imports under `if typing.TYPE_CHECKING`, which this file reads.
+The package lists the names as imports under `if typing.TYPE_CHECKING`. This module reads them.
 """
 
 import ast
@@ -31,13 +31,13 @@ def lazy_exports(package: str) -> Callable[[str], Any]:
 
 
 def public_names(file: str) -> list[str]:
-    """Return the public names of a package or module, from its file."""
+    """Return the public names of a package or module. Reads its file without importing it."""
     return [*_sources(file)]
 
 
 @cache
 def _sources(file: str) -> dict[str, str]:
-    """Return the module of each name that a file imports as public: `from x import A as A`."""
+    """Return the module of each public name in a file: of each `from x import A as A`."""
     nodes = ast.walk(ast.parse(Path(file).read_bytes()))
     return {
         alias.name: "." * node.level + (node.module or "")

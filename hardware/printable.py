@@ -1,7 +1,7 @@
-"""Texts for people: numbers of things, and what comes from files, servers and boards."""
+"""Texts for people: counts, and safe forms of texts from files, servers and boards."""
 
 _HEX = "0x"
-_SPACE = "\n\r\t"  # kept in a text
+_SPACE = "\n\r\t"  # characters that `printable` keeps
 
 
 def plural(count: int, what: str) -> str:
@@ -10,9 +10,9 @@ def plural(count: int, what: str) -> str:
 
 
 def printable(text: str) -> str:
-    r"""Return a text that cannot control a terminal: other characters become escapes, as `\x1b`.
+    r"""Return a text that cannot control a terminal. Control characters become escapes: `\x1b`.
 
-    Lines and tabs stay.
+    Line ends and tabs stay.
     """
     if text.isprintable():
         return text
@@ -25,8 +25,8 @@ def printable(text: str) -> str:
 def wire_text(data: bytes) -> str:
     """Return the bytes of a wire for people: a text as it is, other bytes as `0xff ff 01 04`.
 
-    Bytes are a text if all are printable ASCII characters, line ends or tabs. Different bytes give
-    different results.
+    Bytes are a text if all of them are printable ASCII characters, line ends or tabs. Different
+    bytes give different results.
     """
     text = data.decode("latin-1")
     plain = data.isascii() and all(each.isprintable() or each in _SPACE for each in text)
@@ -34,7 +34,7 @@ def wire_text(data: bytes) -> str:
 
 
 def wire_bytes(text: str) -> bytes:
-    """Return the bytes that `wire_text` has converted to this text.
+    """Return the bytes for which `wire_text` returns this text.
 
     Raises:
         ValueError: `wire_text` never returns this text.

@@ -3,21 +3,21 @@
 from collections.abc import Collection, Iterable
 from itertools import groupby
 
-_ALL = 8  # a message lists up to this number of names, also those that are not similar
-_SHOWN = 5  # most names in a message if there are more
-_NEAR, _NEARER = 0.6, 0.71  # least similarity of a name that is listed, and that is suggested
+_ALL = 8  # a message lists all names if there are at most this many
+_SHOWN = 5  # largest number of names in a message if there are more
+_NEAR, _NEARER = 0.6, 0.71  # smallest similarity to list a name, and to suggest it
 
 
 def closest(word: str, known: Iterable[str], cutoff: float = _NEAR) -> str:
-    """Return the known name that is most similar to a word, or "" if there is none.
+    """Return the known name that is most similar to a word; empty if none is similar.
 
-    Case and the signs between words do not count. There is none if several names are equally
-    similar.
+    Case and the signs between words do not count. If several names are equally similar, the result
+    is empty.
 
     Args:
-        word: The word as it was written.
-        known: The names to choose from.
-        cutoff: Least similarity, from 0 (any name) to 1 (only the word itself).
+        word: The unknown word.
+        known: The known names.
+        cutoff: Smallest similarity, from 0 (any name) to 1 (only the word itself).
     """
     for similarity, group in groupby(_by_similarity(word, known), lambda each: each[0]):
         names = [name for _, name in group]
@@ -28,7 +28,7 @@ def closest(word: str, known: Iterable[str], cutoff: float = _NEAR) -> str:
 
 
 def _by_similarity(word: str, known: Iterable[str]) -> list[tuple[float, str]]:
-    """Return the known names with their similarities to a word, the most similar one first."""
+    """Return the known names with their similarities to a word, most similar name first."""
     from difflib import SequenceMatcher  # slow to load, and only error messages need it
 
     folded = _folded(word)
@@ -36,7 +36,7 @@ def _by_similarity(word: str, known: Iterable[str]) -> list[tuple[float, str]]:
     found = []
     for name in known:
         matcher.set_seq1(_folded(name))
-        same_letters = sorted(_folded(name)) == sorted(folded)  # such as `=>` for `>=`
+        same_letters = sorted(_folded(name)) == sorted(folded)  # for example, `=>` for `>=`
         found.append((max(matcher.ratio(), 0.9 * same_letters), name))
     return sorted(found, key=lambda each: (-each[0], each[1]))
 
@@ -47,29 +47,29 @@ def _folded(name: str) -> str:
 
 
 def did_you_mean(near: str) -> str:
-    """Return `; did you mean NEAR?`, or "" for an empty text."""
+    """Return `; did you mean NEAR?`; empty for an empty text."""
     return f"; did you mean {near}?" if near else ""
 
 
 def suggested(words: str) -> str:
-    """Return the name that a message suggests at its end with `did_you_mean`, or ""."""
+    """Return the name that a message suggests with `did_you_mean` at its end; empty if none."""
     name = words.removesuffix("?").rpartition("; did you mean ")[2]
     return name if words.endswith(did_you_mean(name)) and " " not in name else ""
 
 
 def suggestion(word: str, known: Iterable[str], given: Collection[str] = ()) -> str:
-    """Return `; did you mean NAME?`, or "" if no known name is similar.
+    """Return `; did you mean NAME?`; empty if no known name is similar.
 
     Args:
         word: The unknown word.
-        known: The names to choose from.
-        given: Names that are used already. They are not suggested.
+        known: The known names.
+        given: Names that are already used. They are not suggested.
     """
     return did_you_mean(closest(word, [name for name in known if name not in given]))
 
 
 def there_are(word: str, known: Iterable[str], given: Collection[str] = ()) -> str:
-    """Return `there are NAMES`, or `there is only NAME`; of many names, only what may be meant."""
+    """Return `there are NAMES` or `there is only NAME`; of many names, only similar ones."""
     names = tuple(known)
     if len(names) == 1:
         return f"there is only {names[0]}"
@@ -84,14 +84,14 @@ def there_are(word: str, known: Iterable[str], given: Collection[str] = ()) -> s
 
 
 def choices(word: str, known: Iterable[str], given: Collection[str] = ()) -> str:
-    """Return the known names, and a suggestion for a word that is not among them.
+    """Return the known names, and a suggestion for an unknown word, as a text.
 
-    If there are many names, only similar ones are returned, and the number of the others.
+    If there are many names, the text has only similar names and the number of the others.
 
     Args:
         word: The unknown word.
-        known: The names to choose from.
-        given: Names that are used already. They are suggested only if no other name is similar.
+        known: The known names.
+        given: Names that are already used. They are suggested only if no other name is similar.
     """
     names = sorted(known)
     if len(names) <= _ALL:
@@ -103,7 +103,7 @@ def choices(word: str, known: Iterable[str], given: Collection[str] = ()) -> str
 
 
 def _similar(word: str, known: Iterable[str]) -> list[str]:
-    """Return the names that are most similar to a word, if they are similar."""
+    """Return the names that are similar enough to a word to list them."""
     found = [name for similarity, name in _by_similarity(word, known) if similarity >= _NEAR]
     return found[:_SHOWN]
 
@@ -112,8 +112,8 @@ def corrections(given: Collection[str], known: Collection[str]) -> dict[str, str
     """Return the likely spelling of each unknown name. No known name is used twice.
 
     Args:
-        given: The names as they were written.
-        known: The names to choose from.
+        given: The unknown names.
+        known: The known names.
     """
     unused = [name for name in known if name not in given]
     found: dict[str, str] = {}

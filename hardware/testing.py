@@ -1,4 +1,4 @@
-"""The contracts of drivers and links, as classes of tests to subclass with pytest.
+"""The contracts of drivers and links, as test classes. A subclass runs with pytest.
 
 class TestMyBus(DriverContract):
     robot_file = Path("my_arm.toml")
@@ -28,15 +28,15 @@ from .errors import BadPosition, BoardError, HardwareError, PortLost
 from .link.link import Link
 
 _SAMPLES = 50
-_RANGE = 10.0  # a joint without limits is tried from minus this to this [rad]
-_SWITCHED = 0.01  # largest change of a pose by switching the torque [rad]
+_RANGE = 10.0  # tests move a joint without limits from minus this to this [rad]
+_SWITCHED = 0.01  # largest change of the pose when the torque is switched [rad]
 _PATIENCE = 10.0  # longest wait for a thread [s]
 
 
 class DriverContract:
-    """What every driver must do. A test class names a robot file that uses the driver.
+    """Tests that every driver must pass. A subclass names a robot file with the driver.
 
-    With a model of the board, motions are played on it in simulated time.
+    If the driver has a model of the board, the tests play motions on it in simulated time.
     """
 
     robot_file: Path
@@ -49,7 +49,7 @@ class DriverContract:
     # Frames ----------------------------------------------------------------------------------
 
     def test_a_frame_decodes_to_positions_that_encode_to_it(self) -> None:
-        """Positions within the limits, at them, and in between."""
+        """Tries positions at the limits and between them."""
         robot, wire = self.robot, self.robot.wire_format
         for positions in _poses(robot):
             frame = wire.encode(positions)
@@ -62,7 +62,7 @@ class DriverContract:
                 assert joint.lower <= q <= joint.upper, f"{frame} has {joint.name} at {q} rad"
 
     def test_bad_positions_are_refused(self) -> None:
-        """Missing, not finite, and outside the limits."""
+        """Tries positions that are missing, not finite, or outside the limits."""
         robot = self.robot
         start = robot.boot_pose
         bad = [(), start + start[:1], (math.nan, *start[1:]), (math.inf, *start[1:])]
@@ -72,7 +72,7 @@ class DriverContract:
             assert isinstance(error, BadPosition), f"encode({positions}) raised {error!r}"
 
     def test_robots_of_one_file_have_equal_drivers(self) -> None:
-        """Otherwise a worker process and a recording have another robot."""
+        """Worker processes and recordings compare robots."""
         driver = self.robot.driver
         assert driver == self.robot.driver, f"two objects of {type(driver).__name__} differ"
         assert pickle.loads(pickle.dumps(self.robot)) == self.robot
@@ -80,7 +80,7 @@ class DriverContract:
     # The protocol ----------------------------------------------------------------------------
 
     def test_noise_is_ignored_or_a_board_error(self) -> None:
-        """Random bytes in random pieces."""
+        """Sends random bytes in random pieces."""
         dice = random.Random(1)
         for _ in range(_SAMPLES):
             protocol = self.robot.protocol()
@@ -91,11 +91,11 @@ class DriverContract:
     # Motions on the model --------------------------------------------------------------------
 
     def test_the_model_can_be_pickled(self) -> None:
-        """The model is sent to the process behind the port `virtual`."""
+        """The process behind the port `virtual` receives the model."""
         pickle.loads(pickle.dumps(self.robot.model()))
 
     def test_motions_are_played_to_their_end(self) -> None:
-        """From the start pose and back, twice, with a new activation in between."""
+        """Moves from the start pose and back, twice, with a new activation in between."""
         with self._rig() as rig:
             for _ in range(2):
                 rig.activate()
@@ -111,7 +111,7 @@ class DriverContract:
             assert not rig.faults, f"the arm had the fault {rig.faults[0]}"
 
     def test_a_stop_ends_a_motion_and_the_next_one_plays(self) -> None:
-        """The arm stays active."""
+        """The stop does not deactivate the arm."""
         with self._rig() as rig:
             rig.activate()
             start = rig.arm.commanded
@@ -121,14 +121,14 @@ class DriverContract:
             assert not rig.faults, f"the arm had the fault {rig.faults[0]}"
 
     def test_a_board_that_vanishes_is_a_fault(self) -> None:
-        """While a motion is played."""
+        """The board vanishes during a motion."""
         with self._rig() as rig:
             rig.activate()
             playback = rig.play(rig.goal(rig.arm.commanded), unplug_after=0.5)
             assert isinstance(playback.error, PortLost), f"it ended with {playback.error!r}"
 
     def test_a_board_that_is_silent_is_refused_if_it_must_report_its_pose(self) -> None:
-        """Otherwise the first frame could make the arm jump."""
+        """The first frame could make the arm jump from an unknown pose."""
         if self.robot.firmware.reports_pose:
             with self._rig(deaf=True) as rig:
                 error = _raised(rig.activate)
@@ -138,7 +138,7 @@ class DriverContract:
     # Abilities -------------------------------------------------------------------------------
 
     def test_torque_is_switched_off_and_on(self) -> None:
-        """With `Ability.TORQUE`. The arm holds its pose, and the next motion plays."""
+        """Only with `Ability.TORQUE`. The arm then holds its pose, and the next motion plays."""
         if self.robot.can(Ability.TORQUE):
             with self._rig() as rig:
                 rig.activate()
@@ -152,10 +152,12 @@ class DriverContract:
                 assert not rig.faults, f"the arm had the fault {rig.faults[0]}"
 
     def test_servos_are_found_and_keep_what_is_written(self) -> None:
-        """With `Ability.IDENTIFY` and `Ability.LIMITS`."""
+        """Only with `Ability.IDENTIFY` and `Ability.LIMITS`."""
         if self.robot.can(Ability.IDENTIFY):
             model = self.robot.model()
-            assert model is not None, "this driver has no model, so its servos are not found"
+            assert model is not None, (
+                "this driver has no model, so the search for servos is not tested"
+            )
             clock, ids = SimulatedClock(), self.robot.servos.values()
             with clock.working(), self.robot.servos_on(BoardLink(model, clock), clock) as bus:
                 found = bus.find(ids).servos
@@ -180,7 +182,7 @@ class DriverContract:
 
 
 class _Line(BoardLink[BoardModel]):
-    """A link to a model. A deaf one loses all bytes from the board."""
+    """A link to a model. A deaf link loses all bytes from the board."""
 
     deaf = False
 
@@ -208,7 +210,7 @@ class _Rig:
             self.faults.append(event.error)
 
     def goal(self, start: tuple[float, ...]) -> tuple[float, ...]:
-        """Return a pose a fifth of the range of every joint away, at most 0.5 rad."""
+        """Return a pose in which every joint is moved by a fifth of its range, at most 0.5 rad."""
         joints = zip(self.arm.robot.actuated, start, strict=True)
         return tuple(_moved(*_limits(joint.lower, joint.upper), q) for joint, q in joints)
 
@@ -248,9 +250,9 @@ class _Rig:
 
 
 class LinkContract:
-    """What every link must do. A test class makes a link, and acts at its other end.
+    """Tests that every link must pass. A subclass makes the link and controls its other end.
 
-    `open_link` is called once per test. The other methods then act on the other end of that link.
+    Each test calls `make_link` once. The other methods then act on the other end of that link.
     """
 
     def make_link(self) -> Link:
@@ -273,7 +275,7 @@ class LinkContract:
         """Release what `make_link` made besides the link."""
 
     def test_bytes_arrive_in_both_directions(self) -> None:
-        """All values of a byte, in order. The link is opened twice."""
+        """Sends all values of a byte, in order. Opens the link twice."""
         with self._link() as link:
             for _ in range(2):
                 link.open()
@@ -288,7 +290,7 @@ class LinkContract:
                 link.close()
 
     def test_a_closed_link_reads_nothing_and_refuses_bytes(self) -> None:
-        """Before it is opened, and after it is closed."""
+        """Tries a link before it is opened, and after it is closed."""
         with self._link() as link:
             for _ in range(2):
                 assert link.read() == b""
@@ -299,7 +301,7 @@ class LinkContract:
                 link.close()
 
     def test_closing_ends_a_read(self) -> None:
-        """It returns no bytes."""
+        """The read returns no bytes."""
         with self._link() as link:
             link.open()
             heard, reader = _reading(link)
@@ -308,7 +310,7 @@ class LinkContract:
             assert heard == [b""], f"the read ended with {heard}"
 
     def test_a_link_that_is_unplugged_is_lost(self) -> None:
-        """Reads and writes raise PortLost, closing does not."""
+        """Reads and writes raise PortLost. Closing does not raise it."""
         with self._link() as link:
             link.open()
             heard, reader = _reading(link)
@@ -356,7 +358,7 @@ def _limits(lower: float, upper: float) -> tuple[float, float]:
 
 
 def _moved(lower: float, upper: float, start: float) -> float:
-    """Return a position a fifth of the range away, at most 0.5 rad, towards the farther limit."""
+    """Return a position moved by a fifth of the range, at most 0.5 rad, to the farther limit."""
     step = min((upper - lower) / 5, 0.5)
     return start + step if upper - start > start - lower else start - step
 

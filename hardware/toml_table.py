@@ -30,15 +30,16 @@ _KINDS = {
 class TomlTable:
     """One table of a TOML file.
 
-    Each method reads a key and checks its value. `done` rejects keys that were not read.
+    Each method reads a key and checks its value. `done` rejects all keys that no method has read.
 
     Raises:
-        DescriptionError: From every method; it names file, line and key.
+        DescriptionError: A key or value is wrong. The message names file, line and key. Every
+            method may raise it.
     """
 
     def __init__(self, path: Path, lines: dict[str, int], name: str, values: dict[str, Any]):
         self._path, self._lines, self._name, self._values = path, lines, name, values
-        self._known: set[str] = set()  # the keys that were read
+        self._known: set[str] = set()  # keys that a method has read
 
     @classmethod
     def read(cls, path: Path) -> "TomlTable":
@@ -52,7 +53,7 @@ class TomlTable:
             raise DescriptionError(path, 0, f"is not UTF-8 text: {error.reason}") from error
         except RecursionError as error:
             raise DescriptionError(path, 0, "its lists or tables are nested too deep") from error
-        except ValueError as error:  # a number with thousands of digits raises no TOMLDecodeError
+        except ValueError as error:  # also a number with thousands of digits
             line = re.search(r"at line (\d+)", str(error))
             raise DescriptionError(path, int(line[1]) if line else 0, str(error)) from error
         return cls(path, _key_lines(text), "", values)
@@ -73,9 +74,9 @@ class TomlTable:
         most: float = math.inf,
         default: float | None = None,
     ) -> float:
-        """Return a finite number greater than `above`, at least `least` and at most `most`.
+        """Return a finite number above `above`, of at least `least` and at most `most`.
 
-        The default is returned if the key is absent, without these checks.
+        If the key is absent, returns the default without these checks.
         """
         if default is not None and key not in self:
             return default
@@ -104,7 +105,7 @@ class TomlTable:
         return x, y, z
 
     def integer(self, key: str, choices: Sequence[int]) -> int:
-        """Return a whole number out of the choices: a range, or a few numbers."""
+        """Return a whole number from the choices: a range, or a few numbers."""
         value = int(self._value(key, int))
         if isinstance(choices, range) and value not in choices:
             shown = reprlib.repr(value)
@@ -118,7 +119,7 @@ class TomlTable:
         return bool(self._value(key, bool, default))
 
     def choice(self, key: str, choices: Iterable[str], default: str | None = None) -> str:
-        """Return a text out of the choices, or the default if the key is absent."""
+        """Return a text from the choices, or the default if the key is absent."""
         value, names = self.text(key, default), list(choices)
         if value not in names:
             self.fail(key, f"{value!r} is not one of {', '.join(names)}{suggestion(value, names)}")
@@ -127,12 +128,12 @@ class TomlTable:
     def names(
         self, key: str, choices: Iterable[str], default: list[str] | None = None
     ) -> tuple[str, ...]:
-        """Return distinct texts out of the choices, or the default if the key is absent."""
+        """Return distinct texts from the choices, or the default if the key is absent."""
         values = self._value(key, list, default)
         return self._checked_names(key, values, list(choices))
 
     def pairs(self, key: str, choices: Iterable[str]) -> frozenset[frozenset[str]]:
-        """Return a list of pairs of distinct texts out of the choices."""
+        """Return a list of pairs of distinct texts from the choices."""
         names, values = list(choices), self._value(key, list)
         for pair in values:
             if not isinstance(pair, list) or len(pair) != 2:
@@ -148,11 +149,11 @@ class TomlTable:
         return iter(self._values)
 
     def __contains__(self, key: str) -> bool:
-        self._known.add(key)  # an optional key
+        self._known.add(key)  # `done` knows the optional key
         return key in self._values
 
     def done(self) -> None:
-        """Reject the keys that were not read."""
+        """Reject all keys that no method has read."""
         for key in self._values:
             if key not in self._known:
                 self.fail(key, f"unknown key; {there_are(key, self._known)}")
@@ -177,7 +178,7 @@ class TomlTable:
         return value
 
     def _miss(self, key: str) -> NoReturn:
-        """Reject a missing key, at the line of its misspelling if there is one."""
+        """Reject a missing key. The line is that of a misspelling, if there is one."""
         misspelt = closest(key, [given for given in self._values if given not in self._known])
         if misspelt:
             self.fail(misspelt, "unknown key" + did_you_mean(key))

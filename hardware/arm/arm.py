@@ -41,10 +41,10 @@ _Release = Callable[[], None]
 logger = logging.getLogger(__name__)
 
 # Longest time that a shutdown waits for a transition of another thread [s]. Closing a port takes
-# less, because every call has a deadline.
+# less time, because every call has a deadline.
 _SETTLE_TIMEOUT = 3.0
 
-_arms: "weakref.WeakSet[Arm]" = weakref.WeakSet()  # shut down when the interpreter exits
+_arms: "weakref.WeakSet[Arm]" = weakref.WeakSet()  # arms to shut down when the interpreter exits
 
 
 def _ignore(event: ArmEvent) -> None:
@@ -61,22 +61,22 @@ def _at_once(timeout: float) -> bool:
 
 
 class Arm:
-    """A robot arm, moved open loop: a motion starts at the last commanded positions.
+    """A robot arm. It moves open loop: a motion starts at the last commanded positions.
 
-    The end of a `with` block shuts the arm down. So does the exit of the interpreter. If nothing
-    refers to the arm any more, its port is closed.
+    The end of a `with` block and the exit of the interpreter shut the arm down. Garbage collection
+    of the arm closes its port.
 
     Args:
         robot: The robot.
         link: Link to the board, or None if no port is configured.
         clock: Time source.
-        observe: Callback for every event, from any thread; frames come in the order in which they
-            were sent. It must return quickly, because the caller waits for it. It may stop the arm
-            and may take locks. A lock that is held while the arm is stopped must be re-entrant.
-            Its exceptions are logged and have no other effect.
-        ready: Waits until the next frame may be sent, at most for its argument [s]. Returns True if
-            the frame may be sent. A `WriteRefused` that it raises ends the motion. Default: every
-            frame may be sent at once.
+        observe: Callback for every event, from any thread; frames come in the order of sending. It
+            must return quickly, because the caller waits for it. It may stop the arm and may take
+            locks. A lock that a caller of `stop` holds must be re-entrant. The arm logs its
+            exceptions and continues.
+        ready: Callback that waits until the next frame may be sent, at most for its argument [s].
+            It returns True if the frame may be sent, and ends the motion with `WriteRefused`.
+            Default: every frame may be sent at once.
     """
 
     def __init__(
@@ -137,7 +137,7 @@ class Arm:
 
     @property
     def measured(self) -> Measurement | None:
-        """Last measurement; None if the port is closed, or the board measures nothing."""
+        """Last measurement; None if the port is closed or the board does not measure."""
         connection = self._connection
         return connection.session.measured if connection else None
 
@@ -145,13 +145,13 @@ class Arm:
         """Check that a motion may start.
 
         Raises:
-            NotActive: The arm is not active, or a fault is just ending its activation.
+            NotActive: The arm is not active, or a fault is ending its activation.
         """
         if self._failure or self.state is not State.ACTIVE:
             raise self._not_active()
 
     def configure(self) -> None:
-        """Check that a port is configured. This does not open it.
+        """Check that a port is configured. It is not opened.
 
         Raises:
             PortNotGiven: No port is configured. The arm stays unconfigured.
@@ -172,10 +172,9 @@ class Arm:
             meanwhile: Called when the port is open and the board boots. It must return quickly.
 
         Raises:
-            LinkError: The port cannot be opened, and the arm stays inactive; or it was lost during
-                the boot, and the arm is unconfigured.
-            BoardError: The board is not the one that the robot file names, or the arm may not move
-                from its pose.
+            LinkError: The port cannot be opened; the arm stays inactive. Or the port was lost
+                during the boot; the arm is then unconfigured.
+            BoardError: The robot file names another board, or the arm may not move from its pose.
             DriverFailed: The driver raised another exception.
             ActivationStopped: `stop` was called during the boot.
             TransitionRefused: The transition is not legal now.
@@ -184,11 +183,11 @@ class Arm:
         self._request("activate", State.ACTIVE)
         if connection := self._connection:
             connection.send_start_commands()
-        with self._signal:  # another thread may be reporting a fault, and hold the arm first
+        with self._signal:  # another thread may report a fault, and first holds the arm
             until = self._clock.now() + _SETTLE_TIMEOUT
             while self._faulting and self._clock.now() < until:
                 self._signal.wait(until)
-        if self._failure:  # a fault during the transition, when raise_error was refused
+        if self._failure:  # a fault came during the transition, which refuses raise_error
             with contextlib.suppress(TransitionRefused):
                 self._transition("raise_error")
             raise self._failure
@@ -216,7 +215,7 @@ class Arm:
         It first waits for a transition of another thread.
 
         Raises:
-            TransitionRefused: That transition does not end.
+            TransitionRefused: The transition of the other thread does not end.
         """
         self._stop_and_settle()
         self._cancel()
@@ -227,8 +226,8 @@ class Arm:
     def read(self) -> Mapping[str, float]:
         """Return the state interfaces, such as `joint_1/position`, and their values [rad].
 
-        Those are commanded; mimic joints follow exactly. What the board measures is beside them,
-        such as `joint_1/measured/position` [rad] and `joint_1/measured/temperature` [C].
+        These are commanded values; mimic joints follow exactly. Measured values have names such as
+        `joint_1/measured/position` [rad] and `joint_1/measured/temperature` [C].
 
         Raises:
             NotActive: The arm is not active, so its pose is unknown.
@@ -237,7 +236,7 @@ class Arm:
 
     @property
     def generation(self) -> int:
-        """Number of ended motions and stops. A motion must start in the generation of its plan.
+        """Number of ended motions and stops. A motion can only start in the generation of its plan.
 
         Raises:
             NotActive: The arm is not active.
@@ -252,14 +251,14 @@ class Arm:
         Args:
             schedule: The schedule.
             on_change: Callback after every frame and at the end, from another thread. It may also
-                be called without a change. It may take locks. Its exceptions are logged.
+                be called without a change. It may take locks. The arm logs its exceptions.
             owner: Name of the owner of the motion, for error messages.
             generation: Generation of the arm in which the motion was planned.
 
         Raises:
             NotActive: The arm is not active.
             InterfaceClaimed: Another motion is being played. Stop it first.
-            StaleGeneration: Since then there was a stop, or another motion ended.
+            StaleGeneration: The arm was stopped, or another motion ended, after the planning.
         """
         if connection := self._connection:
             connection.wait_for_torque()
@@ -270,7 +269,7 @@ class Arm:
 
     @property
     def torque(self) -> bool:
-        """Whether the servos hold. A board that cannot switch that always holds.
+        """True if the servos hold. A board that cannot switch the torque always holds.
 
         Raises:
             NotActive: The arm is not active.
@@ -278,10 +277,10 @@ class Arm:
         return self._guard().torque
 
     def switch_torque(self, on: bool) -> None:
-        """Switch the torque of all servos, and wait until that is done. It ends any motion.
+        """Switch the torque of all servos, and wait for the end. This ends any motion.
 
-        Without torque a person moves the arm by hand, or gravity does: a person must hold it. No
-        frame is sent until it is on again. The arm then holds where it is measured.
+        Without torque, gravity moves the arm, so a person must hold it. No frame is sent until the
+        torque is on again. The arm then holds its measured pose.
 
         Raises:
             NotAble: The board of the robot cannot do this.
@@ -297,9 +296,8 @@ class Arm:
     def stop(self) -> None:
         """Drop the rest of the motion and hold. Allowed in any state, any number of times.
 
-        The board still executes the frames that it has received. During the boot, a stop ends the
-        activation. A robot with `brake_s` slows down first, and a second stop does not shorten
-        that.
+        The board still executes the frames that it has received. A stop during the boot ends the
+        activation. A robot with `brake_s` slows down first. A second stop does not shorten this.
         """
         self._cancel()
         connection = self._connection
@@ -337,7 +335,7 @@ class Arm:
         self._publish(Faulted(self._clock.now(), error))
         if self._reconnect and isinstance(error, PortLost):
             self._reconnect.start()
-        with contextlib.suppress(TransitionRefused):  # outside of *active* it changes no state
+        with contextlib.suppress(TransitionRefused):  # only *active* allows raise_error
             self._transition("raise_error")
 
     def _is_active(self) -> bool:
@@ -438,7 +436,7 @@ class Arm:
             self._reconnect = ReconnectWatcher(port, self._clock, publish)
             release = partial(_release, connection, self._reconnect)
             self._release = weakref.finalize(self, _releaser().put, release)
-            self._release.atexit = False  # all arms are shut down then
+            self._release.atexit = False  # at exit, _arms are shut down
             connection.open()
             self._boot(connection)
         except Exception as error:  # a driver may raise any exception
@@ -452,11 +450,11 @@ class Arm:
         return Result.SUCCESS
 
     def _boot(self, connection: Connection) -> None:
-        """Wait until the board has booted: until it reports that, or for the boot wait."""
+        """Wait until the board has booted: until its report, or for `boot_wait` of the robot."""
         session, until = connection.session, self._clock.now() + self.robot.serial.boot_wait
         self._meanwhile()
         while True:
-            connection.guard.poll()  # without the lock, because an observer is called
+            connection.guard.poll()  # without the lock, because it calls an observer
             with self._signal:
                 booted = session.boot_frame or self._clock.now() >= until
                 if booted or self._activation_ended:
@@ -469,7 +467,7 @@ class Arm:
 
     @property
     def _activation_ended(self) -> HardwareError | None:
-        """The fault or stop that ends this activation, or None."""
+        """Fault or stop that ends this activation, or None."""
         if self._failure or not self._canceled:
             return self._failure
         return ActivationStopped("the arm was stopped while its board booted")
@@ -502,7 +500,7 @@ class Arm:
             with self._signal:
                 self._canceled = False
         elif goal is State.FINALIZED:
-            self._close(self._failure)  # two Ctrl-C may have interrupted it before
+            self._close(self._failure)  # two Ctrl-C may have interrupted the first close
         self._publish(StateChanged(self._clock.now(), label, start, goal))
 
     def _publish(self, event: ArmEvent) -> None:
@@ -517,7 +515,7 @@ def _weakly(method: Callable[P, T], collected: T) -> Callable[P, T]:
 
     Args:
         method: The method to call.
-        collected: What the callback returns if the object has been collected.
+        collected: Result of the callback after the garbage collection of the object.
     """
     reference = weakref.WeakMethod(method)
 
@@ -529,16 +527,16 @@ def _weakly(method: Callable[P, T], collected: T) -> Callable[P, T]:
 
 
 def _release(connection: Connection, reconnect: ReconnectWatcher) -> None:
-    """Close what an arm has opened, after its garbage collection."""
+    """Close the connection of an arm after its garbage collection."""
     reconnect.stop()
     connection.close()
 
 
 @cache
 def _releaser() -> "SimpleQueue[_Release]":
-    """Return the queue of a thread that closes what garbage-collected arms have opened.
+    """Return the queue of a thread that closes connections of garbage-collected arms.
 
-    An arm is collected on any thread, which may hold any lock. `put` takes none.
+    Any thread may collect an arm, and may hold any lock. `put` takes no lock.
     """
     queue = SimpleQueue[_Release]()
 
@@ -553,5 +551,5 @@ def _releaser() -> "SimpleQueue[_Release]":
 @atexit.register
 def _shut_down_all() -> None:
     for arm in list(_arms):
-        with contextlib.suppress(TransitionRefused):  # another thread is doing it
+        with contextlib.suppress(TransitionRefused):  # another thread shuts it down
             arm.shutdown()

@@ -11,7 +11,7 @@ class BoardSession:
     """The protocol of a board since the port was opened, and the frames sent. Thread-safe.
 
     Args:
-        protocol: The protocol, which nothing else uses.
+        protocol: The protocol. Nothing else may use it.
 
     Attributes:
         sent: Number of frames sent.
@@ -29,18 +29,18 @@ class BoardSession:
 
     @property
     def measured(self) -> Measurement | None:
-        """Last measurement; None before the first one, and if the board measures nothing."""
+        """Last measurement; None before the first one, or if the board does not measure."""
         return self._protocol.measured
 
     @property
     def acknowledged(self) -> int:
-        """Number of frames that the board has received; all sent frames if it reports none."""
+        """Number of acknowledged frames; of sent frames if the board does not acknowledge."""
         with self._lock:
             acknowledged = self._protocol.acknowledged
             return self.sent if acknowledged is None else acknowledged
 
     def all_acknowledged(self) -> bool:
-        """Return whether the board has received every frame that was sent."""
+        """Return True if the board has received every sent frame."""
         return self.acknowledged == self.sent
 
     @property
@@ -54,12 +54,12 @@ class BoardSession:
         return self._protocol.next_poll
 
     def check_booted(self, port: str, waited: float) -> None:
-        """Check that the board has reported what it must. See `BoardProtocol`."""
+        """Check that the board has sent every required report. See `BoardProtocol`."""
         with self._lock:
             self._protocol.check_booted(port, waited)
 
     def start_commands(self) -> bytes:
-        """Return bytes that are sent once, when the arm becomes active."""
+        """Return the bytes to send once, when the arm becomes active."""
         with self._lock:
             return self._protocol.start_commands()
 
@@ -80,10 +80,10 @@ class BoardSession:
             self._protocol.note_sent(frame, now)
 
     def receive(self, data: bytes, now: float) -> bool:
-        """Process received bytes. Raises what the protocol raises.
+        """Process received bytes. Raises the errors of the protocol.
 
         Returns:
-            Whether something changed that a thread may wait for.
+            True if something changed that a thread may wait for.
         """
         with self._lock:
             before = self._awaited
@@ -97,6 +97,6 @@ class BoardSession:
         return protocol.boot_frame, protocol.acknowledged, protocol.measured, *free
 
     def poll(self, now: float) -> bytes:
-        """Return a request to send now, or no bytes. Raises what the protocol raises."""
+        """Return a request to send now, or no bytes. Raises the errors of the protocol."""
         with self._lock:
             return self._protocol.poll(now) if now >= self._protocol.next_poll else b""

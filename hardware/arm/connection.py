@@ -22,7 +22,7 @@ logger = logging.getLogger(__name__)
 
 
 class Connection:
-    """An open link with its guard, the thread that reads from it and, after the boot, a streamer.
+    """An open link, its guard, a thread that reads from it, and after the boot a streamer.
 
     Args:
         robot: The robot.
@@ -31,10 +31,10 @@ class Connection:
         link: Link to the board.
         clock: Time source.
         observe: Callback for all bytes in both directions.
-        is_active: Returns whether the lifecycle is *active*.
+        is_active: Callback that returns True if the lifecycle is *active*.
         on_fault: Callback for errors, from any thread.
         on_receive: Callback after bytes were received.
-        ready: Returns whether the next frame may be sent; see `Streamer`.
+        ready: Callback that waits until the next frame may be sent; see `Streamer`.
 
     Attributes:
         session: The protocol of the board.
@@ -83,9 +83,9 @@ class Connection:
             waited: Time since the port was opened [s].
 
         Raises:
-            BoardError: The board has not reported what it must, such as that it has booted.
-            PoseOutsideLimits: The board holds a servo outside the limits of its joint.
-            MeasuredFault: A servo is too hot, or its voltage too low.
+            BoardError: A required report of the board is missing, such as the end of its boot.
+            PoseOutsideLimits: A servo is outside the limits of its joint.
+            MeasuredFault: A servo is too hot, or its voltage is too low.
         """
         self.session.check_booted(self._link.port, waited)
         if measured := self.session.measured:
@@ -108,7 +108,7 @@ class Connection:
             self._measured_guard.check_arrived(goal, measured)
 
     def send_start_commands(self) -> None:
-        """Send what the board must receive when the arm becomes active, and switch torque on."""
+        """Send the start commands of the board, and switch the torque on."""
         try:
             self.guard.send_start_commands()
             if self._robot.can(Ability.TORQUE):
@@ -119,7 +119,7 @@ class Connection:
             self._fault(error)
 
     def switch_torque(self, on: bool) -> None:
-        """Switch the torque of all servos. It ends any motion.
+        """Switch the torque of all servos. This ends any motion.
 
         Raises:
             NotActive: The arm is not active.
@@ -129,7 +129,7 @@ class Connection:
         self._switch_torque(on)
 
     def wait_for_torque(self) -> None:
-        """Wait while the torque of the servos is being switched."""
+        """Wait until the torque of the servos has been switched."""
         with self._waiting:
             while self._switching and not self._closed:
                 self._waiting.wait(None)
@@ -156,10 +156,10 @@ class Connection:
                 self._waiting.wait(until)
 
     def send_fault_commands(self, error: HardwareError) -> None:
-        """Hold the joints where they are measured, or let them go, as the robot file says.
+        """Hold the measured positions, or release the joints, as the robot file specifies.
 
         Args:
-            error: The fault. After one of the link, nothing can be sent.
+            error: The fault. After a fault of the link, nothing is sent.
         """
         if not self._robot.can(Ability.MEASURE) or isinstance(error, LinkError):
             return
@@ -173,7 +173,7 @@ class Connection:
         """Drop the rest of the motion and hold.
 
         Args:
-            brake: How long to slow down first [s].
+            brake: Time to slow down before holding [s].
         """
         try:
             if self.streamer:
@@ -189,10 +189,10 @@ class Connection:
             self.streamer.wait_until_acknowledged()
 
     def close(self, error: HardwareError | None = None) -> None:
-        """Close the port and wait for the threads that used it.
+        """Close the port and wait for the threads that use it.
 
         Args:
-            error: The fault that is the reason, or None if there was none.
+            error: The fault that caused this, or None.
         """
         if self.streamer:
             self.streamer.close(error)
@@ -211,7 +211,7 @@ class Connection:
         wire_format = robot.wire_format
         if held is None or held == wire_format.encode(self._start_pose):
             return self._start_pose
-        pose = wire_format.decode(held)  # moved inside the limits
+        pose = wire_format.decode(held)  # decode moves it inside the limits
         nearest = wire_format.encode(pose).servos
         for joint, angle, near in zip(robot.actuated, held.servos, nearest, strict=True):
             if angle != near:
@@ -222,8 +222,8 @@ class Connection:
     def _read(self) -> None:
         """Read from the board until the link is closed or lost.
 
-        A slow observer may keep this thread until the port belongs to the next connection.
-        Therefore it checks after every read whether this connection is closed.
+        A slow observer may delay this thread until the next connection has the port. Therefore the
+        thread checks after every read that this connection is still open.
         """
         try:
             while not self._closed:
@@ -238,8 +238,8 @@ class Connection:
                 if (measured := self.session.measured) and measured is not before:
                     now = self._clock.now()
                     self._observe(Measured(now, measured))
-                    if self.streamer:  # not before the arm is active
-                        holds = self.guard.torque  # else a person moves it, and it commands nothing
+                    if self.streamer:  # the arm has been active
+                        holds = self.guard.torque  # without torque a person moves the arm
                         commanded = self.guard.commanded if holds else measured.position
                         self._measured_guard.check(commanded, measured, now)
                 if changed and self.streamer:
@@ -256,7 +256,7 @@ class Connection:
 
 
 def _join(thread: threading.Thread) -> None:
-    """Wait until a thread has ended, unless it is the caller. A slow observer may delay it."""
+    """Wait for the end of another thread. A slow observer may delay it."""
     if thread is not threading.current_thread():
         thread.join(OBSERVER_TIMEOUT)
         if thread.is_alive():

@@ -10,8 +10,8 @@ from hardware.errors import HardwareError
 
 from .lifecycle import State
 
-# Longest time that closing the arm waits for a slow observer, which may itself wait for a lock of
-# the thread that closes the arm [s].
+# Longest time that a close of the arm waits for a slow observer [s]. The observer may itself wait
+# for a lock of the closing thread.
 OBSERVER_TIMEOUT = 0.5
 
 
@@ -23,7 +23,7 @@ class FrameSent:
         time: Time of the write [s].
         data: Its bytes.
         positions: Commanded positions, one per actuated joint [rad].
-        scheduled: Planned time of the write [s], or None for the hold frame of a stop.
+        scheduled: Planned time of the write [s]; None for the hold frame of a stop.
     """
 
     time: float
@@ -34,12 +34,12 @@ class FrameSent:
 
 @dataclass(frozen=True, slots=True)
 class CommandSent:
-    """Bytes that are not a frame were written: a setting of the board, or a request to it.
+    """Bytes other than a frame were written: a setting of the board, or a request to it.
 
     Attributes:
         time: Time of the write [s].
         data: The bytes.
-        request: True if they only ask for an answer, and set nothing.
+        request: True if the bytes only request an answer.
     """
 
     time: float
@@ -65,8 +65,8 @@ class Measured:
     """The board measured its joints.
 
     Attributes:
-        time: Time at which the last part of it was read [s].
-        measurement: What it measured.
+        time: Time of reading its last part [s].
+        measurement: The measured values.
     """
 
     time: float
@@ -108,7 +108,7 @@ class BoardReturned:
     """A lost board was plugged in again. Only a person may then activate the arm.
 
     Attributes:
-        time: Time at which the board was found [s].
+        time: Time of finding the board [s].
         port: Name under which its port was opened.
         device: Its current device, such as `/dev/ttyACM1`.
     """
@@ -129,10 +129,10 @@ Observer = Callable[[ArmEvent], None]
 
 
 class Outbox:
-    """Delivers events to an observer, each once and in the order in which they were put.
+    """Delivers every event to an observer once, in the order of `put`.
 
-    A caller that puts events under a lock delivers them after releasing it. The observer may then
-    wait for that lock without a deadlock.
+    A caller that puts events under a lock must release the lock before it delivers them. The
+    observer may then wait for that lock without a deadlock.
 
     Args:
         observe: Callback for every event.
@@ -148,7 +148,7 @@ class Outbox:
         self._events.append(event)
 
     def deliver(self, timeout: float = 0.0) -> None:
-        """Deliver all events. If another thread is delivering, it delivers these too.
+        """Deliver all events, or leave them to another thread that is delivering.
 
         Args:
             timeout: Longest time to wait for that thread [s].
@@ -159,5 +159,5 @@ class Outbox:
                     self._observe(self._events.popleft())
             finally:
                 self._delivering.release()
-            if not self._events:  # another thread may have put one and left it to this one
+            if not self._events:  # another thread may have left an event to this one
                 return

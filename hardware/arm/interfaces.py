@@ -1,8 +1,8 @@
-"""Command and state interfaces by name, and who has claimed them, as in ros2_control.
+"""Command and state interfaces by name, and the claims on them, as in ros2_control.
 
-Every actuated joint has the command interface `<joint>/position`. Every joint, mimic joints
-included, has the state interface of the same name, which is commanded. What the board measures has
-state interfaces such as `<joint>/measured/position` and `<joint>/measured/temperature`.
+Every actuated joint has the command interface `<joint>/position`. Every joint, also a mimic joint,
+has a state interface of the same name for its commanded position. Measured values have state
+interfaces such as `<joint>/measured/position` and `<joint>/measured/temperature`.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -21,8 +21,8 @@ class Claim:
     Attributes:
         owner: Name of the owner.
         interfaces: Names of the command interfaces.
-        generation: Generation in which it was claimed. When a claim ends the next generation
-            begins, so no later claim equals this one.
+        generation: Generation of the claim. The end of a claim begins the next generation, so no
+            later claim equals this one.
     """
 
     owner: str
@@ -39,8 +39,8 @@ class Claims:
         interfaces: Names of all command interfaces.
 
     Attributes:
-        generation: Number of ended claims and stops. A motion must begin in the generation in which
-            it was planned.
+        generation: Number of ended claims and stops. A motion can only begin in the generation of
+            its plan.
     """
 
     def __init__(self, interfaces: Sequence[str]) -> None:
@@ -59,7 +59,7 @@ class Claims:
         Raises:
             InterfaceUnknown: An interface does not exist.
             InterfaceClaimed: Another owner has an interface.
-            StaleGeneration: Since then there was a stop, or another motion ended.
+            StaleGeneration: The arm was stopped, or another motion ended, after the planning.
         """
         names = tuple(interfaces)
         owners = {name: claim.owner for claim in self._held for name in claim.interfaces}
@@ -78,7 +78,7 @@ class Claims:
         """Check that a claim has not ended.
 
         Raises:
-            StaleGeneration: It has ended.
+            StaleGeneration: The claim has ended.
         """
         if claim not in self._held:
             raise StaleGeneration("this motion was stopped; nothing more is sent for it")
@@ -101,7 +101,7 @@ def command_interfaces(robot: Robot) -> tuple[str, ...]:
 
 
 def joint_positions(robot: Robot, actuated: Sequence[float]) -> dict[str, float]:
-    """Return the position of every joint by name [rad], mimic joints included.
+    """Return the position of every joint by name [rad], also of mimic joints.
 
     Args:
         robot: The robot.
@@ -127,7 +127,9 @@ def state_interfaces(
     known = joint_positions(robot, commanded)
     interfaces = {_position(joint): known[joint.name] for joint in robot.joints}
     for quantity, values in asdict(measured).items() if measured else ():
-        for joint, value in zip(robot.actuated, values, strict=False):  # no values: not measured
+        for joint, value in zip(
+            robot.actuated, values, strict=False
+        ):  # an empty list of values is not measured
             interfaces[f"{joint.name}/measured/{quantity}"] = value
     return interfaces
 

@@ -1,7 +1,7 @@
 """The lifecycle of the arm: the state machine of ROS 2 managed nodes, as a table.
 
-The edges are those of rcl (`rcl_lifecycle/src/default_state_machine.c`) and one from the design
-article on managed nodes: an error raised while active.
+The edges are those of rcl (`rcl_lifecycle/src/default_state_machine.c`), and `raise_error` from the
+design article on managed nodes.
 """
 
 import logging
@@ -51,10 +51,10 @@ REQUESTS = (
     ("raise_error", _S.ACTIVE, _S.ERRORPROCESSING),  # not in rcl
 )
 
-# What people request; only the arm itself raises errors.
+# Requests of people. Only the arm itself requests `raise_error`.
 TRANSITIONS = tuple(dict.fromkeys(label for label, *_ in REQUESTS if label != "raise_error"))
 
-# Transition state: the states after SUCCESS, FAILURE and ERROR
+# By transition state: the states after SUCCESS, FAILURE and ERROR.
 OUTCOMES = {
     _S.CONFIGURING: (_S.INACTIVE, _S.UNCONFIGURED, _S.ERRORPROCESSING),
     _S.ACTIVATING: (_S.ACTIVE, _S.INACTIVE, _S.ERRORPROCESSING),
@@ -75,22 +75,22 @@ ChangeCallback = Callable[[str, State, State], None]
 
 
 class Lifecycle:
-    """A lifecycle. It runs one transition at a time and refuses a second one meanwhile.
+    """The lifecycle. It runs one transition at a time and refuses others meanwhile.
 
-    Callbacks run while the machine is in a transition state, and outside the callbacks of the
-    library: an exception there would leave the state changed. A callback that raises an
-    `Exception`, or does not return a result, counts as ERROR. Any other exception, such as Ctrl-C,
-    counts as ERROR and is raised again.
+    Callbacks run while the machine is in a transition state. They do not run inside the callbacks
+    of the library `transitions`, because an exception there would leave the state changed. A
+    callback that raises an exception, or does not return a result, counts as ERROR. Exceptions that
+    are not an `Exception`, such as Ctrl-C, are raised again.
 
     Args:
-        callbacks: Callback of each transition state. A state without one succeeds at once.
-        on_change: Callback after every edge, with its label, start and goal.
+        callbacks: Callback of each transition state. A state without a callback succeeds at once.
+        on_change: Callback after every edge, with the label, start and goal of the edge.
     """
 
     def __init__(self, callbacks: dict[State, Callback], on_change: ChangeCallback) -> None:
         self._callbacks, self._on_change = callbacks, on_change
         self._changing = threading.Lock()
-        from transitions import Machine  # here, because clients need only the states
+        from transitions import Machine  # imported here, because clients only need the states
 
         self._machine = Machine(states=State, initial=State.UNCONFIGURED, auto_transitions=False)
         for label, start, goal in EDGES:
@@ -104,7 +104,7 @@ class Lifecycle:
 
     @property
     def changing(self) -> bool:
-        """Whether a transition is under way."""
+        """True while a transition is under way."""
         return self._changing.locked()
 
     def request(self, label: str) -> State:
@@ -117,10 +117,10 @@ class Lifecycle:
             The primary state at its end.
 
         Raises:
-            TransitionRefused: It is not legal now, or another transition is under way.
+            TransitionRefused: The transition is not legal now, or another one is under way.
         """
         if self.state in _PRIMARY:
-            self._check(label)  # an illegal request must not take the lock from a raise_error
+            self._check(label)  # a refused request must not hold the lock when raise_error needs it
         if not self._changing.acquire(blocking=False):
             raise TransitionRefused(f"cannot {label} now: {self.state.value} is under way")
         try:
@@ -141,12 +141,12 @@ class Lifecycle:
             raise TransitionRefused(f"cannot {label} while {self.state.value}{hint}")
 
     def _run(self, label: str) -> None:
-        """Take an edge, then those that the callbacks select, up to a primary state."""
+        """Take an edge, and then the edges that callbacks select, up to a primary state."""
         try:
             self._fire(label)
             while self.state not in _PRIMARY:
                 self._fire(self._call().value)
-        except BaseException:  # such as Ctrl-C, which must not leave a transition state
+        except BaseException:  # also Ctrl-C must end in a primary state
             if self.state not in _PRIMARY:
                 self._run(Result.ERROR.value)
             raise

@@ -1,4 +1,4 @@
-"""The guard beside the write guard: it checks what the board measures."""
+"""The measured guard: it checks the values that the board measures."""
 
 import logging
 import math
@@ -22,14 +22,14 @@ class MeasuredGuard:
     """Checks measurements of one activation. Not thread-safe.
 
     Args:
-        joints: The actuated joints. Those that slide are not checked for their position.
+        joints: The actuated joints. The positions of prismatic joints are not checked.
         guards: The limits.
-        free: Names of joints that need not arrive at the end of a motion, such as a gripper.
+        free: Names of joints that may end a motion elsewhere, such as a gripper.
     """
 
     def __init__(self, joints: Sequence[Joint], guards: Guards, free: Collection[str]) -> None:
         self._joints, self._guards, self._free = joints, guards, free
-        self._since = dict[tuple[str, str], float]()  # when a joint exceeded a limit [s]
+        self._since = dict[tuple[str, str], float]()  # time at which a joint exceeded a limit [s]
         self._warned = set[tuple[str, str]]()
 
     def check(self, commanded: Sequence[float], measured: Measurement, now: float) -> None:
@@ -70,7 +70,7 @@ class MeasuredGuard:
             measured: The last measurement.
 
         Raises:
-            NotArrived: A joint is not there.
+            NotArrived: A joint is not at its end position.
         """
         for joint, *positions in zip(self._joints, goal, measured.position, strict=True):
             end, there = map(math.degrees, positions)
@@ -80,7 +80,7 @@ class MeasuredGuard:
                 raise NotArrived(joint.name, end, there, limit, self._guards.settle_s)
 
     def _lasts(self, kind: str, joint: Joint, wrong: bool, now: float, allowed: float) -> bool:
-        """Return whether something is wrong for longer than allowed [s]."""
+        """Return True if a value has been wrong for longer than allowed [s]."""
         if not wrong:
             self._since.pop((kind, joint.name), None)
             return False

@@ -1,6 +1,6 @@
 """Detects that an unplugged board was plugged in again, even under another device name.
 
-It serves programs that keep an arm for long, such as the server. `armtree run` ends with the fault.
+Programs that run for long use it, such as the server. `armtree run` ends with the fault.
 """
 
 import logging
@@ -14,8 +14,8 @@ from .events import BoardReturned, Observer
 
 logger = logging.getLogger(__name__)
 
-# Time between two checks while a board is unplugged [s]. A USB hub takes longer than this to
-# report a new device, so no short absence is missed.
+# Time between two checks while a board is unplugged [s]. A USB hub needs longer than this to report
+# a new device, so every absence is noticed.
 _PERIOD = 0.1
 
 
@@ -23,7 +23,7 @@ class ReconnectWatcher:
     """Reports the return of the board on a port, found by its name under `/dev/serial/by-id`.
 
     Args:
-        port: Device of the board; it must be plugged in now.
+        port: Device of the board. The board must be plugged in now.
         clock: Time source.
         observe: Callback for the event.
     """
@@ -35,7 +35,7 @@ class ReconnectWatcher:
         self._stopped = False
 
     def start(self) -> threading.Thread | None:
-        """Watch in a thread. Return None, and do nothing, if the port has no persistent name."""
+        """Watch in a thread. Does nothing if the port has no persistent name."""
         if self._name is None:
             return None
         return self._clock.spawn(self._watch, "reconnect")
@@ -55,7 +55,7 @@ class ReconnectWatcher:
             self._observe(event)
 
     def _wait_until(self, present: bool) -> bool:
-        """Wait until the name is present or absent. Return False if the watcher was stopped."""
+        """Wait until the name is present or absent. Return False if the watcher is stopped."""
         assert self._name
         with self._signal:
             while not self._stopped and self._name.exists() is not present:

@@ -1,4 +1,4 @@
-"""Schedules: a motion as timed frames, sampled, encoded and spaced so that the board keeps up."""
+"""Schedules: a motion as timed frames. Their spacing lets the board keep up."""
 
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -9,13 +9,13 @@ from hardware.drivers.pacing import PacingModel
 from hardware.drivers.wire_format import Frame, WireFormat
 from hardware.errors import TooFast, TooLong
 
-# Returns the joint positions at the given times [s], one row per time [rad].
+# Function from times [s] to joint positions [rad], one row per time.
 Sampler = Callable[[Sequence[float]], Sequence[Sequence[float]]]
 
-MAX_DURATION = 600.0  # largest duration of a motion: a year would fill the memory with samples [s]
+MAX_DURATION = 600.0  # largest duration of a motion, which bounds the memory for samples [s]
 
-# A motion that needs more than one frame within this time is a jump [s]. Hobby servos at full speed
-# need six times as long for a full frame.
+# Shortest time of a step [s]. A motion that needs several frames within it is a jump. Hobby servos
+# at full speed need six times as long for a full frame.
 _SHORTEST_STEP = 0.001
 
 
@@ -25,7 +25,7 @@ class Setpoint:
 
     Attributes:
         time: Time of the frame from the start of the motion [s].
-        delay: How much later this is than planned, because the board needs the time [s].
+        delay: Delay of the frame after its planned time, because the board needs the time [s].
         positions: Joint positions of the frame, one per actuated joint [rad].
         frame: The frame.
     """
@@ -41,12 +41,12 @@ class Schedule:
     """The frames of a motion.
 
     Attributes:
-        setpoints: The frames. Each differs from the one before it.
-        end: Joint positions at the end of the motion [rad]. They may differ from those of the last
-            setpoint, but encode to the same frame.
+        setpoints: The frames. Each frame differs from the previous one.
+        end: Joint positions at the end of the motion [rad]. They encode to the frame of the last
+            setpoint, but may differ from its positions.
         duration: Time until the board has executed the last frame [s].
-        slowed: How much longer the motion takes than planned, because of the board [s].
-        continues: True if another schedule follows at once, so that the joints need not arrive.
+        slowed: Time added to the planned duration, because of the board [s].
+        continues: True if another schedule follows at once. The joints then need not arrive.
     """
 
     setpoints: tuple[Setpoint, ...]
@@ -62,8 +62,8 @@ def compile_schedule(
     """Convert a motion to the frames that play it.
 
     The motion is sampled at the frame rate of the firmware. A frame is sent one period before the
-    arm must reach its positions, because the board takes up to one period to execute it. If a step
-    is too large for one frame, it is divided and the motion takes longer.
+    arm must reach its positions, because the board takes up to one period to execute it. A step
+    that is too large for one frame is divided, and the motion takes longer.
 
     Args:
         robot: The robot.
@@ -101,8 +101,8 @@ def servo_path(
 ) -> tuple[list[float], list[tuple[float, ...]]]:
     """Return the path that the servos follow when the board plays a schedule.
 
-    The waypoints are the positions that the frames decode to. If the board turns one servo after
-    the other, the corners in between are waypoints too. The servos move in straight lines between
+    The waypoints are the positions that the frames decode to. A board that turns one servo after
+    the other adds the corners between them as waypoints. The servos move in straight lines between
     waypoints.
 
     Args:
@@ -159,7 +159,7 @@ def _steps(
 
 
 def _fits(codec: WireFormat, before: Frame, rows: Sequence[Sequence[float]], max_step: int) -> bool:
-    """Return whether each row is at most one frame's step from the row before it."""
+    """Return for each row whether one frame can reach it from the previous row."""
     servos = before.servos
     for row in rows:
         after = codec.encode(row).servos

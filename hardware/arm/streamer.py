@@ -17,7 +17,7 @@ from .write_guard import WriteGuard
 
 logger = logging.getLogger(__name__)
 
-_READY_WAIT = 0.02  # [s]; then it is checked whether the motion was stopped
+_READY_WAIT = 0.02  # time between two checks for a stop of the motion [s]
 
 
 class PlaybackState(Enum):
@@ -34,13 +34,13 @@ class Playback:
 
     Args:
         schedule: The schedule.
-        claim: Claim under which it is written.
-        sent_before: Number of frames sent before it.
+        claim: Claim under which the frames are written.
+        sent_before: Number of frames sent before this playback.
         on_change: Callback after every change.
 
     Attributes:
         schedule: The schedule.
-        claim: Claim under which it is written.
+        claim: Claim under which the frames are written.
         written: Number of setpoints whose frames were written.
         arrived: Number of setpoints whose frames the board has acknowledged, or `written` if the
             board acknowledges none.
@@ -62,12 +62,12 @@ class Playback:
 
     @property
     def playing(self) -> bool:
-        """True until it has ended."""
+        """True until the playback has ended."""
         return self.state is PlaybackState.PLAYING
 
     @property
     def sent_all(self) -> bool:
-        """Whether every frame was written."""
+        """True if every frame was written."""
         return self.written == len(self.schedule.setpoints)
 
     def note_written(self, lateness: float, acknowledged: int) -> None:
@@ -105,15 +105,17 @@ class Streamer:
         guard: The write guard.
         session: The protocol of the board. The thread polls it.
         clock: Time source.
-        period: Period of frames [s]. A frame that is later than this shifts the rest of the motion.
+        period: Period of frames [s]. A frame that is late by more than this delays the rest of the
+            motion.
         on_fault: Callback for errors. It must close this streamer.
-        ready: Waits until the next frame may be sent, at most for its argument [s]. Returns True if
-            the frame may be sent. A `WriteRefused` that it raises ends the motion.
-        check_arrived: Raises `NotArrived` if joints are not measured at positions [rad].
-        settle: Longest time to arrive, after the last frame [s].
+        ready: Callback that waits until the next frame may be sent, at most for its argument [s].
+            It returns True if the frame may be sent, and ends the motion with `WriteRefused`.
+        check_arrived: Callback that raises `NotArrived` if the joints are not measured at positions
+            [rad].
+        settle: Longest time from the last frame until the joints arrive [s].
 
     Attributes:
-        thread: The thread. It ends soon after this streamer is closed.
+        thread: The thread. It ends soon after the streamer is closed.
     """
 
     def __init__(
@@ -145,14 +147,14 @@ class Streamer:
         Args:
             schedule: The schedule.
             on_change: Callback after every frame and at the end, from another thread. It may also
-                be called without a change. Its exceptions are logged.
+                be called without a change. The streamer logs its exceptions.
             owner: Name of the owner of the motion.
             generation: Generation of the guard in which the motion was planned.
 
         Raises:
             NotActive: The streamer was closed.
             InterfaceClaimed: Another motion is being played.
-            StaleGeneration: Since then there was a stop, or another motion ended.
+            StaleGeneration: The arm was stopped, or another motion ended, after the planning.
         """
         with self._signal:
             if self._closing:
@@ -164,7 +166,7 @@ class Streamer:
             return self._playback
 
     def on_received(self) -> None:
-        """Process what the board has sent, such as new acknowledgements."""
+        """Process new reports of the board, such as acknowledgements."""
         with self._signal:
             playback = self._playback
             before = playback.arrived if playback else 0
@@ -175,7 +177,7 @@ class Streamer:
             playback.notify()
 
     def wait_until_acknowledged(self) -> None:
-        """Wait until the board has acknowledged all frames, or this streamer is closed."""
+        """Wait until the board has acknowledged all frames or the streamer is closed."""
         with self._signal:
             while not (self._closing or self._session.all_acknowledged()):
                 self._signal.wait(None)
@@ -184,16 +186,16 @@ class Streamer:
         """Drop the rest of the schedule and hold.
 
         Args:
-            brake: How long to slow down first, evenly and along the schedule [s].
+            brake: Time to slow down first, evenly and along the schedule [s].
 
         Raises:
-            LinkError: The hold frame could not be written. The playback ends with that fault.
+            LinkError: The hold frame could not be written. The playback ends with this fault.
         """
         if brake and self._start_braking(brake):
             return
         try:
             self._guard.hold()
-        except NotActive:  # what took the arm out of *active* ends the playback, with its cause
+        except NotActive:  # the fault that ended *active* also ends the playback
             until = self._clock.now() + OBSERVER_TIMEOUT
             with self._signal:
                 while self.playing and self._clock.now() < until:
@@ -201,7 +203,7 @@ class Streamer:
         self._drop(PlaybackState.STOPPED)
 
     def _start_braking(self, brake: float) -> bool:
-        """Start to slow down, unless it does already. Return False if no motion is left."""
+        """Start to slow down, unless this has begun. Return False if no motion is left."""
         with self._signal:
             playback = self._playback
             if not self.playing or not playback or playback.sent_all:
@@ -212,26 +214,26 @@ class Streamer:
             return True
 
     def close(self, error: HardwareError | None = None) -> None:
-        """Close the guard and drop the rest, without a hold frame. Does nothing if closed.
+        """Close the guard and drop the rest of the motion, without a hold frame. May be repeated.
 
         Args:
-            error: The fault that is the reason, or None if there was none.
+            error: The fault that caused this, or None.
         """
         with self._signal:
             self._closing = True
-            self._cause = self._cause or error  # before the closed guard can refuse a frame
+            self._cause = self._cause or error  # set before the closed guard can refuse a frame
         self._guard.close()
         self._drop(PlaybackState.FAILED if self._cause else PlaybackState.STOPPED, self._cause)
 
     @property
     def playing(self) -> bool:
-        """Whether a schedule is being played."""
+        """True while a schedule is being played."""
         playback = self._playback
         return playback is not None and playback.playing
 
     def _drop(self, state: PlaybackState, error: HardwareError | None = None) -> None:
         """End the playback, from any thread, and wake the thread of the streamer."""
-        self._guard.flush_events()  # the end of a motion is reported after its last frame
+        self._guard.flush_events()  # reports the last frame before the end of the motion
         with self._signal:
             playback, self._playback = self._playback, None
             if playback:
@@ -245,7 +247,7 @@ class Streamer:
             while playback := self._next():
                 self._play_to_end(playback)
         except NotActive:
-            self.close()  # what took the arm out of *active* reports the cause
+            self.close()  # the fault that ended *active* is already reported
         except BaseException as error:  # a driver may raise any exception
             self._on_fault(error)
 
@@ -306,7 +308,7 @@ class Streamer:
         """Wait until the joints are measured at the end of the motion.
 
         Raises:
-            NotArrived: That takes too long.
+            NotArrived: The joints need too long.
         """
 
         def settled() -> bool:
@@ -319,28 +321,28 @@ class Streamer:
         self._check_arrived(playback.schedule.end)
 
     def _wait_for_frame(self, playback: Playback, planned: float) -> None:
-        """Wait until a frame with this planned time [s] is due. Braking may shift it meanwhile."""
+        """Wait until a frame with this planned time [s] is due. Braking may delay it."""
 
         def due() -> float:
             until = max(self._due(planned), self._guard.earliest)
-            return until if until < math.inf else -math.inf  # braking ends before it
+            return until if until < math.inf else -math.inf  # braking ends before this frame
 
         self._wait(lambda: playback is self._playback, due)
         if playback is not self._playback:
             raise StaleGeneration("stopped")
 
     def _wait_until_ready(self, playback: Playback) -> None:
-        """Wait until the next frame may be sent. No lock is held, because a stop may come."""
+        """Wait until the next frame may be sent, without a lock, because a stop may come."""
         while not self._ready(_READY_WAIT):
             if playback is not self._playback:
                 raise StaleGeneration("stopped")
 
     def _due(self, planned: float) -> float:
-        """Return the time at which a frame is due [s]; inf if braking ends before it.
+        """Return the time at which a frame is due [s]; inf if braking ends before this frame.
 
-        Braking lowers the speed of playback from 1 to 0 within a duration T. After a time t of
-        braking, s = t - t^2 / 2T of the schedule has been played, at most T / 2. The frame is due
-        at the t that solves this for its s.
+        Braking lowers the speed of playback from 1 to 0 within a duration T. After a time t, it has
+        played s = t - t^2 / 2T of the schedule, at most T / 2. The frame is due at the t that
+        solves this equation for the frame's s.
         """
         if self._braking is None:
             return planned
@@ -353,13 +355,13 @@ class Streamer:
         return since + brake * (1 - math.sqrt(1 - 2 * ahead / brake))
 
     def _wait(self, waiting: Callable[[], bool], until: Callable[[], float]) -> None:
-        """Wait while a condition holds, at most until a time [s], and poll the board meanwhile.
+        """Wait while a condition holds, at most until a time [s]. Poll the board meanwhile.
 
         Raises:
             BoardError: The board does not answer in time.
         """
         while True:
-            self._guard.poll()  # without the lock, because an observer is called
+            self._guard.poll()  # without the lock, because it calls an observer
             with self._signal:
                 end = until()
                 if not waiting() or self._clock.now() >= end:

@@ -30,11 +30,11 @@ from .board_session import BoardSession
 from .events import OBSERVER_TIMEOUT, CommandSent, FrameSent, Observer, Outbox
 from .interfaces import Claim, Claims, command_interfaces
 
-# A position is commanded one period before a joint must reach it. A busy host may send a frame up
-# to two periods late, and the frames after it on time. So a joint at its velocity limit may be this
-# many periods behind its command.
+# The guard allows a joint to be this many periods behind its command. One period is normal, because
+# a position is commanded one period early. A busy host may add two periods: it may send a frame
+# that late, and the next frames on time.
 _PERIODS_BEHIND = 3
-_VELOCITY_MARGIN = 1.01  # for rounding in planners
+_VELOCITY_MARGIN = 1.01  # factor of a velocity limit, for rounding in planners
 
 
 class WriteGuard:
@@ -42,16 +42,16 @@ class WriteGuard:
 
     Args:
         robot: The robot, with its limits and firmware.
-        link: Link to the board. Its `write` has a deadline, because a stop waits for it.
+        link: Link to the board. Its `write` must have a deadline, because a stop waits for it.
         clock: Time source.
-        is_active: Returns whether the lifecycle is *active*.
-        observe: Callback for every write, in order. No lock is held during the call.
+        is_active: Callback that returns True if the lifecycle is *active*.
+        observe: Callback for every write, in order, without a lock.
         session: The protocol of the board.
         positions: Pose of the arm, one position per actuated joint [rad].
 
     Attributes:
         interfaces: The command interfaces, in the order of the fields in a frame.
-        torque: Whether the servos hold. If not, no frame may be sent.
+        torque: True if the servos hold. Without torque, no frame may be sent.
     """
 
     def __init__(
@@ -113,7 +113,8 @@ class WriteGuard:
             generation: Generation in which the motion was planned.
 
         Raises:
-            WriteRefused: An interface is unknown or claimed, or there was a stop since then.
+            WriteRefused: An interface is unknown or claimed, or the arm was stopped after the
+                planning.
         """
         with self._lock:
             return self._claims.acquire(owner, interfaces, generation)
@@ -124,7 +125,7 @@ class WriteGuard:
             self._claims.release(claim)
 
     def send_start_commands(self) -> None:
-        """Send what the board must receive when the arm becomes active.
+        """Send the start commands of the board.
 
         Raises:
             NotActive: The arm is not active.
@@ -150,7 +151,7 @@ class WriteGuard:
         """Send a part of the commands that switch the torque of the servos.
 
         Returns:
-            Whether it was sent. If not, the line must stay free for an answer now.
+            True if it was sent; False if the line must stay free for an answer now.
 
         Raises:
             NotActive: The arm is not active.
@@ -165,7 +166,7 @@ class WriteGuard:
         return True
 
     def poll(self) -> None:
-        """Send the request that is due, if any. It commands no joint, so any state allows it.
+        """Send the request that is due, if any. A request moves no joint, so any state allows it.
 
         Raises:
             LinkError: The port failed.
@@ -179,10 +180,10 @@ class WriteGuard:
         self._outbox.deliver()
 
     def send_fault_commands(self, torque_off: bool) -> None:
-        """Send what the board must receive after a fault. The guard is closed; nothing follows.
+        """Send the commands for a fault. The guard is then closed, and sends nothing more.
 
         Args:
-            torque_off: True to let the joints go; False to hold them where they are measured.
+            torque_off: True to release the joints; False to hold their measured positions.
 
         Raises:
             LinkError: The port failed.
@@ -193,32 +194,32 @@ class WriteGuard:
         self._outbox.deliver()
 
     def close(self) -> None:
-        """Refuse all writes from now on. A write in progress finishes and is reported first."""
+        """Refuse all further writes. First finish and report a write in progress."""
         self._closed = True
         with self._lock:
             pass
         self.flush_events()
 
     def flush_events(self) -> None:
-        """Wait until all writes are reported, even if another thread reports them."""
+        """Wait until all writes are reported, also those that another thread reports."""
         self._outbox.deliver(OBSERVER_TIMEOUT)
 
     def write(self, positions: Sequence[float], claim: Claim, scheduled: float) -> bool:
         """Command positions. A frame equal to the last one is not sent again.
 
         Args:
-            positions: One position per claimed interface [rad]. Other joints keep theirs.
+            positions: One position per claimed interface [rad]. Other joints keep their positions.
             claim: Claim of the motion.
             scheduled: Planned time of the write [s].
 
         Returns:
-            Whether a frame was sent.
+            True if a frame was sent.
 
         Raises:
             WriteRefused: The arm is not active or has no torque, the claim has ended, a position is
                 invalid, a joint would be too fast, or the board cannot process the frame now.
-            PortLost: The port disappeared. It is unknown what the board received.
-            PortStalled: The board accepts no more bytes. It is unknown what the board received.
+            PortLost: The port disappeared. The board may have received a part of the frame.
+            PortStalled: The board accepts no more bytes. It may have received a part of the frame.
         """
         with self._lock:
             self._check_active()
@@ -238,7 +239,7 @@ class WriteGuard:
         return changed
 
     def hold(self, claim: Claim | None = None) -> None:
-        """End all claims and repeat the last frame once. Sends nothing if none was written since.
+        """End all claims, and repeat the last frame once if one was written since the last hold.
 
         Args:
             claim: Claim of the motion to hold, or None to hold any motion.
@@ -253,7 +254,10 @@ class WriteGuard:
             if claim:
                 self._claims.check(claim)
             self._claims.release_all()
-            due, self._hold_due = self._hold_due, False  # a signal handler may call it in between
+            due, self._hold_due = (
+                self._hold_due,
+                False,
+            )  # a signal handler may call this function in between
             if due:
                 self._check_active()
                 self._send(self._last_frame, self._commanded, None)
@@ -307,10 +311,12 @@ class WriteGuard:
         self._hold_due = scheduled is not None
         before = self._session.next_poll
         self._session.note_sent(frame, began)
-        due = self._session.next_poll <= began < before  # a request that the frame made due
+        due = self._session.next_poll <= began < before  # the frame made a request due
         request = self._session.poll(began) if due else b""
         self._put(frame.data + request)
-        self._pacing.note_sent(frame, self._clock.now())  # after the write, which may have waited
+        self._pacing.note_sent(
+            frame, self._clock.now()
+        )  # the time after the write, which may have waited
         self._last_frame = frame
         self._outbox.put(FrameSent(began, frame.data, positions, scheduled))
         if request:
@@ -325,7 +331,7 @@ class WriteGuard:
         try:
             self._link.write(data)
         except BaseException as error:
-            self._closed = True  # it is unknown what the board received, so nothing may follow
+            self._closed = True  # the board may have received a part, so nothing may follow
             if isinstance(error, LinkError) or not isinstance(error, Exception):
                 raise
             raise DriverFailed(error) from error  # even a WriteRefused, which only the guard raises

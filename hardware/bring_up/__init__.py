@@ -1,1 +1,1 @@
-"""Bringing up an arm with bus servos: what is on the bus, and how far each joint turns."""
+"""Bringing up an arm with bus servos: checks of the bus, and calibration."""

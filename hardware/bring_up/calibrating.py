@@ -1,4 +1,4 @@
-"""Calibration: from ranges swept by hand to a calibration file and the settings of servos."""
+"""Calibration: makes a calibration file and servo settings from ranges swept by hand."""
 
 import json
 import math
@@ -17,19 +17,19 @@ from hardware.joints import Joint
 
 from .sweep import Sweep
 
-_MAX_BYTES = 2**20  # of a calibration file
-LEAST_RANGE = 10.0  # of a joint that was swept [deg]
+_MAX_BYTES = 2**20  # largest calibration file [bytes]
+LEAST_RANGE = 10.0  # smallest range of a swept joint [deg]
 
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """A value that a servo keeps and that is to change.
+    """A change of a value that a servo stores.
 
     Attributes:
         joint: Name of the joint.
         servo: Id of the servo.
         name: Name of the value, as in `ServoReport.kept`.
-        old: The value now.
+        old: The present value.
         new: The new value.
     """
 
@@ -42,16 +42,16 @@ class Change:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """How far a joint was swept.
+    """The swept range of a joint.
 
     Attributes:
         joint: The joint.
         servo: Id of its servo.
-        now: Where its servo is [ticks]; None if it did not answer yet.
+        now: Present position of its servo [ticks]; None before its first answer.
         least: Smallest position so far [ticks].
         most: Largest position so far [ticks].
-        range: How far it was turned [deg].
-        seam: Whether it passed the seam, or a whole turn.
+        range: Angle between smallest and largest position [deg].
+        seam: True if it passed the seam, or turned by a whole turn.
     """
 
     joint: Joint
@@ -64,12 +64,12 @@ class Row:
 
     @property
     def swept(self) -> bool:
-        """Whether it was turned far enough to be calibrated."""
+        """True if the range is large enough for a calibration."""
         return self.range >= LEAST_RANGE
 
 
 class Calibrator:
-    """Calibrates an arm whose servos all answer and have no torque.
+    """Calibrates an arm. All servos must answer, and none may have torque.
 
     Args:
         robot: The robot, without a calibration.
@@ -89,7 +89,7 @@ class Calibrator:
 
     @property
     def rows(self) -> list[Row]:
-        """How far each joint was swept."""
+        """The swept range of each joint."""
         return [self._row(joint) for joint in self._robot.actuated]
 
     def _row(self, joint: Joint) -> Row:
@@ -101,10 +101,10 @@ class Calibrator:
         return Row(joint, servo, now, swept.least, swept.most, turned, seam)
 
     def kept(self, centre: bool) -> dict[str, dict[str, int]]:
-        """Return the values to store in each joint's servo for the ranges that were swept.
+        """Return the values to store in each joint's servo for the swept ranges.
 
         Args:
-            centre: True to move the seam of every servo opposite to the middle of its range.
+            centre: True to put the seam of every servo opposite to the middle of its range.
 
         Raises:
             SeamInside: A range contains the seam, or a whole turn.
@@ -121,7 +121,7 @@ class Calibrator:
         return found
 
     def changes(self, kept: Mapping[str, Mapping[str, int]]) -> list[Change]:
-        """Return the stored values of servos that differ from these."""
+        """Return the stored values of servos that differ from given values."""
         return [
             Change(joint, self._servos[joint], name, self._reports[joint].kept[name], value)
             for joint, values in kept.items()
@@ -130,7 +130,7 @@ class Calibrator:
         ]
 
     def joints(self, kept: Mapping[str, Mapping[str, int]]) -> dict[str, CalibratedJoint]:
-        """Return the calibration of each joint, with what its servo kept before the first one.
+        """Return the calibration of each joint, with the original values of its servo.
 
         Raises:
             DescriptionError: The present calibration file is wrong.
@@ -163,7 +163,7 @@ def read_lerobot(
 ) -> dict[str, dict[str, int]]:
     """Return the stored values of each joint's servo, from a calibration file of LeRobot.
 
-    LeRobot has written these values to the servos; `drive_mode` must be 0, as for every SO-101.
+    LeRobot has written these values to the servos. `drive_mode` must be 0, as in every SO-101.
 
     Args:
         path: The file.
@@ -202,5 +202,5 @@ def _lerobot_joint(values: Mapping[str, int], servo: int) -> dict[str, int]:
 
 
 def degrees(joint: Joint) -> float:
-    """Return the range of a joint in the URDF [deg]."""
+    """Return the range of a joint in the URDF as text [deg]."""
     return math.degrees(joint.upper - joint.lower)

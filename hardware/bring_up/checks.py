@@ -1,4 +1,4 @@
-"""Checks of a bus with servos. They open its port, ask every servo, and set nothing."""
+"""Checks of a bus with servos. They open its port and ask every servo. They change nothing."""
 
 import os
 from collections.abc import Iterator
@@ -21,7 +21,7 @@ from hardware.link.serial_ports import Check, serial_ports
 
 from .search import find_servos, likely_cable, search_speeds
 
-_SEARCHED = range(30)  # ids, if a servo is missing
+_SEARCHED = range(30)  # ids to search if a servo is missing
 
 
 def check_bus(robot: Robot, port: str) -> Iterator[Check]:
@@ -61,7 +61,7 @@ def _adapter(port: str) -> Check:
 
 
 def _missing(robot: Robot, port: str, found: Found) -> Iterator[Check]:
-    """Say which servos are missing, and why that may be."""
+    """Return the check that names the missing servos and likely causes."""
     present, speed = found.servos, robot.serial.baud
     if found.damaged and present:
         ids = ", ".join(map(str, sorted(found.damaged)))
@@ -142,7 +142,7 @@ def _pose(robot: Robot, servos: list[ServoReport]) -> Check:
     """Check that every joint is within its limits, so that the arm may be activated."""
     wires, words = robot.wire_format, robot.firmware.words
     frame = wires.frame([each.position for each in servos])
-    pose = wires.decode(frame)  # moved inside the limits
+    pose = wires.decode(frame)  # decode moves it inside the limits
     nearest = wires.encode(pose).servos
     for joint, ticks, near in zip(robot.actuated, frame.servos, nearest, strict=True):
         if ticks != near:

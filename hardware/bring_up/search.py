@@ -1,4 +1,4 @@
-"""The search for servos on a port: which ids answer, at which speed, and what is wrong."""
+"""The search for servos on a port: their ids, their speed, and problems."""
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -8,12 +8,12 @@ from hardware.description.robot import Robot
 from hardware.drivers.servo_bus import Found, ServoBus, ServoReport
 from hardware.drivers.servo_errors import NoServos, ServoMissing, ServoTwice
 
-_ROUNDS = 4  # of questions to servos that should be there
-_PATIENCE = 0.2  # for the answer of a servo, in all rounds [s]
+_ROUNDS = 4  # rounds of requests to the servos of the arm
+_PATIENCE = 0.2  # total time for the answers of a servo [s]
 
 
 def find_servos(robot: Robot, bus: ServoBus) -> Found:
-    """Find the servos on the open bus of an arm. A servo that does not answer is asked again."""
+    """Find the servos on the open bus of an arm. Repeats the request to silent servos."""
     found = bus.find(robot.servos.values())
     for _ in range(_ROUNDS - 1):
         missing = [servo for servo in robot.servos.values() if servo not in found.servos]
@@ -34,7 +34,7 @@ def answering(robot: Robot, bus: ServoBus, port: str) -> dict[int, ServoReport]:
 
     Raises:
         ServoTwice: Two servos have one id.
-        NoServos: Bytes come, but no packets.
+        NoServos: The received bytes are not packets.
         ServoMissing: A servo does not answer.
     """
     found = find_servos(robot, bus)
@@ -51,14 +51,15 @@ def answering(robot: Robot, bus: ServoBus, port: str) -> dict[int, ServoReport]:
 def search_speeds(
     robot: Robot, port: str, ids: Iterable[int], clock: Clock | None = None
 ) -> tuple[int, Found]:
-    """Return the first speed of the line at which servos answer [bit/s], and what answers there.
+    """Return the first speed of the line at which servos answer [bit/s], and these servos.
 
-    The speed of the robot file comes first. It is returned if nothing answers at any.
+    The speed of the robot file comes first. It is returned if no servo answers.
 
     Args:
         robot: The robot.
         port: Name of the port.
-        ids: The ids that are asked at that speed; at others, those of the robot file and 1.
+        ids: Ids to ask at the speed of the robot file. At other speeds, only the ids of the robot
+            file and 1 are asked.
         clock: Time source. Default: the system's.
 
     Raises:
@@ -76,9 +77,9 @@ def search_speeds(
 
 
 def likely_cable(robot: Robot, present: Iterable[int]) -> str:
-    """Return the cable or servo that explains which servos do not answer, for people.
+    """Return words for the cable or servo that is the likely cause of missing answers.
 
-    Servos are a chain in the order of their joints: behind a broken cable none answers.
+    The servos form a chain in the order of their joints. No servo behind a broken cable answers.
     """
     servos, there = list(robot.servos.items()), set(present)
     missing = [place for place, (_, servo) in enumerate(servos) if servo not in there]

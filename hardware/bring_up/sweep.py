@@ -1,4 +1,4 @@
-"""The sweep of joints by hand: how far each servo was turned, and whether over its seam."""
+"""The sweep of joints by hand: the range of each servo, and the check for its seam."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 @dataclass(slots=True)
 class Swept:
-    """How far one servo was turned. Positions count over the seam: 4100 is 4 after a turn.
+    """The swept range of one servo. Positions count over the seam: 4100 is 4 after a turn.
 
     Attributes:
-        turn: Number of positions of a turn [ticks].
-        now: Where it is [ticks].
+        turn: Number of positions in a turn [ticks].
+        now: Present position [ticks].
         least: Smallest position so far [ticks].
         most: Largest position so far [ticks].
     """
@@ -21,24 +21,24 @@ class Swept:
     most: int
 
     def move(self, position: int) -> None:
-        """Note where it is now [ticks], less than half a turn from where it was."""
+        """Store a position [ticks]. It is less than half a turn from the previous one."""
         half = self.turn // 2
         self.now += (position - self.now + half) % self.turn - half
         self.least, self.most = min(self.least, self.now), max(self.most, self.now)
 
     @property
     def range(self) -> int:
-        """How far it was turned [ticks]."""
+        """Largest position minus smallest position [ticks]."""
         return self.most - self.least
 
     @property
     def whole_turn(self) -> bool:
-        """Whether it was turned by a whole turn or more."""
+        """True if the servo was turned by a whole turn or more."""
         return self.range >= self.turn
 
     @property
     def seam_inside(self) -> bool:
-        """Whether it passed the seam, where the position jumps from the last one to 0."""
+        """True if the servo passed the seam, where its position jumps to 0."""
         return self.least // self.turn != self.most // self.turn
 
     def kept(self, homing: int | None, centre: bool) -> dict[str, int]:
@@ -49,12 +49,14 @@ class Swept:
             centre: True to change the offset, so that the seam is opposite to the middle of the
                 range.
         """
-        begin = self.least - self.least % self.turn  # of the turn in which the range begins
+        begin = (
+            self.least - self.least % self.turn
+        )  # begin of the turn that contains the begin of the range
         if homing is None:
             return {"least": self.least - begin, "most": self.most - begin}
         shift = (self.least + self.most) // 2 - self.turn // 2 if centre else begin
         half = self.turn // 2
-        # A whole turn more or less is the same offset; the memory holds at most half a turn.
+        # Offsets that differ by a whole turn are equal. The memory holds at most half a turn.
         offset = (homing + shift - begin + half) % self.turn - half if centre else homing
         return {
             "homing": max(offset, 1 - half),
@@ -67,7 +69,7 @@ class Sweep:
     """The sweep of all servos.
 
     Args:
-        turn: Number of positions of a turn [ticks].
+        turn: Number of positions in a turn [ticks].
     """
 
     def __init__(self, turn: int) -> None:
@@ -75,7 +77,7 @@ class Sweep:
         self.servos = dict[int, Swept]()
 
     def move(self, positions: Mapping[int, int]) -> None:
-        """Note where servos are, by id [ticks]."""
+        """Store the positions of servos, by id [ticks]."""
         for servo, position in positions.items():
             if servo in self.servos:
                 self.servos[servo].move(position)

@@ -18,7 +18,8 @@ class CalibratedJoint:
         lower: Smallest position of its calibrated range [deg].
         upper: Largest position [deg].
         wire: Key `wire`, as a table of TOML in one line. The driver reads it.
-        before: What its servo kept before the first calibration, by the names in `ServoReport`.
+        before: Values that its servo stored before the first calibration, by the names in
+            `ServoReport`.
     """
 
     lower: float
@@ -28,12 +29,12 @@ class CalibratedJoint:
 
 
 def calibration_file(robot_file: Path) -> Path:
-    """Return the path of the calibration of a robot file. The file may be missing."""
+    """Return the path of the calibration file for a robot file. The file may be missing."""
     return robot_file.with_name(robot_file.stem + _SUFFIX)
 
 
 def is_robot_file(path: Path) -> bool:
-    """Return whether a TOML file in a folder of robots is not a calibration."""
+    """Return True if a TOML file in a folder of robots is a robot file, not a calibration."""
     return not path.name.endswith(_SUFFIX)
 
 
@@ -45,7 +46,7 @@ def read_calibration(path: Path, robot: str) -> TomlTable | None:
         robot: Name of the robot.
 
     Raises:
-        DescriptionError: The file is wrong, or of another robot.
+        DescriptionError: The file is wrong, or it calibrates another robot.
     """
     if not path.is_file():
         return None
@@ -60,10 +61,10 @@ def read_calibration(path: Path, robot: str) -> TomlTable | None:
 
 
 def values_before(path: Path, robot: str) -> dict[str, dict[str, int]]:
-    """Return the values of each servo before the first calibration; empty without a file.
+    """Return the values of each servo before the first calibration; empty if there is no file.
 
     Raises:
-        DescriptionError: The file is wrong, or of another robot.
+        DescriptionError: The file is wrong, or it calibrates another robot.
     """
     joints = read_calibration(path, robot)
     found = dict[str, dict[str, int]]()
@@ -82,11 +83,11 @@ def write_calibration(
     Args:
         path: The file.
         robot: Name of the robot.
-        made: When and how it was made, for people.
+        made: Time and way of the calibration, in words for people.
         joints: The calibration of every actuated joint.
 
     Raises:
-        OSError: It cannot be written.
+        OSError: The file cannot be written.
     """
     lines = [
         f"# Calibration of {robot}, by `armtree calibrate`. It takes precedence over the robot",

@@ -32,7 +32,7 @@ class ForwardKinematics:
     """The forward kinematics of a robot.
 
     Args:
-        urdf: Its URDF.
+        urdf: The URDF of the robot.
     """
 
     def __init__(self, urdf: Urdf) -> None:
@@ -50,7 +50,7 @@ class ForwardKinematics:
         """Return the transforms of all links except the root.
 
         Args:
-            positions: Joint positions by name [rad or m]. A missing joint is at 0; a mimic joint
+            positions: Joint positions by name [rad or m]. A missing joint is at 0. A mimic joint
                 follows its leader.
         """
         return [
@@ -59,12 +59,12 @@ class ForwardKinematics:
         ]
 
     def locate(self, link: str, offset: Vector, positions: Mapping[str, float]) -> Vector:
-        """Return where a point of a link is in the root frame [m].
+        """Return the position of a point of a link, in the root frame [m].
 
         Args:
             link: Name of the link.
             offset: The point in the frame of the link [m].
-            positions: As in `transforms`.
+            positions: Joint positions by name [rad or m], as in `transforms`.
         """
         above = {each.child: each for each in self.transforms(positions)}
         while each := above.get(link):
@@ -74,7 +74,7 @@ class ForwardKinematics:
         return offset
 
     def joints_above(self, link: str) -> list[str]:
-        """Return the names of the joints between a link and the root, the nearest first."""
+        """Return the names of the joints between a link and the root, nearest joint first."""
         above = {joint.child: joint for joint, *_ in self._joints}
         names = []
         while joint := above.get(link):
@@ -86,7 +86,7 @@ class ForwardKinematics:
 def reach(urdf: Urdf) -> float:
     """Return an upper bound of the distance of any link from the root [m]."""
     lengths = dict[str, float]()
-    for joint in urdf.joints:  # parents come first
+    for joint in urdf.joints:  # a parent comes before its children
         travel = max(abs(joint.lower), abs(joint.upper)) if joint.type == "prismatic" else 0.0
         lengths[joint.child] = lengths.get(joint.parent, 0.0) + hypot(*joint.xyz) + travel
     return max(lengths.values(), default=0.0)

@@ -10,20 +10,20 @@ from hardware.joints import Joint
 from .forward_kinematics import ForwardKinematics
 from .urdf import Vector
 
-WIDTH = "width"  # the word for it in a move
-_SAMPLES = 33  # widths that are compared to find whether they only grow, or only shrink
+WIDTH = "width"  # name of the width in a move
+_SAMPLES = 33  # number of widths that `is_monotonic` compares
 _HALVINGS = 60
-_SHOWN = 5e-5  # half of the last digit that people see [m]
+_SHOWN = 5e-5  # half of the last digit in messages [m]
 
 
 @dataclass(frozen=True, slots=True)
 class Gripper:
-    """A gripper whose opening can be given as a width.
+    """A gripper that accepts its opening as a width.
 
     Attributes:
-        joint: The joint that moves its fingers.
-        pads: A point of each finger, by link, in the frame of that link [m]. The distance between
-            the two is the width.
+        joint: The joint that moves the fingers.
+        pads: A point of each finger in the frame of its link [m], by link. The distance between the
+            two points is the width.
     """
 
     joint: Joint
@@ -54,7 +54,7 @@ class Gripper:
             width: The width [m].
 
         Raises:
-            BadPosition: The gripper does not open or close so far.
+            BadPosition: The gripper cannot reach this width.
         """
         narrow, wide = sorted(
             (self.joint.lower, self.joint.upper), key=lambda q: self.width(kinematics, q)

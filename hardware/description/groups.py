@@ -1,4 +1,4 @@
-"""Guesses which joints of a URDF are the arm and which the gripper, and which link is the tool."""
+"""Guesses the joints of the arm, the joints of the gripper and the link of the tool in a URDF."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -8,8 +8,8 @@ from .urdf import Urdf, UrdfError, UrdfJoint
 _GRIPPER = re.compile(r"gripper|finger|claw|jaw|hand|thumb|knuckle|pinch|suction", re.IGNORECASE)
 _FINGER = re.compile(r"finger|claw|jaw|thumb|knuckle|pinch", re.IGNORECASE)
 _TOOL = re.compile(r"(?<![a-z])(tcp|tool\d*|ee|eef|tip|grasp|flange|gripper_frame)(?![a-z])", re.I)
-_FINGER_JOINTS = 4  # most joints of one finger
-_LEAST_ARM = 2  # joints before a branch into fingers
+_FINGER_JOINTS = 4  # largest number of joints of a finger
+_LEAST_ARM = 2  # smallest number of joints before a branch into fingers
 
 
 class Tree:
@@ -30,11 +30,11 @@ class Tree:
         self.root = next(iter(set(urdf.links) - {joint.child for joint in urdf.joints}))
 
     def moving_below(self, link: str) -> list[UrdfJoint]:
-        """Return the joints that move beyond a link, the nearest first."""
+        """Return the moving joints beyond a link, nearest joint first."""
         return [joint for joint in self._beyond(link) if joint.name in self._moving]
 
     def branches(self, link: str) -> list[tuple[UrdfJoint, list[UrdfJoint]]]:
-        """Return each joint of a link beyond which something moves by itself, and what moves."""
+        """Return each joint of a link that has moving joints beyond it, and those joints."""
         found = []
         for joint in self._below[link]:
             own = [joint] if joint.name in self._moving else []
@@ -44,28 +44,28 @@ class Tree:
         return found
 
     def fixed_to(self, link: str) -> list[str]:
-        """Return the links that never move against a link, itself first."""
+        """Return a link and then all links that are fixed to it."""
         links = [link]
-        for each in links:  # grows
+        for each in links:  # the loop extends this list
             links += [j.child for j in self._below[each] if j.name not in self._moving]
         return links
 
     def _beyond(self, link: str) -> Iterator[UrdfJoint]:
         links = [link]
-        for each in links:  # grows
+        for each in links:  # the loop extends this list
             links += [joint.child for joint in self._below[each]]
             yield from self._below[each]
 
 
 def guess_gripper(urdf: Urdf) -> tuple[str, ...]:
-    """Return the names of the joints of the gripper, without mimic joints; empty for none.
+    """Return the names of the joints of the gripper, without mimic joints; empty if it has none.
 
-    The arm is the chain from the root. It ends where the URDF branches into fingers, or before the
-    last joints of the chain with names such as `gripper` or `finger`, or before the last one if
-    its link is called so or a joint beside it mimics it.
+    The arm is the chain from the root. It ends at the branch into fingers. Without a branch, it
+    ends before the last joints with names such as `gripper` or `finger`. It also ends before the
+    last joint if its link has such a name, or if a joint beside it mimics it.
 
     Raises:
-        UrdfError: There is no joint that moves, or the URDF branches into several arms.
+        UrdfError: No joint moves, or the URDF branches into several arms.
     """
     tree, arm = Tree(urdf), list[UrdfJoint]()
     link = tree.root
@@ -99,12 +99,12 @@ def _all_of_gripper(joints: Sequence[UrdfJoint]) -> bool:
 def _check_fingers(
     link: str, arm: list[UrdfJoint], rest: list[tuple[UrdfJoint, list[UrdfJoint]]]
 ) -> None:
-    """Check that a branch can be one into fingers."""
+    """Check that a branch may be the fingers of a gripper."""
     short = all(len(moving) <= _FINGER_JOINTS for _, moving in rest)
     if (len(arm) < _LEAST_ARM and (rest or not arm)) or not short:
         ways = ", ".join(f"{joint.name} ({len(moving)} joints)" for joint, moving in rest)
         raise UrdfError(
-            f"it branches at {link} into {ways}; armtree moves one arm, so leave out the others, "
+            f"it branches at {link} into {ways}; armtree moves one arm: remove the other arms, "
             "make their joints fixed, or name the joints of the gripper with --gripper"
         )
 
@@ -112,7 +112,7 @@ def _check_fingers(
 def guess_tool(urdf: Urdf, gripper: Sequence[str]) -> str:
     """Return the name of the link that carries the tool.
 
-    It is the last link of the arm, or one fixed to it with a name such as `tcp` or `tool0`.
+    It is the last link of the arm, or a link fixed to it with a name such as `tcp` or `tool0`.
 
     Args:
         urdf: The URDF.
@@ -122,7 +122,7 @@ def guess_tool(urdf: Urdf, gripper: Sequence[str]) -> str:
     leaders = {j.name: j.mimic.leader if j.mimic else j.name for j in urdf.moving.values()}
     for joint in tree.moving_below(tree.root):
         if leaders[joint.name] not in gripper and joint.mimic is None:
-            link = joint.child  # the farthest one comes last
+            link = joint.child  # the last joint is the farthest one
     fixed = tree.fixed_to(link)
     named = (
         each for each in reversed(fixed) if _TOOL.search(each) and "finger" not in each.lower()

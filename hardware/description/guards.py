@@ -1,4 +1,4 @@
-"""What a robot file allows of measured values, in the table `guards`."""
+"""Limits of measured values: the table `guards` of a robot file."""
 
 from dataclasses import dataclass
 
@@ -11,17 +11,17 @@ class Guards:
 
     Attributes:
         following_deg: Largest difference of a measured from a commanded position [deg].
-        following_s: How long a larger one is allowed [s].
-        stall_effort: Effort from which a joint may be stalled, part of the largest torque.
-        stall_deg: Difference from the commanded position from which it is, with that effort [deg].
-        stall_s: How long that is allowed [s].
-        settle_deg: Largest difference of a joint of the arm from the end of a motion [deg].
-        settle_s: Longest time that it may take to get there, after the last frame [s].
-        warn_c: Temperature of a servo from which armtree warns [C].
+        following_s: Longest time with a larger difference [s].
+        stall_effort: Effort of a stalled joint or more, as a part of the largest torque.
+        stall_deg: Smallest difference from the commanded position of a stalled joint [deg].
+        stall_s: Longest time with such an effort and difference [s].
+        settle_deg: Largest difference between a joint of the arm and the end of a motion [deg].
+        settle_s: Longest time from the last frame until the joints are there [s].
+        warn_c: Temperature of a servo at which armtree begins to warn [C].
         most_c: Highest temperature of a servo [C].
         warn_v: Voltage below which armtree warns [V].
         least_v: Lowest voltage [V].
-        on_fault: What servos do after a fault: `hold` where they are, or `torque_off`.
+        on_fault: Reaction of the servos to a fault: `hold` (keep their positions) or `torque_off`.
     """
 
     following_deg: float = 10.0

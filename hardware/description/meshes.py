@@ -1,4 +1,4 @@
-"""The mesh files of a URDF, which it names by `package://` and relative paths."""
+"""The mesh files of a URDF. It names them by `package://` and relative paths."""
 
 import os
 import stat
@@ -29,12 +29,12 @@ def find_mesh(urdf: Path, name: str) -> Path:
 
     Raises:
         MeshMissing: There is no such file.
-        UrdfError: It is not ordinary, or it is larger than 64 MiB.
+        UrdfError: The path is not an ordinary file, or the file is larger than 64 MiB.
     """
     for path in _candidates(urdf, name):
         try:
             found = os.stat(path)
-        except (OSError, ValueError):  # it does not exist, or cannot
+        except (OSError, ValueError):  # the file does not exist, or the path is invalid
             continue
         if stat.S_ISDIR(found.st_mode):
             continue
@@ -48,7 +48,7 @@ def find_mesh(urdf: Path, name: str) -> Path:
 
 
 def mesh_mistakes(urdf: Path, names: Iterable[str]) -> Iterator[UrdfError]:
-    """Yield what is wrong with meshes; those that are missing from one package are one mistake.
+    """Yield the mistakes of meshes. All missing meshes of one package are one mistake.
 
     Args:
         urdf: The URDF file.
@@ -70,7 +70,7 @@ def mesh_mistakes(urdf: Path, names: Iterable[str]) -> Iterator[UrdfError]:
 
 
 def _package(name: str) -> str:
-    """Return the package of a mesh, or an empty text if its name has none."""
+    """Return the package of a mesh; empty if its name has no package."""
     return name.removeprefix(_PACKAGE).partition("/")[0] if name.startswith(_PACKAGE) else ""
 
 
@@ -78,7 +78,7 @@ def _candidates(urdf: Path, name: str) -> Iterator[Path]:
     folders = urdf.absolute().parents
     scheme, separator, rest = name.partition("://")
     if not separator:
-        yield from (folder / name for folder in folders)  # of an absolute path only the path
+        yield from (folder / name for folder in folders)  # an absolute path replaces the folder
     elif scheme == "file":
         yield Path(unquote(rest))
     elif scheme == "package":
@@ -97,5 +97,5 @@ def _advice(urdf: Path, name: str) -> str:
         where = f"put the folder {package} beside {urdf.name} or above it"
         return f"{where}, or name the folder around it in ROS_PACKAGE_PATH"
     if "://" in name:
-        return "armtree opens package:// and file:// only, and paths relative to the URDF"
+        return "armtree opens only package://, file:// and paths relative to the URDF"
     return f"copy it there, or correct its path in {urdf.name}"

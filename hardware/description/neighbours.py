@@ -1,4 +1,4 @@
-"""Links that are neighbours and may touch by design, and links without collision shapes."""
+"""Neighbouring links, which may touch by design, and links without collision shapes."""
 
 import json
 from collections.abc import Collection
@@ -9,7 +9,7 @@ from .urdf import Urdf
 
 
 def adjacent_links(urdf: Urdf, shaped: Collection[str]) -> set[frozenset[str]]:
-    """Return the pairs of neighbours: between them are only joints, and links without shapes.
+    """Return the pairs of neighbouring links. Links without shapes between two links do not count.
 
     Args:
         urdf: The URDF.
@@ -21,7 +21,7 @@ def adjacent_links(urdf: Urdf, shaped: Collection[str]) -> set[frozenset[str]]:
     found = set[frozenset[str]]()
     for link in urdf.links:
         reached = list(below[link])
-        for each in reached:  # grows
+        for each in reached:  # the loop extends this list
             if each not in shaped:
                 reached += below[each]
         ends = [each for each in reached if each in shaped]
@@ -31,7 +31,7 @@ def adjacent_links(urdf: Urdf, shaped: Collection[str]) -> set[frozenset[str]]:
 
 
 def advice_for_contact(robot: Robot, first: str, second: str) -> str:
-    """Return advice about two links that touch: neighbours may be allowed to.
+    """Return advice about two links that touch. The user may allow this for neighbours.
 
     Args:
         robot: The robot.
@@ -51,11 +51,11 @@ def advice_for_contact(robot: Robot, first: str, second: str) -> str:
 
 
 def advice_for_missing_shapes(robot: Robot) -> str:
-    """Return which visible links are not checked for collision, and what to do; empty for none."""
+    """Return a warning about visible links without collision shapes; empty if there are none."""
     urdf = robot.description
     counts, visible = urdf.shape_counts(), urdf.shape_counts("visual")
     if not any(counts.values()):
-        return "no <collision> in the URDF, so no collision is found; add one to each link"
+        return "the URDF has no <collision>, so no collision is found; add one to each link"
     bare = ", ".join(link for link, count in counts.items() if visible[link] and not count)
-    why = f"no <collision> for {bare} in the URDF, so these are not checked; add one to each"
+    why = f"the URDF has no <collision> for {bare}, so these are not checked; add one to each"
     return why if bare else ""

@@ -19,7 +19,7 @@ from .robot import CollisionRules, Robot, Serial, Tool
 from .urdf import MAX_BYTES, Urdf, UrdfError, UrdfJoint
 
 _MARGIN = 0.005  # [m]
-# A URDF with a larger velocity limit has a placeholder: then the cautious one is used.
+# A larger velocity limit in a URDF is a placeholder, and is replaced by the cautious one.
 _PLAUSIBLE = {"rad": 3.5, "m": 1.0}  # [rad/s], [m/s]
 _CAUTIOUS = {"rad": 1.0, "m": 0.1}  # [rad/s], [m/s]
 _TIME_TO_SPEED = 0.5  # [s]
@@ -76,7 +76,7 @@ allowed = [                   # pairs of links that are not checked, each with i
 
 
 class UrdfUnusable(DescriptionError):
-    """A URDF cannot become a robot file. The message lists everything that is wrong with it."""
+    """A URDF cannot become a robot file. The message lists all its mistakes."""
 
     def __init__(self, path: Path, mistakes: Sequence[UrdfError]) -> None:
         words = [str(each) for each in mistakes]
@@ -94,12 +94,13 @@ def draft_robot(
 
     Args:
         path: The URDF file.
-        largest: Largest size of a collision shape, and distance from the origin of its link [m].
-        gripper: Names of the joints of the gripper; None to guess.
-        tool: Name of the link that carries the tool; None to guess.
+        largest: Largest size of a collision shape, and largest distance from the origin of its link
+            [m].
+        gripper: Names of the joints of the gripper; None to guess them.
+        tool: Name of the link that carries the tool; None to guess it.
 
     Raises:
-        UrdfUnusable: The URDF has mistakes, or a given name is not in it.
+        UrdfUnusable: The URDF has mistakes, or it does not have a given name.
     """
     try:
         urdf = Urdf(read_file(path, MAX_BYTES))
@@ -132,9 +133,10 @@ def draft_robot(
 
 
 def guess_gripper_poses(robot: Robot) -> dict[str, dict[str, float]]:
-    """Return the poses `open` and `closed` of a gripper, from its limits; none if it has no limits.
+    """Return the poses `open` and `closed` of a gripper from its limits; empty without limits.
 
-    Each joint is closed at the limit that is nearer to 0, or at the lower one, and else open.
+    Each joint is closed at the limit that is nearer to 0; if both are equally near, at the lower
+    one. It is open at the other limit.
 
     Returns:
         Position by joint [rad], [m], by the name of the pose.
@@ -152,9 +154,9 @@ def robot_text(robot: Robot, folder: Path, allowed: Mapping[tuple[str, str], str
     """Return a robot file.
 
     Args:
-        robot: A robot of `draft_robot`.
+        robot: The robot that `draft_robot` returned.
         folder: Folder of the robot file. The path of the URDF is written relative to it.
-        allowed: Pairs of links that are not checked, and why.
+        allowed: Pairs of links that are not checked, and the reason of each.
     """
     urdf = robot.description
     assert robot.tool
@@ -174,7 +176,7 @@ def robot_text(robot: Robot, folder: Path, allowed: Mapping[tuple[str, str], str
 
 
 def _relative(urdf: Path, folder: Path) -> str:
-    """Return the path of a URDF from a folder. Links to folders are followed, as `..` does."""
+    """Return the path of a URDF relative to a folder. Symbolic links are resolved first."""
     return os.path.relpath(urdf.parent.resolve() / urdf.name, folder.resolve())
 
 
@@ -195,7 +197,7 @@ def _joint_text(joint: Joint, described: UrdfJoint) -> str:
 
 
 def _gripper_text(robot: Robot, urdf: Urdf) -> str:
-    """Return the fields for the width of a gripper with one joint of its own, commented out."""
+    """Return the keys for the width of a gripper with one independent joint, as comments."""
     if len(robot.actuated_in("gripper")) != 1:
         return ""
     moving = [urdf.moving[name] for name in robot.groups["gripper"]]
@@ -210,7 +212,7 @@ def _key(name: str) -> str:
 
 
 def _rounded(value: float, lower: float, upper: float) -> float:
-    """Return a value with four digits after the point, or as it is if that is out of bounds."""
+    """Return a value rounded to four digits, or unchanged if that is out of bounds."""
     short = round(value, 4)
     return short if short and lower <= short <= upper else value
 
@@ -231,7 +233,7 @@ def _joint_mistakes(urdf: Urdf) -> Iterator[UrdfError]:
 
 
 def _gripper_mistakes(gripper: Sequence[str], urdf: Urdf) -> Iterator[UrdfError]:
-    """Yield what is wrong with the joints of a gripper that a user named."""
+    """Yield the mistakes in a user's names of gripper joints."""
     independent = [joint.name for joint in urdf.moving.values() if joint.mimic is None]
     for name in gripper if independent else ():
         if name not in independent:
@@ -244,7 +246,9 @@ def _gripper_mistakes(gripper: Sequence[str], urdf: Urdf) -> Iterator[UrdfError]
 def _robot(path: Path, urdf: Urdf, gripper: Sequence[str], tool: str) -> Robot:
     tree, followers = Tree(urdf), dict[str, list[UrdfJoint]]()
     chain = [joint for joint in tree.moving_below(tree.root) if joint.mimic is None]
-    chain.sort(key=lambda joint: joint.name in gripper)  # stable: the arm comes first
+    chain.sort(
+        key=lambda joint: joint.name in gripper
+    )  # a stable sort: the joints of the arm come first
     for joint in urdf.moving.values():
         if joint.mimic:
             followers.setdefault(joint.mimic.leader, []).append(joint)

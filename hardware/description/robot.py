@@ -28,7 +28,9 @@ from .guards import Guards
 from .meshes import find_mesh
 from .urdf import Urdf
 
-RANGE_MARGIN = 1.0  # from the end of a calibrated range, where the joint pushes [deg]
+RANGE_MARGIN = (
+    1.0  # margin at the ends of a calibrated range, so that the joint does not push [deg]
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,10 +38,10 @@ class Serial:
     """The serial line.
 
     Attributes:
-        port: Device or `virtual`; empty if the robot file names none.
+        port: Device, or `virtual`; empty if the robot file names no port.
         baud: Speed of the line [bit/s].
         boot_wait: Time from opening the port until the board reads from it [s].
-        resets: Whether opening the port resets the board.
+        resets: True if opening the port resets the board.
     """
 
     port: str
@@ -53,9 +55,9 @@ class CollisionRules:
     """Rules of collision checking.
 
     Attributes:
-        margin: Least distance that planning keeps [m].
+        margin: Smallest distance between bodies in a plan [m].
         allowed: Pairs of links that are not checked.
-        floor: Height of the floor in the root frame of the URDF [m], or None for no floor.
+        floor: Height of the floor in the root frame of the URDF [m]; None for no floor.
         floor_ignores: Links that may touch or intersect the floor.
     """
 
@@ -67,7 +69,7 @@ class CollisionRules:
 
 @dataclass(frozen=True, slots=True)
 class Tool:
-    """The tool center point, which moves to the targets of a task.
+    """The tool center point (TCP). It moves to the targets of a task.
 
     Attributes:
         link: Link that carries it.
@@ -95,16 +97,16 @@ class Robot:
         firmware: Firmware of the board.
         collision: Rules of collision checking.
         tool: The tool, or None if the robot file has none.
-        gripper: The gripper, or None if the robot file does not say how its width is measured.
-        brake: How long a stop slows the motion down before it holds [s]; 0 to hold at once.
+        gripper: The gripper, or None if the robot file does not define its width.
+        brake: Time in which a stop slows the motion down before it holds [s]; 0 to hold at once.
         acceleration_sum: Largest sum of the absolute accelerations of all joints [rad/s2].
-        needs_calibration: Whether it may move on a real port only if it is calibrated.
+        needs_calibration: True if it must be calibrated before it moves on a real port.
         calibration: Its calibration file, or None if there is none.
         guards: Limits of what the board measures; unused if it measures nothing.
         links: Names of all links.
         home: Target of `armtree home`: poses and JOINT=VALUE; empty for the boot pose.
-        meshes: Files of meshes by their names in the URDF, if they are in another place than beside
-            it, as those of a recording.
+        meshes: Files of meshes by their names in the URDF. Only for meshes that are not beside the
+            URDF, as in a recording.
     """
 
     name: str
@@ -139,11 +141,11 @@ class Robot:
 
     @property
     def has_driver(self) -> bool:
-        """Whether the robot file names a driver. Without one only the port `virtual` exists."""
+        """True if the robot file names a driver. Without one, only the port `virtual` exists."""
         return not isinstance(self.driver, NullDriver)
 
     def __getstate__(self) -> dict[str, object]:
-        """Return a copy, since a thread may cache a property while another one pickles.
+        """Return a copy, because one thread may cache a property while another one pickles.
 
         The parsed URDF is large, and few processes need it.
         """
@@ -156,7 +158,7 @@ class Robot:
         """The URDF. It is read once, when it is first needed.
 
         Raises:
-            OSError, ValueError, LookupError, UrdfError: As `Urdf.read`.
+            OSError, ValueError, LookupError, UrdfError: `Urdf.read` failed.
         """
         return Urdf.read(self.urdf)
 
@@ -172,18 +174,18 @@ class Robot:
 
     @property
     def open_effect(self) -> str:
-        """What the arm does when its port is opened, for messages."""
+        """Effect of opening the port on the arm, in words for messages."""
         return self.firmware.words.reset_effect if self.serial.resets else "stays where it is"
 
     def can(self, ability: Ability) -> bool:
-        """Return whether its board has an ability."""
+        """Return True if the board has an ability."""
         return ability in self.firmware.abilities
 
     def require(self, ability: Ability) -> None:
-        """Check that its board has an ability.
+        """Check that the board has an ability.
 
         Raises:
-            NotAble: It has not.
+            NotAble: The board does not have the ability.
         """
         if not self.can(ability):
             raise NotAble(self.name, self.firmware.name, ability.value)
@@ -201,7 +203,7 @@ class Robot:
 
         Raises:
             NoDriver: The robot file names no driver, and the port is not `virtual`.
-            CalibrationMissing: It must be calibrated before it moves on that port.
+            CalibrationMissing: The arm must be calibrated before it moves on that port.
         """
         baud = self.serial.baud
         if port != VIRTUAL:
@@ -218,7 +220,7 @@ class Robot:
         """Id of the servo of each joint, by its name.
 
         Raises:
-            NotAble: Its board cannot identify servos.
+            NotAble: The board cannot identify servos.
         """
         return self._servo_driver.servos(self.actuated)
 
@@ -227,12 +229,12 @@ class Robot:
         """Values that the servo of each joint must have by its calibration; see `ServoReport.kept`.
 
         Raises:
-            NotAble: Its board cannot identify servos.
+            NotAble: The board cannot identify servos.
         """
         return self._servo_driver.kept(self.actuated)
 
     def servo_bus(self, port: str, baud: int, clock: Clock) -> ServoBus:
-        """Return the servos on a port, to be asked one by one.
+        """Return the servos on a port, for requests to single servos.
 
         Args:
             port: Name of the port, or `virtual`.
@@ -240,7 +242,7 @@ class Robot:
             clock: Time source.
 
         Raises:
-            NotAble: Its board cannot identify servos.
+            NotAble: The board cannot identify servos.
         """
         if port == VIRTUAL:
             return self.servos_on(self.link(port), clock)
@@ -248,7 +250,7 @@ class Robot:
         return self.servos_on(link, clock)
 
     def servos_on(self, link: Link, clock: Clock) -> ServoBus:
-        """Return the servos on a link that is not open. Raises what `servo_bus` raises."""
+        """Return the servos on a link that is not open. Raises the errors of `servo_bus`."""
         return self._servo_driver.servo_bus(self.firmware, link, clock)
 
     def calibrated(self, joint: Joint, kept: Mapping[str, int], turn: float) -> CalibratedJoint:
@@ -258,8 +260,8 @@ class Robot:
 
         Args:
             joint: The joint, with its limits in the URDF.
-            kept: What its servo keeps, by the names in `ServoReport`: `least` and `most` are the
-                range [ticks].
+            kept: Values that its servo stores, by the names in `ServoReport`: `least` and `most`
+                are the range [ticks].
             turn: Angle of a tick [deg].
         """
         middle = (joint.lower + joint.upper) / 2
@@ -282,7 +284,7 @@ class Robot:
         """Return the file of a mesh, by its name in the URDF.
 
         Raises:
-            UrdfError: It is not found, or unusable.
+            UrdfError: The file is not found, or it is unusable.
         """
         return self.meshes.get(name) or find_mesh(self.urdf, name)
 
@@ -293,11 +295,11 @@ class Robot:
 
     @cached_property
     def kinematics(self) -> ForwardKinematics:
-        """Its forward kinematics."""
+        """Forward kinematics of the robot."""
         return ForwardKinematics(self.description)
 
     def tool_position(self, positions: Mapping[str, float]) -> tuple[float, float, float] | None:
-        """Return where the tool is in the root frame [m]; None if the robot file names no tool.
+        """Return the position of the tool in the root frame [m]; None if it has no tool.
 
         Args:
             positions: Position of every actuated joint [rad], by name.
@@ -320,7 +322,7 @@ class Robot:
         """Return the position of the joint of the gripper [rad] by name, from its width [m].
 
         Raises:
-            BadPosition: The gripper does not open or close so far.
+            BadPosition: The gripper cannot reach this width.
         """
         assert self.gripper
         return {self.gripper.joint.name: self.gripper.position(self.kinematics, width)}
@@ -329,7 +331,7 @@ class Robot:
         """Return the joint of that name.
 
         Raises:
-            KeyError: There is none. The message lists the joints.
+            KeyError: There is no such joint. The message lists the joints.
         """
         for joint in self.joints:
             if joint.name == name:

@@ -21,10 +21,10 @@ from .guards import HOLD, TORQUE_OFF, Guards
 from .robot import CollisionRules, Robot, Serial, Tool
 from .urdf import Urdf, UrdfError, UrdfJoint
 
-BAUD_RATES = range(1200, 4_000_001)  # at 1200 baud a frame of 20 bytes takes 0.17 s
+BAUD_RATES = range(1200, 4_000_001)  # [bit/s]; at 1200 a frame of 20 bytes takes 0.17 s
 MAX_BOOT_WAIT = 60.0  # [s]
 MAX_BRAKE = 10.0  # [s]
-_ROUNDING = 1.0 + 1e-9  # factor of a velocity limit, for rounding errors of a multiplier
+_ROUNDING = 1.0 + 1e-9  # factor of a velocity limit: allows rounding errors of multipliers
 
 
 def load_robot(
@@ -35,7 +35,7 @@ def load_robot(
     Args:
         path: The robot file, or the name of a robot that ships. Default: the Arduinobot.
         urdf: The URDF file. Default: the one that the robot file names.
-        calibrated: False to ignore its calibration file.
+        calibrated: False to ignore the calibration file. Default: True.
 
     Raises:
         DescriptionError: The file or its URDF is wrong. The message names file, line, key and valid
@@ -89,7 +89,7 @@ def _robot_file(path: Path) -> Path:
     """Return the robot file for a path or a name.
 
     Raises:
-        DescriptionError: There is no such file, and no robot of that name ships.
+        DescriptionError: There is no such file, and no shipped robot has that name.
     """
     shipped = shipped_robots()
     if not path.is_file() and len(path.parts) == 1 and path.name in shipped:
@@ -99,7 +99,8 @@ def _robot_file(path: Path) -> Path:
     beside = {file.stem: str(file) for file in path.parent.glob("*.toml") if is_robot_file(file)}
     known = dict(zip(shipped, shipped, strict=True)) | beside
     near = did_you_mean(known.get(closest(path.stem, known), ""))
-    why = f"there is no such file, and no such robot ships; there are {', '.join(shipped)}{near}"
+    present = f"there are {', '.join(shipped)}{near}"
+    why = f"there is no such file, and no shipped robot of that name; {present}"
     raise DescriptionError(path, 0, why)
 
 
@@ -203,7 +204,7 @@ def _joint(
         upper=upper,
         velocity=table.number("velocity", above=0),
         acceleration=table.number("acceleration", above=0),
-        boot=min(max(boot, lower), upper),  # a calibrated range may be narrower
+        boot=min(max(boot, lower), upper),  # a calibrated range may exclude the boot position
         mimic=None,
         wire=driver.wire(wired, lower, upper),
         unit=urdf.unit,
@@ -225,7 +226,7 @@ def _mimic_joint(table: TomlTable, urdf: UrdfJoint, leader: Joint) -> Joint:
 
 
 def _groups(root: TomlTable, joints: tuple[Joint, ...]) -> dict[str, tuple[str, ...]]:
-    """Return the groups `arm` and `gripper`. The gripper may be absent."""
+    """Return the groups `arm` and `gripper`. An arm may have no gripper."""
     table, names = root.table("groups"), [joint.name for joint in joints]
     groups = {
         "arm": table.names("arm", names),

@@ -1,7 +1,7 @@
 """Reads URDF files: links, joints, and the collision shapes of links.
 
-It rejects what pinocchio would leave out silently, or reject without naming it. Its errors name the
-link or joint, the key and the value.
+It rejects elements that pinocchio would silently ignore, or reject without a name. Its errors name
+the link or joint, the key and the value.
 """
 
 import math
@@ -25,16 +25,18 @@ Vector = tuple[float, float, float]
 MAX_BYTES = 2**20
 _XACRO = "{http://www.ros.org/wiki/xacro}"  # namespace of its elements
 _MOVING = ("revolute", "continuous", "prismatic")
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)  # float() accepts more
+_NUMBER = re.compile(
+    r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII
+)  # float() accepts more forms
 _MAX_LINKS = 1000  # pinocchio takes a minute for 4000 shapes
-_SHORTEST_AXIS = 1e-6  # pinocchio cannot normalise an axis whose square underflows or overflows
+_SHORTEST_AXIS = 1e-6  # pinocchio cannot normalise an axis with a square near 0
 
 
 class UrdfError(ValueError):
     """A URDF is wrong.
 
     Attributes:
-        line: Line number in the file, 0 if no line can be named.
+        line: Line number in the file; 0 if unknown.
     """
 
     def __init__(self, message: str, line: int = 0) -> None:
@@ -54,10 +56,10 @@ class UrdfJoint:
         xyz: Position of the joint in the frame of its parent [m].
         rpy: Rotation of the joint about the parent's fixed x, y and z axes, in this order [rad].
         axis: Axis in the frame of the joint. It need not have length 1.
-        lower: Smallest position [rad or m], -inf if there is none.
-        upper: Largest position [rad or m], inf if there is none.
-        velocity: Limit [rad/s or m/s], inf if there is none.
-        mimic: How it follows another joint, or None if it moves independently.
+        lower: Smallest position [rad or m]; -inf if there is no limit.
+        upper: Largest position [rad or m]; inf if there is no limit.
+        velocity: Velocity limit [rad/s or m/s]; inf if there is no limit.
+        mimic: Relation to the joint that it follows; None if it moves independently.
     """
 
     name: str
@@ -96,12 +98,13 @@ class UrdfJoint:
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """A shape that shows a link.
+    """A visual shape of a link.
 
     Attributes:
         link: Name of the link.
         kind: `box`, `sphere`, `cylinder` or `mesh`.
-        sizes: Length along x, y and z; radius; or radius and length [m]. Of a mesh its scale.
+        sizes: By kind: lengths along x, y and z; radius; radius and length [m]; scale of a mesh
+            along x, y and z.
         mesh: Name of the file of a mesh; empty for other shapes.
         xyz: Position in the frame of the link [m].
         rpy: Rotation about the link's fixed x, y and z axes, in this order [rad].
@@ -118,14 +121,14 @@ class Shape:
 
 
 class Urdf:
-    """A URDF, parsed once. Its links and joints are right if `mistakes` yields nothing.
+    """A URDF, parsed once. Its links and joints are valid if `mistakes` yields nothing.
 
     Args:
         text: Text of the file, or its bytes.
 
     Raises:
-        UrdfError: It is not XML.
-        LookupError: Its encoding is unknown.
+        UrdfError: The text is not XML.
+        LookupError: The encoding of the text is unknown.
     """
 
     def __init__(self, text: str | bytes) -> None:
@@ -140,17 +143,17 @@ class Urdf:
 
         Raises:
             OSError: The file cannot be read.
-            UrdfError: It is not XML, or not a tree of links with valid joints.
-            LookupError: Its encoding is unknown.
-            ValueError: Its path is invalid.
+            UrdfError: The file is not XML, or not a tree of links with valid joints.
+            LookupError: The encoding of the text is unknown.
+            ValueError: The path is invalid.
         """
         return cls(read_file(path, MAX_BYTES)).checked()
 
     def checked(self) -> Self:
-        """Return it after checking its links and joints.
+        """Check its links and joints, and return the URDF itself.
 
         Raises:
-            UrdfError: It is not a tree of links with valid joints.
+            UrdfError: The URDF is not a tree of links with valid joints.
         """
         for mistake in self.mistakes():
             raise mistake
@@ -173,11 +176,11 @@ class Urdf:
 
     @property
     def is_xacro(self) -> bool:
-        """True if the file must be converted by the program xacro first."""
+        """True if the program xacro must convert the file first."""
         return any(element.tag.startswith(_XACRO) for element in self._root.iter())
 
     def mistakes(self) -> Iterator[UrdfError]:
-        """Yield everything that is wrong with links and joints."""
+        """Yield every mistake of links and joints."""
         if self._root.tag != "robot":
             yield UrdfError(f"is not a URDF: its root element is <{self._root.tag}>, not <robot>")
             return
@@ -201,7 +204,7 @@ class Urdf:
             yield from (UrdfError(f"joint {joint.get('name', '')}: {each}") for each in wrong)
 
     def shape_mistakes(self, largest: float) -> Iterator[UrdfError]:
-        """Yield everything that is wrong with collision shapes.
+        """Yield every mistake of collision shapes.
 
         Args:
             largest: Largest size of a shape, and largest distance from the origin of its link [m].
@@ -212,15 +215,15 @@ class Urdf:
                 yield from map(UrdfError, wrong)
 
     def shape_counts(self, kind: str = "collision") -> dict[str, int]:
-        """Return the number of shapes of each link: of `collision` or `visual` ones."""
+        """Return the number of `collision` or `visual` shapes of each link."""
         links = self._root.findall("link")
         return {link.get("name", ""): len(link.findall(kind)) for link in links}
 
     def visible_shapes(self, usable: Callable[[str], bool]) -> list[Shape]:
-        """Return how links look: their visual shapes, or collision shapes if none is usable.
+        """Return the visual shapes of links, or their collision shapes if none is usable.
 
         Args:
-            usable: Returns True for the name of a mesh that can be shown.
+            usable: Callback that returns True for the name of a usable mesh.
         """
         colors = {each.get("name", ""): _color(each) for each in self._root.findall("material")}
         found = []
@@ -234,7 +237,7 @@ class Urdf:
         return found
 
     def meshes(self) -> dict[str, bool]:
-        """Return the names of the mesh files, each with whether a collision shape uses it."""
+        """Return the names of the mesh files, each with True if a collision shape uses it."""
         names = dict[str, bool]()
         for kind in ("collision", "visual"):
             for mesh in self._root.findall(f"link/{kind}/geometry/mesh"):
@@ -247,7 +250,7 @@ class Urdf:
         """Return the text of the URDF, with other names of its meshes.
 
         Args:
-            find: Returns the new name of a mesh, by its name in the URDF.
+            find: Callback that returns the new name of a mesh, from its name in the URDF.
             kinds: Elements with the meshes to rename: `collision`, `visual`.
 
         Raises:
@@ -275,7 +278,7 @@ def _name_mistakes(kind: str, names: Sequence[str]) -> Iterator[UrdfError]:
 
 
 def _tree_mistakes(joints: list[Element], links: tuple[str, ...]) -> Iterator[UrdfError]:
-    """Yield why the joints do not connect all links to one tree."""
+    """Yield the mistakes of joints that do not connect all links to one tree."""
     ends = {
         joint.get("name", ""): (_link(joint, "parent"), _link(joint, "child")) for joint in joints
     }
@@ -307,7 +310,7 @@ def _loop_mistakes(
         ends: Parent and child of each joint.
         above: The joint above each link.
     """
-    connected = set[str]()  # links that are known to lead to a root
+    connected = set[str]()  # links with a path to a root
     for name, (parent, child) in ends.items():
         path, end = dict[str, None](), parent
         while end != child and end not in connected and end in above and above[end] not in path:
@@ -329,7 +332,7 @@ def _link(joint: Element, tag: str) -> str:
 
 
 def _joint(element: Element, wrong: list[str]) -> UrdfJoint:
-    """Return a joint; append everything that is wrong with it, for which the joint has 0 or nan."""
+    """Return a joint, and append its mistakes. An invalid value becomes 0 or nan."""
     name, kind = element.get("name", ""), element.get("type", "")
     xyz, rpy = _origin(element, wrong)
     lower, upper, velocity = _limits(kind, element.find("limit"), wrong)
@@ -350,7 +353,7 @@ def _joint(element: Element, wrong: list[str]) -> UrdfJoint:
 
 
 def _origin(joint: Element, wrong: list[str]) -> tuple[Vector, Vector]:
-    """Return the position [m] and rotation [rad] of a joint in its parent."""
+    """Return the position [m] and rotation [rad] of a joint in the frame of its parent."""
     found: tuple[Vector, Vector] | None = None
     for origin in joint.findall("origin"):
         xyz, rpy = (
@@ -504,7 +507,7 @@ def _color(material: Element) -> tuple[float, ...] | None:
 
 
 def _numbers(text: str) -> list[float]:
-    """Return the finite numbers of a text, separated by spaces; empty if one of them is invalid."""
+    """Return the finite numbers in a text with spaces between them; empty if one is invalid."""
     words = [word for word in text.split(" ") if word]
     numbers = [float(word) for word in words if _NUMBER.fullmatch(word)]
     return numbers if len(numbers) == len(words) and all(map(math.isfinite, numbers)) else []

@@ -29,20 +29,21 @@ class Measurement:
 class BoardProtocol:
     """The protocol of a board, from opening its port to closing it.
 
-    This class itself is the protocol of a board that sends nothing. A driver overrides what its
-    board does. A protocol is pure: armtree passes bytes and times [s], one call at a time, and
-    sends the bytes that it returns. Any exception is a fault of the arm.
+    This class itself is the protocol of a board that sends nothing. A driver overrides the methods
+    that its board needs. A protocol is pure: armtree passes bytes and times [s], one call at a
+    time, and sends the returned bytes. Any exception is a fault of the arm.
 
     Attributes:
-        boot_frame: Frame of the pose that the board reported when it was ready, or None. The first
-            motion starts there. `torque_commands` sets it again when it switches the torque on.
-        acknowledged: Number of frames that the board has received, or None if it does not report
-            that.
-        measured: Last measurement; None before the first one. Each one is a new object. Only a
-            board with `Ability.MEASURE` has any.
-        free_at: Earliest time of the next frame [s]. Later than now if the line must stay free for
-            an answer; the answer itself may make it free sooner.
-        next_poll: Time of the next `poll` [s]; inf if only a frame or received bytes change it.
+        boot_frame: Frame of the pose that the ready board reported, or None. The first motion
+            starts there. `torque_commands` sets it again when it switches the torque on.
+        acknowledged: Number of frames that the board has received; None if the board does not
+            report it.
+        measured: Last measurement; None before the first one. Each measurement is a new object.
+            Only a board with `Ability.MEASURE` measures.
+        free_at: Earliest time of the next frame [s]. It is later than now if the line must stay
+            free for an answer. The answer may free the line sooner.
+        next_poll: Time of the next `poll` [s]; inf for no poll until a frame or received bytes
+            change it.
     """
 
     boot_frame: Frame | None = None
@@ -52,41 +53,41 @@ class BoardProtocol:
     next_poll: float = math.inf
 
     def check_booted(self, port: str, waited: float) -> None:
-        """Check that the board has reported what it must report before the arm may move.
+        """Check that the board has sent every report that the arm needs before it moves.
 
         Args:
             port: Name of the port.
             waited: Time since the port was opened [s].
 
         Raises:
-            BoardError: It has not.
+            BoardError: A required report is missing.
         """
 
     def start_commands(self) -> bytes:
-        """Return bytes that are sent once, when the arm becomes active; empty for none."""
+        """Return the bytes to send once, when the arm becomes active; empty by default."""
         return b""
 
     def hold_commands(self) -> bytes:
-        """Return bytes that hold the joints where they are measured, after a fault."""
+        """Return the bytes that hold the measured positions of the joints after a fault."""
         return b""
 
     def torque_commands(self, on: bool) -> Sequence[bytes]:
         """Return the commands that switch the torque of all servos, for `Ability.TORQUE`.
 
-        They are sent one after another, one in each period of frames, so that torque may rise
-        slowly. The servos then hold where they are measured. The arm does this when it becomes
-        active; a deactivation does not switch the torque off.
+        The arm sends one command in each period of frames, so that the torque may rise slowly. The
+        servos then hold their measured positions. The arm switches the torque on when it becomes
+        active. A deactivation does not switch it off.
 
         Args:
-            on: False to let the joints go.
+            on: True to hold the joints; False to release them.
         """
         return ()
 
     def note_sent(self, frame: Frame, now: float) -> None:
-        """Account for a frame that is about to be sent."""
+        """Account for a frame before it is sent."""
 
     def receive(self, data: bytes, now: float) -> None:
-        """Process received bytes: any number of them, in any pieces, and maybe damaged.
+        """Process received bytes: any number, in any pieces, possibly damaged.
 
         Raises:
             BoardError: The board misbehaves.

@@ -1,10 +1,10 @@
-"""The driver interface: what armtree needs to speak to one kind of board.
+"""The driver interface: the parts that armtree needs for one kind of board.
 
-A robot file names its driver, which is found among the entry points `armtree.hardware`, so an
+A robot file names its driver. Drivers are entry points of the group `armtree.hardware`, so an
 installed package may add one. Limits, lifecycle, pacing and stop are the same for every driver.
 
-A driver has three parts: the wire format (joint positions to frames and back), the protocol (what
-the board and armtree tell each other beside frames), and the link (a byte stream).
+A driver has three parts: the wire format (joint positions to frames and back), the protocol (all
+messages other than frames), and the link (a byte stream).
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,17 +25,17 @@ GROUP = "armtree.hardware"
 
 
 class Driver(Protocol):
-    """The driver of one kind of board. Created without arguments; equal drivers behave equally."""
+    """The driver of one kind of board. It is created without arguments."""
 
     @property
     def firmwares(self) -> Mapping[str, Firmware]:
         """The firmwares that the board may run, by their names in a robot file."""
 
     def wire(self, joint: TomlTable, lower: float, upper: float) -> object:
-        """Read how a joint is encoded in a frame, from the key `wire` of its table.
+        """Read the encoding of a joint from the key `wire` of its table.
 
         Args:
-            joint: Table of the joint. It rejects wrong values.
+            joint: Table of the joint in the robot file. Its methods reject wrong values.
             lower: Smallest position of the joint [rad].
             upper: Largest position of the joint [rad].
 
@@ -52,11 +52,11 @@ class Driver(Protocol):
             firmware: Firmware of the board.
 
         Raises:
-            DescriptionError: It cannot.
+            DescriptionError: The board cannot drive a joint.
         """
 
     def wire_format(self, joints: Sequence[Joint], firmware: Firmware) -> WireFormat:
-        """Return the wire format of the actuated joints, for a board with a firmware."""
+        """Return the wire format of the actuated joints for a firmware."""
 
     def protocol(
         self, joints: Sequence[Joint], firmware: Firmware, robot_file: Path
@@ -82,7 +82,7 @@ class Driver(Protocol):
     def model(self, joints: Sequence[Joint], firmware: Firmware, baud: int) -> BoardModel | None:
         """Return a model of the board in the start pose of the arm, for the port `virtual`.
 
-        None if there is no model: that port then accepts all bytes and never answers.
+        Returns None if there is no model. The port then accepts all bytes and never answers.
 
         Args:
             joints: The actuated joints.
@@ -98,7 +98,7 @@ def load_driver(root: TomlTable) -> Driver:
         root: Root table of the robot file.
 
     Raises:
-        DescriptionError: There is no driver of that name, or it cannot be loaded.
+        DescriptionError: No driver has that name, or the driver cannot be loaded.
     """
     present = entry_points(GROUP)
     name = root.choice("driver", present)

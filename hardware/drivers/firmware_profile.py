@@ -1,4 +1,4 @@
-"""The profile of a firmware: what the host must know of the program on a board."""
+"""The profile of a firmware: the properties of the program on a board."""
 
 import math
 from collections.abc import Sequence
@@ -7,9 +7,9 @@ from enum import Enum
 
 
 class Ability(Enum):
-    """What a board can do beside following frames. The value completes "it can ...".
+    """An ability of a board besides following frames. The value completes "it can ...".
 
-    Who needs an ability asks for it, never for the name of a driver: `Robot.require`.
+    Code checks abilities with `Robot.require`, never the name of a driver.
     """
 
     MEASURE = "measure where its joints are"
@@ -20,14 +20,14 @@ class Ability(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Words:
-    """How messages name what a driver drives.
+    """Words of a driver for messages.
 
     Attributes:
         board: Kind of board.
         unit: Unit of the servo angles in a frame, in the plural.
-        start_pose: Pose of the arm after the port opens, if the board reports none.
-        reset_effect: What the arm does when the board is reset.
-        advice_outside: What a person does if a servo is outside the limits of its joint.
+        start_pose: Name of the pose after the port opens, if the board reports no pose.
+        reset_effect: Effect of a reset of the board on the arm.
+        advice_outside: Advice for a person if a servo is outside the limits of its joint.
     """
 
     board: str = "board"
@@ -44,18 +44,18 @@ class Firmware:
     Attributes:
         name: Name in a robot file.
         rate: Rate at which motions are sampled into frames [Hz].
-        max_step: Largest change of one frame, total of all servos.
+        max_step: Largest change of one frame: the sum over all servos.
         boot_time: Time from opening the port until the board reads from its line [s].
         baud: Speed of its line [bit/s]; 0 if any speed is possible.
         ring: Size of the receive buffer for unread bytes [bytes].
-        unit_time: Time for which one unit of one servo blocks the board [s]; 0 if it does not
-            block.
-        turn_time: Time for which a servo blocks the board in addition to its units [s].
-        resets: Whether opening the port resets the board, unless the robot file denies it.
-        reports_pose: Whether the board reports the pose of the arm after the port opens.
-        abilities: What the board can do beside following frames.
-        bauds: Speeds that its servos may have [bit/s], for a search; empty if it has none.
-        words: How messages name what the driver drives.
+        unit_time: Time for which a turn by one unit blocks the board [s]; 0 if turns do not block.
+        turn_time: Additional time for which each turning servo blocks the board [s].
+        resets: True if opening the port resets the board. A robot file may override this.
+        reports_pose: True if the board reports the pose of the arm after the port opens.
+        abilities: Abilities of the board besides following frames.
+        bauds: Possible speeds of its servos [bit/s], for a search; empty for a board without such
+            servos.
+        words: Words of the driver for messages.
     """
 
     name: str
@@ -73,7 +73,7 @@ class Firmware:
     words: Words = Words()
 
     def service_time(self, before: Sequence[int], after: Sequence[int]) -> float:
-        """Return for how long a frame blocks the board [s].
+        """Return the time for which a frame blocks the board [s].
 
         Args:
             before: Servo angles before the frame.

@@ -1,7 +1,7 @@
-"""The driver of an arm whose robot file names none: it moves on the virtual port only.
+"""The driver for a robot file without a driver. The arm moves on the virtual port only.
 
-Its frames are the positions in millionths of a radian or metre, so that every arm can be planned
-for, moved and recorded before its board is known.
+Its frames are the positions in millionths of a radian or metre. So armtree can plan, move and
+record every arm before its board is known.
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,7 +17,7 @@ from .board_protocol import BoardProtocol
 from .firmware_profile import Firmware
 from .wire_format import Frame
 
-NO_FIRMWARE = Firmware("none", rate=50.0, max_step=10**9)  # no limit of steps
+NO_FIRMWARE = Firmware("none", rate=50.0, max_step=10**9)  # 10**9: no limit of steps
 NO_BAUD = 4_000_000  # [bit/s]
 _RESOLUTION = 1e-6  # [rad or m]
 
@@ -65,7 +65,7 @@ class NullDriver:
 
     @property
     def firmwares(self) -> Mapping[str, Firmware]:
-        """A profile without limits, because no firmware is named."""
+        """A profile without limits, because the robot file names no firmware."""
         return {NO_FIRMWARE.name: NO_FIRMWARE}
 
     def wire(self, joint: TomlTable, lower: float, upper: float) -> None:
@@ -77,7 +77,7 @@ class NullDriver:
         """Accept any joints."""
 
     def wire_format(self, joints: Sequence[Joint], firmware: Firmware) -> NullWireFormat:
-        """Return the conversion of positions to frames that no board reads."""
+        """Return the wire format. No board reads its frames."""
         return NullWireFormat(joints)
 
     def protocol(

@@ -1,4 +1,4 @@
-"""The pacing model: when a board can receive the next frame. The board does not report it."""
+"""The pacing model: computes when a board can receive the next frame."""
 
 import math
 
@@ -9,11 +9,11 @@ from .wire_format import Frame
 
 
 class PacingModel:
-    """Computes from the frames that were sent when the next one may be sent.
+    """Computes the time of the next frame from the sent frames. The board does not report it.
 
-    A frame may be sent when the board has executed the frame before the last one: then one frame is
-    being executed and one waits. If the board's buffer would then have no room for the hold frame
-    of a stop, the next frame must wait for the last one too. So a hold frame always fits.
+    A frame may be sent when the board has executed the frame before the last one. The board then
+    executes one frame, and one waits. A hold frame of a stop must always fit into the board's
+    buffer. If it would not fit, the next frame waits for the last one too.
 
     Args:
         firmware: Firmware of the board.
@@ -56,11 +56,11 @@ class PacingModel:
 
 
 def unread_bytes(frame: Frame, waiting: int) -> int:
-    """Return the bytes in the board's buffer while it turns the first servo of a frame.
+    """Return the number of bytes in the board's buffer while it turns the first servo of a frame.
 
     Args:
         frame: Any frame of the robot; all have the same length.
-        waiting: Number of whole frames behind it.
+        waiting: Number of whole frames after it.
     """
     first_field = len(frame.data) // len(frame.servos)
     return len(frame.data) - first_field + waiting * len(frame.data)

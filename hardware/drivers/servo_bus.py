@@ -1,4 +1,4 @@
-"""The interface to servos that are asked one by one, by `armtree doctor` and `calibrate`."""
+"""The interface for requests to single servos, for `armtree doctor` and `calibrate`."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -13,7 +13,7 @@ from .firmware_profile import Firmware
 
 @dataclass(frozen=True, slots=True)
 class ServoReport:
-    """What a servo says of itself.
+    """The report of a servo.
 
     Attributes:
         servo: Its id.
@@ -21,11 +21,11 @@ class ServoReport:
         firmware: Version of its firmware.
         voltage: Voltage of its supply [V].
         temperature: Its temperature [C].
-        position: Where it is [ticks].
-        torque: Whether it holds.
+        position: Its position [ticks].
+        torque: True if it has torque.
         errors: Names of the errors that it reports.
-        kept: The values that it keeps without power and that a calibration may change, by name:
-            `id`, `baud_rate`, `homing` (its offset), `least` and `most` (its limits) [ticks].
+        kept: Values that it stores without power and that a calibration may change, by name: `id`,
+            `baud_rate`, `homing` (its offset), `least` and `most` (its limits) [ticks].
     """
 
     servo: int
@@ -41,13 +41,13 @@ class ServoReport:
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """What answered to a search.
+    """The result of a search.
 
     Attributes:
         servos: The servos, by id.
-        damaged: Ids whose answers were damaged: two servos may have that id.
-        noise: Number of received bytes that belong to no packet.
-        strangers: Ids in answers to a request for another id, by the id that was asked.
+        damaged: Ids with damaged answers: two servos may have the same id.
+        noise: Number of received bytes outside of packets.
+        strangers: Ids in answers to a request for another id, by the requested id.
     """
 
     servos: Mapping[int, ServoReport] = field(default_factory=dict)
@@ -60,7 +60,7 @@ class ServoBus(Protocol):
     """An open port with servos.
 
     Attributes:
-        ticks: Number of positions of a turn.
+        ticks: Number of positions in a turn.
         turn: Angle of all positions together [deg].
     """
 
@@ -68,30 +68,30 @@ class ServoBus(Protocol):
     turn: float
 
     def __enter__(self) -> "ServoBus":
-        """Open the port. Raises LinkError."""
+        """Open the port. Raises LinkError if this fails."""
 
     def __exit__(self, *raised: object) -> None:
         """Close the port."""
 
     def find(self, ids: Iterable[int]) -> Found:
-        """Ask ids for a report. Raises LinkError."""
+        """Request a report from each id. Raises LinkError if the port fails."""
 
     def positions(self, ids: Sequence[int]) -> dict[int, int]:
-        """Return the positions of servos by id [ticks], of those that answer."""
+        """Return the positions of the servos that answer [ticks], by id."""
 
     def release(self, ids: Sequence[int]) -> None:
         """Switch the torque of servos off."""
 
     def keep(self, servo: int, values: Mapping[str, int]) -> None:
-        """Write values that a servo keeps, by their names in `ServoReport.kept`; read them back.
+        """Write stored values of a servo, by their names in `ServoReport.kept`, and read them back.
 
         Raises:
-            NotKept: It reads back another value, or does not answer.
+            NotKept: The servo reads back another value, or does not answer.
         """
 
 
 class ServoDriver(Protocol):
-    """What a driver with `Ability.LIMITS` and `Ability.IDENTIFY` has beside `Driver`."""
+    """The additional methods of a driver with `Ability.LIMITS` and `Ability.IDENTIFY`."""
 
     def servo_bus(self, firmware: Firmware, link: Link, clock: Clock) -> ServoBus:
         """Return the servos on a link that is not open."""
@@ -110,6 +110,6 @@ class ServoDriver(Protocol):
         Args:
             joint: The joint, with its present wire.
             firmware: Firmware of its servo.
-            kept: What its servo keeps.
+            kept: Values that its servo stores, by their names in `ServoReport.kept`.
             middle: Position of the joint in the middle between `least` and `most` [rad].
         """

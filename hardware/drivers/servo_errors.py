@@ -2,16 +2,16 @@
 
 BoardError
 ├── BoardSilent
-│   ├── NoServos              what answers on the port is not a servo
-│   └── ServoMissing          servos do not answer before the arm may move
+│   ├── NoServos              the answers on the port are not from servos
+│   └── ServoMissing          a servo does not answer before the arm may move
 ├── ServoTwice                two servos have one id
-├── ServoSilent               a servo stopped to answer
+├── ServoSilent               a servo stopped answering
 ├── ServoFault                a servo reports an error
 ├── TorqueLost                a servo no longer holds
 ├── CalibrationMissing        the arm must be calibrated before it moves
-├── CalibrationDiffers        a servo keeps other values than the calibration file
+├── CalibrationDiffers        stored values of a servo differ from the calibration file
 ├── SeamInside                a joint passes the seam of its servo's turn
-└── NotKept                   a servo does not keep a value that was written
+└── NotKept                   a servo does not store a written value
 """
 
 from collections.abc import Iterable, Sequence
@@ -23,7 +23,7 @@ _DOCTOR = "`armtree doctor --open` shows what is on the bus"
 
 
 class NoServos(BoardSilent):
-    """What answers on the port is not a servo, or the baud rate is wrong."""
+    """The answers on the port are not from servos, or the baud rate is wrong."""
 
     code = "hw.no_servos"
     hint = "`armtree doctor --open` finds the baud rate"
@@ -37,7 +37,7 @@ class NoServos(BoardSilent):
 
 
 class ServoMissing(BoardSilent):
-    """Servos on the bus do not answer before the arm may move."""
+    """A servo on the bus does not answer before the arm may move."""
 
     code = "hw.servo_missing"
     hint = "`armtree doctor --open` finds ids, baud rates and the likely cable"
@@ -62,7 +62,7 @@ class ServoMissing(BoardSilent):
             advice += f". Servo {servo} answered twice: another servo answers with its id"
         if noise:
             advice += (
-                f". {noise} bytes came damaged: two servos may have one id, or the line is noisy"
+                f". {noise} bytes were damaged: two servos may have one id, or the line is noisy"
             )
         super().__init__(port, seconds, what, f"{advice}. {_DOCTOR}")
 
@@ -82,7 +82,7 @@ class ServoTwice(BoardError):
 
 
 class ServoSilent(BoardError):
-    """A servo on a bus stopped to answer."""
+    """A servo on a bus stopped answering."""
 
     code = "hw.servo_silent"
     hint = "check its cable and its power, then configure and activate"
@@ -136,13 +136,13 @@ class CalibrationMissing(HardwareError):
     def __init__(self, path: Path, expected: Path) -> None:
         super().__init__(
             f"{path} needs a calibration, and {expected} does not exist. Write it with `armtree "
-            "calibrate --port PORT`; `--import FILE` takes the one of LeRobot. The port virtual "
+            "calibrate --port PORT`; `--import FILE` imports one of LeRobot. The port virtual "
             "needs none"
         )
 
 
 class CalibrationDiffers(BoardError):
-    """A servo keeps other values than the calibration file, which may be of another arm."""
+    """The stored values of a servo differ from the calibration file."""
 
     code = "hw.calibration_differs"
     hint = "`armtree calibrate`"
@@ -150,7 +150,8 @@ class CalibrationDiffers(BoardError):
     def __init__(self, servo: int, joint: str, name: str, kept: int, expected: int) -> None:
         super().__init__(
             f"Servo {servo} of {joint} keeps {name} = {kept}; the calibration file has {expected}. "
-            "It is of another arm, or another program calibrated this one. Connect the right arm, "
+            "The file is of another arm, or another program calibrated this arm. Connect the right "
+            "arm, "
             "or run `armtree calibrate`"
         )
 
@@ -176,7 +177,7 @@ class SeamInside(BoardError):
 
 
 class NotKept(BoardError):
-    """A servo does not keep a value that was written to it."""
+    """A servo does not store a value that was written to it."""
 
     code = "hw.not_kept"
     hint = "check the cable, then `armtree calibrate --restore`"

@@ -13,7 +13,7 @@ class Frame:
 
     Attributes:
         servos: Servo angles in the order of the joints, in the unit of the servos.
-        data: Bytes that are sent. They may be binary.
+        data: Bytes to send. They may be binary.
     """
 
     servos: tuple[int, ...]

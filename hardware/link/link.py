@@ -17,33 +17,33 @@ class Link(Protocol):
         """Lock the port and open it.
 
         Raises:
-            LinkError: The port cannot be opened. The message names it and what to do.
+            LinkError: The port cannot be opened. The message names the port and what to do.
         """
 
     def write(self, data: bytes) -> None:
         """Send bytes.
 
-        The arm is deactivated with `PortStalled` if this takes longer than 0.3 s.
+        The arm is deactivated with `PortStalled` if this call takes longer than 0.3 s.
 
         Raises:
             PortLost: The port disappeared.
-            PortStalled: The other end accepts no more bytes. The bytes may or may not arrive.
+            PortStalled: The other end accepts no more bytes. Some bytes may still arrive.
         """
 
     def read(self) -> bytes:
-        """Wait for bytes, and return them. No bytes mean that the link is closed.
+        """Wait for bytes and return them; empty if the link is closed.
 
         Raises:
             PortLost: The port disappeared.
         """
 
     def close(self, discard: bool = False) -> None:
-        """Close the port and release it. `read` and `write` return. Does nothing if closed.
+        """Close the port and release it. Does nothing if closed. Waiting calls return.
 
-        The arm waits for this for 0.9 s. A link drops bytes that it cannot send in time.
+        The arm waits 0.9 s for this call. A link drops bytes that it cannot send in time.
 
         Args:
-            discard: Whether to drop bytes that were written but have not been sent.
+            discard: True to drop bytes that were written but not sent.
 
         Raises:
             LinkError: Closing failed. The port is released nevertheless.

@@ -15,7 +15,7 @@ from hardware.printable import wire_text
 
 from .serial_ports import group_of, owner_of, serial_ports
 
-# A 20-byte frame takes 2 ms on the wire. A board that accepts nothing for this long is stuck [s].
+# Longest time for a write [s]. A 20-byte frame takes 2 ms on the wire, so a longer write is stuck.
 WRITE_TIMEOUT = 0.2
 
 # pyserial raises SerialException (an OSError), plain OSError, or termios.error, which is neither.
@@ -40,7 +40,7 @@ class SerialLink:
         """Check that the port exists and that this user may use it, without opening it.
 
         Raises:
-            LinkError: As `open`.
+            LinkError: The port cannot be opened.
         """
         try:
             os.stat(self.port)
@@ -65,7 +65,7 @@ class SerialLink:
 
         Raises:
             PortLost: The port disappeared.
-            PortStalled: The other end accepts no more bytes. The bytes may or may not arrive.
+            PortStalled: The other end accepts no more bytes. Some bytes may still arrive.
         """
         what = wire_text(data)
         why = f"Something went wrong while sending the message {what} to the port {self.port}"
@@ -80,7 +80,7 @@ class SerialLink:
             raise PortLost(self.port, why) from error
 
     def read(self) -> bytes:
-        """Wait for bytes, and return them. No bytes mean that the link is closed.
+        """Wait for bytes and return them; empty if the link is closed.
 
         Raises:
             PortLost: The port disappeared.
@@ -99,8 +99,8 @@ class SerialLink:
         """Close the port, which releases its lock. A waiting `read` returns.
 
         Args:
-            discard: Whether to drop the bytes that the kernel has not sent yet. If not, they have
-                `WRITE_TIMEOUT` to be sent; the kernel alone would wait for 30 s.
+            discard: True to drop the bytes that the kernel has not sent. False to wait for them up
+                to `WRITE_TIMEOUT`; the kernel alone would wait for 30 s.
 
         Raises:
             LinkError: Closing failed. The port is released nevertheless.
@@ -109,7 +109,10 @@ class SerialLink:
         try:
             if port is not None:
                 port.cancel_read()
-                with self._reading, self._writing:  # pyserial fails if it is closed during a call
+                with (
+                    self._reading,
+                    self._writing,
+                ):  # pyserial fails if it is closed during a read or write
                     _empty(port, discard)
                     _close(port)
         except _LOST as error:
@@ -117,9 +120,9 @@ class SerialLink:
 
 
 def _send(handle: int, data: bytes) -> None:
-    """Write all bytes. `write` of pyserial would time out on a busy machine after a success.
+    """Write all bytes. On a busy machine, `write` of pyserial may time out after a success.
 
-    After the deadline nothing is tried again, because the arm may be deactivated by then.
+    There is no retry after the deadline, because the arm may be deactivated by then.
     """
     writable, clock = select.poll(), RealClock()
     writable.register(handle, select.POLLOUT)
@@ -135,10 +138,10 @@ def _send(handle: int, data: bytes) -> None:
 
 
 def _empty(port: serial.Serial, discard: bool) -> None:
-    """Wait until the kernel has sent all bytes. Drop those that are left, or all if `discard`."""
+    """Wait until the kernel has sent all bytes, then drop the rest. `discard` drops all at once."""
     clock = RealClock()
     until, signal = clock.now() + WRITE_TIMEOUT, clock.signal()
-    with contextlib.suppress(*_LOST), signal:  # a port that disappeared has no bytes
+    with contextlib.suppress(*_LOST), signal:  # a port that disappeared has no bytes to send
         while not discard and port.out_waiting:
             signal.wait(clock.now() + 0.002)
             discard = clock.now() >= until
@@ -150,8 +153,8 @@ def _close(port: serial.Serial) -> None:
     try:
         port.close()
     except OSError:
-        # The kernel has released the handle, and may give its number to another file. pyserial
-        # would close that file when the port is collected.
+        # The kernel has released the handle and may give its number to another file. Without this
+        # line, pyserial would close that file at the garbage collection of the port.
         port.fd = os.open(os.devnull, os.O_RDONLY)
         port.close()
         raise

@@ -1,4 +1,4 @@
-"""The serial ports of this machine, examined without opening them."""
+"""The serial ports of this machine. They are examined without opening them."""
 
 import grp
 import os
@@ -13,7 +13,7 @@ _BY_ID = Path("/dev/serial/by-id")
 _LOCKS = Path("/proc/locks")
 _ON_BOARD = re.compile("/dev/ttyS[0-9]+")
 _ON_BOARD_NAME = "on-board, probably not the board"
-_PSEUDO_TERMINALS = range(136, 144)  # major numbers, which sysfs does not list
+_PSEUDO_TERMINALS = range(136, 144)  # major device numbers; sysfs does not list these devices
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,11 +22,10 @@ class SerialPort:
 
     Attributes:
         device: Device, such as `/dev/ttyACM0`.
-        name: Product name of the device; empty if it reports none. For a port of the
-            computer itself, it says that this is probably not a board.
+        name: Product name of the device; empty if it reports no name. For a port of the computer
+            itself, a note that it is probably not the board.
         usb: Vendor and product id, such as `2341:0043`; empty if it is not a USB device.
-        by_id: Name under `/dev/serial/by-id`, which is the same after plugging it in again; empty
-            if there is none.
+        by_id: Persistent name under `/dev/serial/by-id`; empty if there is none.
     """
 
     device: str
@@ -40,12 +39,12 @@ class Check:
     """The result of one check of `armtree doctor`.
 
     Attributes:
-        name: What was checked.
-        ok: Whether it passed; None if it cannot be checked, which is not a failure.
-        detail: What was found.
-        remedy: What to do if it failed; empty if that is clear.
-        code: Code of the error with which a run would end; empty if it passed.
-        values: What was found, as plain values, for a report.
+        name: Subject of the check.
+        ok: True if the check passed; None if it was not possible, which is not a failure.
+        detail: The result in words.
+        remedy: Advice after a failure; empty if the detail is enough.
+        code: Code of the error that would end a run; empty if the check passed.
+        values: The result as plain values, for a report.
     """
 
     name: str
@@ -57,8 +56,8 @@ class Check:
 
 
 def serial_ports() -> list[SerialPort]:
-    """Return the serial ports of this machine; those of the computer itself are the last."""
-    from serial.tools import list_ports  # takes longer to load than the rest of pyserial
+    """Return the serial ports of this machine. Ports of the computer itself come last."""
+    from serial.tools import list_ports  # slower to load than the rest of pyserial
 
     names = {os.path.realpath(link): str(link) for link in _links()}
     ports = [
@@ -74,7 +73,7 @@ def serial_ports() -> list[SerialPort]:
 
 
 def persistent_name(port: str) -> Path | None:
-    """Return the name of a port under `/dev/serial/by-id`, or None if it has none."""
+    """Return the persistent name of a port, under `/dev/serial/by-id`, or None."""
     device = os.path.realpath(port)
     return next((link for link in _links() if os.path.realpath(link) == device), None)
 
@@ -103,7 +102,7 @@ def _check_exists(port: str) -> Check:
 
 
 def _is_terminal(status: os.stat_result) -> bool:
-    """Return whether a file is a terminal, as serial ports are."""
+    """Return True if a file is a terminal. Serial ports are terminals."""
     if not stat.S_ISCHR(status.st_mode):
         return False
     major, minor = os.major(status.st_rdev), os.minor(status.st_rdev)
@@ -131,7 +130,7 @@ def _vendor(port: str) -> str:
 
 
 def group_of(port: str) -> str:
-    """Return the group that may use a port. Default: `dialout`, that of serial ports in Debian."""
+    """Return the group that may use a port; if unknown, `dialout`, as in Debian."""
     try:
         return grp.getgrgid(os.stat(port).st_gid).gr_name
     except (OSError, KeyError):
@@ -139,7 +138,7 @@ def group_of(port: str) -> str:
 
 
 def owner_of(port: str) -> int | None:
-    """Return the process id of the program that has locked a port, or None if none is known."""
+    """Return the process id of the program that has locked a port, or None if unknown."""
     try:
         device, locks = os.stat(port), _LOCKS.read_text()
     except OSError:

@@ -1,4 +1,4 @@
-"""A deadline for the calls of a link, which a driver or the kernel may not keep."""
+"""Deadlines for the calls of a link, because a driver or the kernel may block for too long."""
 
 import threading
 from collections import deque
@@ -11,17 +11,18 @@ from hardware.errors import LinkError, PortStalled
 
 from .link import Link
 
-# A call that outlasts so many waits is stuck: a write after 0.3 s, a close after 0.9 s. There are
-# several, because a stall of the whole host ends one of them at once and gives the call no time.
-_WRITE_WAITS, _CLOSE_WAITS, _WAIT = 10, 30, 0.03  # number, and length of each [s]
+# A call that takes longer than this number of waits is stuck: a write after 0.3 s, a close after
+# 0.9 s. There are several waits, because a stall of the whole host ends one of them without giving
+# the call time to run.
+_WRITE_WAITS, _CLOSE_WAITS, _WAIT = 10, 30, 0.03  # numbers of waits, and length of a wait [s]
 
 _Call = tuple[Future[None], Callable[[], None]]
 
 
 class TimedLink:
-    """A link whose `write` and `close` return or raise in time, whatever its driver does.
+    """A link whose `write` and `close` return or raise in time, even if its driver blocks.
 
-    They run on other threads. A call that is stuck keeps its thread.
+    These calls run on other threads. A stuck call keeps its thread.
 
     Args:
         link: The link of the driver.
@@ -40,16 +41,16 @@ class TimedLink:
         return self._link.port
 
     def open(self) -> None:
-        """Open the link. Raises what the driver raises."""
+        """Open the link. Raises the errors of the driver."""
         self._link.open()
         self._writes = deque()
         self._writer = self._clock.spawn(partial(self._work, self._writes), "writer")
 
     def write(self, data: bytes) -> None:
-        """Send bytes. Raises what the driver raises.
+        """Send bytes. Raises the errors of the driver.
 
         Raises:
-            PortStalled: The write of the driver does not return. The bytes may or may not arrive.
+            PortStalled: The write of the driver does not return. Some bytes may still arrive.
         """
         done = Future[None]()
         self._put((done, partial(self._link.write, data)))
@@ -57,14 +58,14 @@ class TimedLink:
             raise PortStalled(self.port, "A write to the port does not return")
 
     def read(self) -> bytes:
-        """Wait for bytes, and return them. No bytes mean that the link is closed."""
+        """Wait for bytes and return them; empty if the link is closed."""
         return self._link.read()
 
     def close(self, discard: bool = False) -> None:
-        """Close the link. Raises what the driver raises.
+        """Close the link. Raises the errors of the driver.
 
         Args:
-            discard: Whether to drop bytes that were written but have not been sent.
+            discard: True to drop bytes that were written but not sent.
 
         Raises:
             LinkError: The close of the driver does not return.
@@ -84,7 +85,7 @@ class TimedLink:
             self._signal.notify()
 
     def _in_time(self, done: Future[None], waits: int) -> bool:
-        """Wait for a call. Returns False after the timeout. Raises the exception of the call."""
+        """Wait for a call. Return False after the timeout. Raises the exception of the call."""
         with self._signal:
             for _ in range(waits):
                 if not done.done():
@@ -92,7 +93,7 @@ class TimedLink:
         if done.done():
             done.result()
             return True
-        done.cancel()  # if it has not begun
+        done.cancel()  # cancels a call that has not begun
         return False
 
     def _work(self, calls: deque[_Call | None]) -> None:

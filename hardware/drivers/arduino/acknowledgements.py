@@ -1,4 +1,4 @@
-"""Acknowledgements: compares what the board reports with the frames it was sent.
+"""Acknowledgements: compares the reports of the board with the frames sent to it.
 
 `firmware/README.md` describes the protocol.
 """
@@ -19,20 +19,19 @@ from .frames import Codec
 
 _LONGEST_LINE = 200  # longer input without a line end is noise [bytes]
 _ACKNOWLEDGEMENT = re.compile(rb"k([0-9a-f]{4}),([0-9a-f]{2}),([0-9a-f]{2}),([0-9a-f]{4})")
-# An answer takes 2 ms on the line, and a USB adapter may keep it for another 16 ms.
+# An answer takes 2 ms on the line. A USB adapter may delay it by another 16 ms.
 ANSWER_TIMEOUT = 0.25  # [s]
-# The timeout is counted in polls, so that a stall of the host, which reads nothing meanwhile,
-# counts as one poll only.
+# The timeout is counted in polls. A stall of the host, without any read, counts as one poll.
 _POLLS = 5
 _POLL_PERIOD = ANSWER_TIMEOUT / _POLLS  # [s]
 _COUNTER_RANGE = 0x10000  # the board counts frames in 16 bits
 
 
 class Acknowledgements(BoardProtocol):
-    """Frames sent and acknowledged since the port was opened.
+    """Counts frames sent and acknowledged since the port was opened.
 
-    If the firmware has no banner, the board acknowledges nothing. Its bytes are then only searched
-    for the banner of another firmware.
+    A firmware without a banner acknowledges nothing. Then this class only searches the received
+    bytes for the banner of another firmware.
 
     Args:
         codec: Wire format of the robot.
@@ -54,11 +53,11 @@ class Acknowledgements(BoardProtocol):
         self.acknowledged = 0 if self._banner else None
         self._unfinished = b""
         self._sent = self._sum = 0
-        self._pending = deque[int]()  # for each unacknowledged frame, the checksum after it
-        self._silent = 0  # number of polls without news
+        self._pending = deque[int]()  # the checksum after each unacknowledged frame
+        self._silent = 0  # number of polls without a new acknowledgement
 
     def check_booted(self, port: str, waited: float) -> None:
-        """Check that the banner came."""
+        """Check that the banner was received."""
         if self._banner and not self.boot_frame:
             what = f"that it runs the firmware {self._firmware.name}"
             advice = "Flash it, or name the board's firmware in the robot file"
@@ -70,7 +69,7 @@ class Acknowledgements(BoardProtocol):
         return self.boot_frame.data[:1] + b"A01;" if self.boot_frame else b""
 
     def note_sent(self, frame: Frame, now: float) -> None:
-        """Count a frame that is about to be sent."""
+        """Count a frame before it is sent."""
         if self._banner:
             if not self._pending:
                 self.next_poll, self._silent = now + _POLL_PERIOD, 0
@@ -82,14 +81,14 @@ class Acknowledgements(BoardProtocol):
         """Process bytes from the board. Damaged lines are ignored.
 
         Raises:
-            BoardReset: The board restarted, so it holds a pose that was not commanded.
-            FrameLost: The board received other frames than were sent.
-            WrongFirmware: The board runs another firmware than the robot file names.
+            BoardReset: The board restarted, so its pose was not commanded.
+            FrameLost: The received frames differ from the sent ones.
+            WrongFirmware: The robot file names another firmware.
         """
         *lines, rest = (self._unfinished + data).split(b"\n")
         self._unfinished = rest[-_LONGEST_LINE:]
         for line in lines:
-            if self._banner and self._banner in line:  # a reset may cut the line before it short
+            if self._banner and self._banner in line:  # a reset may cut the previous line short
                 self._process_banner(line)
             elif self._banner and (match := _ACKNOWLEDGEMENT.fullmatch(line)):
                 self._acknowledge(*(int(digits, 16) for digits in match.groups()))
@@ -97,7 +96,7 @@ class Acknowledgements(BoardProtocol):
                 self._check_other_banners(line)
 
     def poll(self, now: float) -> bytes:
-        """Check that the board still answers.
+        """Check that the board still answers. Returns no bytes.
 
         Raises:
             FrameLost: The board did not acknowledge a frame in time.
@@ -133,4 +132,4 @@ class Acknowledgements(BoardProtocol):
             self.next_poll = math.inf
         if new and (known < new or expected[-1] != total):
             counts = f"it refused {refused} bytes and lost {lost}"
-            raise FrameLost(f"the board received other frames than were sent; {counts}")
+            raise FrameLost(f"the received frames differ from the sent ones; {counts}")

@@ -1,4 +1,4 @@
-"""The profiles of the firmwares for an Arduino: the published sketch and the one of armtree."""
+"""The profiles of the firmwares for an Arduino: the published sketch and armtree's own."""
 
 from dataclasses import dataclass, replace
 
@@ -11,8 +11,9 @@ class ArduinoFirmware(Firmware):
 
     Attributes:
         banner: First bytes of the line that the board sends after booting. The line ends with the
-            frame that the board holds, which a reset does not change. A firmware with a banner also
-            acknowledges frames, as `firmware/README.md` describes. Empty if it sends nothing.
+            frame that the board holds; a reset does not change this frame. A firmware with a banner
+            also acknowledges frames, as `firmware/README.md` describes. Empty if the board sends
+            nothing.
         letters: Letters of its frames' fields, in order; empty if they depend on the robot.
     """
 
@@ -48,8 +49,8 @@ STOCK = ArduinoFirmware(
     turn_time=0.00015,
     words=_WORDS,
 )
-# It stores a frame, and timers move the servos, so a frame needs only its time on the line. The
-# largest step is the same, because it bounds how far the arm moves after a stop.
+# The firmware of armtree stores a frame, and timers move the servos. A frame therefore needs only
+# its time on the line. The largest step is the same, because it bounds the motion after a stop.
 ARMTREE = ArduinoFirmware(
     "armtree",
     rate=50.0,

@@ -1,7 +1,7 @@
 """The wire format: joint positions to frames such as `b090,s090,e090,g000,` and back.
 
-The arithmetic has the same order as in the published driver and must keep it: angles are truncated,
-so an equal formula in another order can give other bytes.
+The order of the arithmetic is that of the published driver, and must not change. Angles are
+truncated, so another order of the same formula can give other bytes.
 """
 
 import re
@@ -16,7 +16,7 @@ ANGLE_MAX = 180  # largest angle of a servo [deg]
 
 @dataclass(frozen=True, slots=True)
 class WireField:
-    """How one joint is encoded in a frame, in servo degrees.
+    """The encoding of one joint in a frame, in servo degrees.
 
     The angle is `trunc((sign * q + offset) * 180 / span)`, or 180 minus that if `reversed`.
 
@@ -25,7 +25,7 @@ class WireField:
         sign: +1 or -1, the factor of the joint position.
         offset: Added to the signed joint position [rad].
         span: Range of the joint over the 180 degrees of the servo [rad].
-        reversed: Whether the servo turns in the opposite direction.
+        reversed: True if the servo turns in the opposite direction.
     """
 
     letter: str
@@ -73,7 +73,7 @@ class Codec:
         """Return the frame with these bytes.
 
         Raises:
-            ValueError: They are not a frame of this robot.
+            ValueError: The bytes are not a frame of this robot.
         """
         match = self._pattern.fullmatch(data)
         servos = tuple(int(angle) for angle in match.groups()) if match else ()
@@ -85,7 +85,8 @@ class Codec:
     def decode(self, frame: Frame) -> tuple[float, ...]:
         """Return the joint positions of a frame, within their limits [rad].
 
-        Truncation maps an interval of positions to one angle. This is the middle of the interval.
+        Truncation maps an interval of positions to one angle. The result is the middle of the
+        interval.
         """
         return tuple(
             min(max(_position(wire, angle), joint.lower), joint.upper)
@@ -94,7 +95,7 @@ class Codec:
 
 
 def servo_angle(wire: WireField, q: float) -> int:
-    """Return the servo angle for a joint position [rad], in [deg]."""
+    """Return the servo angle [deg] for a joint position [rad]."""
     angle = int(((wire.sign * q + wire.offset) * 180) / wire.span)
     return 180 - angle if wire.reversed else angle
 

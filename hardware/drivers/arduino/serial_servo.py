@@ -48,7 +48,7 @@ class SerialServo:
         return field
 
     def check(self, root: TomlTable, joints: Sequence[Joint], firmware: Firmware) -> None:
-        """Check that letters are unique and known to the board, and that a stop fits its buffer."""
+        """Check that letters are unique and known, and that a stop fits into the buffer."""
         _check_letters(root.table("joints"), joints)
         codec = Codec(joints)
         assert isinstance(firmware, ArduinoFirmware)
@@ -56,7 +56,7 @@ class SerialServo:
             knows = f"{firmware.name} has servos {', '.join(firmware.letters)}, in this order"
             what = f"{knows}; the joints here have {', '.join(codec.letters)}"
             root.table("serial").fail(
-                "firmware", f"{what}. Change those, or flash another firmware"
+                "firmware", f"{what}. Change the letters, or flash another firmware"
             )
         frame = codec.frame([0] * len(joints))
         if unread_bytes(frame, waiting=1) > firmware.ring:
@@ -70,7 +70,7 @@ class SerialServo:
     def protocol(
         self, joints: Sequence[Joint], firmware: Firmware, robot_file: Path
     ) -> Acknowledgements:
-        """Return the acknowledgements of a firmware; for the published sketch, its silence."""
+        """Return the acknowledgements of a firmware. The published sketch sends none."""
         assert isinstance(firmware, ArduinoFirmware)
         return Acknowledgements(Codec(joints), firmware, FIRMWARES.values(), robot_file)
 
@@ -86,7 +86,7 @@ class SerialServo:
 
 
 def _is_servo_angle(field: WireField, limit: float) -> bool:
-    """Return whether a position limit [rad] is an angle from 0 to 180 degrees."""
+    """Return True if a position limit [rad] is an angle from 0 to 180 degrees."""
     try:
         return 0 <= servo_angle(field, limit) <= ANGLE_MAX
     except (ArithmeticError, ValueError):  # an infinite limit, or a span near 0

@@ -21,8 +21,8 @@ from .virtual.servo import Servo
 from .wire_format import ServoFormat, ServoWire
 
 _RATE = 50.0  # [Hz]
-_MAX_STEP = 400  # of all servos in one frame [ticks]; six servos at their top speed take 408
-_GRAVITY = 0.2  # load that holds the model of a joint
+_MAX_STEP = 400  # largest total step of one frame [ticks]; six servos at top speed need 408
+_GRAVITY = 0.2  # load of a joint of the model, as a part of the largest torque
 
 _WORDS = Words(
     board="servo bus",
@@ -51,7 +51,7 @@ FIRMWARES = {
 
 @dataclass(frozen=True)
 class Feetech:
-    """A bus with one servo for each joint.
+    """The driver of a bus with one servo for each joint.
 
     The key `firmware` of a robot file names the series of the servos.
     """
@@ -78,7 +78,7 @@ class Feetech:
         return wire
 
     def check(self, root: TomlTable, joints: Sequence[Joint], firmware: Firmware) -> None:
-        """Check that ids are unique, and that no joint passes the seam of its servo's turn."""
+        """Check that ids are unique and that no joint passes the seam of its servo."""
         series, taken = _SERIES[firmware.name], dict[int, str]()
         wires, table = ServoFormat(series, joints), root.table("joints")
         for joint in joints:
@@ -103,7 +103,7 @@ class Feetech:
     def protocol(
         self, joints: Sequence[Joint], firmware: Firmware, robot_file: Path
     ) -> BusProtocol:
-        """Return the requests and answers of a bus."""
+        """Return the protocol of a bus: its requests and answers."""
         series = _SERIES[firmware.name]
         return BusProtocol(series, ServoFormat(series, joints))
 

@@ -1,8 +1,8 @@
 """Packets of the bus: `ff ff id length code parameters... checksum`.
 
-The code is an instruction in a packet to the servos, and the error bits in a status packet from
-one. The length counts code, parameters and checksum. The checksum is the inverted sum of all bytes
-from the id on. Source: Feetech, "SMS/STS communication protocol user manual".
+In a packet to the servos, the code is an instruction. In a status packet from a servo, it has the
+error bits. The length counts code, parameters and checksum. The checksum is the inverted sum of all
+bytes from the id on. Source: Feetech, "SMS/STS communication protocol user manual".
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,7 +16,7 @@ _LONGEST = 250  # parameters and checksum of the longest packet [bytes]
 
 
 class Instruction(IntEnum):
-    """What a packet to the servos asks for."""
+    """Instructions in packets to the servos."""
 
     PING = 0x01
     READ = 0x02
@@ -31,7 +31,7 @@ class Packet:
 
     Attributes:
         servo: Id of the servo.
-        code: Instruction, or error bits of a status packet.
+        code: Instruction; in a status packet the error bits.
         parameters: The other bytes.
     """
 
@@ -41,33 +41,33 @@ class Packet:
 
     @property
     def data(self) -> bytes:
-        """Its bytes on the bus."""
+        """Bytes of the packet on the bus."""
         body = bytes([self.servo, len(self.parameters) + 2, self.code]) + self.parameters
         return HEADER + body + bytes([~sum(body) & 0xFF])
 
 
 def read(servo: int, address: int, count: int) -> bytes:
-    """Return a request for bytes of the memory of one servo."""
+    """Return a request for bytes of one servo's memory."""
     return Packet(servo, Instruction.READ, bytes([address, count])).data
 
 
 def write(servo: int, address: int, values: bytes) -> bytes:
-    """Return a command that writes to the memory of one servo, which answers."""
+    """Return a command that writes to one servo's memory. The servo answers."""
     return Packet(servo, Instruction.WRITE, bytes([address]) + values).data
 
 
 def sync_read(servos: Sequence[int], address: int, count: int) -> bytes:
-    """Return a request for bytes of the memories of several servos. They answer in this order."""
+    """Return a request for bytes of several servos' memories. They answer in this order."""
     parameters = bytes([address, count, *servos])
     return Packet(BROADCAST, Instruction.SYNC_READ, parameters).data
 
 
 def sync_write(address: int, values: Mapping[int, bytes]) -> bytes:
-    """Return a command that writes to the memories of several servos. They do not answer.
+    """Return a command that writes to several servos' memories. They do not answer.
 
     Args:
         address: First address.
-        values: Bytes by servo, of one length.
+        values: Bytes for each servo, by id. All have the same length.
     """
     count = len(next(iter(values.values())))
     body = b"".join(bytes([servo]) + each for servo, each in values.items())
@@ -75,10 +75,10 @@ def sync_write(address: int, values: Mapping[int, bytes]) -> bytes:
 
 
 def take_packets(received: bytearray) -> list[Packet]:
-    """Remove all whole packets from received bytes, and return them. Damaged bytes are dropped.
+    """Remove all whole packets from received bytes and return them. Drops damaged bytes.
 
-    A packet with a wrong checksum is dropped with its first byte only, because a byte may have
-    been lost and the next packet may be inside.
+    If a checksum is wrong, only the first byte of the packet is dropped. A byte may have been lost,
+    and the next packet may begin inside.
     """
     found = list[Packet]()
     while (begin := received.find(HEADER)) >= 0:

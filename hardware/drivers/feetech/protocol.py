@@ -1,7 +1,7 @@
 """Requests and answers on the bus: one sync write and one sync read in each cycle.
 
-Only one side may talk at a time. A request for all servos goes out right after a frame, and the
-next frame waits for the answers or their timeout.
+Only one side may send at a time. A request to all servos follows each frame. The next frame waits
+for the answers or their timeout.
 """
 
 import math
@@ -23,26 +23,26 @@ from .packets import Packet, sync_read, take_packets
 from .registers import ERRORS, KEPT, MEMORY, Series
 from .wire_format import ServoFormat
 
-# Six answers take 1 ms on the line, and a USB adapter may keep them for another 16 ms. They come
-# one after another, so when some came and then nothing, the rest is lost. How long this adapter and
-# host take is measured. Without any answer the host may be busy, or the adapter slow.
-ANSWER_TIMEOUT = 0.02  # of the first answer to a request, and the longest of the rest [s]
-_LEAST_TIMEOUT = 0.003  # of the rest [s]
-_TIMES_SLOWEST = 2.0  # timeout of the rest over the time of the slowest of the last cycles
-_HOST_LATE = 0.005  # a request that is later says nothing about the servos, but of the host [s]
-_REMEMBERED = 0.99  # share of the slowest cycle that is remembered in the next one
-_PERIOD = 0.02  # between requests without a frame, while the arm may move [s]
-_IDLE_PERIOD = 0.2  # between requests while nothing moves [s]
-_SETTLING = 1.0  # time after a frame while the arm may move [s]
-LOST_REQUESTS = 5  # requests in a row without the answer of a servo that are a fault
-_ALL_LOST = 10  # the same if none answers, because the host or the adapter may be busy
-_STATE_PERIOD = 0.1  # between requests that include the torque [s]
-_LIMP = 5  # of their answers, that a servo may have no torque after it was switched on
-_RAMP = 15  # parts in which torque rises, one in each period of frames
+# Six answers take 1 ms on the line. A USB adapter may delay them by another 16 ms. Answers come one
+# after another: if some came and then none, the rest is lost. The delay of this adapter and host is
+# measured. If no answer comes, the host may be busy, or the adapter may be slow.
+ANSWER_TIMEOUT = 0.02  # timeout of the first answer; largest timeout of the rest [s]
+_LEAST_TIMEOUT = 0.003  # smallest timeout of the rest [s]
+_TIMES_SLOWEST = 2.0  # timeout of the rest / slowest of the last cycles
+_HOST_LATE = 0.005  # a request later than this shows a busy host, not a silent servo [s]
+_REMEMBERED = 0.99  # factor that the slowest cycle decays by in each cycle
+_PERIOD = 0.02  # period of requests without a frame, while the arm may move [s]
+_IDLE_PERIOD = 0.2  # period of requests while nothing moves [s]
+_SETTLING = 1.0  # time after a frame in which the arm may move [s]
+LOST_REQUESTS = 5  # unanswered requests in a row that are a fault of a servo
+_ALL_LOST = 10  # the same if no servo answers: the host or adapter may be busy
+_STATE_PERIOD = 0.1  # period of requests that include the torque [s]
+_LIMP = 5  # answers that may still report no torque after it was switched on
+_RAMP = 15  # steps in which torque rises, one in each period of frames
 
 
 class BusProtocol(BoardProtocol):
-    """Asks all servos where they are, how they are, and whether they are still there.
+    """Requests positions and health of all servos, and detects missing ones.
 
     Args:
         series: Series of the servos.
@@ -56,28 +56,30 @@ class BusProtocol(BoardProtocol):
         self._series, self._wires = series, wires
         self._joints = {servo: joint for joint, servo in wires.servos.items()}
         kept, self._state, self._cycle = series.blocks
-        self._asked = [self._state, kept]  # what is asked next; then the cycle, again and again
+        self._asked = [self._state, kept]  # the next requests; after them, only the cycle repeats
         self._received = bytearray()
         self._waiting = set[int]()  # servos that have not answered the last request
-        self._answers = dict[int, bytes]()  # of those that have
-        self._heard = set[int]()  # servos that have ever answered
+        self._answers = dict[int, bytes]()  # answers to the last request, by servo
+        self._heard = set[int]()  # servos that have answered since the port was opened
         self._doubtful = set[int]()  # ids that answered the last request twice
-        self._twice = Counter[int]()  # how often an id answered one request twice
+        self._twice = Counter[int]()  # number of double answers, by id
         self._requests = 0
         self._noise = 0  # received bytes that belong to no packet
         self._silent = dict.fromkeys(self._joints, 0)  # requests in a row without an answer
-        self._begun = -math.inf  # when this cycle began: its first request [s]
-        self._slowest = 0.0  # of the last cycles [s]
-        self._settles = -math.inf  # until then the arm may move [s]
-        self._state_time = -math.inf  # of the last answers with the torque [s]
-        self._holds = False  # whether torque was switched on
-        self._limp = dict.fromkeys(self._joints, _LIMP)  # such answers without torque still allowed
+        self._begun = -math.inf  # time of the first request of this cycle [s]
+        self._slowest = 0.0  # time of the slowest of the last cycles [s]
+        self._settles = -math.inf  # time until which the arm may move [s]
+        self._state_time = -math.inf  # time of the last answers with the torque [s]
+        self._holds = False  # True if torque was switched on
+        self._limp = dict.fromkeys(
+            self._joints, _LIMP
+        )  # number of answers without torque still allowed
         self._memories = {servo: bytearray(MEMORY) for servo in self._joints}
         self.lost = dict.fromkeys(self._joints, 0)
-        self.next_poll = -math.inf  # ask at once where the servos are
+        self.next_poll = -math.inf  # request the positions at once
 
     def check_booted(self, port: str, waited: float) -> None:
-        """Check that all servos answered, and that they keep what the calibration says."""
+        """Check that all servos answered, and that their stored values match the calibration."""
         if not self._heard and self._noise:
             raise NoServos(port, waited, self._noise)
         if not self.boot_frame:
@@ -91,16 +93,16 @@ class BusProtocol(BoardProtocol):
                 raise CalibrationDiffers(servo, joint, name, kept, expected)
 
     def hold_commands(self) -> bytes:
-        """Return the command that holds the servos where they are."""
+        """Return the command that holds the servos at their measured positions."""
         self._store_answers()
         positions = self._values("position")
         return self._wires.command("goal_position", positions) if self.measured else b""
 
     def torque_commands(self, on: bool) -> Sequence[bytes]:
-        """Return the commands that let the servos go, or hold them where they are.
+        """Return the commands that release the servos, or hold them at their positions.
 
-        The goal comes before the torque, and the torque of a servo that holds nothing rises slowly,
-        if its series can limit it.
+        The goal comes before the torque. The torque of a servo without torque rises slowly, if its
+        series can limit it.
         """
         self._holds = on
         if not on:
@@ -128,13 +130,13 @@ class BusProtocol(BoardProtocol):
         return self._wires.command("torque_enable", [on] * len(self._joints))
 
     def note_sent(self, frame: Frame, now: float) -> None:
-        """Ask for the state of the servos right after a frame."""
+        """Request the state of the servos right after a frame."""
         self._settles = now + _SETTLING
         if not self._waiting:
             self.next_poll = now
 
     def poll(self, now: float) -> bytes:
-        """Return a request to all servos. The last one has been answered, or its time is over.
+        """Return a request to all servos, after the answers or the timeout of the last one.
 
         Raises:
             ServoSilent: A servo did not answer several requests in a row.
@@ -157,14 +159,14 @@ class BusProtocol(BoardProtocol):
 
     @property
     def _block(self) -> tuple[int, int]:
-        """Address and number of the bytes that are asked for."""
+        """Address and number of the requested bytes."""
         return self._asked[0] if self._asked else self._cycle
 
     def receive(self, data: bytes, now: float) -> None:
-        """Process answers. Answers of unknown servos and damaged ones are ignored.
+        """Process answers. Answers of unknown servos and damaged answers are ignored.
 
-        Only the answers of all servos to one request are a measurement: a servo that answers with
-        the id of another leaves its own answer out.
+        A measurement needs the answers of all servos to one request. If a servo answers with the id
+        of another one, its own answer is missing.
 
         Raises:
             ServoFault: A servo reports an error.
@@ -179,11 +181,14 @@ class BusProtocol(BoardProtocol):
                 self._twice[packet.servo] += 1
             elif packet.servo in self._waiting:
                 self._process(packet)
-                if self._waiting and not self.boot_frame:  # nothing else waits for the line
+                if (
+                    self._waiting and not self.boot_frame
+                ):  # before the boot no frame waits for the line
                     self.free_at = self.next_poll = now + ANSWER_TIMEOUT
                 elif self._waiting:
                     rest = max(_TIMES_SLOWEST * self._slowest, _LEAST_TIMEOUT)
-                    # Never later: a frame may be about to be sent on a line that was found free.
+                    # Never set to a later time: the streamer may be sending a frame, because it
+                    # found the line free.
                     self.free_at = min(self.free_at, now + rest)
                     self.next_poll = min(self.next_poll, now + rest)
                 else:
@@ -204,14 +209,14 @@ class BusProtocol(BoardProtocol):
             temperature = self._series.unpack("temperature", memory)
             volts = self._series.unpack("voltage", memory) / 10
             raise ServoFault(servo, self._joints[servo], names, temperature, volts)
-        if whole:  # else it is the answer to another request
+        if whole:  # else it answers another request
             self._waiting.discard(servo)
             self._heard.add(servo)
             self._silent[servo] = 0
             self._answers[servo] = packet.parameters
 
     def _take_answers(self, now: float) -> None:
-        """Take the answers of all servos to one request."""
+        """Process the answers of all servos to one request."""
         self._store_answers()
         first, count = self._block
         if first <= self._state[0] < first + count:
@@ -229,7 +234,7 @@ class BusProtocol(BoardProtocol):
             self._asked.append(self._state)
 
     def _store_answers(self) -> None:
-        """Store what was answered to the last request, so that a hold is where the servos are."""
+        """Store the answers to the last request, so that a hold uses the latest positions."""
         first, count = self._block
         for servo, answer in self._answers.items():
             if servo not in self._doubtful:
@@ -237,7 +242,7 @@ class BusProtocol(BoardProtocol):
         self._answers = {}
 
     def _check_torque(self) -> None:
-        """Check that the servos hold, a little after the command, and from then on."""
+        """Check that the servos have torque, some answers after the command and later."""
         for servo, holds in zip(self._joints, self._values("torque_enable"), strict=True):
             if holds:
                 self._limp[servo] = 0
@@ -247,5 +252,5 @@ class BusProtocol(BoardProtocol):
                     raise TorqueLost(servo, self._joints[servo])
 
     def _values(self, register: str) -> list[int]:
-        """Return the last value of a register of every servo, by joint."""
+        """Return the last value of a register for every servo, in the order of joints."""
         return [self._series.unpack(register, memory) for memory in self._memories.values()]

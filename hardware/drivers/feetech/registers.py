@@ -8,7 +8,7 @@ Nothing here was checked with a real servo.
 
 from dataclasses import dataclass
 
-MEMORY = 87  # bytes of a servo's memory
+MEMORY = 87  # size of a servo's memory [bytes]
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,10 +18,10 @@ class Register:
     Attributes:
         address: Its first address.
         size: Number of its bytes, 1 or 2.
-        sign: Number of the bit that is the sign of the value, or None if it has none. The other
-            bits are its magnitude.
-        initial: Value when the servo leaves the factory.
-        kept: Whether the value survives when the power is switched off.
+        sign: Number of the sign bit, or None if the value has no sign. The other bits are the
+            magnitude.
+        initial: Factory value.
+        kept: True if the value survives without power.
     """
 
     address: int
@@ -37,7 +37,7 @@ class Series:
 
     Attributes:
         name: Its name.
-        big_endian: Whether the high byte of a value comes first.
+        big_endian: True if the high byte of a value comes first.
         ticks: Number of positions.
         turn: Angle of all positions together [deg].
         registers: Its registers by name. Positions are in ticks, loads in 0.1 % of the largest
@@ -54,8 +54,8 @@ class Series:
     def blocks(self) -> tuple[tuple[int, int], ...]:
         """First address and length of three parts of the memory.
 
-        The first part is kept without power. The second begins with the torque. The third is what a
-        servo measures; each cycle reads it.
+        The first part survives without power. The second part begins with the torque. The third
+        part has the measured values; each cycle reads it.
         """
         first = [self.registers[name].address for name in ("torque_enable", "position")]
         last = self.registers["temperature"]
@@ -66,7 +66,7 @@ class Series:
         """Return the bytes of a value of a register.
 
         Raises:
-            OverflowError: It does not fit.
+            OverflowError: The value does not fit into the register.
         """
         register = self.registers[name]
         if register.sign is not None and value < 0:
@@ -79,7 +79,7 @@ class Series:
         Args:
             name: Name of the register.
             memory: Bytes of the memory.
-            first: Address of the first of them.
+            first: Address of the first byte.
         """
         register = self.registers[name]
         begin = register.address - first

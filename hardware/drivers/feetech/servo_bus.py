@@ -1,4 +1,4 @@
-"""Servos that are asked one by one, over an open port: pings, reports and values that they keep."""
+"""Requests to single servos over an open port: pings, reports and stored values."""
 
 from collections.abc import Iterable, Mapping, Sequence
 
@@ -11,7 +11,7 @@ from hardware.link.link import Link
 from .packets import Instruction, Packet, read, sync_read, take_packets, write
 from .registers import ERRORS, KEPT, Series
 
-_TIMEOUT = 0.025  # longest time for one answer; a USB adapter may keep it for 16 ms [s]
+_TIMEOUT = 0.025  # timeout of one answer; a USB adapter may delay it by 16 ms [s]
 _TRIES = 3
 
 
@@ -42,7 +42,7 @@ class FeetechBus:
         self._reader.join()
 
     def find(self, ids: Iterable[int]) -> Found:
-        """Ask ids for a report."""
+        """Request a report from each id."""
         servos, damaged, noise = dict[int, ServoReport](), set[int](), 0
         strangers = dict[int, int]()
         for servo in ids:
@@ -61,13 +61,13 @@ class FeetechBus:
         return Found(servos, frozenset(damaged - servos.keys()), noise, strangers)
 
     def _ping(self, servo: int) -> tuple[list[Packet], int]:
-        """Ping a servo; once more if it does not answer."""
+        """Ping a servo, and repeat this once if it does not answer."""
         request = Packet(servo, Instruction.PING).data
         answers, rest = self._ask(request, 1)
         return (answers, rest) if answers or rest else self._ask(request, 1)
 
     def positions(self, ids: Sequence[int]) -> dict[int, int]:
-        """Return the positions of servos by id [ticks], of those that answer."""
+        """Return the positions of the servos that answer [ticks], by id."""
         register = self._series.registers["position"]
         packets, _ = self._ask(sync_read(ids, register.address, register.size), len(ids))
         return {
@@ -82,12 +82,12 @@ class FeetechBus:
             self._put(servo, "torque_enable", 0)
 
     def keep(self, servo: int, values: Mapping[str, int]) -> None:
-        """Write values that a servo keeps, and read them back.
+        """Write stored values of a servo, and read them back.
 
-        A new id counts from its write on, so it must be the last of the values.
+        A new id applies at once, so it must be the last value.
 
         Raises:
-            NotKept: It reads back another value, or does not answer.
+            NotKept: The servo reads back another value, or does not answer.
         """
         self._put(servo, "lock", 0)
         for name, value in values.items():
@@ -131,7 +131,7 @@ class FeetechBus:
         self._answer(servo, write(servo, self._series.registers[register].address, data), 0)
 
     def _answer(self, servo: int, request: bytes, count: int) -> Packet | None:
-        """Return the answer of a servo with so many parameters; None after some tries."""
+        """Return the answer of a servo with this number of parameters; None after some tries."""
         for _ in range(_TRIES):
             for packet in self._ask(request, 1)[0]:
                 if packet.servo == servo and len(packet.parameters) == count:
@@ -139,10 +139,10 @@ class FeetechBus:
         return None
 
     def _ask(self, request: bytes, wanted: int) -> tuple[list[Packet], int]:
-        """Send a request, and wait for so many answers or their timeout.
+        """Send a request, and wait for this number of answers or their timeout.
 
         Returns:
-            The answers, and the number of received bytes that belong to none.
+            The answers, and the number of received bytes outside of packets.
         """
         with self._changed:
             self._received.clear()

@@ -14,14 +14,14 @@ from .registers import Series
 
 @dataclass(frozen=True, slots=True)
 class ServoWire:
-    """How one joint is driven: `ticks = middle + sign * (q + offset)`, scaled to ticks.
+    """The conversion of one joint: `ticks = middle + sign * (q + offset)`, scaled to ticks.
 
     Attributes:
         servo: Id of its servo.
         sign: +1 or -1.
         offset: Added to the joint position [rad]. At 0 the servo is in the middle of its turn.
-        kept: What the servo must keep, if it was calibrated: its offset and limits [ticks], by
-            their names in `ServoReport.kept`.
+        kept: Values that a calibrated servo must store: its offset and limits [ticks], by their
+            names in `ServoReport.kept`.
     """
 
     servo: int
@@ -51,7 +51,7 @@ class ServoFormat:
 
     @property
     def kept(self) -> list[tuple[str, str, int]]:
-        """Joint, name and value of all that calibrated servos must keep."""
+        """Joint, name and value of everything that calibrated servos must store."""
         pairs = zip(self._joints, self._wires, strict=True)
         return [(joint.name, *each) for joint, wire in pairs for each in wire.kept]
 

@@ -1,1 +1,1 @@
-"""Virtual boards: any model of a board, behind a pseudo-terminal or in this process."""
+"""Virtual boards: models of boards, behind a pseudo-terminal or in this process."""

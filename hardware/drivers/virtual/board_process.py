@@ -20,11 +20,11 @@ _PROGRAM = f"{__package__}.program"
 
 
 class BoardProcess:
-    """The process of a virtual board. Its port can be opened at once, while the process starts.
+    """The process of a virtual board. A client can open its port at once, while the process starts.
 
     Args:
         model: The board. The process has its own copy of it.
-        baud: Speed of its line [bit/s]; it understands nothing at another speed. None for any.
+        baud: Speed of its line [bit/s]. Bytes at another speed are lost. None accepts any speed.
 
     Attributes:
         port: Name of the pseudo-terminal.
@@ -38,7 +38,7 @@ class BoardProcess:
         # The master can detect a client only while no slave is open here.
         os.close(slave)
         board = base64.b64encode(pickle.dumps(model)).decode()
-        # In its own session, so that Ctrl-C at the terminal does not reach it.
+        # The process has its own session, so that Ctrl-C at the terminal does not reach it.
         self._process = subprocess.Popen(
             [sys.executable, "-P", "-m", _PROGRAM, str(master), board, str(baud or 0)],
             stdin=subprocess.PIPE,
@@ -52,11 +52,11 @@ class BoardProcess:
         self._closing = threading.Lock()
 
     def state(self) -> Any:
-        """Return the state of the board, as its model does. Raises what `call` raises."""
+        """Return the state of the model. Raises the errors of `call`."""
         return self.call("state")
 
     def call(self, method: str, *arguments: object) -> Any:
-        """Call a method of the board with the time and arguments, and return what it returns.
+        """Call a method of the board with the time and arguments, and return its result.
 
         Raises:
             LinkError: The process has ended.
@@ -72,17 +72,17 @@ class BoardProcess:
             raise LinkError(self.port, "the virtual board has ended") from None
 
     def close(self) -> None:
-        """End the process, as if the cable was disconnected. Does nothing if it has ended."""
+        """End the process, as if the cable were disconnected. Does nothing if it has ended."""
         with self._closing:
-            self._process.kill()  # it has no state to save
+            self._process.kill()  # the process has no state to save
             self._process.communicate()
 
 
 class VirtualLink:
-    """A serial link to a virtual board. Its process starts at the latest when the link opens.
+    """A serial link to a virtual board. Opening the link starts the process of the board.
 
     Args:
-        model: The board when it is switched on.
+        model: The board in its state at power-on.
         baud: Speed of the line [bit/s].
 
     Attributes:
@@ -99,13 +99,13 @@ class VirtualLink:
     def switch_on(self) -> BoardProcess:
         """Start the process of the board, without waiting for it, and return it.
 
-        It starts while the caller does other things. `close` ends it.
+        The caller can work while the process starts. `close` ends it.
         """
         self.board = self.board or BoardProcess(self._model)
         return self.board
 
     def open(self) -> None:
-        """Wait for the board, which is switched on if necessary, and open its port.
+        """Switch the board on if necessary, wait for it, and open its port.
 
         Raises:
             LinkError: The port cannot be opened.
@@ -113,7 +113,7 @@ class VirtualLink:
         board = self.switch_on()
         link = SerialLink(board.port, self._baud)
         try:
-            board.state()  # it has started, so the boot time begins with the opening
+            board.state()  # wait for its start, so that the boot time begins at the opening
             link.open()
         except LinkError:
             self.close()
@@ -121,14 +121,14 @@ class VirtualLink:
         self._serial = link
 
     def write(self, data: bytes) -> None:
-        """Send bytes. Raises what `SerialLink.write` raises."""
+        """Send bytes. Raises the errors of `SerialLink.write`."""
         link = self._serial
         if link is None:
             raise PortLost(self.port, "The virtual board is not open")
         link.write(data)
 
     def read(self) -> bytes:
-        """Wait for bytes. Raises what `SerialLink.read` raises."""
+        """Wait for bytes. Raises the errors of `SerialLink.read`."""
         link = self._serial
         return link.read() if link else b""
 

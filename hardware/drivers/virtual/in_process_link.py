@@ -1,4 +1,4 @@
-"""Links without a port, on the injected clock: to a virtual board in this process, and to none."""
+"""Links without a port, on the injected clock: to a virtual board in this process, or to none."""
 
 from typing import Generic, TypeVar
 
@@ -47,10 +47,10 @@ class BoardLink(Generic[Model]):
                 why = f"Something went wrong while sending the message {what} to the port"
                 raise PortLost(self.port, f"{why} {self.port}")
             self.board.receive(data, self._clock.now())
-            self._changed.notify()  # a waiting `read` computes again when an answer may come
+            self._changed.notify()  # a waiting `read` computes the time of the next answer again
 
     def read(self) -> bytes:
-        """Wait for bytes, and return them. No bytes mean that the link is closed.
+        """Wait for bytes and return them; empty if the link is closed.
 
         Raises:
             PortLost: The board was unplugged.
@@ -68,7 +68,7 @@ class BoardLink(Generic[Model]):
         """Close the link. A waiting `read` returns.
 
         Args:
-            discard: Whether to drop bytes that have not arrived yet.
+            discard: True to drop the bytes that have not arrived.
         """
         with self._changed:
             self._open = False

@@ -1,8 +1,8 @@
 """The process of a virtual board.
 
 It serves a pseudo-terminal that it inherits. Every line on its standard input is the name of a
-method of the board with its arguments, pickled in base64; it answers with what that returns, in the
-same form. It ends when its standard input ends.
+method of the board with its arguments, pickled in base64. The process answers with the result in
+the same form. It ends when its standard input ends.
 """
 
 import base64
@@ -18,9 +18,9 @@ from hardware.clock import RealClock
 
 from .model import BoardModel
 
-# While the port is not open a wait for it returns at once, so the process sleeps between looks.
+# A wait for a port that is not open returns at once, so the process sleeps between two checks.
 _SLEEP = 0.005  # [s]
-_NICE = -10  # niceness that is asked for
+_NICE = -10  # niceness that the process requests
 
 
 class _Server:
@@ -28,7 +28,7 @@ class _Server:
 
     def __init__(self, board: BoardModel, master: int, baud: int) -> None:
         self._board, self._clock = board, RealClock()
-        self._speed = getattr(termios, f"B{baud}", 0)  # as termios codes it; 0 for any
+        self._speed = getattr(termios, f"B{baud}", 0)  # code of termios; 0 for any speed
         self._master, self._opened = master, False
         os.set_blocking(master, False)
 
@@ -39,7 +39,7 @@ class _Server:
             self._check_port()
             self._write()
             watched = [stdin, self._master] if self._opened else [stdin]
-            # `poll` waits for whole milliseconds, in which a bus answers several times.
+            # Not `poll`: it waits for whole milliseconds, and a bus answers several times in one.
             readable, _, _ = select.select(watched, [], [], self._timeout())
             if stdin in readable and not self._answer():
                 return
@@ -49,7 +49,7 @@ class _Server:
         hung_up = bool(self._events() & select.POLLHUP)
         if self._opened:
             while self._read() and hung_up:
-                pass  # the rest from a client that has gone must not reach the next one
+                pass  # read the rest of a disconnected client; the next one must not get it
         if self._opened is hung_up:
             self._opened = not hung_up
             if self._opened:
@@ -62,17 +62,17 @@ class _Server:
         return dict(probe.poll(0)).get(self._master, 0)
 
     def _timeout(self) -> float | None:
-        """Return the longest time to wait for bytes [s], or None for no limit."""
+        """Return the longest time to wait for bytes [s]; None for no limit."""
         if not self._opened:
             return _SLEEP
         due = self._board.next_output()
         return None if due is None else max(0.0, due - self._clock.now())
 
     def _read(self) -> bool:
-        """Pass bytes to the board. Return False if there are none."""
+        """Pass bytes to the board. Return False if there are no bytes."""
         try:
             data = os.read(self._master, 4096)
-        except OSError:  # no bytes, or the client has gone
+        except OSError:  # no bytes, or the client has disconnected
             return False
         speed = termios.tcgetattr(self._master)[5]
         if self._speed in (0, speed):
@@ -82,7 +82,9 @@ class _Server:
     def _write(self) -> None:
         data = self._board.read_output(self._clock.now())
         if data and self._opened:
-            with contextlib.suppress(BlockingIOError):  # lost without a reader, as on a line
+            with contextlib.suppress(
+                BlockingIOError
+            ):  # without a reader, bytes are lost, as on a line
                 os.write(self._master, data)
 
     def _answer(self) -> bool:
@@ -96,10 +98,10 @@ class _Server:
 
 
 def main() -> None:
-    """Run a board. The arguments are its pseudo-terminal, its model in base64, and its speed."""
-    with contextlib.suppress(OSError):  # a board answers in time, however busy the host is
+    """Run a board. Its arguments are a pseudo-terminal, a model in base64, and a speed."""
+    with contextlib.suppress(OSError):  # so that the board answers in time on a busy host
         os.setpriority(os.PRIO_PROCESS, 0, _NICE)
-        Path("/proc/self/autogroup").write_text(str(_NICE))  # its session is its own
+        Path("/proc/self/autogroup").write_text(str(_NICE))  # the process has a session of its own
     master, model, baud = sys.argv[1:]
     _Server(pickle.loads(base64.b64decode(model)), int(master), int(baud)).run()
 

@@ -73,7 +73,7 @@ def test_the_calibration_of_another_arm_is_refused_before_anything_moves(tmp_pat
     made.bus.servos[2].put("offset", -7)
     with made.clock.working(), made.arm:
         made.arm.configure()
-        why = "Servo 3 of joint_3 keeps homing = -7; the calibration file has 12. It is of another"
+        why = "Servo 3 of joint_3 keeps homing = -7; the calibration file has 12. The file"
         with pytest.raises(CalibrationDiffers, match=why):
             made.arm.activate()
         assert not any(made.bus.state(made.clock.now()).torque.values())

@@ -251,7 +251,7 @@ def test_a_urdf_with_thousands_of_links(tmp_path: Path) -> None:
 
 def test_a_robot_file_that_is_not_there(tmp_path: Path) -> None:
     (tmp_path / "z1.toml").touch()
-    none = "there is no such file, and no such robot ships; there are arduinobot, so101"
+    none = "there is no such file, and no shipped robot of that name; there are arduinobot, so101"
     for name, near in (("none", ""), ("z1", tmp_path / "z1.toml"), ("s101.toml", "so101")):
         wanted = f"{none}; did you mean {near}?" if near else none
         assert refusal(tmp_path / name).endswith(wanted)
@@ -353,7 +353,7 @@ def test_our_firmware_has_its_own_letters(tmp_path: Path, letters: str, has: str
         return
     line = 1 + toml[: toml.index("firmware =")].count("\n")
     knows = "armtree has servos b, s, e, g, in this order; the joints here have"
-    then = "Change those, or flash another firmware"
+    then = "Change the letters, or flash another firmware"
     assert refusal(path) == f"{path}:{line}: serial.firmware: {knows} {has}. {then}"
 
 

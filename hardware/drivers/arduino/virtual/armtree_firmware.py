@@ -1,4 +1,4 @@
-"""The firmware of armtree, as a program of the virtual board. It does what `armtree.c` does.
+"""The firmware of armtree, as a program of the virtual board. It models `armtree.c`.
 
 `firmware/README.md` describes the protocol with every line and counter.
 """
@@ -21,12 +21,12 @@ class ArmtreeFirmware:
         letters: Letters of the fields of a frame, in order.
         boot_angles: Servo angles if the memory holds none [deg].
         held: Servo angles that the memory holds at the start [deg], or None.
-        banner: First bytes of its first line.
+        banner: First bytes of the first line that it sends.
         out: Transmit buffer.
         began: Time of the start [s].
     """
 
-    lost = 0  # it reads faster than bytes can arrive
+    lost = 0  # it reads faster than bytes arrive, so none is lost
 
     def __init__(
         self,
@@ -142,11 +142,11 @@ class ArmtreeFirmware:
     # Sent lines ------------------------------------------------------------------------------
 
     def may_answer(self, byte: int) -> bool:
-        """Return whether it may send something when this byte arrives."""
+        """Return True if it may send something when this byte arrives."""
         return byte in b";?" or (self._acks and byte == ord(","))
 
     def next_output(self) -> float | None:
-        """Return when it will send something if no byte arrives [s], or None for never."""
+        """Return the time of its next output if no byte arrives [s]; None for no output."""
         times = [self._room()] if self._ack_due or self._status_due else []
         if self._watching:
             times.append(self._cycle((self._watchdog_ms - self._silence_ms) // CYCLE_MS + 1))
@@ -190,7 +190,7 @@ class ArmtreeFirmware:
 class _Parser:
     """The parser. It accepts only whole frames and commands.
 
-    A byte that does not fit drops what came before it, and may begin a new frame or command.
+    A byte that does not fit drops the bytes before it, and may begin a new frame or command.
     """
 
     def __init__(self, letters: str) -> None:
@@ -199,7 +199,7 @@ class _Parser:
         self.refused = 0
 
     def feed(self, byte: int) -> bytes:
-        """Return the frame, command or question mark that this byte completes; empty for none."""
+        """Return the frame, command or question mark that this byte completes, or nothing."""
         if not self._fits(byte):
             self.refused += len(self._text)
             self._text = b""
@@ -215,7 +215,7 @@ class _Parser:
         return b""
 
     def _fits(self, byte: int) -> bool:
-        """Return whether the byte can follow."""
+        """Return True if the byte can follow the ones before it."""
         fields, place = divmod(len(self._text), 5)
         field = self._text[5 * fields :]
         if place == 0:

@@ -41,7 +41,7 @@ class Program(Protocol):
 
     @property
     def held(self) -> tuple[int, ...] | None:
-        """Servo angles that it keeps in memory for the next start [deg], or None."""
+        """Servo angles that it stores for the next start [deg], or None."""
 
     @property
     def lost(self) -> int:
@@ -61,16 +61,16 @@ class Program(Protocol):
         """Return the servo angles that the pulses command [deg]."""
 
     def may_answer(self, byte: int) -> bool:
-        """Return whether it may send something when this byte arrives."""
+        """Return True if it may send something when this byte arrives."""
 
     def next_output(self) -> float | None:
-        """Return when it will send something if no byte arrives [s], or None for never."""
+        """Return the time of its next output if no byte arrives [s]; None for no output."""
 
 
 class Board:
     """An Arduino with its program. The caller passes the time [s], which never decreases.
 
-    It is switched on at time 0 and starts at once. After a reset it first boots.
+    It is switched on at time 0 and starts at once. After a reset, it boots before it starts.
 
     Args:
         letters: Letters of the fields of a frame, in order.
@@ -93,14 +93,14 @@ class Board:
         self._start(0.0, None)
 
     def open(self, now: float) -> None:
-        """A program has opened the port: reset the board. Bytes from before are lost."""
+        """Reset the board, because a program has opened the port. Earlier bytes are lost."""
         self.reset(now)
         self.read_output(now)
 
     def reset(self, now: float) -> None:
         """Reset the board. Unread bytes are lost, and the servos do not move until it has booted.
 
-        Then they jump to the boot angles, unless the program keeps their angles.
+        Then they jump to the boot angles, unless the program has stored their angles.
         """
         self.cut_off(now)
         self._resets += 1
@@ -145,7 +145,7 @@ class Board:
         return self._out.sent(now)
 
     def next_output(self) -> float | None:
-        """Return when to read the output again if no byte is received [s], or None for never."""
+        """Return the time of the next output if no byte is received [s]; None for no output."""
         questions = (
             arrival
             for arrival, byte in self._line
@@ -155,7 +155,7 @@ class Board:
         return min((time for time in times if time is not None), default=None)
 
     def advance(self, now: float) -> None:
-        """Process everything that happens until now."""
+        """Run the board until a time [s]."""
         while self._line and self._line[0][0] <= now:
             arrival, byte = self._line.popleft()
             if arrival < self._ready:

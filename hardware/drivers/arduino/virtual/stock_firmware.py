@@ -14,7 +14,7 @@ from hardware.drivers.arduino.firmware_profile import ArduinoFirmware
 
 @dataclass(frozen=True, slots=True)
 class _Turn:
-    """A turn of one servo, one degree at a time. `began` is the time of its first step [s]."""
+    """A turn of one servo by steps of one degree. `began` is the time of the first step [s]."""
 
     servo: int
     start: int
@@ -88,18 +88,18 @@ class StockSketch:
         return tuple(angles)
 
     def may_answer(self, byte: int) -> bool:
-        """Return False: it sends nothing."""
+        """Return False, because it sends nothing."""
         return False
 
     def next_output(self) -> float | None:
-        """Return None: it sends nothing."""
+        """Return None, because it sends nothing."""
         return None
 
 
 def _written(value: int) -> int:
     """Return the angle that the Arduino Servo library reads back after writing a value.
 
-    Values below 544 are degrees, others are microseconds.
+    Values below 544 are degrees; larger values are microseconds.
     """
     if value >= 544:
         return (min(value, 2400) + 1 - 544) * 180 // (2400 - 544)

@@ -2,11 +2,11 @@
 
 from collections import deque
 
-RING = 255  # size of the buffer; one more byte is being sent [bytes]
+RING = 255  # size of the buffer, besides the byte being sent [bytes]
 
 
 class Transmitter:
-    """Sends lines. A line for which there is no room is dropped.
+    """Sends lines. Drops a line if the buffer has no room for it.
 
     Args:
         byte_time: Time to send one byte [s].
@@ -14,7 +14,7 @@ class Transmitter:
 
     def __init__(self, byte_time: float) -> None:
         self._byte_time = byte_time
-        self._lines: deque[tuple[float, bytes]] = deque()  # each with the end time of its last byte
+        self._lines: deque[tuple[float, bytes]] = deque()  # end time of the last byte, and line
         self._free = 0.0
 
     def room_at(self, length: int) -> float:
@@ -34,14 +34,14 @@ class Transmitter:
         return self._lines[0][0] if self._lines else None
 
     def sent(self, now: float) -> bytes:
-        """Return the lines that have been sent by now, and remove them."""
+        """Return the lines that have been sent, and remove them."""
         data = b""
         while self._lines and self._lines[0][0] <= now:
             data += self._lines.popleft()[1]
         return data
 
     def cut(self, now: float) -> None:
-        """Drop all unsent bytes, also the rest of a line that is being sent."""
+        """Drop all unsent bytes, also of a line that is being sent."""
         lines, self._lines = self._lines, deque()
         for end, line in lines:
             left = max(0.0, end - now) / self._byte_time

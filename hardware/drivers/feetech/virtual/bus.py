@@ -12,20 +12,20 @@ from hardware.link.link import BITS_PER_BYTE
 
 from .servo import Servo
 
-DELAY = 0.0001  # from a packet to the answer [s]
+DELAY = 0.0001  # delay from a packet to its answer [s]
 
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """Something that goes wrong on request.
+    """A fault that the model injects.
 
     Attributes:
-        kind: `vanish` (the servo is off the bus), `block` (it cannot move), `overheat`, `brown_out`
+        kind: `vanish` (the servo leaves the bus), `block` (it cannot move), `overheat`, `brown_out`
             (its voltage drops), `restart` (it loses its power for a moment), `renumber` (it gets
             the id `value`), `impersonate` (it answers with the id `value`), `lose` (its next
-            `value` answers are lost) or `damage` (one bit of them changes).
+            `value` answers are lost) or `damage` (its next `value` answers have a wrong bit).
         servo: Id of the servo.
-        time: When it begins [s].
+        time: Begin of the fault [s].
         value: See `kind`.
     """
 
@@ -40,8 +40,8 @@ class BusState:
     """The state of a bus.
 
     Attributes:
-        positions: Where the servos stand, by id [ticks].
-        torque: Whether each servo has torque, by id.
+        positions: Positions of the servos, by id [ticks].
+        torque: True if the servo has torque, by id.
         packets: Number of whole packets to the servos.
         collisions: Number of times that the host sent bytes while a servo answered.
     """
@@ -53,12 +53,12 @@ class BusState:
 
 
 class Bus:
-    """A bus. The caller passes the time [s], which never decreases.
+    """A model of a bus. The caller passes the time [s], which never decreases.
 
     Args:
         servos: The servos. Two may have the same id; then both answer at the same time.
         baud: Speed of the line [bit/s].
-        faults: What goes wrong, and when.
+        faults: Faults to inject. Default: none.
     """
 
     def __init__(self, servos: Sequence[Servo], baud: int, faults: Iterable[Fault] = ()) -> None:
@@ -69,12 +69,12 @@ class Bus:
         self._leaving = deque[tuple[float, bytes]]()  # answers, and the times of their last bytes
         self._received = bytearray()
         self._losing, self._damaging = dict[int, int](), dict[int, int]()
-        self._names = dict[int, int]()  # ids in the answers, where they are wrong
+        self._names = dict[int, int]()  # wrong ids in answers, by the right id
         self._packets = self._collisions = 0
         self._now = 0.0
 
     def open(self, now: float) -> None:
-        """A program has opened the port. The servos do not notice; unread answers are lost."""
+        """Open the port. The servos do not notice this. Unread answers are lost."""
         self._advance(now)
         self._leaving.clear()
         self._received.clear()
@@ -83,7 +83,7 @@ class Bus:
         """Put bytes on the line. They arrive one by one, at its speed."""
         self._advance(now)
         if data and any(end > now for end, _ in self._leaving):
-            self._collisions += 1  # both sides drive the wire: what the servos send is damaged
+            self._collisions += 1  # both sides drive the wire, which damages the answer
             answers = self._leaving
             self._leaving = deque((end, _damaged(a) if end > now else a) for end, a in answers)
         end = max(now, self._arriving[-1][0]) if self._arriving else now
@@ -92,25 +92,25 @@ class Bus:
             self._arriving.append((end, byte))
 
     def push(self, now: float, positions: Mapping[int, float]) -> None:
-        """Move servos by hand, all at once [ticks]. They give way only without torque."""
+        """Move servos by hand, all at once [ticks]. Servos with torque do not move."""
         self._advance(now)
         for each in self.servos:
             if each.servo in positions:
                 each.push(positions[each.servo])
 
     def fail(self, now: float, fault: Fault) -> None:
-        """Begin a fault now."""
+        """Inject a fault now."""
         self._advance(now)
         self._begin(fault)
 
     def connect(self, now: float, places: Sequence[int] | None = None) -> None:
-        """Connect only the servos at these places of the chain, from 0; by default, all."""
+        """Connect only the servos at these places in the chain, counted from 0. Default: all."""
         self._advance(now)
         everywhere = range(len(self._chain))
         self.servos = [self._chain[k] for k in (everywhere if places is None else places)]
 
     def kept(self, now: float) -> list[dict[str, int]]:
-        """Return the values that each connected servo keeps without power, by register."""
+        """Return the values that each connected servo stores without power, by register."""
         self._advance(now)
         return [servo.kept for servo in self.servos]
 
@@ -120,7 +120,7 @@ class Bus:
         self._arriving.clear()
 
     def read_output(self, now: float) -> bytes:
-        """Return the answers that have been sent by now, and remove them."""
+        """Return the answers that have been sent, and remove them."""
         self._advance(now)
         data = b""
         while self._leaving and self._leaving[0][0] <= now:
@@ -128,7 +128,7 @@ class Bus:
         return data
 
     def next_output(self) -> float | None:
-        """Return when to read the output again if no byte is received [s], or None for never."""
+        """Return the time of the next output if no byte is received [s]; None for no output."""
         times = [self._arriving[-1][0]] if self._arriving else []
         return min([*times, *(end for end, _ in self._leaving)], default=None)
 

@@ -5,14 +5,14 @@ from dataclasses import dataclass
 
 from hardware.drivers.feetech.registers import MEMORY, Series
 
-_STEP = 0.001  # of the integration [s]
-_TOP_SPEED = 3400.0  # speed without a goal speed [ticks/s]; the largest that `st3215` allows
-_ACCELERATION = 100.0  # of one unit of the register [ticks/s2]
-_TOP_ACCELERATION = 25400.0  # without one [ticks/s2]
-_SUPPLY, _SAG = 12.0, 0.4  # voltage without a load [V], and what the full load of a servo takes [V]
+_STEP = 0.001  # step of the integration [s]
+_TOP_SPEED = 3400.0  # speed without a goal speed: largest of `st3215` [ticks/s]
+_ACCELERATION = 100.0  # one unit of the register [ticks/s2]
+_TOP_ACCELERATION = 25400.0  # acceleration without a value in the register [ticks/s2]
+_SUPPLY, _SAG = 12.0, 0.4  # voltage without load, and its drop at full load [V]
 _AMBIENT, _HEAT, _COOLING = 25.0, 50.0, 300.0  # [C], rise at full load [C], time constant [s]
-_STALL_CURRENT = 2.7  # at full load [A]
-_STALL_TIME = 0.5  # of a blocked servo until it reports an overload [s]
+_STALL_CURRENT = 2.7  # current at full load [A]
+_STALL_TIME = 0.5  # time until a blocked servo reports an overload [s]
 _CURRENT_UNIT = 0.0065  # [A]
 
 # Registers that decide how it moves; a series may lack the last two.
@@ -26,15 +26,15 @@ _STEERING = {
 
 @dataclass(frozen=True, slots=True)
 class _Settings:
-    """What its memory says of its motion, in the units of `Servo`.
+    """Settings of its motion in its memory, in the units of `Servo`.
 
     Attributes:
-        torque: Whether it holds.
-        goal: Where it moves to, within its limits [ticks].
+        torque: True if the servo has torque.
+        goal: Goal position within its limits [ticks].
         zones: Its dead zones below and above the goal [ticks].
         speed: Largest speed [ticks/s].
         acceleration: Largest acceleration [ticks/s2].
-        effort: Largest torque, as a part of what the series has.
+        effort: Largest torque, as a part of the series' largest torque.
         voltages: Smallest and largest voltage [0.1 V].
         hottest: Largest temperature [C].
     """
@@ -50,19 +50,19 @@ class _Settings:
 
 
 class Servo:
-    """A servo. It follows its goal with a limited speed and acceleration.
+    """A model of a servo. It follows its goal with a limited speed and acceleration.
 
-    Its load is roughly that of an arm that its joint holds: `gravity` times the cosine of the angle
-    from the middle, and what accelerating needs.
+    Its load is roughly that of an arm: `gravity` times the cosine of the angle from the middle,
+    plus the load of accelerating.
 
     Args:
         series: Its series.
         servo: Its id.
         position: Its position [ticks].
-        gravity: Load that holds the arm where it is heaviest, as a part of the largest torque.
+        gravity: Load of holding the arm in the middle, as a part of the largest torque.
 
     Attributes:
-        blocked: Whether something keeps it from moving.
+        blocked: True if it cannot move.
         supply: Voltage of its supply without a load [V].
         ambient: Temperature around it [C].
     """
@@ -70,12 +70,12 @@ class Servo:
     def __init__(self, series: Series, servo: int, position: int, gravity: float = 0.0) -> None:
         self.series, self._gravity = series, gravity
         self._memory, self._id = bytearray(MEMORY), series.registers["id"].address
-        self._reports = series.blocks[2][0]  # first address of what it measures
-        self._settings: _Settings | None = None  # as its memory is now; None if not read yet
+        self._reports = series.blocks[2][0]  # first address of the measured values
+        self._settings: _Settings | None = None  # settings in its memory; None if not read yet
         self.blocked, self.supply, self.ambient = False, _SUPPLY, _AMBIENT
         self._position, self._speed, self._load = float(position), 0.0, 0.0
         self._temperature, self._now = _AMBIENT, 0.0
-        self._stalled = 0.0  # for so long it was blocked [s]
+        self._stalled = 0.0  # time that it has been blocked [s]
         for name, register in series.registers.items():
             self.put(name, register.initial)
         self.put("id", servo)
@@ -100,7 +100,7 @@ class Servo:
 
     @property
     def _homing(self) -> int:
-        """Its offset [ticks], which it subtracts from what it measures."""
+        """Its offset [ticks]. It subtracts this from the measured position."""
         return self.get("offset") if "offset" in self.series.registers else 0
 
     def get(self, name: str) -> int:
@@ -120,22 +120,22 @@ class Servo:
         self._memory[address : address + len(data)] = data
 
     def read(self, address: int, count: int) -> bytes:
-        """Return bytes of its memory; 0 where it has none."""
+        """Return bytes of its memory; 0 at addresses without a register."""
         self._report()
         return bytes(self._memory[address : address + count]).ljust(count, b"\0")
 
     def write(self, address: int, values: bytes) -> None:
-        """Write to the memory, as a packet does. What the servo reports cannot be written."""
+        """Write to the memory as a packet does. Measured values cannot be written."""
         values, before = values[: max(0, self._reports - address)], self._homing
         locked, self._settings = self.get("lock"), None
         self._memory[address : address + len(values)] = values
-        if not locked:  # what is written to a locked memory is lost with the power
+        if not locked:  # a value in a locked memory is lost without power
             self._saved = bytes(self._memory[: self.series.blocks[1][0]])
         self._position = (self._position + before - self._homing) % self.series.ticks
         self._forget_stall()
 
     def restart(self) -> None:
-        """Lose the power for a moment: what it keeps remains, and the torque is off."""
+        """Lose the power for a moment. Stored values remain, and the torque is off."""
         self._memory[: len(self._saved)] = self._saved
         for name, register in self.series.registers.items():
             if len(self._saved) <= register.address < self._reports:
@@ -150,7 +150,7 @@ class Servo:
             self._stalled = 0.0
 
     def push(self, position: float) -> None:
-        """Move it by hand [ticks]. It gives way only without torque."""
+        """Move it by hand [ticks]. A servo with torque does not move."""
         if not self.get("torque_enable"):
             self._position = position % self.series.ticks
 
@@ -174,7 +174,7 @@ class Servo:
                 for name in _STEERING & self.series.registers.keys()
             }
             goal, low, high = (present[name] for name in _LIMITED)
-            if low or high:  # both are 0 for many turns
+            if low or high:  # both limits are 0 in the mode for many turns
                 goal = min(max(goal, low), high)
             units = present.get("acceleration", 0)
             self._settings = _Settings(
@@ -190,7 +190,7 @@ class Servo:
         return self._settings
 
     def _wants(self) -> float:
-        """Return how far it wants to move [ticks]; 0 inside its dead zone, or without torque."""
+        """Return the distance to its goal [ticks]; 0 inside its dead zone or without torque."""
         settings = self._set()
         if not settings.torque or self._errors():
             return 0.0
@@ -201,13 +201,13 @@ class Servo:
     def _move(self) -> None:
         settings, ahead = self._set(), self._wants()
         most = settings.acceleration
-        brake = math.sqrt(2 * most * abs(ahead))  # the speed from which it can still stop there
+        brake = math.sqrt(2 * most * abs(ahead))  # highest speed from which it can stop at the goal
         top = min(settings.speed, brake, abs(ahead) / _STEP)
         wanted = math.copysign(top, ahead) if ahead else 0.0
         change = min(max(wanted - self._speed, -most * _STEP), most * _STEP)
         self._speed = 0.0 if self.blocked else self._speed + change
         self._position += self._speed * _STEP
-        if abs(ahead) <= 0.5:  # the encoder sees no difference
+        if abs(ahead) <= 0.5:  # less than a tick
             self._speed = 0.0
         accelerating = 0.3 * change / (most * _STEP)
         self._load = self._held() + accelerating
@@ -216,12 +216,12 @@ class Servo:
             self._stalled += _STEP
 
     def _held(self) -> float:
-        """Return the load that gravity makes, as a part of the largest torque."""
+        """Return the load of gravity, as a part of the largest torque."""
         angle = math.radians((self._position / self.series.ticks - 0.5) * self.series.turn)
         return self._gravity * math.cos(angle) if self._set().torque else 0.0
 
     def _warm(self, seconds: float) -> None:
-        """Warm up or cool down towards the temperature that the load makes."""
+        """Warm up or cool down towards the temperature for its load."""
         goal = self.ambient + _HEAT * self._load**2
         self._temperature += (goal - self._temperature) * -math.expm1(-seconds / _COOLING)
 
@@ -231,7 +231,7 @@ class Servo:
         return round(max(self.supply - _SAG * abs(self._load), 0.0) * 10)
 
     def _errors(self) -> int:
-        """Return the bits of the errors that it reports."""
+        """Return the error bits that it reports."""
         settings = self._set()
         low, high = settings.voltages
         errors = 0x01 * (not low <= self._voltage <= high)
@@ -239,7 +239,7 @@ class Servo:
         return errors | 0x20 * (self._stalled > _STALL_TIME)
 
     def _report(self) -> None:
-        """Write what it measures to its memory."""
+        """Write the measured values to its memory."""
         values = {
             "position": round(self._position),
             "speed": round(self._speed),
