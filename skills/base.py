@@ -30,7 +30,7 @@ _RENAMED = {
 
 
 class WorldChange(Enum):
-    """What a skill does with the body that its input port `body` names."""
+    """Change to the world by a skill, for the body that its input port `body` names."""
 
     ADDS = "adds the body that the method `body` returns"
     ATTACHES = "attaches it to the link of the input port `link`; without that port, detaches it"
@@ -38,32 +38,33 @@ class WorldChange(Enum):
 
 
 class Skill(BehaviourWithPorts):
-    """A leaf. A subclass declares its ports and implements `on_start`, and other hooks if needed.
+    """A leaf of the tree. A subclass declares its ports, and implements `on_start` and other hooks.
 
     Args:
         name: Name of the node in the tree.
-        context: What the skill works with.
+        context: Robot, arm, planners and time source of the skill.
 
     Attributes:
         moves: True if it moves the arm. Only one such skill may run at a time.
         condition: True if it only checks something, and finishes in the tick in which it starts.
-        pure: True if its result depends on its inputs alone.
-        validates_partial: True if `validate` also receives inputs of which only a part is known:
-            Positions with `unknown` joints, and None for an item of a list.
-        phase: Phase that is reported while the skill runs, such as `waiting`. If empty, it is
-            `planning` until a motion is scheduled, then `executing`.
+        pure: True if its result depends only on its inputs.
+        validates_partial: True if `validate` also receives partially known inputs: Positions with
+            `unknown` joints, and lists with None for an unknown item.
+        phase: Reported phase while the skill runs, such as `waiting`. Default: `planning` until a
+            motion is scheduled, then `executing`.
         may_fail: False if it always succeeds.
         may_succeed: False if it always fails.
-        world_change: How it changes the world; None if it does not.
+        world_change: Its change to the world; None for no change.
         pose_output: Output port for the configuration that `poses` returns.
-        tool_output: Output port for the joint positions that answer `tool_query`; empty for none.
+        tool_output: Output port for the joint positions that answer `tool_query`; empty if it has
+            none.
         plans_goal: True if it plans a motion to the configuration at its input port `goal`.
         group: Group of joints that it plans for; empty if it does not plan a motion.
         copies_targets: True if the configuration that it writes consists of its inputs.
         failure: Error of the last failure, or None.
-        broken: Last exception of its code that is not one of armtree's errors, or None.
-        start_count: Number of times it was started.
-        synonyms: Words of other languages and libraries for it, for corrections.
+        broken: Last exception of its code other than an error of armtree, or None.
+        start_count: Number of starts.
+        synonyms: Names of the skill in other languages and libraries, for corrections.
     """
 
     moves = False
@@ -82,7 +83,7 @@ class Skill(BehaviourWithPorts):
     synonyms: ClassVar[tuple[str, ...]] = ()
 
     def __init_subclass__(cls, **options: Any) -> None:
-        """Register the class as a skill, with no ports if it declares none."""
+        """Register the class as a skill. A class without ports gets an empty list of ports."""
         _accept_old_names(cls)
         if cls.on_start is not Skill.on_start:
             for ports in ("INPUT_PORTS", "OUTPUT_PORTS"):
@@ -104,20 +105,21 @@ class Skill(BehaviourWithPorts):
 
         Args:
             robot: Description of the robot.
-            inputs: Known values of input ports: those written in the task, and defaults.
+            inputs: Known values of input ports: values in the task, and defaults.
 
         Raises:
-            SkillError: An input is invalid. Its `at` names the value, so that its line is shown.
-            ExceptionGroup: Several of these; each is reported at its own line.
+            SkillError: An input is invalid. `SkillError.at` names the value, so that messages show
+                its line.
+            ExceptionGroup: Several inputs are invalid. Each error is reported at its own line.
         """
 
     @classmethod
     def mistyped(cls, inputs: Mapping[str, Any], types: Mapping[str, str]) -> str:
-        """Return why the types of the inputs do not match each other, or "" if they do.
+        """Return an error if the types of the inputs do not match each other, else "".
 
         Args:
             inputs: Values written in the task, by port.
-            types: Their types, by port, in the words of task files.
+            types: Their types, by port, as named in task files.
         """
         return ""
 
@@ -128,9 +130,10 @@ class Skill(BehaviourWithPorts):
 
     @classmethod
     def poses(cls, robot: Robot, inputs: Mapping[str, Any]) -> list[tuple[float, ...]]:
-        """Return the configurations that the known inputs move the arm to.
+        """Return the configurations to which the known inputs move the arm.
 
-        Each has one value per actuated joint [rad]. They are checked for collision before the run.
+        Each has one value per actuated joint [rad]. The analysis checks them for collision before
+        the run.
         """
         return []
 
@@ -144,9 +147,9 @@ class Skill(BehaviourWithPorts):
 
     @classmethod
     def tool_query(cls, robot: Robot, inputs: Mapping[str, Any]) -> ToolQuery | None:
-        """Return the query for the point that the tool must reach, in an empty world.
+        """Return the query for the target of the tool, in an empty world.
 
-        None if an input is not known.
+        The result is None if an input is not known.
         """
         return None
 
@@ -154,7 +157,7 @@ class Skill(BehaviourWithPorts):
     def body(cls, inputs: Mapping[str, Any]) -> Body | None:
         """Return the body that the inputs add to the world, or None if an input is not known.
 
-        The body is loaded and checked before the run.
+        armtree loads and checks the body before the run.
         """
         return None
 
@@ -174,18 +177,18 @@ class Skill(BehaviourWithPorts):
         return 0.0
 
     def on_start(self) -> Status:
-        """Start. Called at the first tick; must not block."""
+        """Start the work. Called at the first tick. Must not block."""
         raise NotImplementedError
 
     def on_running(self) -> Status:
-        """Continue. Called at each tick after one that returned RUNNING; must not block."""
+        """Continue the work. Called at each tick after the status RUNNING. Must not block."""
         return Status.RUNNING
 
     def on_halt(self) -> None:
-        """Stop. Called once if the skill is interrupted; must neither block nor raise."""
+        """Stop the work. Called once if the skill is interrupted. Must neither block nor raise."""
 
     def on_pause(self) -> None:
-        """Pause until the next tick, which may be much later; must neither block nor raise.
+        """Pause until the next tick, which may be much later. Must neither block nor raise.
 
         Work in other processes, such as planning, may continue.
         """
@@ -201,7 +204,7 @@ class Skill(BehaviourWithPorts):
             self.failure, self.feedback_message = None, ""
         try:
             status = self.on_start() if starts else self.on_running()
-        except BaseException as error:  # SystemExit, too, would end the thread that ticks
+        except BaseException as error:  # also SystemExit, which would end the thread that ticks
             status = Status.FAILURE
             if errors := known_errors(error):
                 self.failure = combine_errors(errors)
@@ -226,7 +229,7 @@ class Skill(BehaviourWithPorts):
             raise self._break(hook, error) from error
 
     def terminate(self, new_status: Status) -> None:
-        """Halt if the skill is running. py_trees calls this for finished leaves too."""
+        """Halt the skill if it is running. py_trees calls this for finished leaves too."""
         if self._live:
             self._live = False
             self._halt()
@@ -250,9 +253,9 @@ class Skill(BehaviourWithPorts):
 
 
 def _accept_old_names(kind: type[Skill]) -> None:
-    """Give members with an old name their new one, with a warning.
+    """Give members with an old name the new name, with a warning.
 
-    Members with the new name get the old one too, so that `super().judge` of users' skills works.
+    Members with a new name also get the old name, so that `super().judge` in users' skills works.
     """
     members = dict(vars(kind))
     for old, new in _RENAMED.items():

@@ -1,4 +1,4 @@
-"""What a skill works with: the robot, the arm, planners, time, and a way to report events."""
+"""The context of a skill: robot, arm, planners, time source, and a callback for events."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -36,11 +36,11 @@ class Scheduled:
 
     Attributes:
         schedule: The frames.
-        start: Commanded position of the arm before the first frame, one value per actuated
-            joint [rad].
+        start: Commanded positions of the arm before the first frame, one value per actuated joint
+            [rad].
         motion: Source of the frames; None for frames that were not planned.
-        resumed: Time within the interrupted motion at which this one continues it [s]; None for a
-            motion from its beginning.
+        resumed: Time within the interrupted motion at which it continues [s]; None for a motion
+            from its beginning.
     """
 
     schedule: Schedule
@@ -65,7 +65,7 @@ class Scene:
 
 @dataclass(frozen=True, slots=True)
 class Context:
-    """What a skill works with.
+    """The context of a skill: everything that it needs from its run.
 
     Attributes:
         robot: Description of the robot.
@@ -73,16 +73,16 @@ class Context:
         pool: Pool of planners.
         seed: Seed for planners and other random draws.
         timeout: Longest time a planner may take [s].
-        wake: Requests a tick of the tree. May be called from any thread.
-        publish: Reports an event to the recorder.
+        wake: Callback that requests a tick of the tree. Any thread may call it.
+        publish: Callback that reports an event to the recorder.
         clock: Time source.
-        wake_at: Requests a tick at a time of `now()` [s]. Valid until the next tick; call it again
-            at every tick.
+        wake_at: Callback that requests a tick at a time of `now()` [s]. A request is valid until
+            the next tick, so call it at every tick.
         scene: World around the arm.
-        operator: Answers questions.
+        operator: Person who answers questions.
         leader: Arm that a person moves by hand.
-        paused_time: Returns how long the run has been paused so far [s].
-        at_breakpoint: Returns True if a skill must not start yet.
+        paused_time: Callback that returns the total time of pauses so far [s].
+        at_breakpoint: Callback that returns True if a skill must not start yet.
     """
 
     robot: Robot

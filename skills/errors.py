@@ -1,6 +1,6 @@
 """Errors of skills.
 
-The root is SkillError. Below it, TaskFailed is for tasks that failed by their own tree.
+The root is SkillError. TaskFailed and its subclasses report tasks that failed by their own tree.
 """
 
 from collections.abc import Sequence
@@ -15,9 +15,9 @@ class SkillError(ArmtreeError):
     """A skill failed without a specific cause. Root of the errors of skills.
 
     Attributes:
-        location: Location of the invalid value: its port, then keys and indices within it; empty
-            if the error is not about a value in the task.
-        node: Path of the node, if the error was found before the run.
+        location: Location of the invalid value: its port, then keys and indices within it; empty if
+            no value in the task is invalid.
+        node: Path of the node if the error was found before the run; else empty.
     """
 
     code = "skill.error"
@@ -35,7 +35,7 @@ class SkillError(ArmtreeError):
 
 
 def refuse(errors: Sequence[Exception]) -> None:
-    """Raise the errors: the only one, or a group of several. Do nothing if there are none."""
+    """Raise one error as it is, or several errors as a group. Do nothing if there is none."""
     if len(errors) == 1:
         raise errors[0]
     if errors:
@@ -49,9 +49,9 @@ class OutOfBounds(SkillError):
         errors: One error per joint outside its limits.
 
     Attributes:
-        joint: Name of the first of these joints.
+        joint: Name of the first such joint.
         value: Its target [rad].
-        limit: The limit that it exceeds [rad]; None if the target is not finite.
+        limit: The exceeded limit [rad]; None if the target is not finite.
     """
 
     code = "goal.out_of_bounds"
@@ -75,7 +75,7 @@ class BadTarget(SkillError):
 
 
 class BadBody(SkillError):
-    """A body to add to the world is invalid: its file is missing, or a number is invalid."""
+    """A body for the world is invalid: its file is missing, or a number is invalid."""
 
     code = "goal.bad_body"
     exit_status = 4
@@ -84,7 +84,7 @@ class BadBody(SkillError):
 
 
 class BadQuestion(SkillError):
-    """A question or choice is empty or given twice, or the wanted answer is not a choice."""
+    """A question or choice is empty or repeated, or the wanted answer is not a choice."""
 
     code = "goal.bad_question"
     exit_status = 4
@@ -93,11 +93,11 @@ class BadQuestion(SkillError):
 
 
 class NotReplayable(SkillError):
-    """The frames of a recording cannot be sent to this arm."""
+    """This arm cannot play the frames of the recording."""
 
     code = "goal.not_replayable"
     exit_status = 4
-    hint = "give the robot file it was recorded with"
+    hint = "give the robot file of the recording"
     heading = ""
 
 
@@ -124,7 +124,7 @@ class SkillBroken(SkillError):
 
     Args:
         where: Name of the method, such as `Wave.on_start`.
-        what: The exception, or what the method did, such as `gave None, not a number`.
+        what: The exception, or the wrong act of the method, such as `gave None, not a number`.
     """
 
     code = "skill.broken"
@@ -167,14 +167,14 @@ class TookTooLong(TaskFailed):
 
 
 class Unanswered(TaskFailed):
-    """The operator did not answer in time, or there is none."""
+    """The operator did not answer in time, or there is no operator."""
 
     code = "task.unanswered"
     hint = "run again, and answer"
 
 
 class NoLeader(TaskFailed):
-    """There is no arm that is moved by hand, to follow."""
+    """There is no hand-guided arm to follow."""
 
     code = "task.no_leader"
     hint = "armtree teleop --leader PORT"
@@ -187,7 +187,7 @@ Error = TypeVar("Error", bound=Exception)
 def known_errors(raised: BaseException) -> list[KnownError]:
     """Return the errors of armtree in an exception: itself, or all members of a group.
 
-    An empty list means that it is, or contains, an exception of another kind.
+    The list is empty if the exception or a member is not an error of armtree.
     """
     if isinstance(raised, KnownError):
         return [raised]
@@ -198,10 +198,10 @@ def known_errors(raised: BaseException) -> list[KnownError]:
 
 
 def combine_errors(errors: Sequence[Error]) -> Error:
-    """Return the first error with the messages of all; an OutOfBounds is preferred.
+    """Return the first OutOfBounds, or else the first error, with the messages of all errors.
 
     Args:
-        errors: At least one.
+        errors: One or more errors.
     """
     if len(errors) == 1:
         return errors[0]

@@ -30,7 +30,7 @@ class Cancel:
         self._clock, self._signal, self._set = clock, clock.signal(), False
 
     def set(self) -> None:
-        """Request the function to return."""
+        """Request that the function returns."""
         with self._signal:
             self._set = True
             self._signal.notify()
@@ -48,12 +48,12 @@ def skill(function: Function) -> Function:
     """Register a function as a skill with the function's name.
 
     Its annotated parameters are the input ports. If it returns a value, `result` is an output port.
-    A parameter annotated `Context` or `Cancel` is not a port; armtree passes it. The function runs
-    on its own thread. If it may take longer than 250 ms, it must check a `Cancel`. If it raises an
-    exception, the skill fails.
+    A parameter annotated `Context` or `Cancel` is not a port: armtree passes a value. The function
+    runs on its own thread. A function that may take longer than 250 ms must check a `Cancel`. An
+    exception of the function fails the skill.
 
     Raises:
-        TypeError: A parameter has no annotation, or one that is not a type of ports.
+        TypeError: A parameter has no annotation, or its annotation is not a type of a port.
     """
     _register(function, _Action)
     return function
@@ -62,10 +62,10 @@ def skill(function: Function) -> Function:
 def condition(function: Function) -> Function:
     """Register a function that returns a bool as a condition with the function's name.
 
-    It is called at every tick, on the thread that ticks the tree, so it must return at once.
+    Every tick calls it, on the thread that ticks the tree, so it must return at once.
 
     Raises:
-        TypeError: It does not return a bool, or a parameter has no annotation.
+        TypeError: The function is not annotated to return a bool, or a parameter has no annotation.
     """
     if get_type_hints(function).get("return") is not bool:
         raise TypeError(f"{function.__name__} must be annotated to return bool")
@@ -176,13 +176,13 @@ class _Action(_Function, register=False):
             raise _wrong_type(self, returned, getattr(wanted, "__name__", str(wanted))) from error
 
     def on_halt(self) -> None:
-        """Request the function to return."""
+        """Request that the function returns."""
         if self._cancel:
             self._cancel.set()
 
 
 def _is_int_for_float(port: PortInformation, returned: Any) -> bool:
-    """Return True if the function returned an int, and the port holds a float."""
+    """Return True if the function returned an int and the port holds a float."""
     return port.data_type is float and type(returned) is int
 
 

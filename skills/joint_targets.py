@@ -1,4 +1,4 @@
-"""Checks of joint targets, joint names and links that a task gives."""
+"""Checks of joint targets, joint names and links in a task."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -19,12 +19,12 @@ def check_targets(
 
     Args:
         robot: Description of the robot.
-        targets: Group name to joint name to position [rad]. A mimic joint may be left out.
-        location: Port, and keys or indices within it, of the value that holds all targets; None if
+        targets: Joint targets by group: joint name to position [rad]. Mimic joints may be omitted.
+        location: Location of the value with all targets: its port, then keys or indices. None if
             each group has a port of its name.
 
     Raises:
-        OutOfBounds: At least one joint is out of its limits. The message names every error.
+        OutOfBounds: A joint is outside its limits. The message has every error.
         BadTarget: A joint is unknown or missing, or a mimic joint contradicts its leader.
     """
     if errors := target_errors(robot, targets, location):
@@ -52,7 +52,7 @@ def joined(robot: Robot, targets: Mapping[str, Mapping[str, float]]) -> Position
 def configuration_errors(
     robot: Robot, port: str, configuration: Mapping[str, float]
 ) -> list[SkillError]:
-    """Return every error of a configuration of all actuated joints, each with its location."""
+    """Return every error of a configuration, each with its location."""
     return [
         *_value_errors(robot, configuration, (port,)),
         *missing_joint_errors(robot, port, configuration),
@@ -65,7 +65,7 @@ def check_complete(robot: Robot, port: str, configuration: Mapping[str, float]) 
 
     Args:
         robot: Description of the robot.
-        port: Name of the port that holds it.
+        port: Name of the port with the configuration.
         configuration: Joint name to position [rad].
 
     Raises:
@@ -77,7 +77,7 @@ def check_complete(robot: Robot, port: str, configuration: Mapping[str, float]) 
 def missing_joint_errors(
     robot: Robot, port: str, configuration: Mapping[str, float]
 ) -> list[SkillError]:
-    """Return the error of `check_complete`, if any. A misspelt joint is not missing."""
+    """Return the errors of missing joints: one or none. A misspelt joint is not missing."""
     names = [joint.name for joint in robot.actuated]
     written = _written(configuration)
     corrected = corrections(written, [joint.name for joint in robot.joints]).values()
@@ -87,7 +87,7 @@ def missing_joint_errors(
 
 
 def link_errors(robot: Robot, port: str, link: str) -> list[SkillError]:
-    """Return an error if the robot has no such link."""
+    """Return an error if the robot does not have this link."""
     if link in robot.links:
         return []
     why = f"the robot has no link {link}; it has {', '.join(robot.links)}"
@@ -126,7 +126,7 @@ def unknown_joint_errors(
 
 
 def _joint_names(robot: Robot) -> str:
-    """Return the names of the joints that are moved, by group."""
+    """Return the names of the actuated joints by group, as a text."""
     groups = ((group, [joint.name for joint in robot.actuated_in(group)]) for group in robot.groups)
     return " and ".join(f"{', '.join(names)} ({group})" for group, names in groups if names)
 
@@ -134,7 +134,7 @@ def _joint_names(robot: Robot) -> str:
 def mimic_errors(
     robot: Robot, joints: Mapping[str, float], *location: str | int
 ) -> list[SkillError]:
-    """Return an error for each mimic joint that is named without its leader."""
+    """Return an error for each mimic joint whose leader is not named."""
     written = _written(joints)
     named = {*written, *corrections(written, [joint.name for joint in robot.joints]).values()}
     return [
@@ -177,14 +177,14 @@ def _name_errors(
 
 
 def _written(target: Mapping[str, float]) -> list[str]:
-    """Return the named joints, including those with an unknown value."""
+    """Return the named joints, also those with an unknown value."""
     return [*target, *getattr(target, "unknown", ())]
 
 
 def _value_errors(
     robot: Robot, target: Mapping[str, float], location: Location
 ) -> list[SkillError]:
-    """Return the errors of joints out of their limits, and of mimic joints that do not match."""
+    """Return the errors of joints outside their limits, and of wrong mimic joints."""
     errors: list[SkillError] = []
     for joint in (joint for joint in robot.joints if joint.name in target):
         if why := _contradiction(joint, target):
@@ -202,7 +202,9 @@ def _contradiction(joint: Joint, target: Mapping[str, float]) -> str:
     if mimic is None or mimic.leader not in target:
         return ""
     follows, given = mimic.value(target[mimic.leader]), target[joint.name]
-    if not math.isfinite(given) or math.isclose(given, follows, abs_tol=1e-9):  # decimal literals
+    if not math.isfinite(given) or math.isclose(
+        given, follows, abs_tol=1e-9
+    ):  # tolerance for decimal literals
         return ""
     times = f"{mimic.multiplier:g} times {mimic.leader}"
     offset = f" plus {joint.words(mimic.offset)}" if mimic.offset else ""

@@ -1,4 +1,4 @@
-"""The interface to a leader: an arm that a person moves by hand, and that another arm follows."""
+"""The interface to a leader: a hand-guided arm that another arm follows."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,11 +9,11 @@ from .errors import NoLeader
 
 @dataclass(frozen=True, slots=True)
 class Blocked:
-    """Why the arm does not follow its leader.
+    """The reason that the arm does not follow its leader.
 
     Attributes:
-        contact: The two bodies that would come too near, and their distance, in words.
-        free: Whether each joint may move from here by itself, by name: to smaller positions, and to
+        contact: The two bodies that would come too close, and their distance, in words.
+        free: Free directions by joint: True if it alone may move to smaller positions, and True for
             larger ones.
     """
 
@@ -22,17 +22,17 @@ class Blocked:
 
 
 class Leader(Protocol):
-    """An arm that is moved by hand. No method blocks."""
+    """A hand-guided arm. No method blocks."""
 
     def positions(self) -> tuple[float, ...] | None:
-        """Return its measured positions, one per actuated joint [rad]; None to end the following.
+        """Return its measured positions, one per actuated joint [rad]; None ends the following.
 
         Raises:
-            HardwareError: It is lost.
+            HardwareError: The arm is lost.
         """
 
     def show(self, blocked: Blocked | None) -> None:
-        """Show why the arm does not follow; None if it does."""
+        """Show the reason that the arm does not follow. None: it follows."""
 
 
 class NobodyLeads:

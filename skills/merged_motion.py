@@ -8,9 +8,9 @@ from .motion.query import Rest, Verify
 from .motion.trajectory.plan import Plan
 from .motion.world import World
 
-# Margin of the check of frames as the board plays them [m]. With whole degrees, and servos that
-# turn one after the other, the fingertip deviates up to 15 mm from the plan (measured). So this
-# margin is smaller than that of planning; it still proves half a millimetre everywhere.
+# Margin of the check of frames as the board plays them [m]. Servos turn in whole degrees and one
+# after the other, so the fingertip deviates up to 15 mm from the plan (measured). Therefore this
+# margin is smaller than that of planning. It still guarantees half a millimetre everywhere.
 _PLAYED_MARGIN = 0.001
 
 
@@ -21,13 +21,14 @@ class MergedMotion:
         robot: Description of the robot.
         start: Position of the arm, one value per actuated joint [rad].
         plans: One plan per group.
-        together: True if all plans start at once; False if one starts at the end of the other.
+        together: True if all plans start at once; False if each starts at the end of the previous
+            one.
 
     Attributes:
         groups: Group of each plan.
         together: True if all plans start at once.
         duration: Duration of the whole motion [s].
-        sampled: All rows that `sample` has returned, by time [s].
+        sampled: Rows that `sample` has returned, by time [s].
     """
 
     def __init__(
@@ -47,7 +48,7 @@ class MergedMotion:
         self.duration = max(ends, default=0.0)
 
     def rest(self, time: float, start: tuple[float, ...]) -> list[Plan | Rest]:
-        """Return the rest of the motion: plans not started yet, and parts to be timed again.
+        """Return the rest of the motion: whole plans, and requests to time partial plans again.
 
         Args:
             time: Time at which the motion was stopped [s].

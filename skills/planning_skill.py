@@ -50,7 +50,7 @@ class PlanningSkill(Skill, register=False):
         return Status.RUNNING
 
     def on_answer(self, answer: Result) -> Status:
-        """Process the answer of the planner; raise it if it is an error."""
+        """Process the answer of the planner. Raise it if it is an error."""
         raise NotImplementedError
 
     def on_running(self) -> Status:

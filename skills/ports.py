@@ -7,19 +7,19 @@ from py_trees.ports import PortInformation
 
 from .errors import BadTarget
 
-MOST_REACHES = 10  # largest length in a task, in lengths of the arm
+MOST_REACHES = 10  # largest length in a task, as a multiple of the arm's reach
 ORIGIN = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
 class Port(PortInformation):
-    """A port of a skill. Values that a task file writes there are checked against it.
+    """A port of a skill. Values of this port in task files are checked against it.
 
     A port of type `object` accepts a number, a text, or true or false.
 
     Attributes:
-        unit: Unit of a float or of a list's items: `rad`, `s` or `m`; "" for none. A task file may
-            then also write `-80 deg`.
+        unit: Unit of a float or of a list's items: `rad`, `s` or `m`; "" for no unit. With `rad`, a
+            task file may also write `-80 deg`.
         least: Smallest value.
         most: Largest value.
         count: Number of items of a list; 0 for any number.
@@ -39,7 +39,7 @@ class Positions(dict[str, float]):
     """Joint name to position [rad].
 
     Attributes:
-        unknown: Names of further joints. Their values are invalid or not known yet.
+        unknown: Names of further joints, whose values are invalid or not known yet.
     """
 
     unknown: tuple[str, ...] = ()
@@ -54,9 +54,9 @@ def vector(
     """Declare a port for three numbers.
 
     Args:
-        description: What it is.
-        unit: Unit of the numbers; "" for none.
-        default: Value if the task gives none, which may be empty; None if it must give one.
+        description: Description of the port.
+        unit: Unit of the numbers; "" for no unit.
+        default: Value if the task gives none; it may be empty. None if the task must give a value.
         least: Smallest number.
     """
     value = None if default is None else list(default)
@@ -71,7 +71,7 @@ def xyz(name: str, values: Sequence[float]) -> tuple[float, float, float]:
         values: Its numbers.
 
     Raises:
-        BadTarget: There are not three.
+        BadTarget: There are not exactly three values.
     """
     if len(values) != 3:
         raise BadTarget(f"the {name} has {len(values)} values; give x, y, z")

@@ -6,18 +6,18 @@ from typing import Protocol
 
 
 class Question:
-    """A question, which is answered once, from any thread.
+    """A question. Any thread may answer it, once.
 
     Args:
         text: The question.
         choices: Allowed answers; empty for any text.
-        wake: Called when the question is answered or rejected.
+        wake: Callback after the question was answered or rejected.
 
     Attributes:
         text: The question.
         choices: Allowed answers; empty for any text.
         answered: The answer, or None.
-        rejected: Why no answer is possible; empty if one is.
+        rejected: Reason that no answer is possible; empty if an answer is possible.
     """
 
     def __init__(self, text: str, choices: tuple[str, ...], wake: Callable[[], None]) -> None:
@@ -33,8 +33,7 @@ class Question:
         """Answer the question. The first valid answer counts.
 
         Args:
-            words: The answer. Upper and lower case are equal, and an unambiguous prefix of a choice
-                is accepted.
+            words: The answer. Case does not count. An unambiguous prefix of a choice is accepted.
 
         Returns:
             True if the answer is valid.
@@ -53,7 +52,7 @@ class Question:
         self._wake()
 
     def _choice(self, words: str) -> str:
-        """Return the choice that the words abbreviate, or "" if there is none."""
+        """Return the choice that the words abbreviate, or "" if there is no such choice."""
         if not self.choices or not words:
             return words
         lower = words.lower()
@@ -70,7 +69,7 @@ class Operator(Protocol):
         """Show a question."""
 
     def withdraw(self, question: Question) -> None:
-        """Remove a question, which may have been answered."""
+        """Remove a question, also if it was answered."""
 
 
 class NoOperator:

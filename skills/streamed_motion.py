@@ -32,17 +32,17 @@ class StreamedMotion(Skill, register=False):
     _progress_before: float | None = None  # progress at the last pause
     _paused = False
     _remaining: list[Plan | PlannerJob] | None = None  # plans of the rest of a paused motion
-    _resumed = 0.0  # time within the motion at which it is resumed [s]
+    _resumed = 0.0  # time within the motion at which it resumes [s]
 
     @property
     def busy(self) -> bool:
-        """True while a planner works for it, or the motion continues."""
+        """True while a planner works for it or the motion continues."""
         jobs = [self._job, *(self._remaining or [])]
         return self._playing or any(isinstance(j, PlannerJob) and not j.done for j in jobs)
 
     @property
     def progress(self) -> float | None:
-        """Fraction of the frames that the board has received; None until the motion starts."""
+        """Fraction of the frames that the board has received; None before the motion starts."""
         if self._playback is None:
             return self._progress_before
         total = self._frames_before + len(self._playback.schedule.setpoints)
@@ -50,14 +50,14 @@ class StreamedMotion(Skill, register=False):
 
     @property
     def time_left(self) -> float:
-        """Time until the last frame is carried out [s]; 0 until the motion starts."""
+        """Time until the board has executed the last frame [s]; 0 before the motion starts."""
         if self._playback is None:
             return 0.0
         schedule, arrived = self._playback.schedule, self._playback.arrived
         return schedule.duration - (schedule.setpoints[arrived - 1].time if arrived else 0.0)
 
     def on_start(self) -> Status:
-        """Compile the plans into frames, and have the frames checked."""
+        """Compile the plans into frames, and request a check of the frames."""
         arm = self.context.arm
         self._playback, self._remaining, self._paused = None, None, False
         self._frames_before, self._progress_before = 0, None
@@ -65,7 +65,7 @@ class StreamedMotion(Skill, register=False):
         return self._check(schedule, motion, None)
 
     def on_running(self) -> Status:
-        """Start the motion when the check has passed; then follow it to its end."""
+        """Start the motion when the check has passed, then monitor it to its end."""
         if self._paused:
             return self._resume()
         if self._remaining is not None:
@@ -82,9 +82,9 @@ class StreamedMotion(Skill, register=False):
         return self._follow(self._playback)
 
     def compile_motion(self, start: tuple[float, ...]) -> tuple[Schedule, MergedMotion | None]:
-        """Return the frames to play from a start position [rad], and the motion they come from.
+        """Return the frames to play from a start position [rad], and the motion of the frames.
 
-        The motion is None if it is not known.
+        The motion is None if unknown.
         """
         raise NotImplementedError
 
@@ -130,7 +130,7 @@ class StreamedMotion(Skill, register=False):
         """Send a request to time the rest of the motion from the position of the paused arm."""
         playback = self._playback
         assert playback
-        if playback.playing:  # it still decelerates
+        if playback.playing:  # the arm still decelerates
             return Status.RUNNING
         self._paused = False
         if playback.state is not PlaybackState.STOPPED:
@@ -152,7 +152,7 @@ class StreamedMotion(Skill, register=False):
         return self._play_remaining(self._remaining)
 
     def _play_remaining(self, remaining: list[Plan | PlannerJob]) -> Status:
-        """Compile the rest of the motion into frames when all of it is timed."""
+        """Compile the rest of the motion into frames when all its plans are timed."""
         assert self._motion
         plans = [part.answer if isinstance(part, PlannerJob) else part for part in remaining]
         if any(isinstance(part, PlannerJob) and not part.done for part in remaining):
@@ -192,7 +192,7 @@ class StreamedMotion(Skill, register=False):
 
 
 def _time_at(playback: Playback, motion: MergedMotion, position: tuple[float, ...]) -> float:
-    """Return the time within a motion [s] at which it has the position of a stopped arm [rad]."""
+    """Return the time [s] at which a motion has the position of a stopped arm [rad]."""
     if not playback.written:
         return 0.0
     last = playback.schedule.setpoints[playback.written - 1]
@@ -202,7 +202,7 @@ def _time_at(playback: Playback, motion: MergedMotion, position: tuple[float, ..
 
 
 def _stopped_at(playback: Playback, start: tuple[float, ...], position: tuple[float, ...]) -> bool:
-    """Return True if the arm is at the position at which a playback was stopped [rad]."""
+    """Return True if the arm is at the position [rad] at which a playback stopped."""
     schedule, written = playback.schedule, playback.written
     last = schedule.setpoints[written - 1].positions if written else start
     return position == last or (written == len(schedule.setpoints) and position == schedule.end)
@@ -211,7 +211,8 @@ def _stopped_at(playback: Playback, start: tuple[float, ...], position: tuple[fl
 def _remaining_frames(playback: Playback, ramp: float) -> Schedule:
     """Return the frames that were not sent, for a schedule without a known motion.
 
-    They start from standstill. Their rate grows linearly to the scheduled rate within `ramp` [s].
+    They start from standstill. The rate of playback grows linearly to the scheduled rate within
+    `ramp` [s].
     """
     schedule, written = playback.schedule, playback.written
     if not written:

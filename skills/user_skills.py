@@ -16,20 +16,20 @@ from hardware import read_file
 from hardware.installed import EntryPoint, entry_points
 
 GROUP = "armtree.skills"
-_MAX_BYTES = 2**20  # of a file
+_MAX_BYTES = 2**20  # largest size of a file [bytes]
 
-_loaded: dict[str, str] = {}  # the error of every loaded plugin; empty for none
+_loaded: dict[str, str] = {}  # error of every loaded plugin; empty if it has none
 
 
 def load_skills(folder: Path | None, reserved: Collection[str]) -> list[str]:
-    """Load users' skills, each once in a process. A broken one does not affect the others.
+    """Load users' skills, each once per process. A broken plugin does not affect the others.
 
     Args:
         folder: Folder of Python files; None for only installed packages.
         reserved: Names that no skill may have, because the grammar of task files uses them.
 
     Returns:
-        What is broken, and why.
+        The errors of broken plugins, as messages.
     """
     wrong = [_load_package(entry, reserved) for entry in entry_points(GROUP).values()]
     if folder is not None:
@@ -41,7 +41,7 @@ def load_skills(folder: Path | None, reserved: Collection[str]) -> list[str]:
 
 
 def is_broken(module: str) -> bool:
-    """Return whether a module is a plugin that could not be loaded completely."""
+    """Return True if a module is a plugin that was not loaded completely."""
     return bool(_loaded.get(module))
 
 
@@ -63,41 +63,41 @@ def _load_file(path: Path, reserved: Collection[str]) -> str:
         assert spec
         assert spec.loader
         made = importlib.util.module_from_spec(spec)
-        sys.modules[module] = made  # as import does, so that annotations can be resolved
+        sys.modules[module] = made  # like import, so that annotations can be resolved
         loader = spec.loader
         _loaded[module] = _guarded(str(path), reserved, lambda: loader.exec_module(made))
     return _loaded[module]
 
 
 def _guarded(source: str, reserved: Collection[str], load: Callable[[], object]) -> str:
-    """Load a plugin; return why it is broken, or an empty text."""
+    """Load a plugin. Return its error; empty if there is none."""
     before, pressed = get_ports_registry(), list[int]()
     try:
-        # Other programs read the standard output of a command.
+        # Output of a plugin must not mix with the standard output of a command.
         with warnings.catch_warnings(), _ctrl_c(pressed), redirect_stdout(sys.stderr):
             warnings.simplefilter("ignore")  # duplicate names are reported below
             warnings.filterwarnings("always", ".* is deprecated; rename it", DeprecationWarning)
             load()
-    except BaseException as error:  # users' code may raise anything
+    except BaseException as error:  # users' code may raise any exception
         if pressed:
             raise
         return f"{source}{_line(error, source)}: {type(error).__name__}: {error}"
     after = get_ports_registry()
     taken = [name for name, kind in after.items() if before.get(name, kind) is not kind]
     if wrong := [name for name in after if name not in before and name in reserved]:
-        return f"{source}: {', '.join(wrong)}: the grammar has that name already; rename it"
+        return f"{source}: {', '.join(wrong)}: the grammar already has that name; rename it"
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         for name in taken:
             register_ports_class(name, before[name])
     if taken:
-        return f"{source}: {', '.join(taken)}: there is a skill of that name already; rename it"
+        return f"{source}: {', '.join(taken)}: another skill already has that name; rename it"
     return ""
 
 
 @contextmanager
 def _ctrl_c(pressed: list[int]) -> Iterator[None]:
-    """Record a Ctrl-C, to distinguish it from a KeyboardInterrupt of a plugin."""
+    """Record a Ctrl-C. This distinguishes it from a KeyboardInterrupt of a plugin."""
 
     def press(number: int, frame: object) -> NoReturn:
         pressed.append(number)
@@ -115,7 +115,7 @@ def _ctrl_c(pressed: list[int]) -> Iterator[None]:
 
 
 def _line(error: BaseException, source: str) -> str:
-    """Return the line of an error in a file as `:line`, or an empty text."""
+    """Return the line of an error in a file as `:line`; empty if unknown."""
     if isinstance(error, SyntaxError) and error.lineno:
         return f":{error.lineno}"
     trace, line = error.__traceback__, 0

@@ -16,7 +16,7 @@ _CHOICES = ["yes", "no"]
 
 
 class Ask(Skill):
-    """Ask the operator and wait; fail without an answer, or if it differs from the wanted one."""
+    """Ask the operator and wait. Fail without an answer, or if it is not the wanted one."""
 
     validates_partial = True
     phase = "asking"
@@ -45,7 +45,7 @@ class Ask(Skill):
 
     @classmethod
     def validate(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
-        """Check that the question can be asked, and that the wanted answer can be given."""
+        """Check that the question is valid and that the wanted answer is possible."""
         errors = list[BadQuestion]()
         if not inputs.get("question", "?").strip():
             errors.append(BadQuestion("there is no question").at("question"))
@@ -97,7 +97,7 @@ class Ask(Skill):
 
 
 def _choice_error(choice: str, before: Sequence[str | None]) -> str:
-    """Return why a choice is invalid, or "" if it is valid."""
+    """Return the error of a choice, or "" if it is valid."""
     if not choice.strip():
         return "a choice is empty"
     return f"the choice {choice} is given twice" if choice in before else ""

@@ -1,4 +1,4 @@
-"""Leaves that work on keys of the blackboard: write one, compare two values."""
+"""Leaves for keys of the blackboard: write a key, compare two values."""
 
 import operator
 from collections.abc import Callable, Mapping
@@ -51,7 +51,7 @@ class Compare(Skill):
 
     @classmethod
     def mistyped(cls, inputs: Mapping[str, Any], types: Mapping[str, str]) -> str:
-        """Return an error for texts that are compared by order."""
+        """Return an error if two texts are compared by order."""
         text = "text" in (types.get("left"), types.get("right"))
         return _NO_ORDER if text and inputs.get("is") in _ORDER else ""
 

@@ -44,7 +44,7 @@ class _Add(Skill, register=False):
     """Add a body to the world, or replace the body of the same name.
 
     Attributes:
-        form: Class of its shape. Its arguments are the inputs that are not in `_PLACE`, in order.
+        form: Class of its shape. The arguments are the inputs outside of `_PLACE`, in order.
     """
 
     world_change = WorldChange.ADDS
@@ -52,7 +52,7 @@ class _Add(Skill, register=False):
 
     @classmethod
     def validate(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
-        """Create the body if all inputs are known, and compare its size with that of the arm."""
+        """Create the body if all inputs are known, and compare its size with the arm."""
         cls.body(inputs)
         most = MOST_REACHES * robot.reach
         errors = []
@@ -137,7 +137,7 @@ class AddMesh(_Add):
 
 
 def _file_error(file: Path) -> str:
-    """Return why a file cannot be a mesh, or "" if it may be one."""
+    """Return the error of a mesh file, or "" if it may be valid."""
     if file.suffix.lower() not in _MESHES:
         return f"{file} is not a STL, DAE or OBJ file"
     if not file.is_file():
@@ -165,7 +165,7 @@ class _SetParent(PlanningSkill, register=False):
     world_change = WorldChange.ATTACHES
 
     def set_parent(self, link: str) -> Status:
-        """Have a worker compute the pose of the body in the frame of a link; "" is the root."""
+        """Request the pose of the body in the frame of a link from a worker; "" is the root."""
         scene, name = self.context.scene, self.get_input("body")
         scene.world.body(name)
         return self.request(

@@ -9,7 +9,7 @@ from skills.streamed_motion import StreamedMotion
 
 
 class Execute(StreamedMotion):
-    """Check the frames of a motion, then stream them. Succeed when the last one is carried out."""
+    """Check the frames of a motion, then stream them. Succeed when the last frame is executed."""
 
     INPUT_PORTS = {
         "arm_plan": PortInformation(Plan, description="the arm's motion"),

@@ -1,4 +1,4 @@
-"""A leaf that follows an arm that a person moves by hand."""
+"""A leaf that follows a hand-guided arm."""
 
 import logging
 import math
@@ -18,12 +18,12 @@ from skills.ports import Port
 
 logger = logging.getLogger(__name__)
 
-_PROBE = {"rad": math.radians(3), "m": 0.003}  # how far a joint must be free to be shown as free
+_PROBE = {"rad": math.radians(3), "m": 0.003}  # free distance of a joint that is shown as free
 _QUIET = 1.0  # least time between two lines in the log [s]
 
 
 class FollowLeader(Skill):
-    """Follow the joints of a leader, until a person ends it. A collision stops the arm before it.
+    """Follow the joints of a leader until a person ends this. The arm stops before a collision.
 
     Every period of frames it moves towards the leader, within the limits of velocity and
     acceleration. Each step is checked for collision before it is sent.
@@ -43,8 +43,8 @@ class FollowLeader(Skill):
     }
 
     _playback: Playback | None = None
-    _checks: tuple[PlannerJob, ...] = ()  # of the next step, or of each joint alone
-    _contact = ""  # what blocks the arm, while `_checks` are of each joint alone
+    _checks: tuple[PlannerJob, ...] = ()  # checks of the next step, or of each joint alone
+    _contact = ""  # cause of a blocked step, while `_checks` are of each joint alone
     _blocked = False
     _start: tuple[float, ...]
     _schedule: Schedule
@@ -55,14 +55,14 @@ class FollowLeader(Skill):
 
     @property
     def busy(self) -> bool:
-        """True while a planner works for it, or the arm moves."""
+        """True while a planner works for it or the arm moves."""
         return self._playing or any(not check.done for check in self._checks)
 
     def on_start(self) -> Status:
         """Begin from standstill."""
         robot = self.context.robot
         self._period, self._due = 1 / robot.firmware.rate, self.context.now()
-        self._quiet_until = -math.inf  # for the log [s]
+        self._quiet_until = -math.inf  # time of the next allowed line in the log [s]
         self._rest()
         return self.on_running()
 
@@ -100,7 +100,7 @@ class FollowLeader(Skill):
         self.context.leader.show(None)
 
     def _rest(self) -> None:
-        """Forget the step under way: the arm is at rest."""
+        """Drop the current step, because the arm is at rest."""
         self._playback, self._checks, self._contact, self._blocked = None, (), "", False
         self._velocity = [0.0] * len(self.context.robot.actuated)  # of the last step [rad/s]
 
@@ -121,7 +121,7 @@ class FollowLeader(Skill):
     def _ahead(self, start: Sequence[float], target: Sequence[float]) -> tuple[float, ...]:
         """Return the joint positions after one period: towards the leader, within their limits.
 
-        No joint is faster than it can stop at the leader.
+        Each joint is slow enough to stop at the leader's position.
         """
         speed, period, positions = self.get_input("speed"), self._period, []
         for column, joint in enumerate(self.context.robot.actuated):
@@ -137,14 +137,14 @@ class FollowLeader(Skill):
         return tuple(positions)
 
     def _check(self, start: tuple[float, ...], end: tuple[float, ...]) -> PlannerJob:
-        """Have a straight motion checked, with the distance that every plan keeps."""
+        """Request a check of a straight motion, with the margin of every plan."""
         context = self.context
         margin = 0.5 * context.robot.collision.margin
         world = context.scene.world
         return PlannerJob(context, Verify((start, end), margin, None, context.timeout, world))
 
     def _process_checks(self) -> None:
-        """Send a step that is free. If it is not, have each joint checked alone, to show that."""
+        """Send the step if it is free. Else request checks of each joint alone."""
         answers, self._checks = [check.answer for check in self._checks], ()
         collides = [isinstance(answer, MotionCollides) for answer in answers]
         for answer, known in zip(answers, collides, strict=True):
@@ -162,7 +162,7 @@ class FollowLeader(Skill):
             self._play()
 
     def _probes(self) -> Iterator[tuple[float, ...]]:
-        """Yield the position with each joint moved down a little, and up."""
+        """Yield the position with each joint moved a little down, and a little up."""
         for column, joint in enumerate(self.context.robot.actuated):
             for way in (-1, 1):
                 end = list(self._start)
@@ -170,7 +170,7 @@ class FollowLeader(Skill):
                 yield tuple(end)
 
     def _show(self, contact: str, free: Sequence[bool]) -> None:
-        """Show why the arm is blocked, and where it is free."""
+        """Show the cause of the block, and the free directions."""
         joints = self.context.robot.actuated
         ways = {
             joint.name: (
@@ -194,7 +194,7 @@ class FollowLeader(Skill):
         self._playback = context.arm.play(self._schedule, context.wake, self.name, self._generation)
 
     def _finish(self, playback: Playback) -> None:
-        """Raise the error for a step that was not sent."""
+        """End the step; raise an error if it was not sent."""
         self._playback = None
         if playback.error:
             raise playback.error

@@ -24,13 +24,13 @@ from skills.motion.trajectory.plan import Plan
 from skills.planning_skill import PlanningSkill
 from skills.ports import Port, Positions
 
-# Extra distances from obstacles for further plans. Each is used if the frames of the plan before it
-# come too near. With much larger distances there is often no path at all (measured) [m].
+# Extra distances from obstacles for further plans [m]. Each one is used if the frames of the
+# previous plan come too close. With much larger distances, there is often no path (measured).
 _EXTRA_DISTANCES = (0.002, 0.004, 0.008)
 
 
 class _PlanGroup(PlanningSkill, register=False):
-    """Plan a motion of one group. The other joints do not move during it."""
+    """Plan a motion of one group. The other joints do not move meanwhile."""
 
     validates_partial = True
     plans_goal = True
@@ -92,14 +92,14 @@ class _PlanGroup(PlanningSkill, register=False):
         return self.request(self._query)
 
     def on_answer(self, answer: Result) -> Status:
-        """Write the plan. Near obstacles, first have its frames checked.
+        """Write the plan. Near obstacles, first request a check of its frames.
 
         The frames differ from the plan, because servos turn in whole degrees and one after another.
-        If they collide, another plan keeps more distance. If none is free, the first plan is
-        written, and Execute reports what is wrong with it.
+        If they collide, another plan keeps more distance. If no plan is free, the first one is
+        written, and Execute reports its collision.
 
-        Without bodies around, the frames of a straight plan are checked by Execute only: none of
-        1400 random ones collided.
+        Without bodies in the world, only Execute checks the frames of a straight plan: none of 1400
+        random plans collided.
         """
         if isinstance(answer, Plan):
             self._first = self._first or answer
@@ -129,7 +129,7 @@ class _PlanGroup(PlanningSkill, register=False):
         assert isinstance(answer, (Plan, MotionError))
         self.context.publish(Planned(self._query, answer))
         if isinstance(answer, StartInCollision) and self.moved_before:
-            # Its start is the goal of the groups that move before it.
+            # The start of a group is the goal of the groups that move first.
             raise GoalInCollision(answer.first, answer.second, answer.distance, answer.margin)
         if isinstance(answer, MotionError):
             raise answer
@@ -145,7 +145,7 @@ class _PlanGroup(PlanningSkill, register=False):
         """Cancel the planner, and publish the outcome of the query."""
         super().on_halt()
         answer = self._job.answer if self._job else None
-        answer = self._checked or answer  # the job was a check of its frames
+        answer = self._checked or answer  # the job was the check of this plan's frames
         outcome = answer if isinstance(answer, (Plan, MotionError)) else PlanCanceled()
         self.context.publish(Planned(self._query, outcome))
 

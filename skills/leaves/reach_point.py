@@ -22,7 +22,7 @@ _TARGET = PortInformation(Positions, description="position of each of the group'
 
 
 class ReachPoint(PlanningSkill):
-    """Compute joint positions that bring the tool to a point. The nearest in time is chosen."""
+    """Compute joint positions that bring the tool to a point. Choose the ones reached soonest."""
 
     tool_output = "target"
 

@@ -8,7 +8,7 @@ from skills.ports import Positions
 
 
 class SetStart(Skill):
-    """Provide the commanded position of the arm, from which a motion is planned."""
+    """Provide the commanded position of the arm, as the start of a plan."""
 
     pose_output = "start"
 

@@ -30,7 +30,7 @@ _START = PortInformation(Positions, description="position of every actuated join
 
 
 class Target(Skill):
-    """Take targets of some joints; the others keep their start position. Fail if out of limits."""
+    """Take targets of some joints. The others keep their start position. Fail if out of limits."""
 
     validates_partial = True
 
@@ -133,7 +133,7 @@ def _target_errors(robot: Robot, joints: Positions, port: str) -> list[SkillErro
     """Return the errors of targets of some joints that do not depend on the other joints."""
     errors = [*unknown_joint_errors(robot, joints, port), *mimic_errors(robot, joints, port)]
     written, wrong = {*joints, *joints.unknown}, {error.location[-1] for error in errors}
-    # The position of a leader that is not named, or misspelt, is not known before the run.
+    # The position of a leader is unknown before the run if its name is missing or misspelt.
     wrong |= {j.name for j in robot.joints if j.mimic and j.mimic.leader not in written}
     part = Positions((name, q) for name, q in joints.items() if name not in wrong)
     boot = Positions((joint.name, joint.boot) for joint in robot.actuated)
@@ -157,7 +157,7 @@ def _goal(robot: Robot, start: Positions, joints: Positions, port: str) -> Posit
 def _completed(
     robot: Robot, start: Positions, joints: Positions, port: str
 ) -> dict[str, dict[str, float]]:
-    """Return a target per group, with start positions for joints that have no target."""
+    """Return a target for each group, with start positions of joints without a target."""
     targets = split_by_group(robot, joints, port)
     return {
         group: {joint.name: start[joint.name] for joint in robot.actuated_in(group)} | target

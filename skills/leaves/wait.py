@@ -42,5 +42,5 @@ class Wait(Skill):
 
 
 def wait_node(duration: str) -> str:
-    """Return a node that waits, as a task file has it, such as for `2 s`."""
+    """Return a waiting node in the form of a task file, for a duration such as `2 s`."""
     return f"{Wait.__name__}: {{duration: {duration}}}"

@@ -1,4 +1,4 @@
-"""Motion planning: a Query in, a Plan out, by worker processes that can be killed at any time.
+"""Motion planning: worker processes turn a Query into a Plan. They can be killed at any time.
 
 planner.py    the stages of a plan, from the straight line to the final check
 query.py      requests and answers; plan.py the motion that was found; world.py the bodies

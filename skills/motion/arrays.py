@@ -21,7 +21,7 @@ Packed = tuple[list[tuple[tuple[int, ...], int]], bytes]
 
 
 def readonly(values: ArrayLike) -> Array:
-    """Return a read-only array of floats; a copy, unless the array already owns read-only data."""
+    """Return a read-only array of floats. Copies the array unless it owns read-only data."""
     array = np.asarray(values, dtype=np.float64)
     if array.flags.writeable or not (array.flags.owndata or isinstance(array.base, bytes)):
         array = array.copy()
@@ -30,7 +30,7 @@ def readonly(values: ArrayLike) -> Array:
 
 
 def norms(steps: Array) -> Array:
-    """Return the length of every row (N, J) -> (N,), also if its square would underflow."""
+    """Return the length of every row (N, J) -> (N,), also if its square underflows."""
     largest = np.max(abs(steps), axis=1, initial=np.finfo(float).tiny)
     lengths: Array = largest * np.linalg.norm(steps / largest[:, None], axis=1)
     return lengths

@@ -19,7 +19,7 @@ class Deadline:
         timeout: Time from now [s].
 
     Raises:
-        BadQuery: The timeout is not a number, or NaN: such a deadline would never expire.
+        BadQuery: The timeout is not a number or is NaN, so the deadline would never pass.
     """
 
     def __init__(self, clock: Clock, timeout: float) -> None:
@@ -30,7 +30,7 @@ class Deadline:
 
     @property
     def over(self) -> bool:
-        """True if it passed."""
+        """True if the deadline has passed."""
         return self._clock.now() > self._end
 
     def check(self) -> None:
@@ -44,7 +44,7 @@ class Deadline:
 
 
 class Stopwatch:
-    """Measures stages from its creation on. Time between stages counts for the next one.
+    """Measures stages, starting at its creation. Time between stages counts for the next one.
 
     Args:
         clock: Time source.
@@ -61,7 +61,7 @@ class Stopwatch:
     def stage(self, name: str) -> Iterator[None]:
         """Measure the `with` block. A stage may run more than once; its durations are added.
 
-        An error that ends a stage has the durations of all stages so far.
+        An error that ends a stage gets the durations of all stages so far.
         """
         try:
             yield

@@ -14,7 +14,7 @@ from hardware import DISPLAY_UNITS, ArmtreeError
 
 
 class MotionError(ArmtreeError):
-    """No motion was found. Root of the errors of motion planning.
+    """The planner found no motion. Root of the errors of motion planning.
 
     Attributes:
         milliseconds: Duration of each stage of planning, up to the one that failed [ms].
@@ -60,8 +60,8 @@ class NotFinite(BadQuery):
     """A request to the planner has a number that is NaN or infinite.
 
     Attributes:
-        what: Where it was found, such as `start`, `via point 1` or `z of the axis`.
-        joint: Name of its joint; empty if it belongs to none.
+        what: Name of the value with the number, such as `start`, `via point 1` or `z of the axis`.
+        joint: Name of its joint; empty if it belongs to no joint.
         value: NaN or an infinity.
     """
 
@@ -101,7 +101,7 @@ class OutOfBounds(MotionError, ValueError):
 
     Attributes:
         joint: Name of the joint.
-        value: Position that it would have.
+        value: Position of the joint.
         lower: Lower limit.
         upper: Upper limit.
         unit: Unit of value and limits: rad or m.
@@ -131,7 +131,7 @@ class OutOfBounds(MotionError, ValueError):
 
 
 class StartOutOfBounds(OutOfBounds):
-    """At the start, a joint is outside its limits."""
+    """A joint is outside its limits at the start."""
 
     code = "plan.start_out_of_bounds"
     hint = "move the joint within its limits by hand, then run again"
@@ -139,7 +139,7 @@ class StartOutOfBounds(OutOfBounds):
 
 
 class GoalOutOfBounds(OutOfBounds):
-    """At the goal, a joint would be outside its limits."""
+    """A joint would be outside its limits at the goal."""
 
     code = "plan.goal_out_of_bounds"
     hint = "choose a value within the limits"
@@ -147,11 +147,11 @@ class GoalOutOfBounds(OutOfBounds):
 
 
 class EndInCollision(MotionError):
-    """At one end of the motion, two links are closer than the margin.
+    """Two links are closer than the margin at one end of the motion.
 
     Attributes:
         first: Name of one link or body, or `floor`.
-        second: Name of the other one.
+        second: Name of the other link or body.
         distance: Distance between them, negative if they overlap [m].
         margin: Distance to keep [m].
         what: `start`, `goal`, or a via point such as `via point 1`.
@@ -173,7 +173,7 @@ class EndInCollision(MotionError):
 
 
 class StartInCollision(EndInCollision):
-    """At the start, the arm is too close to something."""
+    """The arm is too close to itself or an obstacle at the start."""
 
     code = "plan.start_in_collision"
     hint = "move the arm away by hand, then run again"
@@ -181,7 +181,7 @@ class StartInCollision(EndInCollision):
 
 
 class GoalInCollision(EndInCollision):
-    """At the goal, the arm would be too close to something."""
+    """The arm would be too close to itself or an obstacle at the goal."""
 
     code = "plan.goal_in_collision"
     what = "goal"
@@ -192,11 +192,12 @@ class Unreachable(MotionError):
 
     Attributes:
         point: The requested point, in the URDF's root frame [m].
-        nearest: The nearest point that was reached, in any direction [m].
-        distance: Distance between the two [m]; at most `tolerance` if only the direction is out of
-            reach.
-        askew: Angle between the requested direction and the tool's axis at `nearest`; if the point
-            is reached, the smallest one that was found [rad]. 0 if no direction was requested.
+        nearest: The nearest reachable point that was found, for any direction [m].
+        distance: Distance between these two points [m]; at most `tolerance` if only the direction
+            is out of reach.
+        askew: Angle between the requested direction and the tool's axis at `nearest` [rad]. If the
+            point is within reach, the smallest angle that was found. 0 if no direction was
+            requested.
         direction: The requested direction of the tool's axis, or None.
         tolerance: Distance at which the point counts as reached [m].
     """
@@ -222,7 +223,7 @@ class Unreachable(MotionError):
         super().__init__(f"{self._too_far() if far else self._too_askew()}; {self.hint}")
 
     def _too_far(self) -> str:
-        # Enough digits that two different points look different.
+        # More digits if the two points would look equal.
         digits = max(1, -2 - math.floor(math.log10(self.distance)))
         off = f"{1e3 * self.distance:.{digits}f} mm away"
         if digits > 1:
@@ -249,7 +250,7 @@ class Barred(MotionError):
         value: The position.
         unit: Unit of the position: rad or m.
         first: Name of one of the two links in collision there, or `floor`.
-        second: Name of the other one.
+        second: Name of the other link or body.
     """
 
     code = "plan.barred"
@@ -265,7 +266,7 @@ class Barred(MotionError):
         )
 
 
-_FEWER = 4  # factor by which a search reaches fewer configurations from a narrow place
+_FEWER = 4  # an end with this many times fewer configurations than the other is in a narrow place
 
 
 class NoPath(MotionError):
@@ -273,9 +274,9 @@ class NoPath(MotionError):
 
     Attributes:
         samples: Number of samples of all searches.
-        searches: Number of searches, each with other samples.
-        from_start: Number of configurations that they reached from the start.
-        from_goal: Number of configurations that they reached from the goal.
+        searches: Number of searches, each with different samples.
+        from_start: Number of configurations that the searches reached from the start.
+        from_goal: Number of configurations that the searches reached from the goal.
     """
 
     code = "plan.no_path"
@@ -335,9 +336,9 @@ class MotionCollides(MotionError):
 
     Attributes:
         row: Row of the configurations at or before the collision.
-        time: Time of the collision, from the motion's start [s]; None if rows have no times.
+        time: Time of the collision from the start of the motion [s]; None if rows have no times.
         first: Name of one link or body, or `floor`.
-        second: Name of the other one.
+        second: Name of the other link or body.
         distance: Distance between them, negative if they overlap [m].
         margin: Distance to keep [m].
         contact: The two links and their distance, in words.
@@ -412,7 +413,7 @@ def shown(value: object) -> str:
     """Return a short text for any value, for messages."""
     try:
         return reprlib.repr(value)
-    except Exception:  # a faulty __repr__, or a number of thousands of digits
+    except Exception:  # __repr__ fails, or a number has thousands of digits
         return f"a {type(value).__name__} that cannot be shown"
 
 

@@ -1,14 +1,14 @@
 """Inverse kinematics: joint positions that bring a tool to a point, with its axis in a direction.
 
 A Levenberg-Marquardt descent (K. Levenberg 1944, D. W. Marquardt 1963), projected onto the joint
-limits, lowers the squared error from several starting points: first the current configuration, then
-random ones. Of all solutions without collision, the one with the shortest straight motion from the
-current configuration is returned.
+limits, lowers the squared error. It begins at several points: the current configuration, then
+random ones. The result is the collision-free solution with the shortest straight motion from the
+current configuration.
 
-Most targets are reached from the first 16 starting points. If none is reached without collision,
-512 more are drawn, the most promising are tried, and the best results are continued with more
-steps. If a requested direction then cannot be reached, the point gets priority over the direction.
-This shows which of the two is out of reach.
+The first 16 starting points reach most targets. If no solution is free of collision, the solver
+draws 512 more points, tries the most promising ones, and continues the best results with more
+steps. If it still cannot reach a requested direction, the point gets priority over the direction.
+This shows whether the point or the direction is out of reach.
 """
 
 import math
@@ -39,13 +39,13 @@ from skills.motion.world import Vector
 from .robot_model.joint_group import JointGroup
 from .robot_model.robot_model import RobotModel
 
-# The budget is counted in descents, not in seconds: equal queries give equal answers.
-_FIRST_SEEDS = 16  # starting points of the first round, the current configuration included
+# The budget is a number of descents, not a time, so equal queries give equal answers.
+_FIRST_SEEDS = 16  # starting points of the first round, with the current configuration
 _RANDOM_SEEDS = 512  # starting points drawn for the second round
-_MOST_PROMISING = 32  # starting points of the second round that are tried
+_MOST_PROMISING = 32  # tried starting points of the second round
 _CONTINUED = 8  # best results that are continued with more steps
-_POINT_FIRST_SEEDS = 16  # random starting points of the point-first round, and as many results
-_SEPARATION = 0.1  # least RMS distance of two starting points, as a share of the joint ranges
+_POINT_FIRST_SEEDS = 16  # random starting points, and earlier results, of the point-first round
+_SEPARATION = 0.1  # smallest RMS distance of two starting points, as a share of the joint ranges
 _POINT_TOLERANCE = 1e-6  # [m]
 _AXIS_TOLERANCE = 1e-4  # [rad]
 _AXIS_WEIGHT = 0.1  # weight of 1 rad of axis error against 1 m of position error [m/rad]
@@ -56,14 +56,14 @@ class _Effort(NamedTuple):
     """Limits of one descent."""
 
     steps: int
-    gain: float  # least relative reduction of the squared error per step
+    gain: float  # smallest relative reduction of the squared error per step
 
 
 _QUICK, _PATIENT = _Effort(60, 1e-3), _Effort(200, 1e-5)
 
 
 class Validity(Protocol):
-    """Checks configurations for collisions; `CollisionChecker` is one."""
+    """Interface of a collision check, such as `CollisionChecker`."""
 
     def first_invalid(self, configurations: Array, margin: float) -> int | None:
         """Return the first row (N, A) [rad] in collision, or None."""
@@ -84,7 +84,7 @@ def solve_ik(
 
     Raises:
         BadQuery, NotFinite, StartOutOfBounds: The query is not valid.
-        Unreachable: No solution was found. It has the nearest pose of the tool.
+        Unreachable: There is no solution. The error has the nearest pose of the tool.
         GoalInCollision: All solutions are in collision.
         PlanTimeout: The deadline passed.
     """
@@ -138,7 +138,7 @@ class _Result:
 
 
 def _nearest(results: list[_Result]) -> list[_Result]:
-    """Return all results that reach the point; if there are none, the nearest one."""
+    """Return all results that reach the point, or else the nearest one."""
     least = max(_POINT_TOLERANCE, min(each.distance for each in results))
     return [each for each in results if each.distance <= least]
 
@@ -153,7 +153,7 @@ class _Search:
         self._random = np.random.default_rng(seed)
 
     def rounds(self) -> Iterator[list[_Result]]:
-        """Yield the results of each round; the next one runs only if the caller continues."""
+        """Yield the results of each round. The next round runs only if the caller continues."""
         seeds = [self._start[self._chain.columns], *self._draw(_FIRST_SEEDS - 1)]
         found = [self._descend(seed) for seed in seeds]
         yield found[:]
@@ -171,7 +171,7 @@ class _Search:
             yield self._point_first(seeds)
 
     def _point_first(self, seeds: list[Array]) -> list[_Result]:
-        """Approach the point first, then the direction without leaving the point."""
+        """Descend to the point first, then to the direction without leaving the point."""
         found = [self._descend(seed, _QUICK, 0.0) for seed in seeds]
         best = sorted(found, key=lambda each: each.distance)[:_CONTINUED]
         found += [self._descend(each.joints, _PATIENT, 0.0) for each in best]
@@ -182,7 +182,7 @@ class _Search:
     def _separate(self, results: list[_Result], count: int) -> list[Array]:
         """Return the first configurations that are not close to an earlier one.
 
-        Neighbours would mostly descend to the same solution.
+        Close starting points mostly descend to the same solution.
         """
         taken, shares = list[Array](), np.zeros((0, len(self._chain.ranges)))
         for result in results:
@@ -215,7 +215,7 @@ class ToolChain:
         robot: The robot.
         model: Its model.
         group: The group.
-        query: Names the tool and the direction of its axis.
+        query: The query, which names the tool and the direction of its axis.
     """
 
     def __init__(
@@ -251,7 +251,7 @@ class ToolChain:
         return bool(set(kinematics.supports[joint]) & set(joints))
 
     def draw(self, random: np.random.Generator, start: Array) -> Array:
-        """Draw the group's joints within their limits, or within half a turn if they have none."""
+        """Draw random positions of the group's joints, within their limits or half a turn."""
         own, group = start[self.columns], self._group
         lower = np.where(np.isfinite(group.lower), group.lower, own - np.pi)
         upper = np.where(np.isfinite(group.upper), group.upper, own + np.pi)
@@ -303,7 +303,7 @@ class ToolChain:
         for _ in range(effort.steps):
             deadline.check()
             gradient = jacobian.T @ error
-            # A joint at its limit stays there for this step if the step would leave the limits.
+            # A joint at its limit does not move in this step if the step would exceed the limit.
             stuck = (joints <= lower) & (gradient > 0) | (joints >= upper) & (gradient < 0)
             step = np.zeros(len(joints))
             free = ~stuck

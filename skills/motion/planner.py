@@ -1,6 +1,6 @@
 """The motion planner: a Query in, a checked and timed Plan out.
 
-`Planner.plan` tries one stage after the other until it has a path, then times and verifies it:
+`Planner.plan` tries stage after stage until it has a path. Then it times and verifies the path:
 
     straight   the line from start to goal
     bend       a path with a single rounded corner; with via points, a corner in each leg
@@ -44,7 +44,7 @@ from .trajectory.curve import Curve
 from .trajectory.plan import Plan
 from .world import EMPTY, Body, World
 
-_MAX_SCENES = 4  # kept in memory
+_MAX_SCENES = 4  # number of scenes kept in memory
 _SAME_POINT = 1e-9  # waypoints closer than this are merged [rad]
 
 
@@ -71,7 +71,7 @@ class Planner:
         self.checker = self._checker(EMPTY)
 
     def prepare(self, world: World) -> None:
-        """Load a world, so that the first query in it takes no longer than the next one.
+        """Load a world, so that its first query is as fast as the next ones.
 
         Raises:
             BadWorld: The world is invalid.
@@ -104,8 +104,8 @@ class Planner:
 
         Raises:
             BadQuery, NotFinite, StartOutOfBounds, GoalOutOfBounds, StartInCollision,
-            GoalInCollision, Barred, NoPath, TooLong, PlanTimeout, MotionCollides: The first stage
-            that fails. The error has the durations of all stages so far.
+            GoalInCollision, Barred, NoPath, TooLong, PlanTimeout, MotionCollides: A stage failed.
+                The error has the durations of all stages so far.
         """
         watch, deadline = Stopwatch(self._clock), Deadline(self._clock, query.timeout)
         margin = self._robot.collision.margin
@@ -156,10 +156,10 @@ class Planner:
         return plan
 
     def verify(self, request: Verify) -> None:
-        """Check a motion as it will be played, along straight lines from row to row.
+        """Check a motion as the board will play it: along straight lines from row to row.
 
         Raises:
-            MotionCollides: The motion is in collision; has the first contact.
+            MotionCollides: The motion is in collision. The error has the first contact.
             BadQuery, NotFinite: The request is not valid.
             PlanTimeout: The deadline passed.
         """
@@ -171,8 +171,8 @@ class Planner:
         """Return joint positions that bring the tool to the query's point.
 
         Raises:
-            BadQuery, NotFinite, StartOutOfBounds, Unreachable, GoalInCollision, PlanTimeout:
-                The first that applies.
+            BadQuery, NotFinite, StartOutOfBounds, Unreachable, GoalInCollision, PlanTimeout: The
+                first error that applies.
         """
         checker, deadline = self._checker(query.world), Deadline(self._clock, query.timeout)
         group = self._group(query.group)
@@ -212,7 +212,7 @@ class Planner:
         return self._groups[name]
 
     def _checker(self, world: World) -> CollisionChecker:
-        """Return the checker of a world. Those of the empty and of the latest worlds are kept."""
+        """Return the checker of a world. Keeps those of the empty and the latest worlds."""
         checker = self._checkers.pop(world, None)
         if checker is None or not checker.scene.is_current(world):
             checker = CollisionChecker(PlanningScene(self._robot, world, self._model))
@@ -225,10 +225,10 @@ class Planner:
 def _paths(
     validator: MotionValidator, points: Array, seed: int, watch: Stopwatch
 ) -> Iterator[tuple[Array, Curve]]:
-    """Yield waypoints (N, J) [rad] and the free curve along them, the best first.
+    """Yield waypoints (N, J) [rad] and the free curve along them, best path first.
 
-    Another curve is used only if the one before it cannot be timed. The last curve stops at every
-    waypoint, so it can always be timed.
+    The caller needs another curve only if the previous one cannot be timed. The last curve stops at
+    every waypoint, so it can always be timed.
 
     Args:
         validator: Checks motions of the group.
@@ -273,8 +273,8 @@ def _leg_paths(
 ) -> Iterator[Array]:
     """Yield the waypoints of each leg (N, J) [rad].
 
-    At the end of a searched leg, a continuous joint may be off by whole turns. The next leg begins
-    there.
+    A searched leg may end with a continuous joint off by whole turns. The next leg begins at that
+    end.
     """
     here, turns = legs[0][0], np.zeros(len(legs[0][0]))
     for (_, end), is_free in zip(legs, straight, strict=True):
@@ -299,7 +299,7 @@ def _leg_paths(
 
 
 def _check_duration(plan: Plan, group: JointGroup) -> None:
-    """Check that a plan can be sampled whole.
+    """Check that a plan is short enough to sample all of it.
 
     Raises:
         TooLong: Its duration is more than `hardware.MAX_DURATION`.
@@ -316,7 +316,7 @@ def _check_duration(plan: Plan, group: JointGroup) -> None:
 
 
 def _distinct(waypoints: Array) -> Array:
-    """Drop waypoints that are almost the same as their neighbours; the ends stay as they are."""
+    """Drop waypoints that almost equal their neighbours. Keeps both ends."""
     kept = [waypoints[0]]
     for point in waypoints[1:-1]:
         if norms((point - kept[-1])[None, :])[0] > _SAME_POINT:

@@ -24,13 +24,13 @@ class Query:
         group: Name of the group that moves. All other joints stay at the start.
         start: All actuated joints, in the order of `robot.actuated` [rad].
         goal: The group's joints, in the order of `robot.actuated_in(group)` [rad]. A continuous
-            joint takes the shorter direction, so its value at the end may differ by whole turns. If
-            a path must be searched, it may take the longer one.
+            joint takes the shorter direction, so its value at the end may differ by whole turns. On
+            a searched path, it may take the longer direction.
         seed: Seed of the search. Equal queries give equal plans.
-        timeout: Time for planning [s], from when a worker has loaded the robot. It can make a plan
-            fail, and never changes one.
-        via: Waypoints before the goal, each as `goal`, in order. The motion does not stop there if
-            it can be blended. No part of the arm is then further off than `blend.VIA_TOLERANCE`.
+        timeout: Time for planning after a worker has loaded the robot [s]. It may make a plan fail,
+            but never changes a plan.
+        via: Waypoints before the goal, in order, each in the form of `goal`. A blended motion does
+            not stop there: every part of the arm then passes within `blend.VIA_TOLERANCE`.
         world: Bodies around the arm and attached to it.
         spare: Distance to keep between the ends, in addition to the robot's margin [m].
         speed: Share of the robot's speed, `MIN_SPEED` to 1. The motion takes 1 / speed times as
@@ -59,7 +59,7 @@ def _numbers(what: str, values: "ArrayLike", unit: str) -> "Array":
 
 @dataclass(frozen=True, eq=False)
 class Verify:
-    """Check a motion as it will be played. The answer is None if it is free.
+    """Check a motion as the board will play it. The answer is None if it is free.
 
     Attributes:
         configurations: All actuated joints, in the order of `robot.actuated` (N, A) [rad]. The arm
@@ -110,14 +110,14 @@ class ToolQuery:
     Attributes:
         group: Name of the group that moves. All other joints stay at the start.
         start: All actuated joints, in the order of `robot.actuated` [rad]. The answer is the
-            solution with the shortest straight motion from there.
+            solution with the shortest straight motion from this start.
         point: Target of the tool, in the URDF's root frame [m].
         direction: Direction of the tool's axis in that frame. Default: any.
-        link: Link that carries the tool. Default: that of the robot's own tool if the group moves
-            it, else the last link that the group moves.
+        link: Link that carries the tool. Default: the link of the robot's own tool if the group
+            moves it, else the last link that the group moves.
         offset: Position of the tool in the frame of `link`; without `link`, relative to the
             robot's own tool [m].
-        axis: Axis of the tool in that frame. Default: that of the robot's own tool, or z.
+        axis: Axis of the tool in that frame. Default: the axis of the robot's own tool, or z.
         relative: True if `point` is relative to the tool's position at the start.
         seed: Seed of the search.
         timeout: Time for the search [s].
@@ -157,8 +157,9 @@ class Carry:
     Attributes:
         world: World with the body.
         body: Name of the body.
-        link: Link to attach it to; empty for the URDF's root frame, so that it stays in place.
-        positions: All actuated joints at that moment [rad].
+        link: New link of the body; empty for the URDF's root frame, so that the body stays in
+            place.
+        positions: All actuated joints at the moment of the change [rad].
         timeout: Time for the answer [s].
     """
 
@@ -173,7 +174,7 @@ Request = Query | Verify | ToolQuery | Carry | Rest
 Answer = Plan | Reached | Body | None
 Result = Answer | MotionError
 
-# Attributes of requests: name, type, and what to give instead.
+# Attributes of requests: name, type, and words for the valid values.
 _TYPES: tuple[tuple[str, type | tuple[type, ...], str], ...] = (
     ("group", str, "the name of a group"),
     ("via", (tuple, list), "a tuple of points"),
@@ -187,7 +188,7 @@ def check_types(request: Request) -> None:
     """Check the types of a request and its attributes. The planner checks their values.
 
     Raises:
-        BadQuery: One is of another type.
+        BadQuery: The request or an attribute has a wrong type.
     """
     if not isinstance(request, Request):
         raise BadQuery(f"A planner does not answer a {type(request).__name__}; send a Query")

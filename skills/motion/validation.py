@@ -6,10 +6,10 @@ from typing import cast
 
 from .errors import BadQuery, shown
 
-# Largest position of a continuous joint, size or distance [rad, m]. Far above it the rounding of an
-# angle is larger than a turn, and coal crashes on numbers whose square is not finite.
+# Largest position of a continuous joint, size or distance [rad, m]. Far above it, rounding errors
+# of an angle exceed a turn, and coal crashes on numbers whose square is not finite.
 MAX_MAGNITUDE = 1e6
-MIN_SIZE = math.ulp(0.0)  # smallest number above 0: a solid has no size of 0 [m]
+MIN_SIZE = math.ulp(0.0)  # smallest size of a solid, above 0 [m]
 
 _MAX_SEED = 2**64 - 2  # recordings store 64 bits
 
@@ -23,7 +23,7 @@ def check_seed(seed: int) -> None:
     """Check a random seed.
 
     Raises:
-        BadQuery: It is not a whole number, or too large for a recording.
+        BadQuery: The seed is not a whole number, or it is too large for a recording.
     """
     if not (isinstance(seed, int) and 0 <= seed <= _MAX_SEED):
         raise BadQuery(f"The seed is {shown(seed)}; give a whole number from 0 to {_MAX_SEED}")

@@ -1,4 +1,4 @@
-"""The world: bodies around the arm and attached to it, checked like its own links."""
+"""The world: bodies around the arm and attached to it. They are checked like links."""
 
 import json
 import math
@@ -11,10 +11,10 @@ from hardware.spelling import suggestion
 from .errors import BadWorld, shown
 from .validation import MAX_MAGNITUDE, MIN_SIZE
 
-MAX_BODIES = 1000  # a scene of 1000 takes a second; pinocchio's cost grows with the third power
-_ROUNDED = 1e-2  # error of a quaternion's length if it was written with three or more digits
-_UNIT = 1e-6  # error of a quaternion's length if it was not rounded
-_MAX_SHOWN = 60  # characters of a value in a message
+MAX_BODIES = 1000  # a scene of 1000 takes a second; the cost of pinocchio is cubic
+_ROUNDED = 1e-2  # largest error in the length of a quaternion with three or more digits
+_UNIT = 1e-6  # largest error in the length of a quaternion that was not rounded
+_MAX_SHOWN = 60  # largest number of characters of a value in a message
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -46,9 +46,8 @@ class Cylinder:
 class Mesh:
     """Triangles from a file (STL, DAE, OBJ), scaled to metres.
 
-    A closed mesh is solid: an arm inside it collides with it. A mesh with a hole is a surface,
-    because it may be a tray or a room with a door. To model a closed room, give its walls a
-    thickness.
+    A closed mesh is solid: an arm inside it is in collision. A mesh with a hole is a surface,
+    because it may be a tray or a room with a door. Walls of a closed room need a thickness.
     """
 
     path: str
@@ -71,7 +70,7 @@ class Body:
     Attributes:
         name: Name, different from those of all links and other bodies.
         shape: Shape.
-        position: Position of its centre, or of a mesh's origin, in the frame of `link` [m].
+        position: Position of its centre, or of the origin of a mesh, in the frame of `link` [m].
         rotation: Rotation in that frame: x, y, z, w of a unit quaternion.
         link: Link that it is attached to. Default: the URDF's root frame.
         touches: Names of links and bodies that it may touch, and `floor`.
@@ -169,7 +168,7 @@ class World:
         raise BadWorld(f"There is no body {name}; there are {there}")
 
     def adding(self, body: Body) -> "World":
-        """Return this world with a body, which replaces one with the same name."""
+        """Return this world with a body. It replaces a body with the same name."""
         known = {each.name: each for each in self.bodies} | {body.name: body}
         return World(tuple(known.values()))
 
@@ -189,12 +188,12 @@ class World:
 
     @classmethod
     def parse(cls, bodies: Iterable[Mapping[str, Any]]) -> "World":
-        """Return the world that `plain` or a person wrote.
+        """Return the world from plain lists and numbers, as `plain` returns them.
 
-        A rounded quaternion is scaled to length 1. An exact one stays the same to the bit.
+        A rounded quaternion is scaled to length 1. An exact quaternion stays the same to the bit.
 
         Raises:
-            BadWorld: It is not a valid list of bodies.
+            BadWorld: The value is not a valid list of bodies.
         """
         if not isinstance(bodies, Iterable) or isinstance(bodies, str | Mapping):
             raise BadWorld(f"{_shown(bodies)} is not a list of bodies")
@@ -296,12 +295,16 @@ def _scaled(rotation: Quaternion) -> Quaternion:
 
 
 def _shown(value: object) -> str:
-    """Return a short text for a value: as JSON, in which people write it."""
+    """Return a short text for a value, as JSON if possible."""
     try:
         text = json.dumps(value, ensure_ascii=False)
         if not text.isprintable():
             text = json.dumps(value)
-    except (TypeError, ValueError, RecursionError):  # not JSON, or a number with too many digits
+    except (
+        TypeError,
+        ValueError,
+        RecursionError,
+    ):  # not a value of JSON, or a number with too many digits
         return shown(value)
     return text if len(text) <= _MAX_SHOWN else f"{text[:_MAX_SHOWN]}..."
 

@@ -1,7 +1,7 @@
-"""Finds the pairs of links that need no collision check, by sampling, as MoveIt's Setup Assistant.
+"""Finds by sampling the pairs of links that need no check, as MoveIt's Setup Assistant does.
 
-The reasons are those of its `collision_default`: neighbours touch by design, some pairs touch in
-every configuration, some in none, and some where the arm starts.
+The reasons are those of its `collision_default`. Neighbours touch by design. Some pairs touch in
+every configuration, some in none, and some at the start of the arm.
 """
 
 from collections.abc import Iterable, Mapping
@@ -21,10 +21,10 @@ _SAMPLES = 10_000
 _ROUGH = 500  # samples in which the hulls of a pair are checked before
 _EXACT = 200  # samples in which the exact shapes of a pair are checked
 _ALWAYS = 0.95  # share of samples in contact from which a pair counts as always in contact
-# Hulls that never come closer than the margin and this, in any sample, never touch [m]: between two
-# of the samples they may come closer than in both.
+# Hulls that keep the margin plus this distance in all samples never touch [m]. The addition covers
+# configurations between two samples.
 _RESERVE = 0.01
-_SHARES = np.linspace(1.0, 0.0, 41)  # of the way from the start to a pose
+_SHARES = np.linspace(1.0, 0.0, 41)  # shares of the way from the start to a pose
 NO_POSES: Mapping[str, Mapping[str, float]] = {}
 
 
@@ -36,9 +36,9 @@ class AllowedPairs:
         reasons: `adjacent`, `always`, `never` or `default`, by the pair of links.
         count: Number of pairs of links that move against each other.
         boot: Configuration in which the arm may start [rad].
-        nearest: The closest links there that are checked, or None if none are.
-        poses: The given poses, each moved towards the start until the arm collides no more if only
-            the joints of the pose leave the start.
+        nearest: The closest checked links in `boot`, or None if no links are checked.
+        poses: The given poses without collision. Each pose is moved towards the start until the arm
+            is free, with its other joints at the start.
     """
 
     reasons: Mapping[tuple[str, str], str]
@@ -51,15 +51,15 @@ class AllowedPairs:
 def find_allowed_pairs(
     robot: Robot, poses: Mapping[str, Mapping[str, float]] = NO_POSES, seed: int = 1
 ) -> AllowedPairs:
-    """Find the pairs of links of a robot that need no check, and a free configuration to start in.
+    """Find the pairs of links that need no check, and a free configuration for the start.
 
     Adjacent: no other link with a shape is between them. Always: closer than the margin in 95 % of
-    the samples. Never: their convex hulls are farther apart than the margin and 10 mm in all
-    10,000 samples. Default: closer than the margin at the boot positions, if the arm is free
-    neither there nor in the middle of its limits.
+    the samples. Never: their convex hulls keep the margin plus 10 mm in all 10,000 samples.
+    Default: closer than the margin at the boot positions. This reason is used only if the arm is in
+    collision there and in the middle of its limits.
 
     Args:
-        robot: The robot. Its margin and its boot positions are used, its allowed pairs are not.
+        robot: The robot, with its margin and boot positions. Its allowed pairs are ignored.
         poses: Poses to make free of collisions: position by joint [rad], by name.
         seed: Seed of the samples.
 
@@ -104,7 +104,7 @@ def _scene(
 def _free_pose(
     robot: Robot, checker: CollisionChecker, boot: tuple[float, ...], pose: Mapping[str, float]
 ) -> Mapping[str, float]:
-    """Return the free positions nearest to a pose, on the line from the start to the pose.
+    """Return the free position closest to a pose on the line from the start to it.
 
     The samples include both ends of the line.
     """

@@ -36,9 +36,9 @@ class Contact(NamedTuple):
 
     Attributes:
         first: Name of one link or body, or `floor`.
-        second: Name of the other one.
-        distance: Distance between them [m]. If they overlap or one contains the other it is
-            negative: minus the penetration depth, or for meshes minus an upper bound on it.
+        second: Name of the other link or body.
+        distance: Distance between them [m]. If they overlap or one contains the other, it is minus
+            the penetration depth; for meshes, minus an upper bound on the depth.
     """
 
     first: str
@@ -51,8 +51,8 @@ class Proximity(NamedTuple):
 
     Attributes:
         collision: First row with two links closer than the least distance, or None.
-        near: True for each row with two links closer than their margin, if there is no collision
-            (N,).
+        near: True for each row with two links closer than their margin; valid if there is no
+            collision (N,).
         pairs: All pairs of links that are closer than their margin in some row.
     """
 
@@ -81,11 +81,11 @@ class CollisionChecker:
         self._data = scene.kinematics.createData()
 
     def prepare(self) -> None:
-        """Load now what every query needs. Otherwise the first query does."""
+        """Load everything that queries need. Otherwise the first query loads it."""
         for least in (True, False):
             self._broad_phase(self.pairs, least)
 
-    # Large worlds take milliseconds for each of these, and not every query needs them.
+    # Loaded at their first use: large worlds take milliseconds for each of these.
     @cached_property
     def _placed(self) -> pin.GeometryData:
         return self.scene.exact.createData()
@@ -130,7 +130,8 @@ class CollisionChecker:
             pairs: Pairs of `scene.hulls` to check. Default: all.
 
         Raises:
-            NotFinite: A position is NaN or infinite. After one NaN, pinocchio's answers stay wrong.
+            NotFinite: A position is NaN or infinite. pinocchio must not see it: its later answers
+                would be wrong.
         """
         rows = np.asarray(configurations, dtype=np.float64)
         for begin in range(0, len(rows), BATCH):
@@ -141,16 +142,16 @@ class CollisionChecker:
         return None
 
     def first_invalid(self, configurations: Array, margin: float) -> int | None:
-        """Return the first row at which a motion must not start or end, or None.
+        """Return the first row that is not a valid start or end of a motion, or None.
 
-        Unlike `first_collision` it also finds shapes that are inside a mesh.
+        Unlike `first_collision`, it also finds shapes inside a mesh.
 
         Args:
             configurations: All actuated joints (N, A) [rad].
             margin: Distance to keep [m].
 
         Raises:
-            NotFinite: As `first_collision`.
+            NotFinite: A position is NaN or infinite.
         """
         hit = self.first_collision(configurations, margin)
         if not (self.scene.volumes and self._containment):
@@ -170,7 +171,7 @@ class CollisionChecker:
         return hit, nearest
 
     def nearest(self, configuration: ArrayLike) -> Contact | None:
-        """Return the closest two links that must not touch, or None if all may.
+        """Return the closest two links that must not touch, or None if all links may touch.
 
         Args:
             configuration: All actuated joints (A,) [rad].
@@ -195,14 +196,14 @@ class CollisionChecker:
 
         Args:
             configurations: All actuated joints, at most `BATCH` rows (N, A) [rad].
-            margins: For each pair of `scene.hulls`, at least `least` (P,) [m].
+            margins: Margin of each pair of `scene.hulls`, at least `least` (P,) [m].
             least: Distance below which a pair counts as a collision [m].
             pairs: Pairs of `scene.hulls` to check.
-            exact: False to skip the narrow phase; then some rows are reported as near although only
-                their hulls are.
+            exact: False to skip the narrow phase; rows with close hulls but distant shapes are then
+                also near.
 
         Raises:
-            NotFinite: As `first_collision`.
+            NotFinite: A position is NaN or infinite.
         """
         q, wanted = self._coordinates(configurations), margins.tolist()
         broad = self._broad_phase(pairs, False)
@@ -251,9 +252,8 @@ class CollisionChecker:
     def _first_collision(self, q: Array, margin: float, pairs: frozenset[int]) -> int | None:
         """Return the first row in collision.
 
-        It takes one call if all rows are free, and few if the first doubt is a collision.
-
-        A doubt is a row with hulls closer than the margin.
+        A doubt is a row with hulls closer than the margin. The search takes one call if all rows
+        are free, and few calls if the first doubt is a collision.
         """
         first, collides = self._first_doubt(q, margin, pairs)
         if collides:
@@ -272,7 +272,7 @@ class CollisionChecker:
         return hit
 
     def _first_doubt(self, q: Array, margin: float, pairs: frozenset[int]) -> tuple[int, bool]:
-        """Return the first row whose hulls violate the margin (N if none), and if it collides."""
+        """Return the first doubt (N if none), and True if it is a collision."""
         broad = self._broad_phase(pairs, True)
         broad.set_margin(pairs, margin)
         doubts = broad.collisions(q, stop=True).nonzero()[0]

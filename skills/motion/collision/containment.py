@@ -1,10 +1,10 @@
-"""Shapes that are completely inside a mesh, where coal finds no contact with its surface.
+"""Detects shapes that are completely inside a mesh. coal finds no contact with its surface.
 
-Links of the robot are solid, and so are closed meshes of the world. An open mesh of the world may
-be a tray or a room with a door, so what is inside it is free.
+Links of the robot and closed meshes of the world are solid. An open mesh of the world may be a tray
+or a room with a door, so its inside is free.
 
-Only the ends of a motion need this check: between them nothing gets inside without a contact with
-the surface.
+Only the ends of a motion need this check: between them, a shape cannot get inside without a contact
+with the surface.
 """
 
 import coal
@@ -19,8 +19,8 @@ from .planning_scene import PlanningScene
 class ContainmentChecker:
     """Finds shapes inside meshes of a scene. Not thread-safe.
 
-    Each shape is represented by one of its points, because its surface is known to touch no mesh.
-    Of a mesh that consists of several parts, only one part is therefore checked.
+    The check uses one point of each shape, because its surface touches no mesh. Therefore it checks
+    only one part of a mesh that consists of several parts.
 
     Args:
         scene: The scene.
@@ -71,7 +71,7 @@ class ContainmentChecker:
         return [int(self._pairs[k]) for k in rows if self._contains(int(self._meshes[k]), local[k])]
 
     def contained_after_shift(self, pair: int, shift: Array) -> bool:
-        """Return True if one shape of a pair is inside the other after the second one moves.
+        """Return True if one shape of a pair is inside the other after a shift of the second one.
 
         The joints are at the coordinates of the last call of `pairs` or of pinocchio.
 

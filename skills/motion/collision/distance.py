@@ -1,9 +1,10 @@
-"""Signed distance between two shapes: how far apart they are, or how deep they penetrate.
+"""Signed distance between two shapes: their gap, or minus their penetration depth.
 
-The penetration depth is the shortest translation that separates two shapes. coal knows the depth of
-single triangles of a mesh only, which says nothing about the whole mesh. The penetration depth of
-the hulls is always sufficient, and exact for convex shapes. For other shapes, unless they have very
-many triangles, shorter translations are searched for. The result is therefore never too small.
+The penetration depth is the shortest translation that separates two shapes. For meshes, coal knows
+only the depth of single triangles, not of the whole mesh. A translation by the penetration depth of
+the hulls always separates the shapes; for convex shapes it is the shortest. For other shapes, a
+search looks for shorter translations, unless they have very many triangles. Therefore the result is
+never too small.
 """
 
 import math
@@ -20,8 +21,9 @@ from .planning_scene import PlanningScene
 
 _RESOLUTION = 0.05  # relative error of a penetration depth
 _FINEST = 1e-4  # smallest absolute error of the search [m]
-_MAX_CONTACTS = 50  # enough to find the plane in which two surfaces intersect
-# Triangles of two meshes. With more, one collision check takes milliseconds, so only one is made.
+_MAX_CONTACTS = 50  # number of contacts from which the plane of intersection is computed
+# Largest number of triangles of two meshes for a search. With more, one collision check takes
+# milliseconds.
 _MANY_TRIANGLES = 20_000
 _NO_SHIFT = np.zeros(3)
 _DISTANCE, _COLLISION = coal.DistanceRequest(), coal.CollisionRequest()
@@ -53,11 +55,11 @@ class SignedDistance:
         self._hull_pairs = [pairs[links] for links in scene.linked_pairs(scene.exact)]
 
     def nearest(self, q: Array) -> tuple[int, float]:
-        """Return the pair of `scene.exact` that is deepest, or else closest, and its distance [m].
+        """Return the deepest pair of `scene.exact`, or else the closest one, and its distance [m].
 
-        No two shapes are closer, or deeper, than their hulls. So pairs are measured in the order of
-        their hulls' distances, and most are never measured. Overlaps come first: for meshes, this
-        takes a hundredth of the time that a distance takes.
+        Hulls are at least as close, or as deep, as their shapes. Therefore pairs are measured in
+        the order of their hulls' distances, and most pairs need no measurement. Overlaps come
+        first: for meshes, they take a hundredth of the time of a distance.
 
         Args:
             q: Coordinates of pinocchio (nq,).
@@ -97,20 +99,20 @@ class SignedDistance:
         ends, result = self._scene.exact.collisionPairs[pair], coal.DistanceResult()
         if ends.first in self._scene.volumes and pair not in self._containment.mesh_pairs:
             return self._height(ends.first, ends.second)
-        if 0.0 < nearest < math.inf:  # coal would return a negative one as its own result
+        if 0.0 < nearest < math.inf:  # coal would return a negative bound as its result
             result.min_distance = nearest
         coal.distance(*self._shape(ends.first), *self._shape(ends.second), _DISTANCE, result)
         return float(result.min_distance)
 
     def _height(self, mesh: int, floor: int) -> float:
-        """Return the height of a mesh above the floor [m]; coal measures a single triangle."""
+        """Return the height of a mesh above the floor [m]; coal would measure only one triangle."""
         shapes, pose = self._scene.exact.geometryObjects, self._placed.oMg[mesh]
         half, points = shapes[floor].geometry, np.asarray(shapes[mesh].geometry.vertices())
         heights = points @ (pose.rotation.T @ half.n)
         return float(heights.min() + half.n @ pose.translation - half.d)
 
     def _depth(self, pair: int, enough: float) -> float:
-        """Return the penetration depth found; the search ends at `enough` or less [m]."""
+        """Return a bound on the penetration depth [m]. The search ends at `enough` or less."""
         hulls = self._placed_hulls.distanceResults[self._hull_pairs[pair]]
         depth: float = max(0.0, -hulls.min_distance)
         directions = () if self._is_fine(pair) else self._exits(pair, np.array(hulls.normal))
@@ -126,10 +128,10 @@ class SignedDistance:
         return sum(counts) > _MANY_TRIANGLES
 
     def _exits(self, pair: int, hull_normal: Array) -> Iterator[Array]:
-        """Yield directions in which the second shape may leave soonest: unit vectors (3,).
+        """Yield likely shortest directions for the second shape to leave: unit vectors (3,).
 
         They are the separating direction of the hulls, and both normals of the plane in which the
-        two surfaces intersect. Shapes that only touch slightly separate soonest along the latter.
+        two surfaces intersect. The normals are best for shapes that only touch slightly.
         """
         yield hull_normal
         contacts = self._collide(pair, _NO_SHIFT, _CONTACTS).getContacts()
@@ -143,7 +145,7 @@ class SignedDistance:
     def _depth_along(self, pair: int, direction: Array, depth: float, enough: float) -> float:
         """Return the length of a translation that separates the shapes, at most `depth` [m].
 
-        The second shape is moved. The length is found by bisection.
+        Moves the second shape, and finds the length by bisection.
         """
         if enough > 0.0 and not self._overlaps(pair, enough * direction):
             return enough

@@ -34,7 +34,8 @@ class EndpointChecker:
     def __init__(self, robot: Robot) -> None:
         self._actuated, self._margin = robot.actuated, robot.collision.margin
         columns = {joint.name: i for i, joint in enumerate(self._actuated)}
-        # For each joint: column, multiplier and offset of its position, and the joint.
+        # For each joint, also mimic joints: column, multiplier and offset of its position, and the
+        # joint.
         self._positions = [
             (columns[mimic.leader], mimic.multiplier, mimic.offset, joint)
             if (mimic := joint.mimic)
@@ -54,11 +55,13 @@ class EndpointChecker:
 
         Returns:
             All actuated joints at the start (A,), and the group's joints at start, via points and
-            goal (K, J) [rad]. Continuous joints take the shorter direction from each to the next.
+            goal (K, J) [rad]. Continuous joints take the shorter direction from each point to the
+            next one.
 
         Raises:
             BadQuery, NotFinite, StartOutOfBounds, GoalOutOfBounds, StartInCollision,
-            GoalInCollision: The first that applies, in this order. A via point counts as a goal.
+            GoalInCollision: The first error that applies, in this order. A via point counts as a
+                goal.
         """
         check_seed(query.seed)
         if not is_number(query.spare, 0.0, _MAX_SPARE):
@@ -83,7 +86,7 @@ class EndpointChecker:
         return start, rows[:, group.columns]
 
     def _check_limits(self, row: list[float], error: type[OutOfBounds], what: str) -> None:
-        """Check the limits of all joints, mimic joints included."""
+        """Check the limits of all joints, also of mimic joints."""
         for column, multiplier, offset, joint in self._positions:
             value = multiplier * row[column] + offset
             lower, upper = max(joint.lower, -MAX_MAGNITUDE), min(joint.upper, MAX_MAGNITUDE)

@@ -21,7 +21,7 @@ def convex_outlines(scene: PlanningScene, configuration: Array) -> list[tuple[st
         configuration: All actuated joints (A,) [rad].
 
     Returns:
-        For each shape the name of its link or body, and points with the shape as their convex hull
+        For each shape, the name of its link or body, and the points whose convex hull is the shape
         (P, 3) [m].
     """
     data, model = scene.kinematics.createData(), scene.robot_model

@@ -1,6 +1,6 @@
 """The planning scene: robot and bodies as pinocchio and coal check them for collisions.
 
-It is what MoveIt calls a PlanningScene: robot model, world, and pairs of shapes that may touch.
+It corresponds to MoveIt's PlanningScene: robot model, world, and pairs of shapes that may touch.
 """
 
 import dataclasses
@@ -22,7 +22,7 @@ from skills.motion.robot_model.robot_model import RobotModel
 from skills.motion.world import EMPTY, Body, Box, Cylinder, Mesh, Shape, Sphere, World
 
 FLOOR = "floor"
-# Most pairs of links' hulls, and of their exact shapes. At both limits a planner needs 1 GB.
+# Largest numbers of pairs of hulls and of exact shapes. At both limits, a planner needs 1 GB.
 MAX_HULL_PAIRS, MAX_EXACT_PAIRS = 10_000, 40_000
 
 
@@ -40,7 +40,7 @@ class PlanningScene:
 
     Attributes:
         robot_model: Model of the robot.
-        kinematics: pinocchio's model of the robot, that of `robot_model`.
+        kinematics: pinocchio's model of the robot, from `robot_model`.
         exact: Geometry of primitives and meshes.
         hulls: Geometry of convex hulls.
         volumes: Volume inside each mesh of `exact`, by the mesh's index.
@@ -49,14 +49,16 @@ class PlanningScene:
 
     Raises:
         ModelUnusable: pinocchio cannot read the URDF.
-        BadWorld: A body names an unknown link or body, has the name of a link, its mesh cannot be
-            read, or there are too many pairs to check.
+        BadWorld: A body names an unknown link or body, a body has the name of a link, a mesh cannot
+            be read, or there are too many pairs to check.
     """
 
     def __init__(
         self, robot: Robot, world: World = EMPTY, robot_model: RobotModel | None = None
     ) -> None:
-        self._mesh_stamps = mesh_stamps(world)  # before the meshes are read
+        self._mesh_stamps = mesh_stamps(
+            world
+        )  # taken before the meshes are read, to notice later changes
         self.robot_model = model = robot_model or RobotModel(robot)
         self.kinematics = model.kinematics
         self._bodies = {body.name: body for body in world.bodies}
@@ -77,7 +79,7 @@ class PlanningScene:
             self._add_floor(geometry, robot.collision)
             self._add_pairs(geometry, robot.collision, most)
             for shape in geometry.geometryObjects:
-                shape.geometry.computeLocalAABB()  # coal takes its first guess from the boxes
+                shape.geometry.computeLocalAABB()  # coal needs the boxes for its first guess
         arms += [model.floor_lever_arms] * (len(self.hulls.geometryObjects) - len(arms))
         self.lever_arms = travel_bounds(robot, arms, self.hulls.collisionPairs)
 
@@ -102,9 +104,10 @@ class PlanningScene:
         return geometry.geometryObjects[index].name in self._bodies
 
     def exact_pairs_of(self, pair: pin.CollisionPair) -> pin.GeometryModel:
-        """Return the exact shapes of the two links of a pair of `hulls`, and the pairs of those.
+        """Return the exact shapes of the links of a pair of `hulls`, and the pairs of them.
 
-        A mesh meets the floor exactly if its hull does, which coal checks a hundred times faster.
+        A mesh touches the floor exactly if its hull touches it. coal checks a hull a hundred times
+        faster.
         """
         links = {self.link(self.hulls, index) for index in (pair.first, pair.second)}
         shapes = range(len(self.exact.geometryObjects))
@@ -215,7 +218,7 @@ class PlanningScene:
 
 
 def _pairs_that_may_move(joints: list[int], links: list[str]) -> Iterator[tuple[int, int]]:
-    """Yield all pairs of shapes but those of two that are fixed to the world, which may be many."""
+    """Yield all pairs of shapes, except pairs of two shapes that are fixed to the world."""
     moving = [i for i, joint in enumerate(joints) if joint or links[i] == FLOOR]
     for i, joint in enumerate(joints):
         others: Sequence[int] = range(i + 1, len(joints))
@@ -225,7 +228,7 @@ def _pairs_that_may_move(joints: list[int], links: list[str]) -> Iterator[tuple[
 
 
 def mesh_stamps(world: World) -> list[tuple[int, ...] | None]:
-    """Return inode, size and time of each mesh file of a world; None if there is no such file."""
+    """Return inode, size and time of each mesh file of a world; None for a missing file."""
     found = [_stamp(body.shape.path) for body in world.bodies if isinstance(body.shape, Mesh)]
     return [each and (each.st_ino, each.st_size, each.st_mtime_ns) for each in found]
 
@@ -233,7 +236,7 @@ def mesh_stamps(world: World) -> list[tuple[int, ...] | None]:
 def _stamp(path: str) -> os.stat_result | None:
     try:
         return os.stat(path)
-    except (OSError, ValueError):  # loading the mesh raises the error
+    except (OSError, ValueError):  # the loader of the mesh reports the error
         return None
 
 
@@ -246,7 +249,7 @@ def _coal_shape(shape: Shape) -> coal.CollisionGeometry:
     """Return the shape that coal checks.
 
     Raises:
-        BadWorld: It is a mesh that cannot be read.
+        BadWorld: The shape is a mesh that cannot be read.
     """
     match shape:
         case Box(size):

@@ -1,9 +1,9 @@
 """Proof that no path exists: a single joint would have to pass a position in collision.
 
-If only one joint moves two links against each other, their distance depends on that joint alone. On
-every path, a joint with limits passes all positions between its start and its goal; a continuous
+If only one joint moves two links against each other, their distance depends only on that joint. On
+every path, a joint with limits passes all positions between its start and its goal. A continuous
 joint passes these or all the others. If the two links are too close at one of these positions,
-there is no path, which a sampling-based search could never prove.
+there is no path. A sampling-based search cannot prove this.
 """
 
 import numpy as np
@@ -39,12 +39,12 @@ def check_passable(validator: MotionValidator, start: Array, goal: Array) -> Non
 
 
 def _single_joint_goals(group: JointGroup, joint: int, start: Array, goal: Array) -> list[Array]:
-    """Return ends of single-joint motions; every path contains one of these. Empty if unknown."""
+    """Return goals of single-joint motions, of which every path contains one; empty if unknown."""
     end = start.copy()
     end[joint] = goal[joint]
     if np.isfinite([group.lower[joint], group.upper[joint]]).any():
         return [end]
-    # A continuous joint with followers is not equivalent to itself a whole turn further.
+    # A whole turn of a continuous joint changes the pose of the joints that mimic it.
     return list(group.equivalent_goals(start, end)) if group.continuous[joint] else []
 
 

@@ -1,10 +1,10 @@
 """A path with a single bend or corner around an obstacle, tried before the search.
 
-It is faster to find than a searched path, and mostly shorter. The candidate via points cover the
-joint space around both ends evenly, as a low-discrepancy sequence, and are always the same: nothing
-here is random. They are tried in the order of their path lengths, without those that are known to
-collide. Finding these is very fast because few pairs of links are checked: at first the pairs that
-collide on the straight line, then also those that collide on a bend that was tried.
+It is faster to find than a searched path, and mostly shorter. The candidate via points are a
+low-discrepancy sequence: they cover the joint space around both ends evenly, and are not random.
+They are tried in the order of their path lengths. A fast filter first drops candidates that
+collide. It checks only a few pairs of links: the pairs that collide on the straight line, and the
+pairs that collided on a tried bend.
 """
 
 from functools import lru_cache
@@ -19,9 +19,11 @@ from .motion_validator import MotionValidator
 
 _CANDIDATES = 128
 _GROUP_SIZE = 16  # candidates filtered in one call
-_MAX_TRIES = 10  # most bends that are checked completely
+_MAX_TRIES = 10  # largest number of bends that are checked completely
 _REACH = 2.0  # largest distance of candidates beyond the ends [rad]
-_SHARES = np.array([4.0, 2.0, 6.0, 1.0, 7.0, 3.0, 5.0]) / 8.0  # of a bend, checked first
+_SHARES = (
+    np.array([4.0, 2.0, 6.0, 1.0, 7.0, 3.0, 5.0]) / 8.0
+)  # shares of a bend that are checked first
 _LINE_SAMPLES = np.linspace(0.0, 1.0, 8)[1:-1, None]
 _NO_RADIUS = np.zeros(1)
 _T = np.linspace(0.0, 1.0, 11)[1:-1, None, None]
@@ -32,7 +34,7 @@ _CORNER_WEIGHTS = np.maximum(0.0, [1.0 - 2.0 * _T, 1.0 - abs(2.0 * _T - 1.0), 2.
 def find_bend(validator: MotionValidator, ends: tuple[Array, Array]) -> tuple[Array, Curve] | None:
     """Return three waypoints (3, J) [rad] and the free curve along them, or None.
 
-    The curve is free. The lines between the waypoints may not be.
+    The curve is free. The lines between the waypoints may be in collision.
 
     Args:
         validator: Checks motions of the group.
@@ -47,7 +49,7 @@ def find_bend(validator: MotionValidator, ends: tuple[Array, Array]) -> tuple[Ar
 def find_corner(validator: MotionValidator, ends: tuple[Array, Array]) -> Array | None:
     """Return three waypoints with free lines between them (3, J) [rad], or None.
 
-    It is for the legs of a longer path, whose corners are rounded together.
+    Used for the legs of a longer path, whose corners are all rounded later.
 
     Args:
         validator: Checks motions of the group.
@@ -67,11 +69,11 @@ def _find(
 
     Args:
         validator: Checks motions of the group.
-        ends: As `find_bend`.
-        weights: Those of start, via point and end in the samples of a candidate (3, S, 1, 1).
-        rounded: True to round the corner as far as possible, False to stop there.
+        ends: Two free points (J,) [rad]. The line between them is not free.
+        weights: Weights of start, via point and end in the samples of a candidate (3, S, 1, 1).
+        rounded: True to round the corner as far as possible; False to stop at the corner.
     """
-    # Hulls that overlap at the free ends cannot show a collision.
+    # Pairs with overlapping hulls at the free ends are useless for the filter.
     ignored = _close_pairs(validator, np.array(ends))
     pairs = _close_pairs(validator, ends[0] + _LINE_SAMPLES * (ends[1] - ends[0])) - ignored
     candidates, tries = _via_points(validator.group, ends), 0
@@ -94,7 +96,7 @@ def _find(
 
 
 def _via_points(group: JointGroup, ends: tuple[Array, Array]) -> Array:
-    """Return the candidate via points, the shortest path first (K, J) [rad]."""
+    """Return the candidate via points, in the order of their path lengths (K, J) [rad]."""
     low = np.maximum(group.lower, np.minimum(*ends) - _REACH)
     high = np.minimum(group.upper, np.maximum(*ends) + _REACH)
     points: Array = low + _low_discrepancy(len(low)) * (high - low)

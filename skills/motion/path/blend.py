@@ -1,7 +1,7 @@
-"""Parabolic blends: the corners of a path are rounded as far as the blends are free.
+"""Parabolic blends: rounds the corners of a path as far as the blends are free.
 
 T. Kunz and M. Stilman, "Turning paths into trajectories using parabolic blends", Georgia Institute
-of Technology, 2011. Unlike there, a blend is a curve in space, which is timed later.
+of Technology, 2011. In contrast to the paper, a blend is a curve in space. It is timed later.
 """
 
 import numpy as np
@@ -13,8 +13,8 @@ from .motion_validator import MotionValidator
 
 VIA_TOLERANCE = 0.01  # largest distance of any part of the arm from its pose at a via point [m]
 
-_HALVINGS = 5  # how often a radius is halved before the motion stops at the corner
-_MIN_RADIUS = 1e-6  # with a smaller radius the motion would almost stop anyway [rad]
+_HALVINGS = 5  # number of times that a radius is halved before the motion stops at the corner
+_MIN_RADIUS = 1e-6  # smallest radius; with a smaller one, the motion would almost stop [rad]
 
 
 def blend(validator: MotionValidator, waypoints: Array, via: Array) -> Curve:
@@ -38,7 +38,7 @@ def _largest_radii(waypoints: Array) -> Array:
     """Return radii at which neighbouring corners share the edge between them (N - 2,) [rad]."""
     lengths = norms(np.diff(waypoints, axis=0))
     shares = 0.5 * lengths
-    shares[[0, -1]] = lengths[[0, -1]]  # the first and the last edge have one corner only
+    shares[[0, -1]] = lengths[[0, -1]]  # the first and the last edge have only one corner
     return np.minimum(shares[:-1], shares[1:])
 
 

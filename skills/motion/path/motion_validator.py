@@ -1,7 +1,8 @@
 """Continuous collision checking of lines and curves in the joint space of one group.
 
-As OMPL's MotionValidator. A path is checked at sample points. Bounds on the travel of every pair of
-links prove what lies between the samples, see `robot_model/lever_arms.py`.
+It corresponds to OMPL's MotionValidator. A path is checked at sample points. Bounds on the travel
+of every pair of links prove that the path between the samples is free; see
+`robot_model/lever_arms.py`.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -16,16 +17,18 @@ from skills.motion.deadline import Deadline
 from skills.motion.robot_model.joint_group import JointGroup
 from skills.motion.trajectory.curve import Curve
 
-# Least distance between checked configurations, in metres of travel. If the margin is so small that
-# it proves nothing, contacts with less than half this depth can be missed.
+# Smallest distance between checked configurations, in metres of travel. If the margin is too small
+# for a proof, contacts with less than half this depth can be missed.
 MIN_STEP = 0.001
 
-# A path is first checked in sections of up to 16 steps, then of 4, then of one.
+# A path is checked in sections of up to 16 steps, then of 4 steps, then of one step.
 _LEVELS = 3
 _REFINEMENT = 4
 _CHUNK = 2**14  # section numbers generated at a time
 _CACHED = 2**11  # largest number of sections with a cached order
-_SAMPLES = np.array([6.0, 3.0, 1.0, 5.0, 2.0, 4.0])[:, None] / 6.0  # of a line, in this order
+_SAMPLES = (
+    np.array([6.0, 3.0, 1.0, 5.0, 2.0, 4.0])[:, None] / 6.0
+)  # checked shares of a line, in this order
 _SUBSECTIONS = np.arange(1.0 - _REFINEMENT, _REFINEMENT, 2.0)
 
 Path = Callable[[Array], Array]  # shares of a path (N,) -> points (N, J) [rad]
@@ -58,7 +61,7 @@ class MotionValidator:
 
     @property
     def step(self) -> float:
-        """Longest section that is free if its middle keeps the margin [m of travel]."""
+        """Longest section for which a free middle proves the whole section [m of travel]."""
         return max(2.0 * (self.margin - self.guaranteed), MIN_STEP)
 
     def full(self, points: Array) -> Array:
@@ -66,20 +69,20 @@ class MotionValidator:
         return self.group.full(self.start, points)
 
     def seems_free(self, a: Array, b: Array) -> bool:
-        """Return True if some points of a line (J,) [rad] keep the margin. It proves nothing."""
+        """Return True if some points of a line (J,) [rad] keep the margin. This is not a proof."""
         return self.sampled_collision(a + _SAMPLES * (b - a)) is None
 
     def sampled_collision(self, points: Array) -> Array | None:
-        """Return the first point that does not keep the margin (N, J) -> (J,) [rad], or None."""
+        """Return the first of points that violates the margin (N, J) -> (J,) [rad], or None."""
         hit = self.checker.first_collision(self.full(points), self.margin)
         return None if hit is None else points[hit]
 
     def free_samples(self, a: Array, b: Array, count: int) -> int:
-        """Return how many samples of a line keep the margin, before one that does not.
+        """Return the number of samples of a line before the first one that violates the margin.
 
         Args:
-            a: Start of the line; not one of the samples (J,) [rad].
-            b: Its end; the last sample (J,) [rad].
+            a: Start of the line (J,) [rad]. It is not one of the samples.
+            b: End of the line (J,) [rad]. It is the last sample.
             count: Number of samples.
         """
         rows = self.full(a + np.arange(1.0, count + 1.0)[:, None] / count * (b - a))
@@ -112,14 +115,14 @@ class MotionValidator:
     def first_collision(self, path: Path, travels: Array) -> float | None:
         """Return a share of a path at which two links are closer than the margin, or None.
 
-        The path is cut into sections, and each is checked at its middle. If the middle keeps the
-        guaranteed distance plus the travel to the section's ends, the whole section is free. If
-        not, the section is cut into four, down to sections for which the margin is sufficient.
+        The path is cut into sections. Each section is checked at its middle. If the middle keeps
+        the guaranteed distance plus the travel to the section's ends, the whole section is free.
+        Else the section is cut into four, down to sections for which the margin is enough.
 
         Args:
             path: Points at shares in [0, 1] (N,) -> (N, J) [rad].
-            travels: Travel of each pair of links along the whole path, at an even or lower rate
-                (P,) [m].
+            travels: Upper bounds on the travel of each pair of links along the whole path, at an
+                even rate (P,) [m].
         """
         travel, step = float(travels.max(initial=0.0)), self.step
         if not travel:
@@ -154,14 +157,14 @@ class MotionValidator:
     def _proximity(
         self, points: Array, travels: Array, pairs: frozenset[int], level: int
     ) -> Proximity:
-        """Find the points too close for a section with these half travels to be free (P,) [m]."""
+        """Find the points that are too close for sections with these half travels (P,) [m]."""
         self.deadline.check()
         rows = self.full(points)
         if not level:
             hit = self.checker.first_collision(rows, self.margin, pairs)
             return Proximity(hit, np.zeros(len(rows), bool), frozenset())
         margins = np.maximum(self.guaranteed + travels, self.margin)
-        # For the longest sections the exact shapes hardly ever prove more than the hulls.
+        # For the longest sections, exact shapes hardly ever prove more than hulls.
         exact = level < _LEVELS - 1
         return self.checker.proximity(rows, margins, self.margin, pairs, exact)
 
@@ -171,7 +174,8 @@ def uniform_travel(breaks: Array, travels: Array) -> tuple[Path, Array]:
 
     Args:
         breaks: Parameters of the pieces' ends (M + 1,).
-        travels: Travel of each pair of links on each piece, at an even or lower rate (M, P) [m].
+        travels: Upper bounds on the travel of each pair of links on each piece, at an even rate (M,
+            P) [m].
 
     Returns:
         A function from shares of the path to parameters, and an upper bound on the travel of each
@@ -187,8 +191,8 @@ def uniform_travel(breaks: Array, travels: Array) -> tuple[Path, Array]:
 def _coarse_to_fine(count: int) -> Iterable[Array]:
     """Yield the numbers below `count` in the order 0, 1/2, 1/4, 3/4 ... of the path, in chunks.
 
-    A collision is found early in that order (J. G. van der Corput's sequence of 1935). Chunks limit
-    the memory for very long paths.
+    This order finds a collision early (J. G. van der Corput's sequence of 1935). Chunks limit the
+    memory for very long paths.
     """
     return (_cached_order(count),) if count <= _CACHED else _bit_reversed(count)
 

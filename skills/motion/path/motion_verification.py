@@ -1,4 +1,4 @@
-"""Checks of a whole motion: of a plan as it is timed, and of rows as they will be played."""
+"""Checks of a whole motion: of a timed plan, and of rows as the board will play them."""
 
 import dataclasses
 from collections.abc import Iterator, Sequence
@@ -21,8 +21,8 @@ _CHUNK = 500  # configurations between two checks of the deadline
 def verify_plan(validator: MotionValidator, plan: Plan) -> None:
     """Check a plan with bends once more, over time.
 
-    Each bend was checked alone before, so a collision here is an error of the planner. The plan
-    must keep the guaranteed distance, as every checked path does.
+    Each bend was checked before, so a collision here is an error of the planner. The plan must keep
+    the guaranteed distance, like every checked path.
 
     A straight plan needs no second check. Its motion passes only through points of its line, up to
     rounding errors. The guaranteed distance was proved for all these points. Mimic joints move in
@@ -33,8 +33,8 @@ def verify_plan(validator: MotionValidator, plan: Plan) -> None:
     """
     validator = dataclasses.replace(validator, margin=validator.guaranteed, guaranteed=0.0)
     times = np.linspace(0.0, plan.duration, _SAMPLES)
-    # Between two samples a joint moves no faster than with full acceleration and deceleration, nor
-    # than its velocity limit, which every plan keeps to a thousandth.
+    # Two bounds on the motion of a joint between two samples: full acceleration and deceleration,
+    # and its velocity limit. Every plan keeps this limit to a thousandth.
     speeds, gain = abs(plan.velocities(times)), plan.acceleration * times[1]
     fastest = np.minimum(0.5 * (speeds[1:] + speeds[:-1] + gain), 1.001 * plan.velocity)
     travels = times[1] * fastest @ validator.lever_arms.T
@@ -56,7 +56,7 @@ def verify_rows(checker: CollisionChecker, request: Verify) -> None:
         request: The motion.
 
     Raises:
-        MotionCollides: The motion is in collision; has the first contact.
+        MotionCollides: The motion is in collision. The error has the first contact.
         BadQuery, NotFinite: The request is not valid.
         PlanTimeout: The deadline passed.
     """
@@ -77,7 +77,7 @@ def verify_rows(checker: CollisionChecker, request: Verify) -> None:
 
 
 def _places(rows: Array, lever_arms: Array, step: float) -> Iterator[Array]:
-    """Yield where to check, in rows and fractions of rows from 0 to N - 1, in chunks."""
+    """Yield the places to check as fractional row numbers from 0 to N - 1, in chunks."""
     travels = (abs(np.diff(rows, axis=0)) @ lever_arms.T).max(axis=1, initial=0.0)
     counts = np.append((travels / step).astype(int) + 1, 1)
     ends = np.cumsum(counts)

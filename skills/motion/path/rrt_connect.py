@@ -1,12 +1,12 @@
-"""Lazy RRT-Connect: searches a path if neither a line nor a single bend is free.
+"""Lazy RRT-Connect: searches for a path if no line and no single bend is free.
 
 James J. Kuffner and Steven M. LaValle, "RRT-Connect: an efficient approach to single-query path
 planning", ICRA 2000; lazy as Gildardo Sanchez and Jean-Claude Latombe, "A single-query
 bi-directional probabilistic roadmap planner with lazy collision checking", ISRR 2001. Edges are
-checked at a few points only. Those of a path from start to goal are then checked completely.
+first checked at a few points. The edges of a path from start to goal are then checked completely.
 
-A search that fails is started again with other samples: a few unlucky ones at its beginning can
-cost more than a new start.
+A failed search starts again with other samples: a few unlucky samples at its beginning can cost
+more than a new start.
 """
 
 import numpy as np
@@ -16,8 +16,8 @@ from skills.motion.errors import NoPath
 
 from .motion_validator import MotionValidator
 
-# Counts, not times: equal queries give equal paths.
-_FIRST_SAMPLES = 1_000  # of the first search; each further one has as many more
+# Numbers of samples, not times, so equal queries give equal paths.
+_FIRST_SAMPLES = 1_000  # samples of the first search; each further search has this many more
 _MAX_SEARCHES = 5
 _RANGE = 0.7  # longest edge of a tree [rad]
 _POINTS = 6  # checked points of an edge
@@ -46,7 +46,7 @@ def find_path(validator: MotionValidator, start: Array, goals: Array, seed: int)
     for search in range(1, _MAX_SEARCHES + 1):
         random = np.random.default_rng((seed, search))
         trees = _Tree(validator, start[None, :]), _Tree(validator, goals)
-        roots = [goals, start[None, :]]  # of the trees that the samples extend, in turn
+        roots = [goals, start[None, :]]  # roots of the two trees that grow in turn
         samples = _samples(random, search * _FIRST_SAMPLES, roots, (lower, upper))
         drawn += len(samples)
         for number, sample in enumerate(samples):
@@ -86,7 +86,7 @@ class _Tree:
         roots: The roots (R, J) [rad].
 
     Attributes:
-        points: The points, infinite if they were removed, then space for more (M, J) [rad].
+        points: The points, then space for more (M, J) [rad]. Removed points are infinite.
     """
 
     def __init__(self, validator: MotionValidator, roots: Array) -> None:
@@ -95,11 +95,11 @@ class _Tree:
 
     @property
     def size(self) -> int:
-        """Number of points that were ever added, roots included."""
+        """Number of added points, with roots and removed points."""
         return len(self._parents)
 
     def way(self, number: int) -> list[int]:
-        """Return the numbers of the points from one to its root."""
+        """Return the numbers of the points on the way from a point to its root."""
         way = []
         while number >= 0:
             way.append(number)
@@ -107,7 +107,7 @@ class _Tree:
         return way
 
     def extend(self, target: Array) -> int | None:
-        """Return the number of the target (J,) or of a new point towards it, None if not free."""
+        """Return the number of the target (J,) or of a new point towards it; None if not free."""
         near, begin, step, length = self._nearest(target)
         if not length:
             return near
@@ -129,7 +129,7 @@ class _Tree:
         return last if free == edges else None
 
     def verify(self, way: list[int]) -> bool:
-        """Return True if all edges of a way are free; remove the points behind one that is not."""
+        """Return True if all edges of a way are free. Else remove the points behind a bad one."""
         for number in way[-2::-1]:
             parent = self._parents[number]
             line = self.points[parent], self.points[number]
@@ -156,7 +156,7 @@ class _Tree:
         return number
 
     def _nearest(self, target: Array) -> tuple[int, Array, Array, float]:
-        """Return the nearest point: number, position, step to the target, and its length."""
+        """Return number and position of the nearest point, the step to the target, its length."""
         steps = target - self.points[: len(self._parents)]
         squares = (steps**2).sum(axis=1)
         number = int(squares.argmin())

@@ -1,4 +1,4 @@
-"""Shortcutting: a searched path is shortened by free edges between its points.
+"""Shortcutting: shortens a searched path by free edges between its points.
 
 Deterministic: waypoints are skipped if an edge past them is free, then corners are cut off. (The
 well-known version draws the points at random: R. Geraerts and M. H. Overmars, "Creating
@@ -20,7 +20,7 @@ def shortcut(validator: MotionValidator, waypoints: Array) -> Array:
 
 
 def _skip_waypoints(validator: MotionValidator, path: Array) -> Array:
-    """Connect each kept waypoint to the furthest one that a free edge reaches."""
+    """Connect each kept waypoint to the furthest waypoint that a free edge reaches."""
     kept, i = [0], 0
     while i < len(path) - 1:
         further = range(len(path) - 1, i + 1, -1)
@@ -32,7 +32,7 @@ def _skip_waypoints(validator: MotionValidator, path: Array) -> Array:
 def _cut_corners(validator: MotionValidator, path: Array) -> Array:
     """Replace each corner by a free edge between points on its legs.
 
-    Two neighbouring corners have half of the leg between them each.
+    Two neighbouring corners may each use half of the leg between them.
     """
     points = [path[:1]]
     for i in range(1, len(path) - 1):

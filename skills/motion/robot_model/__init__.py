@@ -1,4 +1,4 @@
-"""The robot model for planning: joints, shapes of links, and how far they move.
+"""The robot model for planning: joints, shapes of links, and bounds on their travel.
 
-Forward kinematics that every room uses is in `hardware/description/forward_kinematics.py`.
+The forward kinematics for all rooms is in `hardware/description/forward_kinematics.py`.
 """

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from skills.motion.arrays import Array
 from skills.motion.validation import MAX_MAGNITUDE
 
-_MIN_THICKNESS = 1e-4  # least thickness of a hull: coal crashes on a flat one [m]
+_MIN_THICKNESS = 1e-4  # smallest thickness of a hull, because coal crashes on a flat hull [m]
 # Sides of the prism around a cylinder; fewer sides make every check of the hull faster.
 _PRISM_SIDES = 8
 
 
 def corners(shape: pin.GeometryObject) -> Array:
-    """Return points with a convex hull that contains a shape, in its joint's frame (P, 3) [m]."""
+    """Return points whose convex hull contains a shape, in its joint's frame (P, 3) [m]."""
     geometry = shape.geometry
     if isinstance(geometry, coal.Cylinder):
         points = _prism(geometry)
@@ -33,8 +33,8 @@ def corners(shape: pin.GeometryObject) -> Array:
 def convex_hull(shapes: Sequence[pin.GeometryObject]) -> coal.ConvexBase:
     """Return a convex shape around shapes of one joint, in the joint's frame.
 
-    The hull is at least 0.1 mm thick. If one of its points has more neighbours than coal can store,
-    the result is the hull of the shapes' bounding boxes instead.
+    The hull is at least 0.1 mm thick. If one of its points has too many neighbours for coal, the
+    result is the hull of the shapes' bounding boxes.
 
     Raises:
         ValueError: A corner is not finite or further than `MAX_MAGNITUDE` from the origin.
@@ -54,7 +54,7 @@ def convex_hull(shapes: Sequence[pin.GeometryObject]) -> coal.ConvexBase:
 class EnclosedVolume:
     """The volume inside a triangle mesh.
 
-    Most volumes are never asked about a point, so the triangles are read at the first question.
+    Most volumes are never used, so `contains` reads the triangles at its first call.
 
     Args:
         mesh: The mesh.
@@ -77,13 +77,15 @@ class EnclosedVolume:
 
     @cached_property
     def _triangles(self) -> NDArray[np.intp]:
-        rows = map(self._mesh.tri_indices, range(self.triangle_count))  # coal has no call for all
+        rows = map(
+            self._mesh.tri_indices, range(self.triangle_count)
+        )  # coal has no function for all triangles
         indices = (row[i] for row in rows for i in range(3))
         return np.fromiter(indices, np.intp, 3 * self.triangle_count).reshape(-1, 3)
 
     @cached_property
     def _planes(self) -> tuple[Array, Array, Array]:
-        """Normals, products of them with a vertex, and halves of the sides' squares."""
+        """Normals, their dot products with a vertex, and half of the squared side lengths."""
         a, b, c = self._points[self._triangles.T]
         normals = np.cross(b - a, c - a)
         half_squares = np.array([0.5 * _dots(side, side) for side in (b - a, c - b, a - c)])
@@ -102,9 +104,9 @@ class EnclosedVolume:
     def contains(self, point: Array) -> bool:
         """Return True if the surface encloses a point (3,) [m].
 
-        The winding number of the surface around the point is the sum of the triangles' solid
-        angles (A. Van Oosterom and J. Strackee, "The solid angle of a plane triangle", 1983). It is
-        2 where two parts of a link overlap, and 0 in a cavity.
+        The winding number of the surface around the point is the sum of the triangles' solid angles
+        (A. Van Oosterom and J. Strackee, "The solid angle of a plane triangle", 1983). It is 2 in
+        an overlap of two parts of a link, and 0 in a cavity.
         """
         offsets = self._points - point
         squares = _dots(offsets, offsets)
@@ -114,7 +116,9 @@ class EnclosedVolume:
         ab, bc, ca = np.array([a + b, b + c, c + a]) - half_squares  # dot products
         volume = heights - normals @ point
         rest = la * lb * lc + ab * lc + bc * la + ca * lb
-        return bool(abs(np.arctan2(volume, rest).sum()) > np.pi)  # half solid angles
+        return bool(
+            abs(np.arctan2(volume, rest).sum()) > np.pi
+        )  # the arctangents are half of the solid angles
 
 
 def _dots(a: Array, b: Array) -> Array:

@@ -8,7 +8,7 @@ from hardware import Robot
 from skills.motion.arrays import Array, norms, readonly
 from skills.motion.errors import BadQuery
 
-_MAX_GOALS = 64  # equivalent goals of continuous joints: all of up to six joints
+_MAX_GOALS = 64  # largest number of equivalent goals: enough for six continuous joints
 
 
 class JointGroup:
@@ -23,15 +23,15 @@ class JointGroup:
         joints: The joints (J).
         names: Their names (J).
         columns: Their indices in `robot.actuated` (J,).
-        lower: Lower limits (J,) [rad]. Limits of mimic joints are included, as limits of the joints
-            that they follow.
+        lower: Lower limits (J,) [rad]. They include the limits of mimic joints, converted to their
+            leaders.
         upper: Upper limits (J,) [rad].
-        continuous: True for each joint with a pose that repeats after a whole turn (J,). False
-            for a continuous joint that other joints mimic.
+        continuous: True for each joint whose pose repeats after a whole turn (J,). False for a
+            continuous joint with mimic joints.
         velocity: Velocity limits (J,) [rad/s].
         acceleration: Acceleration limits (J,) [rad/s2].
-        most_acceleration: Largest sum of the absolute accelerations of the joints [rad/s2]: the
-            part of the robot's limit that is theirs, since groups may move at the same time.
+        most_acceleration: Largest sum of the absolute accelerations of the joints [rad/s2]. It is
+            the group's part of the robot's limit, because groups may move at the same time.
 
     Raises:
         BadQuery: The robot has no such group.
@@ -80,7 +80,7 @@ class JointGroup:
         return goal - 2.0 * np.pi * turns
 
     def equivalent_goals(self, start: Array, goal: Array) -> Array:
-        """Return a goal, also with continuous joints in the other direction (G, J) [rad].
+        """Return a goal and those with continuous joints in the other direction (G, J) [rad].
 
         The goal nearest to the start comes first.
         """

@@ -1,15 +1,15 @@
-"""Upper bounds on how far two shapes move against each other when joints move.
+"""Upper bounds on the motion of two shapes against each other when joints move.
 
 They tie the step of continuous collision checking to the margin (F. Schwarzer, M. Saha and J.-C.
 Latombe, "Adaptive dynamic collision checking for single and multiple articulated robots in complex
 environments", IEEE Transactions on Robotics 21, 2005).
 
 For a shape and a joint j that carries it, lever_arm(j) bounds the travel of every point of the
-shape per unit of the joint, in any configuration [m/rad]. For a revolute joint it is the largest
-distance of a point from the axis: for a shape on j itself that distance, which is constant; for a
-shape further out, the stretched length of the chain between them. For a prismatic joint it is 1. A
-mimic joint moves with its leader, times its multiplier. When joints move by dq, the points of two
-shapes move against each other by at most
+shape per unit of the joint, in any configuration [m/rad]. For a revolute joint, it is the largest
+distance of a point from the axis. For a shape on j itself, this distance is constant; for a shape
+further out, it is bounded by the stretched length of the chain between them. For a prismatic joint,
+it is 1. A mimic joint moves by its multiplier times the motion of its leader. When joints move by
+dq, the points of two shapes move against each other by at most
 
     travel(dq) = sum of lever_arm(j) |dq_j|    over the joints that carry one of them, not both
 
@@ -19,8 +19,9 @@ and so the distance between the shapes changes by no more. If they keep
 
 in the middle of a line of length dq, they keep half the margin along all of it.
 
-The floor stays the same plane when it turns about the vertical or slides along itself. It may
-therefore count as carried by the joints that do only that: they move nothing closer to it.
+The floor stays the same plane when it turns about the vertical or slides along itself. A joint with
+only such motions moves nothing closer to the floor. The floor may therefore count as carried by
+this joint.
 """
 
 import math
@@ -35,9 +36,9 @@ from skills.motion.arrays import Array
 
 from .geometry import corners
 
-_LEVEL = 1e-9  # largest vertical motion per unit of a joint that counts as level [m/rad, m/m]
+_LEVEL = 1e-9  # largest vertical motion of a level joint per unit [m/rad, m/m]
 
-LeverArms = dict[str, float]  # by name of each joint that carries a shape [m/rad]
+LeverArms = dict[str, float]  # lever arms by joint that carries the shape [m/rad]
 
 
 def lever_arms(
@@ -47,7 +48,7 @@ def lever_arms(
 
     Args:
         robot: The robot, for the limits of prismatic joints.
-        model: Its joints; mimic joints have coordinates of their own.
+        model: Model of the joints, in which mimic joints have their own coordinates.
         axes: The `joint_axes` of the model.
         joint: Index in `model` of the joint that carries the shape.
         shape: The shape.
@@ -68,7 +69,7 @@ def lever_arms(
 
 
 def joint_axes(model: pin.Model) -> list[Array]:
-    """Return each joint's axis in its own frame (3,), a unit vector; zero if it is prismatic."""
+    """Return the axis of each joint in its own frame: a unit vector (3,), or zero if prismatic."""
     data = model.createData()
     return [np.zeros(3), *(_motion(model, data, i)[3:] for i in range(1, model.njoints))]
 
@@ -77,7 +78,7 @@ def floor_lever_arms(model: pin.Model) -> LeverArms:
     """Return the lever arms of the floor: 0 for joints that turn upright or slide level.
 
     Args:
-        model: The joints; mimic joints have coordinates of their own.
+        model: Model of the joints, in which mimic joints have their own coordinates.
     """
     found, data = LeverArms(), model.createData()
     pin.forwardKinematics(model, data, pin.neutral(model))
@@ -125,7 +126,7 @@ def _motion(model: pin.Model, data: pin.Data, joint: int) -> Array:
 
 
 def _slide_range(robot: Robot, model: pin.Model, joint: int) -> float | None:
-    """Return the largest distance of a prismatic joint from zero [m]; None for a revolute joint."""
+    """Return the largest distance of a prismatic joint from 0 [m]; None if revolute."""
     if not model.joints[joint].shortname().startswith("JointModelP"):
         return None
     described = robot.joint(model.names[joint])

@@ -24,7 +24,7 @@ _LEAST_RATE = 1e-9  # smallest limit of velocity and acceleration of a joint [ra
 
 
 class RobotModel:
-    """Everything about a robot that does not depend on the world around it.
+    """Model of a robot without the world around it.
 
     Args:
         robot: The robot.
@@ -36,13 +36,13 @@ class RobotModel:
             joint has its angle as its coordinate.
         exact: Collision shapes of the URDF: primitives and meshes.
         hulls: Convex hull of each link's shapes.
-        volumes: For each of `exact` the volume inside it; None for a primitive.
+        volumes: Volume inside each shape of `exact`; None for a primitive.
         lever_arms: Lever arms of each of `hulls`.
         floor_lever_arms: Lever arms of the floor.
 
     Raises:
-        ModelUnusable: A number of the robot is out of range, pinocchio cannot read the URDF or one
-            of its shapes, or a joint follows one that it carries.
+        ModelUnusable: A number of the robot is out of range, pinocchio cannot read the URDF or a
+            shape, or a joint follows a joint that it carries.
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -59,10 +59,12 @@ class RobotModel:
                 raise ValueError(f"it has {shapes} collision shapes; the limit is {_MAX_SHAPES}")
             # pinocchio parses the text again: only its reader also makes frames and shapes.
             text = described.text_with_meshes(robot.mesh)
-            self._free = pin.buildModelFromXML(text)  # mimic joints have coordinates of their own
+            self._free = pin.buildModelFromXML(
+                text
+            )  # in this model mimic joints have their own coordinates
             _check_placements(robot, self._free)
             self.kinematics = _with_mimic_joints(robot, self._free)
-            loader = coal.CachedMeshLoader()  # loads a file once, also if several links have it
+            loader = coal.CachedMeshLoader()  # loads a file once, also for several links
             geometry = pin.buildGeomFromUrdfString(
                 self.kinematics,
                 text,
@@ -113,7 +115,7 @@ class RobotModel:
         return lever_arms(self._robot, self._free, self._axes, joint, shape)
 
     def _check_counts(self, counts: dict[str, int]) -> None:
-        """Check that pinocchio read every shape: it drops those that it cannot parse."""
+        """Check that pinocchio read every shape. It silently drops shapes that it cannot parse."""
         found = Counter(self.kinematics.frames[shape.parentFrame].name for shape in self.exact)
         for link, count in counts.items():
             if found[link] != count:
@@ -144,7 +146,7 @@ def _cause(error: Exception) -> str:
 
 
 def _check_robot(robot: Robot) -> None:
-    """Check the numbers of a Robot, which may be built by hand and not read from a file.
+    """Check the numbers of a Robot, which may not come from a robot file.
 
     Raises:
         ModelUnusable: A limit, the margin, the floor, a mimic joint or the tool is out of range, or
@@ -187,10 +189,10 @@ def _check_robot(robot: Robot) -> None:
 
 
 def _check_placements(robot: Robot, free: pin.Model) -> None:
-    """Check that every joint is connected to the root and not absurdly far away.
+    """Check that every joint is connected to the root, at a valid distance from its parent.
 
     Raises:
-        ValueError: One is not.
+        ValueError: A joint is not connected, or it is too far away.
     """
     for joint in robot.joints:
         if not free.existJointName(joint.name):
@@ -206,12 +208,12 @@ def _check_placements(robot: Robot, free: pin.Model) -> None:
 def _with_mimic_joints(robot: Robot, free: pin.Model) -> pin.Model:
     """Return a copy of a model in which mimic joints share their leaders' coordinates.
 
-    pinocchio can read mimic joints itself, but only if each comes after its leader, and it reads
-    the joints of one link in the order of their names. It represents a continuous joint by cosine
-    and sine, which no mimic joint can follow; here its coordinate is the angle.
+    pinocchio can read mimic joints only if each one comes after its leader, but it reads the joints
+    of one link in the order of their names. It represents a continuous joint by cosine and sine,
+    which a mimic joint cannot follow. Here the coordinate of a continuous joint is its angle.
 
     Raises:
-        ValueError: A joint follows one that it carries.
+        ValueError: A joint follows a joint that it carries.
     """
     model, mimics = pin.Model(), {j.name: j.mimic for j in robot.joints if j.mimic}
     copies = {0: 0}
@@ -240,7 +242,7 @@ def _leaders_first(free: pin.Model, leaders: dict[str, str]) -> Iterator[int]:
     """Yield all joints, each after its parent and its leader.
 
     Raises:
-        ValueError: There is no such order.
+        ValueError: There is no such order, because a joint follows a joint that it carries.
     """
     before = {i: {free.parents[i]} for i in range(1, free.njoints)}
     for name, leader in leaders.items():

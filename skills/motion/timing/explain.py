@@ -10,9 +10,11 @@ from skills.motion.trajectory.plan import Plan
 
 from .time_parameterization import line_duration
 
-_STEP = 0.001  # between samples [s]
-_MAX_SAMPLES = 100_000  # for motions of hours
-_AT_LIMIT = 0.999  # share of a limit that counts as reached: plans keep limits to a thousandth
+_STEP = 0.001  # time between samples [s]
+_MAX_SAMPLES = 100_000  # largest number of samples, for motions of hours
+_AT_LIMIT = (
+    0.999  # share of a limit that counts as reached, because plans keep limits to a thousandth
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,7 +25,7 @@ class Limit:
         joint: Name of the joint.
         kind: `speed` or `acceleration`.
         value: The limit [rad/s] or [rad/s2].
-        seconds: How long it applied [s].
+        seconds: Total time for which it applied [s].
     """
 
     joint: str
@@ -33,12 +35,13 @@ class Limit:
 
 
 def limits_met(plan: Plan) -> list[Limit]:
-    """Return every limit that set the duration, the longest first.
+    """Return every limit that set the duration, longest time first.
 
     A speed limit applies while the joint moves at it. An acceleration limit applies between two
-    knots of the time law if the joint reaches it at one of them: the acceleration along the curve
-    is constant between them and can be no higher. If no limit is reached there, it also applies if
-    it is reached between the next two knots: a higher acceleration now would break it then.
+    knots of the time law if the joint reaches it at one of them. The acceleration along the curve
+    is constant between the knots, so it cannot be higher. If no limit is reached there, a limit
+    that is reached between the next two knots applies, because a higher acceleration now would
+    break it later.
     """
     step = max(_STEP, plan.duration / _MAX_SAMPLES)
     times = np.arange(0.5 * step, plan.duration, step)
@@ -62,15 +65,15 @@ def limits_met(plan: Plan) -> list[Limit]:
 
 
 def straight_duration(plan: Plan) -> float:
-    """Return the duration of the straight line between the plan's ends [s]. It may not be free."""
+    """Return the duration of the straight line between the plan's ends [s], free or not."""
     return line_duration(plan.goal - plan.origin, plan.velocity, plan.acceleration)
 
 
 def _largest_between_stops(plan: Plan, ratios: Array) -> Array:
-    """Return the largest ratio between two stops, for each interval between knots (K - 1, 1).
+    """Return for each interval the largest ratio between the two stops around it (K - 1, 1).
 
-    It is 1 unless the motion was slowed as a whole, because accelerations reach their limits at the
-    start. It is slightly less if a speed would otherwise exceed its limit between two knots.
+    The result is 1 if the whole motion was not slowed, because accelerations reach their limits at
+    the start. It is slightly less if the motion was slowed to keep a speed limit between two knots.
     """
     stops = np.flatnonzero(plan.profile.speeds[:-1] == 0.0)
     largest = np.maximum.reduceat(ratios.max(axis=1), stops)

@@ -16,7 +16,7 @@ from skills.motion.validation import is_number
 
 from .time_parameterization import time_curve
 
-_SHORT = 1e-9  # a rest shorter than this becomes a line [rad]
+_SHORT = 1e-9  # largest length of a rest that becomes a line [rad]
 
 
 def check_rest(request: Rest) -> None:
@@ -69,6 +69,6 @@ def remaining_plan(request: Rest, start: Array, group: JointGroup) -> Plan:
 
 
 def _waypoints_ahead(waypoints: Array, length: float) -> Array:
-    """Return the waypoints less than a length before the end, measured along the polyline."""
+    """Return the waypoints whose distance from the end, along the polyline, is below a length."""
     left = np.cumsum(norms(np.diff(waypoints, axis=0))[::-1])[::-1]
     return waypoints[1:][np.append(left[1:], 0.0) < max(length, _SHORT)]

@@ -25,7 +25,8 @@ def time_curve(
             motion exceeds it, all of it is slowed down.
 
     Returns:
-        The time law, or None if it would have to stop between. That happens on blends only.
+        The time law, or None if the motion would have to stop in between. This happens only on
+        blends.
     """
     if not curve.length:
         return TimeLaw.standstill()

@@ -3,18 +3,18 @@
 Hung Pham and Quang-Cuong Pham, "A new approach to time-optimal path parameterization based on
 reachability analysis", IEEE Transactions on Robotics 34 (2018). With x = (ds/dt)^2 and u = d2s/dt2,
 the acceleration of a joint is q' u + q'' x. The grid contains every break of the curve, and u is
-constant between two grid points. There q' and x are linear in s and q'' is constant, so the
+constant between two grid points. Between them q' and x are linear in s and q'' is constant, so the
 acceleration is linear in s: an interval keeps the limit if both its ends keep it, both with the q''
-of that interval. The speed q' sqrt(x) can be higher between two grid points than at both. Where it
-then exceeds its limit, the bounds on x are lowered, and the problem is solved again. Finally the
-whole motion is slowed by what is left.
+of that interval. The speed q' sqrt(x) can be higher between two grid points than at both. If it
+exceeds its limit there, the bounds on x are lowered, and the problem is solved again. Finally the
+whole motion is slowed by the remaining excess.
 
-With y, the x at the upper end of an interval, u = (y - x) / (2 step). Every limit is then a strip
-|a x + b y| <= c, and all pairs (x, y) that keep the limits of an interval are a convex polygon with
-the corner (0, 0). Two passes solve the problem exactly. Backward: the largest x from which a stop
-at the end can be reached. Forward: the largest y that can be reached below these bounds. The
-smallest x is always 0, because standing still keeps every limit. Only the smallest of a few lines
-is taken at each grid point of a pass; the rest is computed for all intervals at once.
+Let y be the x at the upper end of an interval; then u = (y - x) / (2 step). Every limit is a strip
+|a x + b y| <= c. All pairs (x, y) that keep the limits of an interval are a convex polygon with the
+corner (0, 0). Two passes solve the problem exactly. The backward pass finds the largest x from
+which the motion can stop at the end. The forward pass finds the largest reachable y below these
+bounds. The smallest x is always 0, because standing still keeps every limit. A pass only takes the
+smallest of a few lines at each grid point; everything else is computed for all intervals at once.
 """
 
 import numpy as np
@@ -25,11 +25,11 @@ from skills.motion.trajectory.time_law import TimeLaw
 
 _INTERVALS = 40  # approximate number of grid intervals per section
 _MIN_INTERVALS = 6  # least number of grid intervals per piece
-_MAX_SPEED = 1e3  # bound on ds/dt where all joints stand still, at the tip of a cusp [1/s]
-_NEGLIGIBLE = 1e-12  # share of the other coefficient of a strip
-_MAX_STEPS = 100  # of Newton's method, which takes two or three
-_MAX_SOLUTIONS = 4  # with lower and lower bounds where a speed exceeded its limit
-_SLIGHTLY = 1.0001  # a speed beyond its limit by this factor is not worth another solution
+_MAX_SPEED = 1e3  # bound on ds/dt at the tip of a cusp, where all joints stand still [1/s]
+_NEGLIGIBLE = 1e-12  # coefficients of a strip below this share of the other one count as 0
+_MAX_STEPS = 100  # largest number of steps of Newton's method; it needs two or three
+_MAX_SOLUTIONS = 4  # largest number of solutions, each with lower bounds than the previous one
+_SLIGHTLY = 1.0001  # factor by which a speed may exceed its limit without another solution
 
 
 def time_section(
@@ -39,7 +39,7 @@ def time_section(
 
     Args:
         curve: The path.
-        breaks: Its breaks from one stop to the next, both included (M + 1,).
+        breaks: Its breaks from one stop to the next, with both stops (M + 1,).
         velocity: Velocity limits (J,) [rad/s].
         acceleration: Acceleration limits (J,) [rad/s2].
 
@@ -52,13 +52,15 @@ def time_section(
     most = _max_squares(slopes, velocity)
     for _ in range(_MAX_SOLUTIONS):
         squares = polygons.solve(most)
-        if not np.all(squares[1:] + squares[:-1] > 0.0):  # also if one is NaN
+        if not np.all(squares[1:] + squares[:-1] > 0.0):  # also true if one is NaN
             return None
         law = _time_law(grid, np.sqrt(squares))
         fast = _speed_ratios(law, slopes, velocity)
         if fast.max() <= _SLIGHTLY:
             break
-        around = np.maximum([*fast, 1.0], [1.0, *fast])  # of the intervals at each grid point
+        around = np.maximum(
+            [*fast, 1.0], [1.0, *fast]
+        )  # larger ratio of the two intervals at each grid point
         most = np.where(around > 1.0, np.minimum(most, squares / np.square(around)), most)
     hard = law.acceleration_ratios(slopes, acceleration).max()
     return law.slowed(max(1.0, float(fast.max()), float(np.sqrt(hard))))
@@ -102,16 +104,16 @@ class _Polygons:
         return np.array(reached)
 
     def _vertices(self, most: Array) -> tuple[list[float], list[float]]:
-        """Return the largest x of each polygon, and the least y there, (K,) each.
+        """Return the largest x of each polygon, and the smallest y at this x, (K,) each.
 
-        The range of y at an x has an upper end that is concave in x, and a lower end that is
-        convex. Newton's method goes to the x at which the two meet, from above.
+        The upper end of the range of y is concave in x, and its lower end is convex. Newton's
+        method approaches the x at which the two ends meet, from above.
         """
         rows, zeros = np.arange(len(most) - 1), np.zeros((len(most) - 1, 1))
         slopes = np.hstack((self._y_slopes, zeros))
         above = np.hstack((self._y_widths, most[1:, None]))
         below = np.hstack((-self._y_widths, zeros))
-        # A strip in which y is negligible bounds x alone.
+        # A strip with a negligible coefficient of y bounds only x.
         alone = np.where(np.isinf(self._y_widths), self._x_widths, np.inf).min(axis=1)
         x = np.minimum(most[:-1], alone)
         for _ in range(_MAX_STEPS):
@@ -131,14 +133,14 @@ class _Polygons:
 
 
 def _lowest(lines: tuple[list[float], list[float]], place: float) -> float:
-    """Return the least value of lines at a place, given by their slopes and widths."""
+    """Return the smallest value at a place of lines with these slopes and widths."""
     return min([width - slope * place for slope, width in zip(*lines, strict=True)])
 
 
 def _strips(a: Array, b: Array, c: Array) -> tuple[Array, Array]:
     """Return slopes and widths so that |a x + b y| <= c is |x + slope * y| <= width (K, N).
 
-    Where x is negligible, the width is infinite.
+    If the coefficient of x is negligible, the width is infinite.
     """
     used = abs(a) > _NEGLIGIBLE * abs(b)
     divisor = np.where(used, a, 1.0)
@@ -159,7 +161,7 @@ def _max_squares(slopes: Slopes, velocity: Array) -> Array:
 def _grid(breaks: Array, pieces: Slopes, velocity: Array, acceleration: Array) -> Array:
     """Return the grid: all breaks, even points between, and the ends of the first and last ramp.
 
-    The latter make the time law exact on the lines at both ends.
+    The ends of the first and the last ramp make the time law exact on the lines at both ends.
     """
     even = _even_grid(breaks)
     lower, upper, second = pieces
@@ -192,8 +194,8 @@ def _time_law(grid: Array, speeds: Array) -> TimeLaw:
 def _speed_ratios(law: TimeLaw, slopes: Slopes, velocity: Array) -> Array:
     """Return the largest joint speed in each interval, as a share of its limit (K,).
 
-    Within an interval its square is p(s)^2 x(s), with p and x linear in s. Its maximum is at an
-    end, or where 2 p' x + p x' = 0.
+    Within an interval, the squared speed is p(s)^2 x(s), with p and x linear in s. Its maximum is
+    at an end of the interval, or at the s with 2 p' x + p x' = 0.
     """
     p0, _, p1 = slopes
     squares, steps = np.square(law.speeds)[:, None], np.diff(law.positions)[:, None]

@@ -1,8 +1,8 @@
 """The geometric path: straight lines with parabolic blends, exact at every point.
 
 The parameter s is the length along the polyline through the waypoints, in joint space [rad]. A
-blend of radius r replaces the last r before a waypoint and the first r after it by the parabola
-that is tangent to both, at the same rate of s. With unit directions d and e before and after,
+blend of radius r replaces a length r before and after a waypoint by the parabola that is tangent to
+both lines, at the same rate of s. With unit directions d and e before and after,
 
     q(u) = q_corner - r d + u d + u^2 (e - d) / (4 r),      0 <= u <= 2 r
 
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from skills.motion.arrays import Array, norms, readonly
 
-_SAME = 1e-9  # a break less than this ahead counts as passed: no piece is too short to be timed
+_SAME = 1e-9  # a break closer ahead counts as passed, because a very short piece cannot be timed
 
 
 class Slopes(NamedTuple):
@@ -38,7 +38,7 @@ class Slopes(NamedTuple):
 class Curve:
     """A piecewise quadratic curve: `constant + u * linear + u**2 * quadratic` on each piece.
 
-    u is s minus the break at which the piece begins.
+    The parameter u is s minus the first break of the piece.
 
     Attributes:
         breaks: Values of s at which pieces begin, and the end of the last one (M + 1,).
@@ -63,9 +63,9 @@ class Curve:
         """Return the curve along a polyline.
 
         Args:
-            waypoints: At least two, each different from the one before (N, J) [rad].
-            radii: Blend radii of the corners; 0 makes the motion stop there (N - 2,) [rad]. Those
-                of neighbouring corners must fit between them.
+            waypoints: Two or more waypoints. Each differs from the previous one (N, J) [rad].
+            radii: Blend radii of the corners (N - 2,) [rad]. With 0, the motion stops at the
+                corner. Neighbouring radii must fit on the line between their corners.
         """
         steps = np.diff(waypoints, axis=0)
         lengths = norms(steps)
@@ -107,7 +107,7 @@ class Curve:
         return cls(np.zeros(2), position[None, :], zero, zero, np.empty(0))
 
     def after(self, s: float) -> "Curve":
-        """Return the rest of the curve from s on, with a parameter that begins at 0 there."""
+        """Return the rest of the curve, from s on. Its own parameter begins at 0."""
         passed = s + _SAME
         first = int(np.searchsorted(self.breaks[1:-1], passed, side="right"))
         constant, linear = self.constant[first:].copy(), self.linear[first:].copy()
@@ -139,7 +139,7 @@ class Curve:
         return self.linear[i] + 2.0 * u * self.quadratic[i]
 
     def second_derivatives(self, s: Array) -> Array:
-        """Return d2q/ds2 at s (K,) -> (K, J) [1/rad]; at a break, that of the next piece."""
+        """Return d2q/ds2 at s (K,) -> (K, J) [1/rad]; at a break, the value of the next piece."""
         i, _ = self._piece(s)
         return 2.0 * self.quadratic[i]
 

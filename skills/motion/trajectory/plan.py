@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from .curve import Curve
     from .time_law import TimeLaw
 
-# Names of the arrays in a plan, its curve and its time law.
+# Names of the arrays of a plan, of its curve and of its time law.
 _PLAN = ("start", "origin", "goal", "velocity", "acceleration", "waypoints")
 _CURVE = ("breaks", "constant", "linear", "quadratic", "stops")
 _TIME_LAW = ("times", "positions", "speeds", "accelerations")
@@ -96,13 +96,13 @@ class Plan:
 
     @property
     def duration(self) -> float:
-        """Duration [s]; 0 if the group already is at the goal."""
+        """Duration [s]; 0 if the group is already at the goal."""
         return self.profile.duration
 
     def sample(self, times: "ArrayLike") -> "Array":
         """Return the group's joints at times (K,) [s] -> (K, J) [rad].
 
-        It is exactly the start before 0, and exactly the goal from the duration on.
+        The result is exactly the start before time 0, and exactly the goal after the duration.
         """
         from skills.motion.arrays import readonly
 
@@ -121,7 +121,7 @@ class Plan:
     def accelerations(self, times: "ArrayLike") -> "Array":
         """Return joint accelerations at times (K,) [s] -> (K, J) [rad/s2], by the chain rule.
 
-        At a time at which an acceleration jumps, it is the one after the jump.
+        At a jump of the acceleration, the result is the value after the jump.
         """
         s, speed, push = self.profile.at(times)
         turn = self.curve.second_derivatives(s) * (speed * speed)[:, None]

@@ -41,8 +41,8 @@ class TimeLaw:
     def trapezoidal(cls, begin: float, end: float, speed: float, acceleration: float) -> "TimeLaw":
         """Return the fastest motion from rest to rest: a trapezoidal velocity profile.
 
-        It is triangular if the distance is too short to reach full speed. Along a line q' is
-        constant and q'' is zero. The limits of all joints are then two limits on s, and this time
+        It is triangular if the distance is too short to reach full speed. Along a line, q' is
+        constant and q'' is zero. The limits of all joints then become two limits on s, so this time
         law is optimal.
 
         Args:
@@ -79,7 +79,7 @@ class TimeLaw:
     def acceleration_ratios(self, slopes: Slopes, acceleration: Array) -> Array:
         """Return the largest acceleration of each joint between two knots, divided by its limit.
 
-        It is linear in s there, so it is largest at one of the two knots.
+        The acceleration is linear in s between knots, so it is largest at one of the two knots.
 
         Args:
             slopes: Derivatives of the path between the knots.
@@ -92,7 +92,7 @@ class TimeLaw:
         return ratios
 
     def within_sum(self, curve: Curve, most: float) -> "TimeLaw":
-        """Return this time law, slowed until the sum of all accelerations is within a limit.
+        """Return this time law, slowed so that the sum of all accelerations keeps a limit.
 
         Args:
             curve: The path.

@@ -1,8 +1,8 @@
 """The check of an answer against its request.
 
-A worker is another process: its memory may be damaged, and its libraries may have errors. So its
-answer is checked before anything is computed from it. Only the distance to obstacles is not
-computed again: that takes as long as in the worker.
+A worker is another process: its memory may be damaged, and its libraries may have errors. Therefore
+its answer is checked before it is used. Only the distance to obstacles is not computed again,
+because this would take as long as in the worker.
 """
 
 import math
@@ -25,11 +25,13 @@ from skills.motion.world import Body
 
 from .messages import InvalidMessage
 
-_all = partial(np.logical_and.reduce, axis=None)  # `all` of an array takes twice as long
+_all = partial(
+    np.logical_and.reduce, axis=None
+)  # faster: the method `all` of an array takes twice as long
 _SAME = 1e-6  # largest rounding error of a position or of s [rad]
-_NEAR = 1e-5  # largest distance of a tool from its target, ten times that of the solver [m]
-_ALIGNED = 1e-3  # largest angle of its axis from the direction, ten times that of the solver [rad]
-_ROUNDING = 0.01  # share of velocity and acceleration limits, as in the write guard
+_NEAR = 1e-5  # largest distance of a tool from its target: ten times the solver's [m]
+_ALIGNED = 1e-3  # largest angle of its axis from the direction: ten times the solver's [rad]
+_ROUNDING = 0.01  # tolerated excess of velocity and acceleration limits, as in the write guard
 
 
 class AnswerChecker:
@@ -47,8 +49,8 @@ class AnswerChecker:
         """Return an answer if it fits its request.
 
         Raises:
-            InvalidMessage: It does not.
-            BadQuery: The request is not valid, so only an error fits it.
+            InvalidMessage: The answer does not fit the request.
+            BadQuery: The request is not valid, so only an error is a valid answer.
         """
         if isinstance(answer, MotionError):
             _check_durations(answer.milliseconds)
@@ -103,7 +105,7 @@ class AnswerChecker:
         _check_limits(plan, group)
 
     def _check_reached(self, request: ToolQuery, reached: Reached) -> None:
-        """Check that the tool is at its target, unless only the planner knows which tool it is."""
+        """Check that the tool is at its target. Skips a tool that only the planner knows."""
         group, own = self._group(request.group), self._robot.tool
         _check_positions(reached, group)
         link, offset, axis = request.link, np.array(request.offset), request.axis or (0.0, 0.0, 1.0)
@@ -129,7 +131,7 @@ class AnswerChecker:
                 raise InvalidMessage(words)
 
     def _locate(self, link: str, offset: Array, configuration: Array) -> Array:
-        """Return where a point of a link is in the root frame (3,) [m]."""
+        """Return the position of a point of a link in the root frame (3,) [m]."""
         names = (joint.name for joint in self._joints)
         positions = dict(zip(names, configuration.tolist(), strict=True))
         x, y, z = offset.tolist()
@@ -181,16 +183,16 @@ def _check_shapes(plan: Plan, actuated: int, joints: int) -> None:
 def _check_equal(
     what: str, values: Array, right: Array, joints: Sequence[Joint], per: str = ""
 ) -> None:
-    """Check that values of joints (..., J) equal the right ones, except for rounding.
+    """Check that values of joints (..., J) equal the expected values, except for rounding.
 
     Args:
         what: Start of the message.
-        values: The values; NaN, such as after an overflow, is wrong.
+        values: The values. NaN is wrong.
         right: The right values, of the same shape.
         joints: The joints (J).
         per: Text after the unit.
     """
-    if values.tobytes() == right.tobytes():  # the usual case, in less time
+    if values.tobytes() == right.tobytes():  # a fast check for the usual case
         return
     same = abs(values - right) <= _SAME
     if not _all(same):
@@ -254,7 +256,7 @@ def _check_curve(plan: Plan, group: JointGroup) -> None:
     here = np.concatenate((plan.origin[None, :], ends))
     there = np.concatenate((curve.constant, plan.goal[None, :]))
     _check_equal("a plan that continues with", there, here, group.joints)
-    # A parabola is inside the triangle of its ends and the point where its tangents meet.
+    # A parabola is inside the triangle of its two ends and the intersection of its tangents.
     points = np.concatenate((curve.constant, ends, curve.constant + 0.5 * u * curve.linear))
     _check_within("a plan with", points, group.lower, group.upper, group.joints)
 
@@ -278,7 +280,7 @@ def _check_time_law(law: TimeLaw, curve: Curve) -> None:
         raise InvalidMessage("a plan whose time law does not lead along its path")
     if law.duration > MAX_DURATION:
         raise InvalidMessage(f"a plan of {law.duration:.6g} s; the limit is {MAX_DURATION:g} s")
-    # An interval that passes a break would have several derivatives.
+    # An interval across a break would have several derivatives.
     piece = curve.breaks[1:-1].searchsorted(0.5 * (lower + upper), side="right")
     before, after = curve.breaks[piece] - lower, upper - curve.breaks[piece + 1]
     if not _all(np.maximum(before, after) <= _SAME):

@@ -1,4 +1,4 @@
-"""The address space that a process may use, which `ulimit -v` limits, and the memory left."""
+"""Limits of the address space of a process (`ulimit -v`), and the free memory."""
 
 import resource
 from contextlib import suppress
@@ -6,10 +6,10 @@ from pathlib import Path
 
 from skills.motion.errors import TooLittleMemory
 
-# A planner of the shipped arm uses a quarter of it. The process that starts planners uses up to
-# 0.8 GiB of it, mostly reserved for its threads (measured) [bytes].
+# Address space that armtree needs [bytes]. A planner of the shipped arm uses a quarter of it. The
+# process that starts planners uses up to 0.8 GiB, mostly reserved for its threads (measured).
 NEEDED = 2**30
-_MOST = 4 * 2**30  # what a planner may use at most [bytes]
+_MOST = 4 * 2**30  # largest memory of a planner [bytes]
 
 
 def check_memory() -> None:
@@ -23,13 +23,13 @@ def check_memory() -> None:
 
 
 def limit_memory() -> None:
-    """Limit this process's memory to the planner's bound, or to the system's if that is lower."""
+    """Limit the memory of this process to the planner's bound, or to the system's lower one."""
     limit = _limit()
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
 
 
 def has_spare_memory(file: Path = Path("/proc/meminfo")) -> bool:
-    """Return True if the computer has memory left for a planner that may not be needed."""
+    """Return True if the computer has enough free memory for a standby planner."""
     with suppress(OSError):
         for line in file.read_text().splitlines():
             if line.startswith("MemAvailable:"):

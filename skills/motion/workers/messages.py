@@ -1,6 +1,6 @@
-"""Messages between a worker and its parent: pickles, each with its length in front.
+"""Messages between a worker and its parent: pickles, each after its length.
 
-The next message is sent only after the answer to the last one, so nothing follows a message.
+The next message is sent only after the answer to the previous one, so no bytes follow a message.
 """
 
 import pickle
@@ -10,18 +10,18 @@ from typing import Any
 
 _PREFIX = 4  # size of the length, big-endian [bytes]
 _MAX_LENGTH = 2**30  # largest size of a pickle [bytes]
-_CHUNK = 65_536  # bytes read at a time
+_CHUNK = 65_536  # largest number of bytes in one read
 
 
 class InvalidMessage(Exception):
-    """What was received is not a message, or does not answer the request."""
+    """The received bytes are not a message, or the message does not answer the request."""
 
 
 def encode(message: object) -> bytes:
-    """Return a message as it is sent.
+    """Return the bytes of a message.
 
     Raises:
-        ValueError: It is too long.
+        ValueError: The message is too long.
     """
     body = pickle.dumps(message, pickle.HIGHEST_PROTOCOL)
     if len(body) > _MAX_LENGTH:
@@ -66,7 +66,7 @@ def receive(connection: socket.socket, until: float | None = None) -> Any:
         data += chunk
     try:
         return pickle.loads(bytes(data[_PREFIX:]))
-    except Exception as error:  # any exception, because the other process sent the bytes
+    except Exception as error:  # bytes of another process may cause any exception
         raise InvalidMessage(repr(error)) from error
 
 
@@ -74,16 +74,16 @@ def _set_timeout(connection: socket.socket, until: float | None) -> None:
     if until is None:
         return
     left = until - time.monotonic()
-    if left <= 0.0:  # a socket takes 0 for non-blocking
+    if left <= 0.0:  # for a socket, a timeout of 0 means non-blocking
         raise TimeoutError
     connection.settimeout(left)
 
 
 def _missing(data: bytearray) -> int:
-    """Return how many bytes of the next part of a message are missing.
+    """Return the number of missing bytes of the next part of a message.
 
     Raises:
-        InvalidMessage: The message is too long, or something follows it.
+        InvalidMessage: The message is too long, or other bytes follow it.
     """
     if len(data) < _PREFIX:
         return _PREFIX - len(data)

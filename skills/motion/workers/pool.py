@@ -39,10 +39,10 @@ class Job:
         self.done = done
 
     def cancel(self) -> None:
-        """Cancel the job and return at once. Its result is PlanCanceled, unless it has one already.
+        """Cancel the job and return at once. Its result is PlanCanceled, unless it has a result.
 
-        The callback of a waiting job runs in this thread. That of a running job runs in the pool's,
-        as soon as its process is dead.
+        The callback of a waiting job runs in this thread. The callback of a running job runs in a
+        thread of the pool, as soon as its process is dead.
         """
         self._pool.cancel(self)
 
@@ -53,8 +53,8 @@ class Pool:
     Args:
         robot: The robot to plan for.
         workers: Number of processes.
-        clock: Starts the threads, which wait for jobs on it. Simulated time stands still while a
-            worker plans, but passes while one starts.
+        clock: Time source. The threads wait for jobs on it. Simulated time stands still while a
+            worker plans, but passes while a worker starts.
 
     Raises:
         TooLittleMemory: The operating system allows less address space than planners need.
@@ -70,7 +70,7 @@ class Pool:
         self._closed = False
 
     def start(self) -> None:
-        """Start the processes in the background and return at once. May be called again."""
+        """Start the processes in the background and return at once. May be repeated."""
         for number, slot in enumerate(self._slots):
             slot.thread = slot.thread or self._clock.spawn(
                 partial(self._serve, slot), f"plan-{number}"
@@ -81,8 +81,8 @@ class Pool:
 
         Args:
             request: A request that `Planner.answer` accepts.
-            done: Callback for the answer or the MotionError. It is called exactly once: from a
-                thread of the pool, or inside `Job.cancel` or `close`. It must not block or raise.
+            done: Callback for the answer or the MotionError. The pool calls it exactly once: from
+                one of its threads, or inside `Job.cancel` or `close`. It must not block or raise.
         """
         job = Job(self, request, done)
         with self._signal:
@@ -101,15 +101,15 @@ class Pool:
         return answers.get()
 
     def reach(self, query: ToolQuery) -> Reached:
-        """Wait for joint positions that bring the tool to the query's point: `Planner.reach`."""
+        """Return joint positions that bring the tool to the query's point. See `Planner.reach`."""
         return self._wanted(query, Reached)
 
     def carry(self, request: Carry) -> Body:
-        """Wait for a body at the same pose, attached to another link: `Planner.carry`."""
+        """Return a body at the same pose, attached to another link. See `Planner.carry`."""
         return self._wanted(request, Body)
 
     def _wanted(self, request: Request, kind: type[T]) -> T:
-        """Wait for an answer of this type. Raises a MotionError that is the answer instead."""
+        """Wait for an answer and return it. Raises the answer if it is a MotionError."""
         answer = self.ask(request)
         if isinstance(answer, MotionError):
             raise answer
@@ -129,7 +129,7 @@ class Pool:
             job.done(PlanCanceled())
 
     def close(self) -> None:
-        """Cancel all jobs, and end all processes and threads. May be called again."""
+        """Cancel all jobs, and end all processes and threads. May be repeated."""
         with self._signal:
             self._closed = True
             dropped = list(self._queue)
@@ -157,7 +157,7 @@ class Pool:
         slot.close()
 
     def _prepare(self, slot: "_Slot") -> None:
-        """Start a process for the next job. If that fails, the job tries it again."""
+        """Start a process for the next job. If this fails, the job tries again."""
         try:
             self._ensure_process(slot)
         except Exception:
@@ -177,9 +177,9 @@ class Pool:
                     slot.process = process
 
     def _prepare_standby(self, world: World) -> None:
-        """Start a process that replaces a worker if it is killed, unless memory is short.
+        """Start a standby process for the case that a worker is killed, if memory allows it.
 
-        It loads the world in which the worker plans.
+        The process loads the world in which the worker plans.
         """
         with self._signal:
             wanted = self._standby is None and not self._closed
@@ -190,11 +190,11 @@ class Pool:
                 process = WorkerProcess(self._robot, world)
                 with self._signal:
                     spare, self._standby = self._standby, process
-                if spare:  # of another thread
+                if spare:  # another thread has started a standby process
                     spare.close()
 
     def _assign(self, job: Job) -> bool:
-        """Give a job to an idle worker. It starts to work while its thread here wakes up."""
+        """Give a job to an idle worker. It starts while its thread in this process wakes up."""
         slot = next((slot for slot in self._slots if slot.idle and slot.alive), None)
         if not (slot and slot.process):
             return False
@@ -218,12 +218,14 @@ class Pool:
         result: Result = PlanCanceled()
         world = getattr(job.request, "world", EMPTY)
         try:
-            self._ensure_process(slot)  # it may have died while it was idle
+            self._ensure_process(slot)  # the worker may have died while it was idle
             with self._signal:
                 process = None if slot.canceled else slot.process
             if process:
                 result = process.call(job.request, partial(self._prepare_standby, world))
-        except Exception as error:  # a bug, or the system starts no process: its caller waits
+        except (
+            Exception
+        ) as error:  # a bug, or the system cannot start a process; the caller needs a result
             logger.exception("a planning process cannot be used")
             slot.close()
             result = WorkerDied(f"{type(error).__name__}: {error}")
@@ -236,10 +238,10 @@ class _Slot:
     """A worker of the pool: its process, its thread here, and its job.
 
     Attributes:
-        process: The process, or None if it is closed.
+        process: The process, or None if closed.
         thread: The thread that waits for the process.
         job: The current job, or None.
-        canceled: True if that job was canceled, and the process killed.
+        canceled: True if the current job was canceled and its process killed.
         idle: True while the thread waits for a job.
     """
 
@@ -255,7 +257,7 @@ class _Slot:
 
     def cancel(self) -> None:
         self.canceled = True
-        if process := self.process:  # another thread may close it now
+        if process := self.process:  # another thread may close it meanwhile
             process.kill()
 
     def close(self) -> None:

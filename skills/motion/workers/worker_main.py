@@ -1,9 +1,9 @@
-"""The worker process: `python -P -m skills.motion.workers.worker_main FD`, FD being its socket.
+"""The worker process: `python -P -m skills.motion.workers.worker_main FD`. FD is its socket.
 
 It receives a Robot and a World, and answers None when it has loaded them. Then it answers requests,
 one after the other, until the other end closes. Request and answer have the same number. A
-MotionError is an answer; if the robot is unusable, it is the first and only one. Any other error
-ends the process, as does using too much memory, and the parent starts a new one.
+MotionError is an answer. If the robot is unusable, a MotionError is the first and only answer. Any
+other error ends the process, and so does too much memory. The parent then starts a new process.
 """
 
 import os
@@ -24,9 +24,9 @@ from .messages import encode, receive, send
 def main(descriptor: int) -> None:
     """Serve until the other end closes."""
     limit_memory()
-    if os.nice(0) < 0:  # the process that moves the arm comes first
+    if os.nice(0) < 0:  # the process that moves the arm has priority
         os.setpriority(os.PRIO_PROCESS, 0, 0)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides when the worker ends
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # only the parent ends the worker
     with socket.socket(fileno=descriptor) as parent:
         try:
             _serve(parent)
@@ -42,7 +42,7 @@ def _serve(parent: socket.socket) -> None:
         send(parent, encode(error))
         receive(parent)  # wait until the other end closes
         return
-    with suppress(MotionError):  # a request in this world reports it
+    with suppress(MotionError):  # a request in this world reports the error
         planner.prepare(world)
     send(parent, encode(None))
     while True:

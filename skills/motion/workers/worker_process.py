@@ -24,23 +24,23 @@ from .messages import InvalidMessage, encode, receive, send
 _PROGRAM = "skills.motion.workers.worker_main"
 _MAX_TIMEOUT = 86_400.0  # largest timeout of a request [s]
 _GRACE = 0.008  # time after a request's timeout until the worker counts as hanging [s]
-_SLOW = 0.1  # a request that takes longer is likely to be canceled [s]
-_EXIT = 5.0  # longest wait for the exit status, once the worker closed its socket [s]
-_FEW = 100  # most via points and bodies of a request that is encoded quickly
-_MANY = 1000  # most bodies of a world that is sent before the process reads
+_SLOW = 0.1  # longer requests are likely to be canceled [s]
+_EXIT = 5.0  # longest wait for the exit status after the worker closed its socket [s]
+_FEW = 100  # largest number of via points and bodies in a quickly encoded request
+_MANY = 1000  # largest number of bodies in a world that is sent before the process reads
 _STOPPED_NOW = os.WSTOPPED | os.WNOHANG | os.WNOWAIT
-_START = 30.0  # longest time to load the robot, on a slow machine [s]
+_START = 30.0  # longest time to load the robot on a slow machine [s]
 
 
 class WorkerProcess:
-    """A process that plans. It starts at once; the first `call` waits until it is ready.
+    """A process that plans. It starts at once. The first `call` waits until it is ready.
 
-    It has a session of its own, so a Ctrl-C on the terminal does not reach it. It ends by itself
-    when its socket closes, at the latest when this process ends.
+    The process has its own session, so a Ctrl-C on the terminal does not reach it. It ends when its
+    socket closes, at the latest at the end of this process.
 
     Args:
         robot: The robot to plan for.
-        world: World that it loads at once. Default: only the empty one.
+        world: World to load at once. Default: the empty world.
     """
 
     def __init__(self, robot: Robot, world: World = EMPTY) -> None:
@@ -58,9 +58,9 @@ class WorkerProcess:
             )
         self._socket = ours
         self._ready = self._killed = False
-        self._unusable: MotionError | None = None  # its error about the robot
+        self._unusable: MotionError | None = None  # its error if the robot is unusable
         self._answers = AnswerChecker(robot)
-        self._number = 0  # of the last request
+        self._number = 0  # number of the last request
         self._ahead: tuple[float, bytes] | None = None  # deadline, and bytes still to send
         self._send_setup(robot, world if len(world.bodies) <= _MANY else EMPTY)
 
@@ -71,17 +71,17 @@ class WorkerProcess:
 
     @property
     def alive(self) -> bool:
-        """True while it runs, was not killed, and is not stopped (SIGSTOP)."""
+        """True while the process runs. False after `kill`, or if it is stopped (SIGSTOP)."""
         return not self._killed and self._process.poll() is None and not self._stopped()
 
     def call(self, request: Request, slow: Callable[[], None] | None = None) -> Result:
-        """Wait for the answer to a request and return it. Errors are answers.
+        """Wait for the answer to a request and return it. An error is an answer.
 
-        A worker that died, hung or sent an invalid answer is no longer alive afterwards.
+        `alive` is then False if the worker died, hung or sent an invalid answer.
 
         Args:
             request: The request.
-            slow: Callback if the answer takes longer than `_SLOW`.
+            slow: Callback for an answer that takes longer than `_SLOW`.
         """
         ahead, self._ahead = self._ahead, None
         if invalid := _check(request):
@@ -106,9 +106,9 @@ class WorkerProcess:
             return self._invalid(str(error))
 
     def send_ahead(self, request: Request) -> None:
-        """Send the next request before its `call`, as far as that does not block.
+        """Send the next request before its `call`, as far as possible without blocking.
 
-        Only small requests are sent. An error is returned by `call`.
+        Only sends small requests. `call` returns an error.
         """
         if not self._ready or _check(request) or not _is_small(request):
             return
@@ -118,10 +118,12 @@ class WorkerProcess:
             self._ahead = until, message[sent:]
 
     def kill(self) -> None:
-        """Kill the process now. May be called from any thread, and again."""
+        """Kill the process. Any thread may call this, also repeatedly."""
         self._killed = True
         self._process.kill()
-        with contextlib.suppress(OSError):  # wakes a `call` before the process is cleaned up
+        with contextlib.suppress(
+            OSError
+        ):  # wakes a waiting `call` before the cleanup of the process
             self._socket.shutdown(socket.SHUT_RDWR)
 
     def close(self) -> None:
@@ -134,7 +136,7 @@ class WorkerProcess:
     def _stopped(self) -> bool:
         try:
             return os.waitid(os.P_PID, self.pid, _STOPPED_NOW) is not None
-        except ChildProcessError:  # another thread has taken its exit status meanwhile
+        except ChildProcessError:  # another thread has read its exit status meanwhile
             return False
 
     def _answers_soon(self) -> bool:
@@ -149,7 +151,7 @@ class WorkerProcess:
             self.kill()  # the first `call` returns the error
 
     def _wait_until_ready(self) -> MotionError | None:
-        """Wait until the process has loaded the robot; return the error if it cannot."""
+        """Wait until the process has loaded the robot. Return its error if it cannot load it."""
         until = time.monotonic() + _START
         try:
             answer = self._unusable or receive(self._socket, until)
@@ -168,16 +170,16 @@ class WorkerProcess:
         return None
 
     def _encode(self, request: Request) -> tuple[float, bytes]:
-        """Return the request's deadline, from now on, and the request as it is sent.
+        """Return the deadline of a request that starts now, and the bytes of the request.
 
         Raises:
-            BadQuery: It cannot be pickled.
+            BadQuery: The request cannot be pickled.
         """
         until = time.monotonic() + max(request.timeout, 0.0) + _GRACE
         self._number += 1
         try:
             return until, encode((self._number, request))
-        except Exception as error:  # any exception that a value in it raises
+        except Exception as error:  # a value in the request may raise any exception
             what = f"It cannot be sent to a worker ({shown(error)}); give plain numbers"
             raise BadQuery(what) from error
 
@@ -185,7 +187,7 @@ class WorkerProcess:
         """Return the answer in a message.
 
         Raises:
-            InvalidMessage: It does not answer the last request.
+            InvalidMessage: The message does not answer the last request.
         """
         if isinstance(message, tuple) and len(message) == 2 and type(message[0]) is int:
             number, answer = message
@@ -199,7 +201,7 @@ class WorkerProcess:
         return WorkerDied(f"it answered {what}")
 
     def _died(self, until: float) -> WorkerDied:
-        """Return the cause of its death, as far as it is known before the deadline."""
+        """Return the cause of its death, if it is known before the deadline."""
         if self._killed:
             return WorkerDied("it was killed")
         try:
@@ -212,31 +214,33 @@ class WorkerProcess:
         return WorkerDied(how + self._last_line())
 
     def _last_line(self) -> str:
-        """Return the last line of its output in brackets, or an empty text."""
+        """Return the last line of its output in brackets; empty if there is no output."""
         self._output.seek(0)
         lines = self._output.read().decode(errors="replace").strip().splitlines()
         return f" ({lines[-1].strip()})" if lines else ""
 
 
 def _is_small(request: Request) -> bool:
-    """Return True if a request is encoded so fast that no other thread waits."""
+    """Return True if a request is small enough to be encoded without delaying other threads."""
     return isinstance(request, Query) and len(request.via) + len(request.world.bodies) < _FEW
 
 
 def _check(request: Request) -> BadQuery | None:
-    """Return an error if a request could end a worker."""
+    """Return an error if a request could crash a worker."""
     try:
         check_types(request)
     except BadQuery as error:
         return error
     timeout = request.timeout
-    if isinstance(timeout, (int, float)) and abs(timeout) <= _MAX_TIMEOUT:  # False for NaN
+    if (
+        isinstance(timeout, (int, float)) and abs(timeout) <= _MAX_TIMEOUT
+    ):  # NaN fails this comparison
         return None
     return BadQuery(f"The timeout is {shown(timeout)} s; give a number up to {_MAX_TIMEOUT:g}")
 
 
 def _environment() -> dict[str, str]:
-    """Return this process's environment with the rooms' folder, and one thread per library."""
+    """Return this process's environment, with the rooms' folder and one thread per library."""
     rooms = str(Path(__file__).parents[3])
     paths = [rooms, *filter(None, [os.environ.get("PYTHONPATH")])]
     single = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
