@@ -92,7 +92,7 @@ class Arm:
         self._signal = clock.signal()
         self._canceled = self._faulting = False
         self._start_pose, self._meanwhile = robot.boot_pose, _nothing
-        self._refusal: HardwareError | None = None  # why the last request was refused
+        self._refusal: HardwareError | None = None  # cause of the last refusal
         self._failure: HardwareError | None = None  # the fault that ended the activation
         self._connection: Connection | None = None
         self._reconnect: ReconnectWatcher | None = None

@@ -9,7 +9,7 @@ from .wire_format import Frame
 
 @dataclass(frozen=True, slots=True)
 class Measurement:
-    """Measured values, one per actuated joint. What the board does not measure is empty.
+    """Measured values, one per actuated joint. A value that the board does not measure is empty.
 
     Attributes:
         position: Positions [rad].

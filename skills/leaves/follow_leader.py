@@ -102,10 +102,10 @@ class FollowLeader(Skill):
     def _rest(self) -> None:
         """Drop the current step, because the arm is at rest."""
         self._playback, self._checks, self._contact, self._blocked = None, (), "", False
-        self._velocity = [0.0] * len(self.context.robot.actuated)  # of the last step [rad/s]
+        self._velocity = [0.0] * len(self.context.robot.actuated)  # last velocity [rad/s]
 
     def _step(self, target: Sequence[float]) -> None:
-        """Have the next step towards the leader checked."""
+        """Request a check of the next step towards the leader."""
         arm, wire = self.context.arm, self.context.robot.wire_format
         start, self._generation = arm.commanded, arm.generation
         positions = self._ahead(start, target)

@@ -145,7 +145,7 @@ class Planner:
                     waypoints=waypoints,
                     curve=curve,
                     profile=profile,
-                    milliseconds=watch.milliseconds,  # the same dictionary: later stages are added
+                    milliseconds=watch.milliseconds,  # shared, for later stages
                 )
                 _check_duration(plan, group)
                 deadline.check()

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from .arrays import Array
 
-MIN_SPEED = 0.01  # least share of the robot's speed
+MIN_SPEED = 0.01  # smallest share of the robot's speed
 
 
 @dataclass(frozen=True, slots=True)

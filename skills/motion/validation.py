@@ -11,7 +11,7 @@ from .errors import BadQuery, shown
 MAX_MAGNITUDE = 1e6
 MIN_SIZE = math.ulp(0.0)  # smallest size of a solid, above 0 [m]
 
-_MAX_SEED = 2**64 - 2  # recordings store 64 bits
+_MAX_SEED = 2**64 - 2  # recordings store seeds in 64 bits
 
 
 def is_number(value: object, least: float, most: float) -> bool:

@@ -25,10 +25,10 @@ from .distance import SignedDistance
 from .planning_scene import PlanningScene
 
 BATCH = 500  # configurations per call
-# No call can be interrupted, so one call checks at most a few milliseconds' worth of pairs: of
-# hulls around boxes and cylinders, and of hulls around meshes.
+# Largest number of pairs per call, because a call cannot be interrupted: a few milliseconds for
+# hulls around boxes and cylinders, and for hulls around meshes.
 MAX_PRIMITIVE_PAIRS, MAX_MESH_PAIRS = 8000, 2000
-_TREE_PAIRS = 16  # with fewer, a tree of boxes is not faster
+_TREE_PAIRS = 16  # smallest number of pairs for which a tree of boxes is faster
 
 
 class Contact(NamedTuple):
@@ -295,8 +295,8 @@ class CollisionChecker:
         return broad.collisions(q, stop=False)
 
     def _broad_phase(self, pairs: frozenset[int], least: bool) -> "BroadPhase":
-        # Switching many pairs on and off is slow, so there is one checker for all pairs and one
-        # for chosen pairs, each with margins and with the least distance.
+        # Switching many pairs on and off is slow. Therefore separate checkers serve all pairs and
+        # chosen pairs, with margins and with the least distance.
         key = every, _ = pairs is self.pairs, least
         if key not in self._broad:
             chosen = self.pairs if every else frozenset[int]()
@@ -325,15 +325,15 @@ class CollisionChecker:
 class BroadPhase:
     """Checks of hulls, with their working memory.
 
-    A tree of axis-aligned boxes finds the hulls that are close to each other. Pairs with a shape
-    that has no such box are checked one after another: the floor is endless, and a very thin body
-    has a box without a volume. So are all pairs if few are checked at first, because a tree takes
-    time for every shape, checked or not.
+    A tree of axis-aligned boxes finds the hulls that are close to each other. The floor has no
+    bounded box, and the box of a very thin body has no volume. Pairs with such a shape are checked
+    one after another. If few pairs are checked at first, all pairs are checked in this way, because
+    a tree takes time for every shape.
 
     Args:
         scene: The scene.
         pairs: Pairs of `scene.hulls` that are checked at first.
-        check: Called between calls that may take milliseconds; raises to stop.
+        check: Callback between calls that may take milliseconds. It raises an exception to stop.
     """
 
     def __init__(
@@ -361,14 +361,14 @@ class BroadPhase:
         self._pairs, self._margin = pairs, math.nan
 
     def set_margins(self, pairs: frozenset[int], margins: Sequence[float]) -> None:
-        """Check these pairs from now on, each with its own margin (P,) [m]."""
+        """Set the pairs to check, each with its own margin (P,) [m]."""
         self._activate(pairs)
         for k in pairs:
             self._requests[k].security_margin = margins[k]
         self._margin = math.nan
 
     def set_margin(self, pairs: frozenset[int], margin: float) -> None:
-        """Check these pairs from now on, all with one margin [m]."""
+        """Set the pairs to check, all with one margin [m]."""
         new = pairs - self._pairs if margin == self._margin else pairs
         self._activate(pairs)
         for k in new:
@@ -385,7 +385,7 @@ class BroadPhase:
         self._pairs = pairs
 
     def collisions(self, q: Array, stop: bool) -> Mask:
-        """Return True for each row in collision; if `stop`, rows after the first may be False."""
+        """Return True for each row in collision. With `stop`, rows after the first may be False."""
         rows = max(1, self._max_pairs // max(1, len(self._pairs)))
         active = [pool for pool, own in self._pools if not own.isdisjoint(self._pairs)]
         parts = [collide(pool, q, stop, rows, self._check) for pool in active]
@@ -398,7 +398,7 @@ class BroadPhase:
         if len(self._pairs) == 1:
             return list(self._pairs)
         for k in self._pairs:
-            self._results[k].clear()  # a tree leaves those of pairs that are far apart as they were
+            self._results[k].clear()  # a tree does not reset the results of distant pairs
         for pool, own in self._pools:
             if not own.isdisjoint(self._pairs):
                 pin.computeCollisionsInParallel(1, pool, q.T, False)
@@ -429,14 +429,14 @@ def _boxed_pairs(geometry: pin.GeometryModel) -> frozenset[int]:
 def collide(
     pool: pin.GeometryPool, q: Array, stop: bool, rows: int, check: Callable[[], None]
 ) -> Mask:
-    """Return True for each row in collision; if `stop`, rows after the first may be False.
+    """Return True for each row in collision. With `stop`, rows after the first may be False.
 
     Args:
         pool: Geometry to check.
         q: Coordinates (N, nq).
         stop: True to stop at the first collision.
         rows: Most rows per call.
-        check: Called before each call; raises to stop.
+        check: Callback before each call. It raises an exception to stop.
     """
     if 0 < len(q) <= rows:
         check()
@@ -453,7 +453,7 @@ def collide(
 def repeatable_requests(
     geometry: pin.GeometryModel, data: pin.GeometryData
 ) -> list[coal.CollisionRequest]:
-    """Return the request of each pair, set so that answers do not depend on earlier checks."""
+    """Return the request of each pair. Its settings make answers independent of earlier checks."""
     shapes, guess = geometry.geometryObjects, coal.GJKInitialGuess
     meshed = [isinstance(shape.geometry, coal.BVHModelBase) for shape in shapes]
     requests = list(data.collisionRequests)
@@ -467,9 +467,9 @@ def repeatable_requests(
 
 
 class TouchingShapes:
-    """Finds out whether exact shapes touch, with their working memory.
+    """Detects contacts of exact shapes. Has the working memory of the checks.
 
-    It takes less time than finding the links that are closer than a margin.
+    This takes less time than finding the links closer than a margin.
     """
 
     def __init__(self, scene: PlanningScene) -> None:
@@ -487,9 +487,9 @@ class TouchingShapes:
 class NarrowPhase:
     """Checks of the exact shapes of two links, with their working memory.
 
-    Meshes are checked one configuration at a time, because one check may take milliseconds. Whether
-    they touch is checked first: checking a margin takes up to a thousand times as long. A pool
-    would copy the meshes, which takes longer than most checks.
+    Meshes are checked one configuration at a time, because one check may take milliseconds.
+    Contacts are checked first: a check of a margin takes up to a thousand times as long. A pool of
+    coal would copy the meshes, which takes longer than most checks.
     """
 
     def __init__(

@@ -57,7 +57,7 @@ class RobotModel:
             counts = described.shape_counts()
             if (shapes := sum(counts.values())) > _MAX_SHAPES:
                 raise ValueError(f"it has {shapes} collision shapes; the limit is {_MAX_SHAPES}")
-            # pinocchio parses the text again: only its reader also makes frames and shapes.
+            # pinocchio parses the text again, because only its reader makes frames and shapes.
             text = described.text_with_meshes(robot.mesh)
             self._free = pin.buildModelFromXML(
                 text

@@ -36,7 +36,7 @@ def check_rest(request: Rest) -> None:
 
 
 def remaining_plan(request: Rest, start: Array, group: JointGroup) -> Plan:
-    """Return the same path from the point of the stop, timed again from standstill.
+    """Return the rest of the path from the stop, timed again from standstill.
 
     Args:
         request: A request that `check_rest` accepts.

@@ -15,7 +15,7 @@ from .toppra import time_section
 def time_curve(
     curve: Curve, velocity: Array, acceleration: Array, acceleration_sum: float = math.inf
 ) -> TimeLaw | None:
-    """Return the time law of a curve, at rest at both ends and at its stops.
+    """Return the time law of a curve. The motion rests at both ends and at its stops.
 
     Args:
         curve: The path.

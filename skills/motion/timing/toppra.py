@@ -152,14 +152,14 @@ def _max_squares(slopes: Slopes, velocity: Array) -> Array:
     """Return the largest squared path speed at each grid point (K + 1,)."""
     steepest = np.vstack((abs(slopes.lower), np.zeros_like(slopes.lower[:1])))
     steepest[1:] = np.maximum(steepest[1:], abs(slopes.upper))
-    with np.errstate(divide="ignore", over="ignore"):  # a joint at rest limits nothing
+    with np.errstate(divide="ignore", over="ignore"):  # a joint at rest gives no bound
         speeds = np.min(velocity / steepest, axis=1)
     squares: Array = np.minimum(speeds, _MAX_SPEED) ** 2
     return squares
 
 
 def _grid(breaks: Array, pieces: Slopes, velocity: Array, acceleration: Array) -> Array:
-    """Return the grid: all breaks, even points between, and the ends of the first and last ramp.
+    """Return the grid: all breaks, even points between them, and the ends of both ramps.
 
     The ends of the first and the last ramp make the time law exact on the lines at both ends.
     """

@@ -1,4 +1,4 @@
-"""A motion that was found, checked and timed.
+"""The plan of a motion: found, checked and timed.
 
 Skills name this type before the board boots. NumPy is loaded meanwhile, so it is imported where it
 is used.

@@ -77,7 +77,7 @@ class TimeLaw:
         return np.clip(position, 0.0, self.positions[-1]), speed, acceleration
 
     def acceleration_ratios(self, slopes: Slopes, acceleration: Array) -> Array:
-        """Return the largest acceleration of each joint between two knots, divided by its limit.
+        """Return the largest acceleration of each joint between two knots, as a share of its limit.
 
         The acceleration is linear in s between knots, so it is largest at one of the two knots.
 

@@ -186,7 +186,7 @@ class Pool:
         if wanted and has_spare_memory():
             from .worker_process import WorkerProcess
 
-            with suppress(OSError):  # it may not be needed
+            with suppress(OSError):  # the standby process is optional
                 process = WorkerProcess(self._robot, world)
                 with self._signal:
                     spare, self._standby = self._standby, process
