@@ -55,7 +55,7 @@ def advice_for_missing_shapes(robot: Robot) -> str:
     urdf = robot.description
     counts, visible = urdf.shape_counts(), urdf.shape_counts("visual")
     if not any(counts.values()):
-        return "the URDF has no <collision>, so no collision is found; add one to each link"
+        return "no <collision> in the URDF, so no collision is found; add one to each link"
     bare = ", ".join(link for link, count in counts.items() if visible[link] and not count)
-    why = f"the URDF has no <collision> for {bare}, so these are not checked; add one to each"
+    why = f"no <collision> for {bare} in the URDF, so these are not checked; add one to each"
     return why if bare else ""
