@@ -193,8 +193,7 @@ class PortLost(LinkError):
     def __init__(self, port: str, why: str) -> None:
         super().__init__(
             port,
-            f"{why}: the port {port} has disappeared. Check the cable and the power, then run "
-            "again",
+            f"{why}: the port {port} is gone. Check the cable and the power, then run again",
         )
 
 

@@ -1,4 +1,4 @@
-"""Task files: their grammar, how they are read, compiled and checked, and the shipped tasks."""
+"""Task files: grammar, reading, compilation and checks, and the shipped tasks."""
 
 import typing
 

@@ -1,4 +1,4 @@
-"""From a task file to a tree that can run: compiled, analysed and wired, but not ticked."""
+"""Builds a tree that can run from a task file: compiled, analysed and wired, but not ticked."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ class Tree:
     Attributes:
         root: Root of the tree.
         skills: Its leaves, in the order of the file.
-        files: Texts of the files that it was built from, and of itself as one file, by name.
+        files: Texts of its source files, and of the whole task as one file, by name.
         namespace: Namespace of its keys on the blackboard.
     """
 
@@ -40,7 +40,7 @@ class Tree:
     namespace: str
 
     def halt(self) -> None:
-        """Halt all running leaves, whatever the states of the nodes above them."""
+        """Halt all running leaves, independent of the states of the nodes above them."""
         for skill in self.skills:
             if skill.status is Status.RUNNING:
                 skill.stop(Status.INVALID)
@@ -67,12 +67,12 @@ def build(
     """Build the tree of a task.
 
     Args:
-        draft: The task as far as it could be read, and its mistakes.
+        draft: The readable part of the task, and its mistakes.
         library: Files of its subtrees.
         context: Context of its skills.
         namespace: Namespace of its keys on the blackboard; a different one for every run.
         arguments: Values of its parameters.
-        in_file: True if the task is in a file of the user; then messages name places in it.
+        in_file: True if the task is in a file of the user. Messages then name places in the file.
 
     Raises:
         FileError: The files have mistakes; it holds all of them.
@@ -83,7 +83,7 @@ def build(
     tree = TreeCompiler(draft, library, context, f"/{namespace}").compile(given)
     refusals(tree, context.robot)
     check_outcomes(tree)
-    refused = tree.hooks.refused  # includes refusals of hooks that the analysis has called
+    refused = tree.hooks.refused  # also refusals of hooks that the analysis called
     if found := tree.mistakes.found:
         raise wrong([*found, *(refusal.mistake for refusal in refused)], given)
     if refused:
@@ -97,9 +97,9 @@ def build(
 
 
 def refusals(tree: CompiledTree, robot: Robot) -> list[Refusal]:
-    """Let the skills validate their inputs; return what they refuse.
+    """Let the skills validate their inputs, and return the refusals.
 
-    Skills that refuse an input are doubtful from then on.
+    Skills that refuse an input are doubtful afterwards.
     """
     for leaf in tree.leaves.values():
         tree.hooks.validate(leaf, robot)
@@ -107,7 +107,7 @@ def refusals(tree: CompiledTree, robot: Robot) -> list[Refusal]:
 
 
 def _cause(refused: Sequence[Refusal], nodes: Mapping[Behaviour, str], in_file: bool) -> Exception:
-    """Combine refusals into one error: the class and node of the first, the messages of all."""
+    """Combine refusals into one error with the class and node of the first, and all messages."""
     for refusal in refused if in_file else ():
         place = refusal.place
         at = f"{place.path.name}:{place.line}:{place.column}"

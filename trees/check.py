@@ -33,8 +33,8 @@ from .reading.grammar import PosesFile
 from .reading.library import Library
 from .reading.literals import in_other_unit, in_smaller_units
 
-# What a file is in its library: the number of a task, the name of a subtree, None for poses, or
-# the reason why it is not one of these.
+# Role of a file in its library: the number of a task, the name of a subtree, None for poses, or an
+# error.
 Named = int | str | None | FileError
 
 
@@ -45,10 +45,10 @@ class Findings:
     Attributes:
         files: Files that were checked.
         mistakes: Mistakes, ordered by file and line.
-        notes: Warnings, ordered like the mistakes: files that were ignored or may be for another
+        notes: Warnings, ordered like the mistakes: ignored files; files that may be for another
             robot; keys that nothing reads; long times without a unit; tasks whose first motion
-            starts in collision, and tasks whose motions take longer than their timeout. The last
-            two assume that the arm is in its start pose.
+            starts in collision; tasks whose motions take longer than their timeout. The last two
+            assume that the arm is in its start pose.
     """
 
     files: list[Path] = field(default_factory=list)
@@ -113,7 +113,7 @@ def check(robot: Robot, folder: Path | None, files: Sequence[Path] = ()) -> Find
 def _for_other_robots(
     robot: Robot, library: Library, trees: Sequence[CompiledTree]
 ) -> Iterator[Mistake]:
-    """Yield a note for each file for every robot that names joints of another one."""
+    """Yield a note for each file for all robots that names joints of another robot."""
     known, strange = {*robot.groups, *(j.name for j in robot.joints)}, dict[Path, set[str]]()
     for refusal in (refusal for tree in trees for refusal in tree.hooks.refused):
         within = refusal.error.location[1:] if isinstance(refusal.error, BadTarget) else ()
@@ -127,7 +127,7 @@ def _for_other_robots(
 
 
 def _how_to_add(name: str) -> str:
-    """Return the skills that add a body, the first one as it is written."""
+    """Return the skills that add a body, and the text of the first one."""
     kinds = {n: kind for n, kind in known_skills().items() if kind.world_change is WorldChange.ADDS}
     first, *others = kinds
     ports = {port: "…" for port, each in declarations(kinds[first]).items() if each.needed}
@@ -137,7 +137,7 @@ def _how_to_add(name: str) -> str:
 
 
 def _names_body(library: Library, name: str, but: Path) -> bool:
-    """Return whether another file names a body. Bodies stay for the next task of a run."""
+    """Return True if another file names a body. Bodies stay for the next task of a run."""
     body = re.compile(rf"\bbody['\"]?\s*:\s*['\"]?{re.escape(name)}\b")
     for path, _ in library.files():
         with suppress(FileError):
@@ -155,7 +155,7 @@ def compile_task(
         robot: The robot.
         library: Files of the task.
         number: Number of the task.
-        arguments: Values of its parameters; None if they are not known.
+        arguments: Values of its parameters; None if unknown.
 
     Raises:
         UnknownTask: No task has that number.
@@ -180,7 +180,7 @@ def check_task(
         robot: The robot.
         library: Files of the task.
         number: Number of the task.
-        arguments: Values of its parameters; None if they are not known.
+        arguments: Values of its parameters; None if unknown.
 
     Raises:
         UnknownTask: No task has that number.
@@ -209,7 +209,7 @@ def _jobs(
             folder = file.parent if parent == file.resolve().parent else file.parent.parent
             library = Library(folder, robot)
             libraries[parent] = {path.resolve(): (library, name) for path, name in library.files()}
-        library = next(iter(libraries[parent].values()))[0]  # not empty, because subtrees ship
+        library = next(iter(libraries[parent].values()))[0]  # there are always shipped subtrees
         named = [m for m in library.mistakes if m.place.path.resolve() == file.resolve()]
         if file.resolve() in libraries[parent]:
             yield file, *libraries[parent][file.resolve()]
@@ -228,7 +228,7 @@ class _Checker:
     Args:
         library: The library.
         context: Context of an arm that does not move.
-        collisions: Receives what a planner must check.
+        collisions: Receives the bodies and configurations that a planner must check.
     """
 
     def __init__(self, library: Library, context: Context, collisions: CollisionChecks) -> None:
@@ -248,14 +248,14 @@ class _Checker:
         except TreeError as error:
             return _mistakes(error)
         check_outcomes(tree)
-        refusals(tree, self._context.robot)  # reported at the end, with those of other hooks
+        refusals(tree, self._context.robot)  # reported at the end, with refusals of other hooks
         self._collisions.trees.append(tree)
         if isinstance(name, int):
             self._collisions.tasks.append(tree)
         return tree.mistakes.found
 
     def _poses(self, file: PosesFile) -> list[Mistake]:
-        """Return mistakes of poses, whether or not a task uses them."""
+        """Return mistakes of all poses, used or unused."""
         robot, wrong = self._context.robot, []
         for name, joints in file.poses.items():
             place = file.labels[name].label
@@ -276,7 +276,7 @@ class _Checker:
         return wrong
 
     def _refused(self, pose: Located, known: Positions, error: Exception) -> Mistake:
-        """Return the mistake of a pose, at the joint, with the unit that it may lack."""
+        """Return the mistake of a pose at the joint, with the unit that may be missing."""
         location, robot = getattr(error, "location", ()), self._context.robot
         joint = str(location[-1]) if location else ""
         item = nested(pose).get(joint)

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-# The units of the types that have some. A number without a unit is in the first of them.
+# Units by type. A number without a unit is in the first one.
 UNITS: Mapping[str, Mapping[str, float]] = {
     "angle": {"rad": 1.0, "deg": math.pi / 180},
     "duration": {"s": 1.0, "ms": 0.001, "min": 60.0, "h": 3600.0},
@@ -32,14 +32,15 @@ class Declaration:
 
     Attributes:
         type: One of TYPES, ANY, or the name of a type that only skills can write.
-        default: Value if none is given. If None, a value is required unless `optional` is set.
-        optional: True if the value may be left out although there is no default.
+        default: Value if the file gives none. If None, a value is required unless `optional` is
+            set.
+        optional: True if the value may be omitted although there is no default.
         least: Smallest value, in the first unit of the type.
         most: Largest value, in the first unit of the type.
         choices: Allowed values; empty if all are allowed.
         count: Number of items of a list; 0 for any number.
         output: True for a key that is written, False for a value that is read.
-        description: One line.
+        description: Description, in one line.
     """
 
     type: str
@@ -54,12 +55,12 @@ class Declaration:
 
     @property
     def needed(self) -> bool:
-        """Whether a value must be given."""
+        """True if a value is required."""
         return self.default is None and not self.optional
 
     @property
     def unit(self) -> str:
-        """Unit of a number without a unit; empty for types that have none."""
+        """Unit of a number that is written without one; empty for types without units."""
         kind = self.type.removeprefix(LIST)
         return next(iter(UNITS.get("angle" if kind == "positions" else kind, {})), "")
 
@@ -79,9 +80,9 @@ def words(kind: str) -> str:
 
 
 def type_fits(given: str, wanted: str) -> bool:
-    """Return whether a value of one type is accepted if another type is required.
+    """Return True if a value of one type is accepted for another type.
 
-    A plain number is accepted as any quantity with a unit, and such a quantity as a number.
+    A plain number is accepted for any quantity, and a quantity for a number.
     """
     if given == wanted or "" in (given, wanted) or ANY in (given, wanted):
         return True

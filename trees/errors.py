@@ -8,23 +8,23 @@ from typing import Self
 from hardware import ArmtreeError
 from hardware.spelling import there_are
 
-SHIPPED_ROBOT = "arduinobot"  # name of the robot that the shipped tasks and examples are for
+SHIPPED_ROBOT = "arduinobot"  # name of the robot for the shipped tasks and examples
 EXAMPLES = Path(__file__).with_name("examples")  # folder with example tasks
 
-_SHOWN = 20  # mistakes in a message
-_BEFORE, _WIDTH = 40, 96  # characters of a line in an excerpt, if it is cut
-_BEGIN, _END = 600, 200  # characters of a message, if it is cut
-_LINES = 8  # lines of a correction
+_SHOWN = 20  # largest number of mistakes in a message
+_BEFORE, _WIDTH = 40, 96  # characters of a cut line before the place, and in total
+_BEGIN, _END = 600, 200  # characters at the begin and end of a cut message
+_LINES = 8  # largest number of lines in a correction
 
 
 @dataclass(frozen=True, slots=True)
 class Correction:
-    """Lines of a file as they should be.
+    """Corrected lines of a file.
 
     Attributes:
         text: The lines.
-        line: First line that they replace, from 1.
-        count: Number of lines that they replace; 0 to put them before that line.
+        line: First line to replace, from 1.
+        count: Number of lines to replace; 0 to insert the text before `line`.
     """
 
     text: str
@@ -70,7 +70,7 @@ class Place:
 
     @property
     def brackets(self) -> str:
-        """The text from the bracket here to the one that closes it; empty if that is not here."""
+        """Text from the bracket at this place to its end; empty if it ends in another line."""
         depth, line = 0, self.lines[self.line - 1] if 0 < self.line <= len(self.lines) else ""
         for column, sign in enumerate(line[self.column - 1 :], 1):
             depth += (sign in "{[") - (sign in "}]")
@@ -79,7 +79,7 @@ class Place:
         return ""
 
     def replaced(self, old: str, new: str) -> Correction | None:
-        """Return the line with a new text in place of the old one; None if that is not here.
+        """Return the line with an old text replaced by a new one; None if it is not here.
 
         The old text may be in quotes.
         """
@@ -92,7 +92,7 @@ class Place:
 
     @property
     def excerpt(self) -> str:
-        """The line, with a caret below the column; empty if the text is not known."""
+        """The line, with a caret below the column; empty if the text is unknown."""
         if not 0 < self.line <= len(self.lines):
             return ""
         line = self.lines[self.line - 1]
@@ -107,9 +107,9 @@ class Mistake:
     """A mistake in a file.
 
     Attributes:
-        place: Where it is.
-        message: What is wrong, and what to do.
-        instead: The lines as they should be; None if that is not known.
+        place: Place of the mistake.
+        message: Words for the mistake, and advice.
+        instead: The corrected lines; None if unknown.
     """
 
     place: Place
@@ -138,12 +138,12 @@ class Mistakes:
     """Collects mistakes, at most one per place.
 
     Args:
-        known: Mistakes that are known already. A mapping and its first key begin at the same place;
+        known: Earlier mistakes. A mapping and its first key begin at the same line and column, but
             their locations in the document differ.
 
     Attributes:
         found: The mistakes.
-        notes: What may be wrong.
+        notes: Warnings.
     """
 
     def __init__(self, known: Iterable[Mistake] = ()) -> None:
@@ -151,21 +151,21 @@ class Mistakes:
         self._reported = {_where(mistake.place) for mistake in self.found}
 
     def add(self, place: Place, message: str, instead: Correction | None = None) -> None:
-        """Add a mistake, unless its place has one."""
+        """Add a mistake, unless its place already has one."""
         if _where(place) not in self._reported:
             self.found.append(Mistake(place, message, instead))
 
     def add_also(self, place: Place, message: str, instead: Correction | None = None) -> None:
-        """Add a mistake of a node, although its place may have others."""
+        """Add a mistake of a node, even if its place already has one."""
         self.found.append(Mistake(place, message, instead))
 
     def add_last(self, place: Place, message: str, instead: Correction | None = None) -> None:
-        """Add a mistake; later ones at the same place are dropped."""
+        """Add a mistake. Later mistakes at the same place are dropped."""
         self.add(place, message, instead)
         self._reported.add(_where(place))
 
     def take(self, mistakes: Iterable[Mistake]) -> None:
-        """Add several mistakes; later ones at the same places are dropped."""
+        """Add several mistakes. Later mistakes at the same places are dropped."""
         taken = list(mistakes)
         self.found += [m for m in taken if _where(m.place) not in self._reported]
         self._reported |= {_where(mistake.place) for mistake in taken}
@@ -218,8 +218,8 @@ class PoseUnknown(FileError):
 def _combined(mistakes: Collection[Mistake]) -> list[Mistake]:
     """Merge the mistakes of a line, so that each correction contains the others.
 
-    A mistake in lines that another one corrects first is added to that one: the layout comes before
-    the nodes, and a node before what is inside it.
+    A mistake joins an earlier mistake that corrects the same lines. The layout comes before the
+    nodes, and a node before its contents.
     """
     rows, combined = dict[tuple[Path, int, str], list[Mistake]](), list[Mistake]()
     for mistake in mistakes:
@@ -243,7 +243,7 @@ def _combined(mistakes: Collection[Mistake]) -> list[Mistake]:
 
 
 def _comes_first(first: Mistake, then: Mistake) -> bool:
-    """Return whether a mistake can only be corrected together with an earlier one."""
+    """Return True if a mistake can only be corrected together with an earlier one."""
     old, new = first.instead, then.instead
     if not old or not new or first.place.path != then.place.path or not old.count:
         return False
@@ -257,7 +257,7 @@ def _comes_first(first: Mistake, then: Mistake) -> bool:
 
 
 def _with_all(before: str, after: Sequence[str]) -> str:
-    """Return a line with all of several changes; empty if two change the same words."""
+    """Return a line with several changes; empty if two of them change the same words."""
     text, end = before, len(before)
     for begin, stop, new in sorted((_change(before, each) for each in after), reverse=True):
         if stop > end:
@@ -267,7 +267,7 @@ def _with_all(before: str, after: Sequence[str]) -> str:
 
 
 def _change(before: str, after: str) -> tuple[int, int, str]:
-    """Return begin and end of the part of a text that differs, and its replacement."""
+    """Return begin and end of the part of a text that differs from another, and its replacement."""
     begin = _common(before, after)
     end = _common(before[begin:][::-1], after[begin:][::-1])
     return begin, len(before) - end, after[begin : len(after) - end]
@@ -292,7 +292,7 @@ class DuplicateTask(FileError):
         first: The first file.
         second: Place of the number in the second file.
         free: A number that no task has.
-        replaces: Name of the first task, if the second may replace it; else empty.
+        replaces: Name of the first task if the second task may replace it; else empty.
     """
 
     code = "file.duplicate_task"
@@ -307,7 +307,7 @@ class DuplicateTask(FileError):
 
 
 class BadArguments(FileError):
-    """The arguments of a task are wrong; its file is not."""
+    """The arguments of a task are wrong; its file is valid."""
 
     code = "goal.bad_arguments"
     exit_status = 4
@@ -332,7 +332,7 @@ class UnknownTask(TreeError):
     Attributes:
         task: Number or name.
         known: The numbers or names of all tasks.
-        robot: Name of the robot that they are for.
+        robot: Name of the robot of these tasks.
     """
 
     code = "goal.unknown_task"

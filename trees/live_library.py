@@ -16,7 +16,7 @@ from .export.node_table import node_table
 from .reading.document import read_text
 from .reading.library import Library, with_robot
 
-KEPT = 16  # snapshots; older ones are dropped
+KEPT = 16  # largest number of snapshots; older ones are dropped
 
 _Stamp = tuple[int, int, int] | None
 
@@ -26,12 +26,12 @@ class _Snapshot:
 
     Args:
         shipped: Folders of the files that ship.
-        own: The user's folder; None if there is none.
+        own: The user's folder, or None.
         robot: Name of the robot.
-        before: The last snapshot. Files that have not changed since are not read again.
+        before: The last snapshot. Unchanged files are not read again.
 
     Attributes:
-        nodes: The table of all nodes of each task that was compiled, by its number.
+        nodes: The table of all nodes of each compiled task, by number.
     """
 
     def __init__(
@@ -66,21 +66,23 @@ class _Snapshot:
             FileError: The user's folder cannot be read.
         """
         if isinstance(self._library, FileError):
-            raise self._library.with_traceback(None)  # or each raise would add to it
+            raise self._library.with_traceback(
+                None
+            )  # without the traceback, which would grow with each raise
         return self._library
 
     @property
     def is_current(self) -> bool:
-        """Whether no file has changed since."""
+        """True if no file has changed since the snapshot."""
         return all(_stamp(path) == stamp for path, stamp in self._stamps.items())
 
     def error(self, number: int, robot: Robot, validated: bool = True) -> TreeError | None:
-        """Return what is wrong with a task, or None.
+        """Return the error of a task, or None.
 
         Args:
             number: Number of the task.
             robot: The robot.
-            validated: Whether its skills validate their inputs, too.
+            validated: True if its skills also validate their inputs.
         """
         if (number, validated) not in self._errors:
             try:
@@ -88,7 +90,7 @@ class _Snapshot:
                 self.nodes[number] = node_table(tree)
                 self._errors[number, validated] = None
             except UnknownTask as error:
-                return error  # any number may be requested
+                return error  # a client may request any number
             except TreeError as error:
                 self._errors[number, validated] = error
         return self._errors[number, validated]
@@ -103,8 +105,8 @@ class _Snapshot:
 class LiveLibrary:
     """Returns a library for each goal, after checking for changed files.
 
-    If the changed files of a task are invalid, the task runs from the latest kept snapshot in which
-    it was valid. Snapshots are made at the start, and before a goal if a file has changed.
+    If the changed files of a task are invalid, the task runs from the latest snapshot in which it
+    was valid. A snapshot is made at the start, and before a goal if a file has changed.
 
     Args:
         folder: The user's task files; None for only those that ship.
@@ -126,7 +128,7 @@ class LiveLibrary:
         self._rows: tuple[_Snapshot, list[dict[str, Any]]] | None = None
 
     def for_task(self, number: int) -> tuple[Library, str]:
-        """Return the latest files in which a task is valid, and a warning if newer ones are not.
+        """Return the latest files in which a task is valid. Warn if newer files are invalid.
 
         Raises:
             UnknownTask: No task has that number.
@@ -137,7 +139,7 @@ class LiveLibrary:
             return snapshot.library, warning
 
     def nodes(self, number: int) -> list[dict[str, Any]]:
-        """Return all nodes of a task, as the next goal would run it: see `node_table`.
+        """Return all nodes of a task in its valid version for the next goal. See `node_table`.
 
         Raises:
             UnknownTask: No task has that number.
@@ -147,7 +149,7 @@ class LiveLibrary:
             return self._valid(number)[0].nodes[number]
 
     def _valid(self, number: int) -> tuple[_Snapshot, str]:
-        """Return the snapshot from which a task runs, and a warning if it is not the latest."""
+        """Return the snapshot from which a task runs, and a warning if it is not the latest one."""
         now, *before = self._updated()
         error = now.error(number, self._robot)
         if error is None:
@@ -155,8 +157,10 @@ class LiveLibrary:
         valid = (each for each in before if each.error(number, self._robot) is None)
         if isinstance(error, UnknownTask) or not (last := next(valid, None)):
             if now.error(number, self._robot, validated=False) is None:
-                return now, ""  # the goal fails with the error of the skill
-            raise error.with_traceback(None)  # or each raise would add to it
+                return now, ""  # the goal then fails with the error of the skill
+            raise error.with_traceback(
+                None
+            )  # without the traceback, which would grow with each raise
         warning = f"Task {number} runs in its last valid version, "
         warning += "because its changed files are wrong: "
         return last, f"{warning}{error}"
@@ -172,7 +176,7 @@ class LiveLibrary:
             return self._updated()[0].library
 
     def number(self, task: int | str) -> int:
-        """Return the number of a task that is given by its number or name.
+        """Return the number of a task from its number or name.
 
         Raises:
             UnknownTask: No task has that number or name.
@@ -202,7 +206,7 @@ class LiveLibrary:
             return self._rows[1]
 
     def _updated(self) -> deque[_Snapshot]:
-        """Return the snapshots, the current one first."""
+        """Return the snapshots, newest first. Makes a new one if a file has changed."""
         if not self._snapshots[0].is_current:
             now = _Snapshot(*self._files, self._snapshots[0])
             self._snapshots.appendleft(now)
@@ -230,7 +234,7 @@ def _row(library: Library, number: int) -> dict[str, Any]:
 
 
 def _input(declared: Declaration) -> dict[str, Any]:
-    """Return what a form needs to know of a parameter."""
+    """Return the properties of a parameter for a form."""
     default = declared.default
     is_text = default is not None and isinstance(default.value, str)
     return {
@@ -253,7 +257,7 @@ def _text(path: Path) -> str | FileError:
 
 
 def _stamp(path: Path) -> _Stamp:
-    """Return a value that changes if a file or folder does; None if it does not exist."""
+    """Return a value that changes with a file or folder; None if it does not exist."""
     try:
         found = os.stat(path)
     except OSError:

@@ -1,4 +1,4 @@
-"""Collision checks before a run: bodies that cannot be loaded, and configurations that collide."""
+"""Collision checks before a run: finds unusable bodies and configurations in collision."""
 
 from collections.abc import Iterator
 from contextlib import closing
@@ -27,12 +27,12 @@ from .planned_times import PlannedTimes
 from .predicted_motion import predict_motions
 from .unreachable_nodes import check_outcomes, slow_children
 
-_Use = tuple[Place, str]  # a place that uses a configuration, and the message if it collides
+_Use = tuple[Place, str]  # place that uses a configuration, and message for a collision
 
 
 @dataclass
 class CollisionChecks:
-    """Bodies and configurations to check, all with one planner process.
+    """Checks bodies and configurations, all with one planner process.
 
     Args:
         robot: The robot.
@@ -42,9 +42,10 @@ class CollisionChecks:
         poses: Configurations to check in an empty world [rad], and their places.
         trees: Compiled tasks and subtrees.
         tasks: The tasks among them.
-        notes: Tasks whose first motion starts in collision if the arm is in its start pose, and
-            timeouts that end before the motions in them, as planned from there.
-        absent: Places of bodies that a task uses and does not add; their names, and a similar one.
+        notes: Notes about tasks whose first motion starts in collision, and about timeouts that are
+            too short for their motions. Both assume that the arm is in its start pose.
+        absent: Places of bodies that a task uses but does not add, with the name of the body and a
+            similar name.
     """
 
     robot: Robot
@@ -81,15 +82,17 @@ class CollisionChecks:
                     self.notes.append(Mistake(place, f"{why}: {hit}"))
 
     def _load_error(self, body: Body) -> BadWorld | WorkerDied | None:
-        """Return why a body cannot be loaded, or None."""
-        alone = World((replace(body, touches=frozenset()),))  # the others may be added before
+        """Return the error of loading a body, or None."""
+        alone = World(
+            (replace(body, touches=frozenset()),)
+        )  # other tasks may add the bodies that it touches
         answer = self.pool.ask(Verify([self.robot.boot_pose], 0.0, world=alone))
         return answer if isinstance(answer, (BadWorld, WorkerDied)) else None
 
     def _collision(self, pose: Pose, world: World) -> str:
         """Return a message about a collision in a configuration, or an empty text."""
         answer = self.pool.ask(Verify([pose], self.robot.collision.margin, world=world))
-        # A subtree may name bodies to touch that only its users add.
+        # A subtree may name bodies that only its users add.
         if not isinstance(answer, MotionError) or isinstance(answer, BadWorld):
             return ""
         if not isinstance(answer, MotionCollides):
@@ -98,7 +101,7 @@ class CollisionChecks:
         return f"{answer.contact}; {advice}" if advice else answer.contact
 
     def _bodies(self) -> dict[Body, list[Place]]:
-        """Return all bodies that are added, and their places in the files."""
+        """Return all added bodies, and their places in the files."""
         bodies: dict[Body, list[Place]] = {}
         for tree in self.trees:
             for leaf in tree.leaves.values():
@@ -130,15 +133,15 @@ class CollisionChecks:
     def _first_worlds(self) -> dict[World, Place]:
         """Return the worlds in which tasks first move the arm, and the places of these motions.
 
-        Also add a note for each timeout that ends before its motions. If it does so from any start,
-        which is a mistake, the mistake gets the time that is planned from the start pose.
+        Also adds a note for each timeout that ends before its motions. A timeout that is too short
+        from any start is a mistake. The message then has the planned time from the start pose.
         """
         worlds, boot = dict[World, Place](), self.robot.boot_pose
         for tree in self.tasks:
-            # Refusals that concern only this start are not mistakes.
+            # Refusals for only this start are not mistakes.
             hooks = SkillHooks(tree.hooks.doubtful)
             times = PlannedTimes(tree, self.robot, self.pool.ask)
-            # To time each motion, points for the tool are needed too.
+            # The time of a motion to a point needs inverse kinematics.
             found = predict_motions(
                 tree,
                 self.robot,
@@ -159,6 +162,6 @@ class CollisionChecks:
         return worlds
 
     def _unreachable(self, query: ToolQuery) -> Reached:
-        """Raise an Unreachable, or another error: what is reached is known only during a run."""
+        """Raise an error instead of a solution, because a solution is known only during a run."""
         self.pool.reach(query)
         raise MotionError("known during a run")

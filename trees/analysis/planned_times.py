@@ -1,4 +1,4 @@
-"""Planned times: how long the motions of a task take, as a run would plan and play them."""
+"""Planned times: durations of the motions of a task, as a run would plan and play them."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -13,8 +13,8 @@ from trees.compile.leaf import Leaf
 
 from .predicted_motion import Motion
 
-_MOST_PLANS = 100  # for one task
-_MOST_TIME = 2.0  # longest planning for one task [s]
+_MOST_PLANS = 100  # largest number of plans for one task
+_MOST_TIME = 2.0  # longest time for planning of one task [s]
 
 
 class PlannedTimes:
@@ -23,7 +23,7 @@ class PlannedTimes:
     Args:
         tree: The compiled task.
         robot: The robot.
-        plan: Plans a motion. Returns a Plan, or an error.
+        plan: Callback that plans a motion. It returns a Plan or an error.
     """
 
     def __init__(self, tree: CompiledTree, robot: Robot, plan: Callable[[Query], Result]) -> None:
@@ -32,14 +32,14 @@ class PlannedTimes:
         self._limited = _moving_below_timeouts(tree)
 
     def __bool__(self) -> bool:
-        """Return whether a timeout contains motions."""
+        """Return True if a timeout contains motions."""
         return bool(self._limited)
 
     def duration(self, leaf: Leaf, motion: Motion) -> float:
         """Return the time until the board has executed a motion [s].
 
-        It is the least time if no timeout contains the skill, or if the motion cannot be planned
-        within the limits.
+        The result is the least time if no timeout contains the skill, or if the motion cannot be
+        planned within the limits of this class.
         """
         least, plans = motion.least_time(self._robot), list[Plan]()
         if leaf.skill not in self._limited or motion.start is None:
@@ -49,7 +49,7 @@ class PlannedTimes:
                 return least
             answer = self._plan(replace(query, timeout=self._left))
             if not isinstance(answer, Plan):
-                self._left = 0.0  # a further search could take as long
+                self._left = 0.0  # stop planning, because the next search could take as long
                 return least
             self._plans -= 1
             self._left -= sum(answer.milliseconds.values()) / 1000.0

@@ -1,4 +1,4 @@
-"""Predicted motion: the motions of a task, and the world during each, as far as its text says."""
+"""Predicted motion: the motions of a task and the world during each, from the text of the task."""
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -41,10 +41,10 @@ class Motion:
         node: Node with the target.
         place: Place of the target in a file.
         pose: Target of the actuated joints [rad].
-        start: Configuration before the motion [rad]; None if it is not known before the run.
+        start: Configuration before the motion [rad]; None if unknown before the run.
         world: World during the motion.
-        left_out: Names of bodies that are not in that world, because it is not known before the run
-            whether they are there, and where.
+        left_out: Names of bodies that are not in `world`, because their presence or pose is unknown
+            before the run.
         via: Points on the way: values of the arm's own joints [rad].
         speeds: Share of the robot's speed, by group; 1 for groups that are not listed.
     """
@@ -55,7 +55,7 @@ class Motion:
     start: Pose | None
     world: World
     left_out: tuple[str, ...]
-    # Skills that plan the same motion add these one after the other.
+    # Skills that plan the same motion add these values one after the other.
     via: tuple[Pose, ...] = field(default=(), compare=False)
     speeds: Mapping[str, float] = field(default_factory=dict, compare=False)
 
@@ -82,7 +82,7 @@ class Motion:
             start = tuple(there if mine else here for there, here, mine in pairs)
 
     def least_time(self, robot: Robot) -> float:
-        """Return the least duration [s], joint by joint; 0 if the start is not known."""
+        """Return a lower bound of the duration [s], from each joint; 0 if the start is unknown."""
         least = 0.0
         for group in robot.groups if self.start else ():
             for joint, begin, end in zip(robot.actuated, self.start or (), self.pose, strict=True):
@@ -98,11 +98,11 @@ class PredictedMotions:
 
     Attributes:
         motions: Motions with a known target, in order.
-        unknown: Nodes that also move the arm, and why their target is not known.
-        absent: Places of bodies that are used, but certainly not there; their names, and a similar
-            name that is there, or "".
+        unknown: Further nodes that move the arm, and the reason that their target is unknown.
+        absent: Places of used bodies that are certainly missing, with the name of the body and a
+            similar present name, or "".
         unreachable: Points that the tool cannot reach.
-        times: Least time that a node needs to move the arm [s].
+        times: Lower bound of the time that a node needs to move the arm [s], by node.
     """
 
     motions: list[Motion] = field(default_factory=list)
@@ -123,18 +123,19 @@ def predict_motions(
     reach: Callable[[ToolQuery], Reached] | None = None,
     duration: Callable[[Leaf, Motion], float] | None = None,
 ) -> PredictedMotions:
-    """Predict the motions of a task, each in the world that the task has made before it.
+    """Predict the motions of a task, each in the world that the task creates before it.
 
     Args:
         tree: The compiled task.
         robot: The robot.
-        carry: Fixes a body to another link; may raise a MotionError.
-        start: Configuration before the task [rad]; None if it is not known.
+        carry: Callback that fixes a body to another link. It may raise a MotionError.
+        start: Configuration before the task [rad]; None if unknown.
         world: World before the task.
-        hooks: Calls the skills' code; the hooks of the tree by default.
-        reach: Finds joint positions that bring the tool to a point; may raise a MotionError. If
-            None, targets that are points are not known.
-        duration: Returns the time that a skill needs for a motion [s]; by default the least time.
+        hooks: Calls the code of skills. Default: the hooks of the tree.
+        reach: Callback that returns joint positions for a point of the tool. It may raise a
+            MotionError. If None, targets that are points are unknown.
+        duration: Callback that returns the time of a skill for a motion [s]. Default: the least
+            time.
     """
     duration = duration or (lambda _, motion: motion.least_time(robot))
     walk = _Walk(tree, robot, carry, hooks or tree.hooks, reach, duration)
@@ -144,12 +145,12 @@ def predict_motions(
 
 @dataclass(frozen=True)
 class _State:
-    """What is known at one moment.
+    """The known state at one moment of a task.
 
     Attributes:
-        world: Bodies that are certainly there.
-        pose: Configuration of the arm [rad]; None if it is not known.
-        unsure: Names of bodies that may be there.
+        world: Bodies that are certainly present.
+        pose: Configuration of the arm [rad]; None if unknown.
+        unsure: Names of bodies that may be present.
         keys: Configurations, and targets of some joints, by key.
     """
 
@@ -159,7 +160,7 @@ class _State:
     keys: Mapping[str, Positions] = field(default_factory=dict)
 
     def with_body(self, body: Body) -> "_State":
-        """Return the state with a body, which replaces one of its name."""
+        """Return the state with a body. It replaces a body of the same name."""
         unsure = self.unsure - {body.name}
         new = replace(body, touches=body.touches - unsure)
         return replace(self, world=self.world.adding(new), unsure=unsure)
@@ -175,7 +176,7 @@ class _State:
         return replace(self, pose=None, keys={})
 
     def unsure_of(self, names: Iterable[str]) -> "_State":
-        """Return the state with bodies of these names that may be there."""
+        """Return the state in which bodies of these names may be present."""
         now = self.without(names)
         unsure = now.unsure | frozenset(names)
         rest = (replace(body, touches=body.touches - unsure) for body in now.world.bodies)
@@ -191,9 +192,9 @@ class _Walk:
     _reach: Callable[[ToolQuery], Reached] | None
     _duration: Callable[[Leaf, Motion], float]
     found: PredictedMotions = field(default_factory=PredictedMotions)
-    _why: str = _UNKNOWN  # why the next target is not known
-    _again: bool = False  # in the second round of a loop
-    # The motion to the last target: None if the arm is there, empty if the motion is not known.
+    _why: str = _UNKNOWN  # reason that the next target is unknown
+    _again: bool = False  # True in the second round of a loop
+    # The motion to the last target: None if the arm is there, empty if unknown.
     _ahead: tuple[Motion, ...] | None = None
 
     def through(self, node: Behaviour, now: _State) -> _State:
@@ -217,11 +218,11 @@ class _Walk:
         return _common(states)
 
     def _rounds(self, node: Behaviour, rounds: int | None, now: _State) -> _State:
-        """Return what is sure of the state after any round; add motions of later rounds."""
+        """Return the part of the state that holds after any round. Add motions of later rounds."""
         once = self._in_turn(node, now)
-        if rounds == 1 or once == now:  # further rounds would be the same
+        if rounds == 1 or once == now:  # further rounds would give the same state
             return once
-        if self._again:  # otherwise the work would double with each loop in a loop
+        if self._again:  # nested loops would double the work at each level
             return _common((now, once))
         motions = self.found.motions
         first, self._again = len(motions), True
@@ -279,7 +280,7 @@ class _Walk:
         return replace(now, keys=keys)
 
     def _reached(self, leaf: Leaf, inputs: Mapping[str, Any], now: _State) -> _State:
-        """Return the state with the target that brings the tool to a known point."""
+        """Return the state with the joint target for a known point of the tool."""
         query = self._reach and self._hooks.tool_query(leaf, self._robot, inputs)
         if not self._reach or not query:
             return now
@@ -296,7 +297,7 @@ class _Walk:
         return replace(now, keys={**now.keys, key: target})
 
     def _unreachable(self, leaf: Leaf, query: ToolQuery, error: Unreachable) -> Mistake:
-        """Return the mistake of a point, with one within reach near the nearest one."""
+        """Return the mistake of an unreachable point. Suggests a reachable point near it."""
         point = leaf.written.get("point")
         if not point or query.relative or query.direction or not self._reach:
             return Mistake(point.place if point else leaf.place, str(error))
@@ -340,18 +341,18 @@ class _Walk:
         return now.with_body(body) if body else now.unsure_of((name,))
 
     def _carried(self, skill: Skill, known: Mapping[str, Any], now: _State) -> Body | None:
-        """Return a body fixed to its new link, or None if link or place are not known."""
+        """Return a body fixed to its new link; None if its link or pose is unknown."""
         link = known.get("link") if "link" in skill.input_ports() else ""
         if now.pose is None or link is None:
             return None
         try:
             return self._carry(Carry(now.world, known["body"], link, now.pose))
-        except MotionError:  # the body is not known here
+        except MotionError:  # the body is unknown here
             return None
 
 
 def _least_time(joint: Joint, distance: float) -> float:
-    """Return the least time of a motion of a joint from standstill to standstill [s]."""
+    """Return the shortest time of a motion of one joint, from standstill to standstill [s]."""
     if joint.continuous:
         distance = min(distance % math.tau, -distance % math.tau)
     speed = min(joint.velocity, math.sqrt(distance * joint.acceleration))

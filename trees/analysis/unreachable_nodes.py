@@ -1,7 +1,7 @@
 """Reachability: finds nodes that are never reached, never end, or always time out.
 
-How a node can end follows from how its children can end; each kind of node says how. It also
-reports children that do not fit together.
+The possible outcomes of a node follow from those of its children, by the rules of its kind. The
+kind also reports wrong combinations of children.
 """
 
 import math
@@ -18,7 +18,7 @@ from trees.compile.port_types import known_skills
 from trees.errors import Correction, Mistake, Place
 from trees.nodes.kind import Node, PossibleOutcomes
 
-_ROOM = 1.5  # a suggested time, as a share of the least one
+_ROOM = 1.5  # suggested time / least time
 
 
 @dataclass
@@ -26,9 +26,9 @@ class _Times:
     """Times of skills.
 
     Attributes:
-        of: Times, in addition to what skills say themselves [s].
+        of: Times of skills [s], in addition to `Skill.min_duration`.
         start: Name of the pose from which the motions are planned; empty for least times.
-        notes: Receives a note for each child that is too slow as planned.
+        notes: Receives a note for each child whose planned time is too long.
     """
 
     of: Mapping[Behaviour, float] = field(default_factory=dict)
@@ -37,11 +37,11 @@ class _Times:
 
 
 def check_outcomes(tree: CompiledTree, times: Mapping[Behaviour, float] | None = None) -> None:
-    """Report control nodes whose children do not fit, or that are never reached or never end.
+    """Report control nodes with wrong children, and nodes that are never reached or never end.
 
     Args:
         tree: The tree.
-        times: Least times of skills [s], in addition to what they say themselves.
+        times: Least times of skills [s], in addition to `Skill.min_duration`.
     """
     _outcomes(_Node(tree, tree.root, _Times(times or {}), False))
 
@@ -49,11 +49,11 @@ def check_outcomes(tree: CompiledTree, times: Mapping[Behaviour, float] | None =
 def slow_children(
     tree: CompiledTree, times: Mapping[Behaviour, float], start: str
 ) -> Sequence[Mistake]:
-    """Return a note for each node whose child takes longer than its timeout, as planned.
+    """Return a note for each timeout that is shorter than the planned time of its child.
 
     Args:
         tree: The tree.
-        times: Planned times of skills [s], in addition to what they say themselves.
+        times: Planned times of skills [s], in addition to `Skill.min_duration`.
         start: Name of the pose from which the motions are planned.
     """
     planned = _Times(times, start)
@@ -88,7 +88,7 @@ def _check_condition(node: "_Node") -> None:
 
 
 def _longer(place: Place, option: str, shortest: float) -> Correction | None:
-    """Return the line with a time that leaves room; None if the time is not a number there."""
+    """Return the line with a longer, sufficient time; None if the line has no number."""
     line = place.lines[place.line - 1] if 0 < place.line <= len(place.lines) else ""
     written = re.compile(rf"({option}: *)[0-9.]+( *[a-z]+)?").match(line, place.column - 1)
     if not written or not math.isfinite(shortest):
@@ -103,7 +103,7 @@ class _Node:
         tree: The tree.
         behaviour: The node.
         times: Times of skills.
-        halted: Whether a node above may halt it before it ends.
+        halted: True if a node above may halt it before it ends.
         used: True to report the root of a subtree where the subtree is used.
     """
 
@@ -127,11 +127,11 @@ class _Node:
         return [_Node(self.tree, child, self.times, self.halted, True) for child in children]
 
     def moves(self) -> bool:
-        """Return whether a skill in it moves the arm."""
+        """Return True if a skill in it moves the arm."""
         return any(leaf.skill.moves for leaf in self._leaves())
 
     def action(self) -> str:
-        """Return the name of the first skill in it that is not a condition, or ""."""
+        """Return the name of its first skill that is not a condition, or ""."""
         acting = (leaf.skill for leaf in self._leaves() if not leaf.skill.condition)
         return next((skill.name for skill in acting), "")
 
@@ -143,7 +143,7 @@ class _Node:
                 yield _Node(self.tree, below, self.times, self.halted)
 
     def is_constant(self) -> bool:
-        """Return whether its result depends only on values that are known before the run."""
+        """Return True if its result depends only on values that are known before the run."""
         leaves = list(self._leaves())
         return bool(leaves) and all(
             leaf.skill.pure and self.tree.stand_ins >= set(leaf.keys.values()) for leaf in leaves
@@ -167,11 +167,11 @@ class _Node:
 
     def wrong(self, message: str, option: str = "") -> None:
         """Report a mistake of the node, or of one of its options."""
-        if not self.times.start:  # otherwise it was reported with the least times
+        if not self.times.start:  # the other case was reported with the least times
             self.tree.mistakes.add_also(self._place_of(option), message)
 
     def too_slow(self, option: str, shortest: float) -> None:
-        """Report that its child takes longer [s] than the time of an option."""
+        """Report a child that takes longer than the time of an option [s]."""
         place, start = self._place_of(option), self.times.start
         fails = f"{self.name} {'' if start else 'always '}fails after {self.options[option]:g} s"
         takes = (

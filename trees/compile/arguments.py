@@ -9,18 +9,18 @@ from trees.reading.document import REFUSED, Located
 from trees.reading.grammar import parse_value
 
 FILE = "arguments.yaml"  # name of the file with the arguments in a recording
-MISSING = Place(Path("arguments"))  # place of an argument that is not given
+MISSING = Place(Path("arguments"))  # place of a missing argument
 
 
 def read_arguments(settings: Sequence[str], tasks: Sequence[int] = ()) -> dict[str, Located]:
-    """Read NAME=VALUE, the value in YAML as in a task file.
+    """Read settings NAME=VALUE. The value is YAML, as in a task file.
 
     Args:
         settings: Texts of the form NAME=VALUE.
-        tasks: Numbers of the tasks to run; a setting is for one.
+        tasks: Numbers of the tasks to run. A setting is for one task only.
 
     Raises:
-        BadArguments: A setting is wrong, or there are several tasks that it may be for.
+        BadArguments: A setting is wrong, or there are several tasks.
     """
     arguments: dict[str, Located] = {}
     wrong: list[Mistake] = []
@@ -39,7 +39,7 @@ def read_arguments(settings: Sequence[str], tasks: Sequence[int] = ()) -> dict[s
 
 
 def located(arguments: Mapping[str, str | Located]) -> dict[str, Located]:
-    """Read those arguments that are texts, in YAML as in a task file.
+    """Return the arguments with places. Texts are read as YAML, as in a task file.
 
     Raises:
         BadArguments: A text is not YAML.
@@ -58,7 +58,7 @@ def as_text(arguments: Mapping[str, Located]) -> str:
 
 
 def wrong(mistakes: Iterable[Mistake], arguments: Mapping[str, Located]) -> FileError:
-    """Return mistakes as a BadArguments if all concern arguments, else as a FileError."""
+    """Return mistakes as a BadArguments if all of them concern arguments, else as a FileError."""
     found = tuple(mistakes)
     given = {MISSING.path, *(value.place.path for value in arguments.values())}
     callers = all(mistake.place.path in given for mistake in found)

@@ -1,4 +1,4 @@
-"""The tree compiler: from a task file and skills to a py_trees tree, with every mistake found."""
+"""The tree compiler: makes a py_trees tree from a task file and skills, and finds every mistake."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -39,7 +39,7 @@ from .unknown_skill import is_nothing, meant, why_unknown
 from .values_by_port import as_mapping, as_subtree, by_port, with_port
 
 MAX_NODES = 10_000
-MAX_SUBTREES = 8  # nesting depth
+MAX_SUBTREES = 8  # largest nesting depth
 
 _UNKNOWN = UnknownKind()
 _FIXED = {
@@ -50,7 +50,7 @@ _FIXED = {
 
 @dataclass
 class CompiledTree:
-    """A tree, and everything that is known about it before it runs.
+    """A tree, and all information about it before it runs.
 
     Attributes:
         namespace: Namespace of its keys.
@@ -60,8 +60,8 @@ class CompiledTree:
         leaves: Its skills, in the order of the file.
         controls: Kinds and options of the nodes that have children.
         places: Places of the nodes in the files.
-        calls: For the roots of subtrees and of other tasks: the places that refer to them.
-        hooks: Calls the code of its skills; knows which nodes are wrong.
+        calls: Places that refer to subtrees and other tasks, by the root of each.
+        hooks: Calls the code of its skills, and records the wrong nodes.
         unread: Keys that a node writes and no node reads.
         stand_ins: Full names of parameters and ports without a value before the run.
     """
@@ -80,10 +80,10 @@ class CompiledTree:
 
 
 class TreeCompiler:
-    """Compiles one tree: a task, or a subtree alone to check it.
+    """Compiles one tree: a task, or a single subtree for a check.
 
     Args:
-        draft: The file as far as it could be read, and its mistakes.
+        draft: The readable part of the file, and its mistakes.
         library: Files of subtrees, poses and other tasks.
         context: Context of the skills.
         namespace: Namespace of its keys.
@@ -101,9 +101,9 @@ class TreeCompiler:
         """Return the compiled tree.
 
         Args:
-            arguments: Values of the parameters of a task. If None, the file is only checked, and
-                parameters and ports have the declared types and no values, or their defaults if it
-                is a task.
+            arguments: Values of the parameters of a task. If None, the file is only checked.
+                Parameters and ports then have their declared types without values; parameters of a
+                task have their defaults.
         """
         file, tree, namespace = self._task, self._tree, self._tree.namespace
         self._sources.files[file.path.name] = file.text
@@ -131,7 +131,7 @@ class TreeCompiler:
         return stand_ins
 
     def _placeholder(self, name: str, place: Place) -> Behaviour:
-        """Return a node in place of one that is wrong."""
+        """Return a placeholder for a wrong node."""
         node = Dummy(name)
         self._tree.places[node] = place
         self._tree.hooks.doubtful.add(node)
@@ -161,13 +161,13 @@ class TreeCompiler:
         return self._checked(value, declared, name) if isinstance(value, Located) else value
 
     def _checked(self, value: Located, declared: Declaration, what: str) -> Located:
-        """Return a value, or REFUSED if it is wrong, so that its uses report nothing more."""
+        """Return a value, or REFUSED if it is wrong. Uses of REFUSED report nothing."""
         if declared.type == UNTYPED or self._fit(value, declared, what) is not None:
             return value
         return Located(value.place, REFUSED, value.label)
 
     def _node(self, spec: TreeNode, scope: Scope, name: str = "") -> Behaviour:
-        """Return a node with its children; its name is the given one, if any."""
+        """Return a node with its children. A given name replaces its own."""
         self._nodes += 1
         if self._nodes > MAX_NODES:
             if self._nodes == MAX_NODES + 1:
@@ -189,7 +189,7 @@ class TreeCompiler:
         wrong = {option for option, value in given.items() if value is REFUSED}
         options = given | {option: _placeholder_value(kind, option) for option in wrong}
         specs = list(spec.children)
-        if kind.condition:  # a missing one is reported already
+        if kind.condition:  # a missing condition is already reported
             specs = [*specs, *[SkillNode(spec.place, "", {})] * 2][:2]
         nodes = self._children(specs, kind, options, scope)
         node = kind.make(shown or spec.kind or kind.name, nodes, options, self._context)
@@ -225,7 +225,7 @@ class TreeCompiler:
         """Compile children, and merge the keys that they write."""
         flow, before = kind.flow(options), self._keys.copy()
         if flow in (Flow.SEQUENCE, Flow.UNCERTAIN):
-            order = reversed(specs) if kind.condition else specs  # a condition is checked first
+            order = reversed(specs) if kind.condition else specs  # the condition is compiled first
             nodes = [self._node(spec, scope) for spec in order]
             if flow is Flow.UNCERTAIN:
                 self._keys.merge_alternatives([before, self._keys])
@@ -244,14 +244,14 @@ class TreeCompiler:
     def _branches(
         self, specs: Sequence[TreeNode], scope: Scope
     ) -> tuple[list[Behaviour], list[Keys]]:
-        """Compile children that cannot pass keys to each other; return them and their keys."""
+        """Compile children that cannot pass keys to each other. Return them and their keys."""
         before, nodes, branches = self._keys, list[Behaviour](), list[Keys]()
         for spec in specs:
             self._keys = before.copy()
             nodes.append(self._node(spec, scope))
             branches.append(self._keys)
         self._keys = before
-        for branch in branches:  # a key counts as read if one of them reads it
+        for branch in branches:  # a key counts as read if one branch reads it
             before.unread = {n: key for n, key in before.unread.items() if n in branch.unread}
         return nodes, branches or [before]
 
@@ -290,7 +290,7 @@ class TreeCompiler:
     def _source(
         self, spec: SubtreeNode, scope: Scope, label: str, way: Mapping[str, Place]
     ) -> TaskFile | None:
-        """Return the file of a node. If it cannot be used, report that and return None."""
+        """Return the file of a node. Report an unusable file and return None."""
         if label in scope.within:
             self._cycle(label, way)
         elif len(way) > MAX_SUBTREES:
@@ -300,7 +300,7 @@ class TreeCompiler:
         return None
 
     def _cycle(self, label: str, way: Mapping[str, Place]) -> None:
-        """Report files that use each other, at the same place for each of them."""
+        """Report files that use each other. All of them get the same place."""
         names = list(way)[list(way).index(label) :]
         first = names.index(min(names))
         cycle = [*names[first:], *names[: first + 1]]
@@ -312,7 +312,7 @@ class TreeCompiler:
     def _ports(
         self, spec: SubtreeNode, source: TaskFile, scope: Scope, what: str
     ) -> dict[str, Value]:
-        """Return the values and keys at the ports of a subtree, without those that are wrong."""
+        """Return the values and keys at the ports of a subtree, without wrong ones."""
         ports: dict[str, Value] = {}
         named = f"{source.port} of {what}" if spec.source not in self._sources.uncertain else ""
         ported = by_port(spec.values, source.parameters, (what, "with"), self._wrong)
@@ -358,7 +358,7 @@ class TreeCompiler:
                 right = spec.place.replaced(spec.skill, name)
                 self._wrong(spec.place, f"no skill {spec.skill}{did_you_mean(name)}", right)
                 return self._skill(replace(spec, skill=name), scope, shown)
-            if spec.skill:  # else a mistake here is reported already
+            if spec.skill:  # else the mistake is already reported
                 self._wrong(spec.place, why_unknown(spec.skill, self._skills, subtrees))
             self._assume_used(spec.ports.values(), scope)
             return self._placeholder(spec.skill, spec.place)
@@ -381,7 +381,7 @@ class TreeCompiler:
         return skill
 
     def _as_subtree(self, spec: SkillNode, name: str, shown: str) -> SubtreeNode:
-        """Report a subtree that is written like a skill; return it, with its values by port."""
+        """Report a subtree that is written like a skill. Return it, with its values by port."""
         node = SubtreeNode(spec.place, name, spec.ports, shown)
         source, mistakes = self._sources.get(node, self._mistakes), Mistakes()
         given = {port: value for port, value in spec.ports.items() if not is_nothing(value)}
@@ -396,7 +396,7 @@ class TreeCompiler:
         return SubtreeNode(spec.place, name, ports, shown)
 
     def _assume_used(self, values: Iterable[Value], scope: Scope) -> None:
-        """Treat keys at unknown ports as read and written, so that nothing else is reported."""
+        """Treat keys at unknown ports as read and written, to avoid further reports."""
         for value in values:
             if isinstance(key := self._resolve(value, scope), Key):
                 self._keys.written.setdefault(key.name, ANY)
@@ -406,7 +406,7 @@ class TreeCompiler:
     def _inputs(
         self, spec: SkillNode, kind: type[Skill], wired: Mapping[str, Value | None]
     ) -> tuple[dict[str, Any], dict[str, str]]:
-        """Check the inputs of a skill; return the literal ones, and the types of all."""
+        """Check the inputs of a skill. Return the literal inputs, and the types of all inputs."""
         inputs: dict[str, Any] = {}
         types: dict[str, str] = {}
         for port, info in kind.input_ports().items():
@@ -448,7 +448,7 @@ class TreeCompiler:
                 self._unnamed(value, written, f"{spec.skill} writes {port}", port, scope)
 
     def _unnamed(self, value: Located, kind: str, what: str, port: str, scope: Scope) -> None:
-        """Report a value at a port that needs a key. A name without its $ counts as written."""
+        """Report a value at a port that needs a key. A name without $ counts as a written key."""
         text = value.value if isinstance(value.value, str) else ""
         instead = value.place.replaced(text, f"${text}") if text.isidentifier() else None
         self._wrong(
@@ -458,7 +458,7 @@ class TreeCompiler:
             self._keys.written.setdefault(f"{scope.namespace}/{value.value}", kind)
 
     def _fixed(self, value: Value | None, scope: Scope, what: str) -> bool:
-        """Report a key that must not be written; return whether the value is one."""
+        """Report a key that must not be written. Return True if the value is such a key."""
         if not isinstance(value, Key) or not (declared := scope.file.parameters.get(value.name)):
             return False
         if declared.type == UNTYPED or declared.output:
@@ -469,14 +469,16 @@ class TreeCompiler:
     # Values
 
     def _resolve(self, value: Value | None, scope: Scope) -> Value | None:
-        """Return a value with its references replaced by what they refer to."""
+        """Return a value with its references replaced by their values."""
         return None if value is None else resolve(value, scope, self._keys.written, self._mistakes)
 
     def _fit(self, value: Located, wanted: Declaration, what: str) -> Any:
         """Return a literal value in the declared type, or None if it is wrong."""
 
         def wrong(place: Place, why: str, instead: Correction | None = None) -> None:
-            self._mistakes.add_last(place, f"{what}: {why}", instead)  # other uses may read it too
+            self._mistakes.add_last(
+                place, f"{what}: {why}", instead
+            )  # other uses may report it at the same place
 
         fitted = fit(value, wanted, self._sources.poses, wrong)
         if note := doubt(value, wanted, what):
@@ -490,12 +492,12 @@ class TreeCompiler:
     def _known_ports(
         self, given: Mapping[str, Value], known: Mapping[str, Declaration], what: str, scope: Scope
     ) -> dict[str, Value]:
-        """Return the values of known ports, including those of misspelt ones.
+        """Return the values of known ports. A misspelt port counts as the suggested one.
 
         Args:
-            given: Values by port, as the file has them.
+            given: Values by port, as in the file.
             known: The ports.
-            what: Name for a port in messages; empty to report nothing.
+            what: Word for a port in messages; empty to report nothing.
             scope: Scope of the values.
         """
         given = self._outside(given, known, what) if what else given
@@ -530,7 +532,7 @@ class TreeCompiler:
     def _outside(
         self, given: Mapping[str, Value], known: Mapping[str, Declaration], what: str
     ) -> dict[str, Value]:
-        """Return values by port, with those of ports that are written within another one."""
+        """Return values by port. Moves ports that are written inside another port out of it."""
         found = dict(given)
         for port, value in given.items():
             if not isinstance(value, Located):
@@ -544,11 +546,11 @@ class TreeCompiler:
         return found
 
     def _edited(self, place: Place) -> bool:
-        """Return whether the layout of a line was corrected before it was read."""
+        """Return True if the layout of a line was corrected."""
         found = [each.place for each in self._mistakes.found if each.place.path == place.path]
         return any(each.line == place.line and each.lines != place.lines for each in found)
 
 
 def _placeholder_value(kind: ControlNodeKind, option: str) -> Any:
-    """Return the value of an option that is wrong or not known yet."""
+    """Return a placeholder for an option that is wrong or not known yet."""
     return kind.placeholders.get(option, kind.options[option].default)

@@ -20,7 +20,7 @@ class Keys:
 
     Attributes:
         written: Type of every key that is certainly written, by full name.
-        unread: Keys that were written and not read since, by full name.
+        unread: Keys that were written but not read, by full name.
         writes: All keys that any node writes, by full name; the same for all copies.
         reads: Full names of all keys that any node reads; the same for all copies.
     """
@@ -35,7 +35,7 @@ class Keys:
         return Keys(dict(self.written), dict(self.unread), self.writes, self.reads)
 
     def never_read(self) -> list[Key]:
-        """Return the keys that a node writes and no node reads."""
+        """Return the keys that nodes write but no node reads."""
         return [key for name, key in self.writes.items() if name not in self.reads]
 
     def read(
@@ -51,7 +51,7 @@ class Keys:
             writers: Names of skills that can write it, for messages.
 
         Returns:
-            The type of the key; empty if it is not written, or if its type is not certain.
+            The type of the key; empty if it is not written or its type is uncertain.
         """
         name, written = short_name(key), self.written.get(key.name, "")
         self.unread.pop(key.name, None)

@@ -1,4 +1,4 @@
-"""A skill in a tree that is being compiled, and its inputs as far as they are known."""
+"""A skill in a tree during compilation, with the known part of its inputs."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,8 +18,8 @@ class Leaf:
         place: Its place in a file.
         namespace: Namespace of its keys.
         keys: Full names of keys, by port.
-        inputs: Literal values by port; a part that is not known yet is a StandIn.
-        written: The same values as the file has them.
+        inputs: Literal values by port. An unknown part is a StandIn.
+        written: The same values as in the file.
     """
 
     skill: Skill
@@ -31,7 +31,7 @@ class Leaf:
 
     @property
     def known(self) -> Mapping[str, Any]:
-        """The inputs that are completely known before the task is called, by port."""
+        """Inputs that are completely known before the run, by port."""
         defaults = {
             port: info.default_value
             for port, info in type(self.skill).input_ports().items()
@@ -42,13 +42,13 @@ class Leaf:
 
     @property
     def partial(self) -> Mapping[str, Any]:
-        """The known parts of inputs that are partly known before the task is called, by port."""
+        """Known parts of inputs that are partly known before the run, by port."""
         parts = {port: _part(value) for port, value in self.inputs.items() if _is_partial(value)}
         return {port: value for port, value in parts.items() if value is not None}
 
     @property
     def target_place(self) -> Place:
-        """The place of its first joint positions, or its own place if it has none."""
+        """Place of its first joint positions; its own place if it has no joint positions."""
         targets = (
             value.place
             for port, value in self.written.items()
@@ -58,7 +58,7 @@ class Leaf:
 
 
 def _is_partial(value: Any) -> bool:
-    """Return whether a value, or a value in it, is not known yet."""
+    """Return True if a value, or a value in it, is not known yet."""
     if isinstance(value, Mapping):
         return any(map(_is_partial, value.values()))
     return any(map(_is_partial, value)) if isinstance(value, list) else isinstance(value, StandIn)

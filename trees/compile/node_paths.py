@@ -4,7 +4,7 @@ from py_trees.behaviour import Behaviour
 
 
 def paths(node: Behaviour, above: str = "") -> list[tuple[Behaviour, str]]:
-    """Return every node with its path. A name that an earlier sibling has gets a number."""
+    """Return every node with its path. A repeated name among siblings gets a number."""
     path = f"{above}/{node.name}" if above else node.name
     found, seen = [(node, path)], set()
     for number, child in enumerate(node.children):

@@ -1,4 +1,4 @@
-"""The ports of skills, as the grammar of task files declares them."""
+"""The ports of skills, converted to declarations of the grammar."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -68,17 +68,17 @@ def declarations(kind: type[Skill]) -> Mapping[str, Declaration]:
 def wanted_at(
     kind: type[Skill], port: str, value: Value | None, types: Mapping[str, str]
 ) -> Declaration:
-    """Return the declaration of an input port, given the types of the ports before it.
+    """Return the declaration of an input port. It may depend on the types of earlier ports.
 
-    If two ports must have the same type, a number with a unit is a quantity, because texts would be
-    compared by letter.
+    If two ports must have the same type, a number with a unit is a quantity. As texts, they would
+    be compared by letter.
     """
     info, wanted = kind.input_ports()[port], declarations(kind)[port]
     ports = (kind.input_ports() | kind.output_ports()).values()
     like = types.get(info.like) if isinstance(info, Port) else None
     typed = like or any(isinstance(each, Port) and each.like == port for each in ports)
     unit = measured(value) if typed and isinstance(value, Located) else ""
-    # A plain number is accepted as any quantity.
+    # Any quantity may be a plain number.
     if unit and like in (None, "", ANY, "number", "integer"):
         like = unit
     return Declaration(like, wanted.default, wanted.optional) if like else wanted
@@ -97,7 +97,7 @@ def type_of(value: object) -> str:
 
 
 def writers_of(port: str, wanted: Declaration) -> list[str]:
-    """Return the skills that write a type: to an output of this name, unless it is a class."""
+    """Return the skills that write a type: a class, or a plain type to an output of this name."""
     own_type = wanted.type[:1].isupper()
     return [
         name

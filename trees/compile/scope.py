@@ -1,4 +1,4 @@
-"""What `$name` means: a parameter, a port of the subtree, or a key of the blackboard."""
+"""The meaning of `$name`: a parameter, a port of the subtree, or a key of the blackboard."""
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
@@ -19,7 +19,7 @@ class Scope:
         file: The file.
         namespace: Namespace of its keys.
         ports: Values of its ports or parameters.
-        within: Names of the files that use it, and its own name; and the places of the uses.
+        within: Names of the files that use it, its own name, and the places of the uses.
         stand_ins: Placeholders for parameters of the task, and for ports without a value, by full
             name of the key.
     """
@@ -32,12 +32,12 @@ class Scope:
 
 
 def resolve(value: Value, scope: Scope, written: Collection[str], mistakes: Mistakes) -> Value:
-    """Replace the names in a value by what they refer to.
+    """Replace the names in a value by their values or keys.
 
     Args:
         value: A value or reference in a file.
         scope: Scope of that file.
-        written: Full names of the keys that are written before.
+        written: Full names of the keys that earlier nodes write.
         mistakes: Receives mistakes.
 
     Returns:
@@ -62,7 +62,7 @@ def _without_names(
 ) -> Located:
     """Return a literal with the references inside it replaced by their values.
 
-    `kind` is the likely type of the value if it is inside another one; else empty.
+    `kind` is the likely type of a value inside another value; else empty.
     """
     inner = value.value
 

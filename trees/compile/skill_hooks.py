@@ -34,9 +34,9 @@ class Refusal:
     Attributes:
         node: Node of the skill.
         kind: Name of the skill.
-        error: Why it is refused.
+        error: The error of the skill.
         place: Place of the value, or of the skill.
-        instead: The lines as they should be; None if that is not known.
+        instead: The corrected lines; None if unknown.
     """
 
     node: Behaviour
@@ -48,7 +48,7 @@ class Refusal:
     @property
     def mistake(self) -> Mistake:
         """The refusal, as a mistake in a file."""
-        # A skill inside a subtree is not named: its user has not written it.
+        # A skill inside a subtree has no name here, because the user did not write it.
         _, subtree, within = f"{self.place.location}.".rpartition(".with.")
         inside = subtree and f".{self.kind}." not in within
         words = str(self.error) if inside else f"{self.kind}: {self.error}"
@@ -56,13 +56,13 @@ class Refusal:
 
 
 class SkillHooks:
-    """Calls the hooks of the skills of one tree, and checks what they return.
+    """Calls the hooks of the skills of one tree, and checks their results.
 
     Args:
         doubtful: Nodes that are known to be wrong.
 
     Attributes:
-        doubtful: Nodes that are wrong, so their effect is not known.
+        doubtful: Wrong nodes. Their effect is unknown.
     """
 
     def __init__(self, doubtful: Iterable[Behaviour] = ()) -> None:
@@ -76,7 +76,7 @@ class SkillHooks:
 
     @property
     def refused(self) -> list[Refusal]:
-        """All refusals; the same one of several skills is listed once."""
+        """All refusals, without duplicates."""
         return list(self._refused.values())
 
     def make(self, kind: type[Skill], name: str, context: Context, place: Place) -> Behaviour:
@@ -104,16 +104,18 @@ class SkillHooks:
                 unit, near = units
                 old, right = value.place.brackets or str(value.value), _with_unit(value, near)
                 words = str(fault).removesuffix(did_you_mean(right))
-                fault.args = (in_other_unit(words, value, unit, right),)  # may be raised again
+                fault.args = (
+                    in_other_unit(words, value, unit, right),
+                )  # the exception may be raised again
                 instead = value.place.replaced(old, right)
             self._refuse(Refusal(leaf.skill, kind.__name__, fault, place, instead))
 
     def min_duration(self, leaf: Leaf) -> float:
-        """Return the least time that a skill takes [s]."""
+        """Return a lower bound of the time of a skill [s]."""
         return self._call(leaf, "min_duration", _DURATION, leaf.known) or 0.0
 
     def poses(self, leaf: Leaf, robot: Robot, inputs: Mapping[str, Any]) -> list[Pose]:
-        """Return the configurations that inputs send the arm to [rad]; none of a wrong skill."""
+        """Return the configurations to which inputs move the arm [rad]; empty for a wrong skill."""
         wanted = _list_of_poses(len(robot.actuated))
         return self._call_sound(leaf, "poses", wanted, robot, inputs) or []
 
@@ -133,11 +135,11 @@ class SkillHooks:
         return body
 
     def _call_sound(self, leaf: Leaf, hook: str, wanted: "_Wanted", *arguments: object) -> Any:
-        """Call a hook. Returns None if it fails, or if the node is known to be wrong."""
+        """Call a hook. Return None if it fails, or if the node is wrong."""
         return None if leaf.skill in self.doubtful else self._call(leaf, hook, wanted, *arguments)
 
     def _call(self, leaf: Leaf, hook: str, wanted: "_Wanted", *arguments: object) -> Any:
-        """Call a hook. Returns None if it fails."""
+        """Call a hook. Return None if it fails."""
         kind = type(leaf.skill)
         answer, faults = _result(kind, hook, lambda: getattr(kind, hook)(*arguments), wanted)
         for fault in faults:
@@ -155,7 +157,7 @@ class _Wanted:
 
     Attributes:
         words: Description for messages.
-        fits: Whether a value is one of them.
+        fits: Callback that returns True for an allowed value.
     """
 
     words: str
@@ -165,7 +167,7 @@ class _Wanted:
 def _result(
     kind: type[Skill], what: str, call: Callable[[], _Answer], wanted: _Wanted
 ) -> tuple[_Answer | None, Sequence[Fault]]:
-    """Call a hook. Returns its result, or None and the causes of its failure."""
+    """Call a hook. Return its result, or None and the causes of its failure."""
     where = f"{kind.__name__}.{what}"
     try:
         answer = call()
@@ -194,7 +196,7 @@ def _list_of_poses(joints: int) -> _Wanted:
 
 
 def _is_finite(number: Any) -> bool:
-    """Return whether it is a finite number that a float can hold."""
+    """Return True if a value is a finite number within the range of floats."""
     try:
         return isinstance(number, Real) and isfinite(number)
     except OverflowError:
@@ -219,7 +221,7 @@ _BODY = _Wanted("a Body or None", lambda body: body is None or isinstance(body, 
 
 
 def _refused(leaf: Leaf, error: Fault) -> tuple[Place, Located | None]:
-    """Return the place and the value that a skill refuses; or its own place and None."""
+    """Return the place and value that a skill refuses, or the place of the skill and None."""
     port, *within = error.location if isinstance(error, SkillError) and error.location else ("",)
     value = leaf.written.get(str(port))
     if value is None:
@@ -238,7 +240,7 @@ def _refused(leaf: Leaf, error: Fault) -> tuple[Place, Located | None]:
 def _in_smaller_unit(
     leaf: Leaf, robot: Robot, inputs: Mapping[str, Any], error: Fault
 ) -> tuple[str, str] | None:
-    """Return the unit of a refused number, and a smaller one in which the skill accepts it."""
+    """Return the unit of a refused number, and a smaller unit in which it is valid."""
     kind, (_, value) = type(leaf.skill), _refused(leaf, error)
     if value is None or not isinstance(error, SkillError):
         return None
@@ -266,7 +268,7 @@ def _with_unit(value: Located, unit: str) -> str:
 def _scaled(value: Any, factor: float) -> Any:
     """Return a value with all its numbers multiplied."""
     if isinstance(value, Mapping):
-        changed: Any = copy(value)  # keeps the joints whose positions are not known
+        changed: Any = copy(value)  # keeps the joints with unknown positions
         changed.update((key, _scaled(each, factor)) for key, each in value.items())
         return changed
     if isinstance(value, list):

@@ -1,4 +1,4 @@
-"""The files that a tree is compiled from: subtrees, other tasks and poses."""
+"""The source files of a tree: subtrees, other tasks and poses."""
 
 from collections.abc import Mapping
 
@@ -8,11 +8,11 @@ from trees.reading.grammar import TaskFile
 from trees.reading.library import Library, poses_of
 from trees.reading.specs import SubtreeNode
 
-_SHOWN = 20  # numbers in a message
+_SHOWN = 20  # largest count of numbers in a message
 
 
 class _AnyPose(dict[str, Mapping[str, float]]):
-    """Poses of a file that cannot be read. Any name may be a pose, so none is reported."""
+    """Poses of an unreadable file. Any name may be one of them, so no name is reported."""
 
     def __contains__(self, name: object) -> bool:
         return True
@@ -22,14 +22,14 @@ class _AnyPose(dict[str, Mapping[str, float]]):
 
 
 class Sources:
-    """Reads files for one tree, and records which are used.
+    """Reads files for one tree, and records the used ones.
 
     Args:
         library: Library of the files.
 
     Attributes:
         files: Texts of the files that were used, by name.
-        uncertain: Numbers and names of files whose parameters or ports could not all be read.
+        uncertain: Numbers and names of files with unreadable parameters or ports.
         poses: Joint positions [rad] by joint name, by name of the pose.
     """
 
@@ -59,7 +59,7 @@ class Sources:
         self.files |= self._pose_files
 
     def get(self, spec: SubtreeNode, mistakes: Mistakes) -> TaskFile | None:
-        """Return a subtree or task. If it cannot be read, report that once and return None."""
+        """Return a subtree or task. Report an unreadable file once and return None."""
         if spec.source not in self._read:
             self._read[spec.source] = None
             try:

@@ -1,4 +1,4 @@
-"""Skills that do not exist: what their names most likely mean."""
+"""Suggestions for skills that do not exist."""
 
 from collections.abc import Collection, Mapping
 
@@ -11,7 +11,7 @@ from trees.reading.specs import SkillNode, Value
 
 
 def meant(spec: SkillNode, skills: Mapping[str, type[Skill]], subtrees: Collection[str]) -> str:
-    """Return the skill, kind of node or subtree that an unknown skill means; empty if unclear."""
+    """Return the likely skill, kind of node or subtree for an unknown name; empty if unclear."""
     value = spec.ports.get("")
     text = value.value if isinstance(value, Located) else None
     if isinstance(text, str) and (name := closest(f"{text}_{spec.skill}", subtrees, 0.85)):
@@ -43,5 +43,5 @@ def why_unknown(skill: str, skills: Collection[str], subtrees: Collection[str]) 
 
 
 def is_nothing(value: Value) -> bool:
-    """Return whether nothing is written after a colon."""
+    """Return True if nothing is written after a colon."""
     return isinstance(value, Located) and value.value is None

@@ -1,4 +1,4 @@
-"""Values that a file gives to a node without the names of its ports."""
+"""Values of a node that a file writes without the names of the ports."""
 
 import re
 from collections.abc import Callable, Mapping
@@ -21,7 +21,7 @@ def by_port(
     named: tuple[str, str],
     wrong: Callable[..., None],
 ) -> Mapping[str, Value]:
-    """Return values by port; report a value that is written without its port.
+    """Return values by port. Report a value that is written without its port.
 
     Args:
         given: Values by port, as the file has them.
@@ -62,8 +62,10 @@ def by_port(
     if "" in given:
         wrong(place, why, place.replaced(written, wanted))
         return {ports[0]: value}
-    before = replace(value.label, column=value.label.column - 1)  # of the bracket, if there is one
-    if lines := block(value.label):  # a mapping in lines of its own
+    before = replace(
+        value.label, column=value.label.column - 1
+    )  # place of the bracket, if there is one
+    if lines := block(value.label):  # a mapping over several lines
         below = [f"{ports[0]}:", *(f"  {line}" for line in lines)]
         right = replaced_block(value.label, [f"{ports[0]}: {written}"] if is_list else below)
     else:
@@ -73,7 +75,7 @@ def by_port(
 
 
 def as_mapping(given: Mapping[str, Value]) -> Located:
-    """Return values by port as one value. Its label is the place of the first one's key."""
+    """Return values by port as one value. Its label is the place of the first key."""
     items = {
         port: Located(each.place, f"${each.name}", each.label) if isinstance(each, Key) else each
         for port, each in given.items()
@@ -115,7 +117,7 @@ def with_port(spec: SkillNode, port: str) -> Correction | None:
 
 
 def _fits(value: Located, wanted: Declaration) -> bool:
-    """Return whether a mapping without references fits a declaration as it is."""
+    """Return True if a mapping without references fits a declaration."""
     listed = isinstance(value.value, list) and wanted.type.startswith(LIST)
     if not (wanted.type == "positions" or listed) or not value.value:
         return False

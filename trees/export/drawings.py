@@ -12,7 +12,7 @@ from .outline import Entry
 
 
 class Look(NamedTuple):
-    """How the status of a node is drawn.
+    """Drawing of the status of a node.
 
     Attributes:
         glyph: Character before its name.
@@ -133,7 +133,7 @@ def _draw(
     top: float,
     shapes: list[str],
 ) -> tuple[float, float]:
-    """Draw a node and all below it; return the y of its lower edge and of its middle [px]."""
+    """Draw a node and all below it. Return the y of its lower edge and of its middle [px]."""
     lines = labels[id(entry)]
     left = 10.0 + sum(columns[level] + 40.0 for level in range(depth))
     own, bottom, middles = len(lines) * _LINE + 10.0, top, []

@@ -54,7 +54,7 @@ def _add(parent: ET.Element, entry: Entry) -> None:
 
 
 def _port(name: str) -> str:
-    """Return the name of a port; BehaviorTree.CPP reserves `name`."""
+    """Return the name of a port. Changes `name`, because BehaviorTree.CPP reserves it."""
     return f"{name}_" if name == "name" else name
 
 
@@ -63,7 +63,7 @@ def _key(text: str) -> str:
 
 
 def _literal(text: str) -> str:
-    """Return a value without braces, since BehaviorTree.CPP reads text in braces as a key."""
+    """Return a value without braces, because BehaviorTree.CPP reads text in braces as a key."""
     if text.startswith("{") and text.endswith("}"):
         return text[1:-1].replace(": ", ":").replace(", ", ";")
     return text

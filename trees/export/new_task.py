@@ -12,12 +12,12 @@ from trees.reading.library import Library
 
 from .schema import NAME, schema_text
 
-_TEXT = Path(__file__).with_suffix(".yaml.txt")  # with places for numbers and names
+_TEXT = Path(__file__).with_suffix(".yaml.txt")  # template with fields for numbers and names
 _MOST = 60.0  # largest swing [deg or mm]
 
 
 def write_task(robot: Robot, folder: Path, number: int, name: str) -> Path:
-    """Write a task file; see `prepare_file`. Returns its path."""
+    """Write a task file and return its path. See `prepare_file`."""
     path = prepare_file(robot, folder, number, name)
     try:
         values = {"number": number, "name": name, "schema": NAME, **_values(robot)}
@@ -28,9 +28,9 @@ def write_task(robot: Robot, folder: Path, number: int, name: str) -> Path:
 
 
 def prepare_file(robot: Robot, folder: Path, number: int, name: str) -> Path:
-    """Check number and name of a new task, and write the JSON Schema that editors use beside it.
+    """Check number and name of a new task, and write the JSON Schema for editors beside it.
 
-    A task names joints, so it is written to the subfolder with the name of its robot.
+    The task is in the subfolder with the name of its robot, because it names joints.
 
     Args:
         robot: The robot.

@@ -12,9 +12,9 @@ from .outline import outline
 def node_table(tree: CompiledTree) -> list[dict[str, Any]]:
     """Return one JSON object per node, parents first.
 
-    Each has its `path` in the tree; the name of its `kind` or skill; the `file` and the `line` that
-    contain it; `called_at`, the place that refers to it if it is the root of a subtree, else empty;
-    and its `ports`, values and keys as text by name.
+    Each object has `path` (its path in the tree), `kind` (name of its kind or skill), `file` and
+    `line`, `called_at` (for the root of a subtree, the place that refers to it; else empty), and
+    `ports` (values and keys as text, by name).
     """
     found = []
     for (node, path), entry in zip(paths(tree.root), outline(tree).walk(), strict=True):

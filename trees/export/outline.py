@@ -1,4 +1,4 @@
-"""The outline of a tree, from which drawings and files of other programs are made."""
+"""The outline of a tree. Drawings and files of other programs are made from it."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -23,7 +23,7 @@ class Entry:
         outputs: Names of the ports that it writes.
         keys: Names of the ports that have a key.
         skill: Its skill, if it is a leaf; None if it was read from a recording.
-        control: Its kind and options, if it has children; None if it was read from a recording.
+        control: Its kind and options if it has children; None if it was read from a recording.
         state: Last status in a run, a key of `drawings.LOOKS`; empty without a run.
         note: Time and message of that status.
     """
@@ -41,7 +41,7 @@ class Entry:
 
     @property
     def title(self) -> str:
-        """Name of the node, followed by its kind if that is different."""
+        """Name of the node, and its kind if the kind has another name."""
         return self.name if self.name == self.kind else f"{self.name} ({self.kind})"
 
     def wiring(self) -> list[str]:

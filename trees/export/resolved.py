@@ -1,4 +1,4 @@
-"""A task as it is run: one tree without subtrees, with all values."""
+"""The resolved task: one tree without subtrees, with all values."""
 
 import json
 from collections.abc import Mapping
@@ -32,7 +32,7 @@ def resolved(tree: CompiledTree) -> str:
 
 
 def _ports(leaf: Leaf, namespace: str) -> Mapping[str, Any]:
-    """Return the values and keys at ports; keys have names that are unique in the tree."""
+    """Return the values and keys at ports. The names of keys are unique in the tree."""
     keys = {
         port: "$" + key.removeprefix(f"{namespace}/").replace("/", "_")
         for port, key in leaf.keys.items()

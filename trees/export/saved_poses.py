@@ -1,4 +1,4 @@
-"""Saves poses to the poses file of the user, and removes them; not a byte of the rest changes."""
+"""Saves and removes poses in the poses file of the user. Does not change other bytes."""
 
 import io
 import math
@@ -22,7 +22,7 @@ _NEW = "# Poses of the {}. A pose can replace joint values in any task.\nposes: 
 
 
 class PoseExists(FileError):
-    """A pose of that name exists, and was not to be replaced."""
+    """A pose of that name exists, and `replace` was not set."""
 
 
 def save_pose(
@@ -34,15 +34,15 @@ def save_pose(
 ) -> Path:
     """Save a pose to the poses file of a robot, in the subfolder of its name.
 
-    A pose that another file of the user has is replaced there.
+    If another file of the user has the pose, it is replaced in that file.
 
     Args:
         robot: The robot.
         folder: Folder of the user's files. It is created if it does not exist.
         name: Name of the pose.
         positions: Joint positions by joint name [rad], [m].
-        replace: True to replace a pose of that name. A shipped pose is not changed: the file then
-            says that its own pose replaces it.
+        replace: True to replace a pose of that name. A shipped pose is not changed: the key
+            `replaces` of the file then names it.
 
     Returns:
         The file.
@@ -117,7 +117,7 @@ def remove_pose(robot: Robot, folder: Path, name: str) -> Path:
         name: Name of the pose.
 
     Raises:
-        FileError: No file of the user has it, or the file is wrong or cannot be written.
+        FileError: No file of the user has the pose, or the file is wrong or cannot be written.
     """
     shipped, files = _poses(robot, folder)
     file = next((file for file in files if name in file.poses), None)
@@ -149,14 +149,14 @@ def _poses(robot: Robot, folder: Path) -> tuple[set[str], list[PosesFile]]:
 
 
 def pose_text(robot: Robot, positions: Mapping[str, float]) -> str:
-    """Return positions by joint [rad], [m] as they are written in a file."""
+    """Return the text of positions by joint [rad], [m] for a file."""
     joints = (joint for joint in robot.actuated if joint.name in positions)
     values = ", ".join(f"{each.name}: {_written(each, positions[each.name])}" for each in joints)
     return f"{{{values}}}"
 
 
 def _written(joint: Joint, q: float) -> str:
-    """Return a position as people write it, or the number itself if that is beyond a limit."""
+    """Return a position rounded for people, or the exact number if rounding exceeds a limit."""
     words = joint.words(q)
     near = math.radians(float(words.partition(" ")[0]))
     return words if joint.unit == "rad" and joint.lower <= near <= joint.upper else repr(q)
@@ -166,7 +166,7 @@ def _rewrite(path: Path, text: str, new: str, name: str) -> None:
     """Change one pose in a file of poses.
 
     Raises:
-        FileError: Another pose would change, too, or the file cannot be written.
+        FileError: Another pose would also change, or the file cannot be written.
     """
     before, _ = draft_poses(path, text)
     try:
@@ -187,9 +187,9 @@ def _rewrite(path: Path, text: str, new: str, name: str) -> None:
 
 
 def _with_pose(text: str, name: str, value: str) -> str:
-    """Return the text of a file with a pose; a new one follows the last."""
+    """Return the text of a file with a pose. A new pose follows the last one."""
     label, poses = _pair(text, "poses")
-    assert isinstance(poses, CollectionNode)  # a draft without mistakes
+    assert isinstance(poses, CollectionNode)  # the draft has no mistakes
     for key, old in poses.value:
         if key.value == name:
             return _spliced(text, key.end_mark.index, _end(old), f": {value}")
@@ -205,7 +205,7 @@ def _with_pose(text: str, name: str, value: str) -> str:
 def _without_pose(text: str, name: str) -> str:
     """Return the text of a file without a pose. The comments around it stay."""
     label, poses = _pair(text, "poses")
-    assert isinstance(poses, CollectionNode)  # a draft without mistakes
+    assert isinstance(poses, CollectionNode)  # the draft has no mistakes
     names = [key.value for key, _ in poses.value]
     if names == [name]:
         return _spliced(text, label.end_mark.index, _end(poses), ": {}")
@@ -235,7 +235,7 @@ def _without_lines(text: str, key: Node, value: Node) -> str:
 
 
 def _pair(text: str, name: str) -> tuple[Node, Node]:
-    """Return the key and the value of a top-level key; the whole document twice if it is absent."""
+    """Return the nodes of a top-level key and its value; if absent, the whole document twice."""
     root = YAML(typ="safe", pure=True).compose(io.StringIO(text))
     return next((pair for pair in root.value if pair[0].value == name), (root, root))
 

@@ -133,7 +133,7 @@ def _node(subtrees: Mapping[str, Mapping[str, Declaration]]) -> Schema:
     given: Schema = {"with": {"type": "object"}, "name": _SHOWN}
     forms.append(_form("subtree", other, given, []))
     forms.append(_form("task", {"type": "integer", "minimum": 0}, given, []))
-    # Keys of all forms: an editor offers them before it knows the form.
+    # Keys of all forms, because an editor offers them before it knows the form.
     offered = {"subtree": {"anyOf": [{"enum": sorted(subtrees)}, {"type": "string"}]}}
     return {"properties": offered, "anyOf": forms}
 

@@ -1,4 +1,4 @@
-"""A path that was taught by hand: measured samples, simplified to waypoints."""
+"""A hand-guided path: measured samples, simplified to waypoints."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -8,22 +8,22 @@ from hardware import Robot
 Sample = Mapping[str, float]  # position of every actuated joint [rad], [m]
 
 # No sample is further than this from the straight lines between waypoints.
-JOINT_TOLERANCE = {"rad": math.radians(1), "m": 0.002}  # of a joint
-TOOL_TOLERANCE = 0.002  # of the tool [m]
+JOINT_TOLERANCE = {"rad": math.radians(1), "m": 0.002}  # tolerance of a joint
+TOOL_TOLERANCE = 0.002  # tolerance of the tool [m]
 
-_SETTLED = 25  # samples in which a gripper does not move any more, before it is taken
+_SETTLED = 25  # number of samples without motion of the gripper after which it counts as still
 
 
 def simplify(robot: Robot, samples: Sequence[Sample], joints: Sequence[str]) -> list[Sample]:
     """Return the fewest samples that keep the path within the tolerances, in order.
 
-    This is the algorithm of Douglas and Peucker: the sample that is furthest from the line between
-    two waypoints becomes a waypoint, until none is too far. The first and the last are kept.
+    This is the algorithm of Douglas and Peucker. The sample furthest from the line between two
+    waypoints becomes a waypoint, until no sample is too far. The first and last samples stay.
 
     Args:
         robot: The robot.
         samples: The path.
-        joints: Names of the joints that it is of.
+        joints: Names of the joints of the path.
     """
     tools = [robot.tool_position(sample) for sample in samples]
     units = {joint.name: joint.unit for joint in robot.actuated}
@@ -33,7 +33,7 @@ def simplify(robot: Robot, samples: Sequence[Sample], joints: Sequence[str]) -> 
     ]
 
     def excess(begin: int, end: int, number: int) -> float:
-        """Return how far a sample is from the line between two others, over the tolerance."""
+        """Return the distance of a sample from the line between two others, over the tolerance."""
         first, last, row = rows[begin], rows[end], rows[number]
         line = [b - a for a, b in zip(first, last, strict=True)]
         length = math.hypot(*line) ** 2
@@ -64,7 +64,7 @@ def simplify(robot: Robot, samples: Sequence[Sample], joints: Sequence[str]) -> 
 def split(
     robot: Robot, samples: Sequence[Sample], gripper: Sequence[str]
 ) -> Iterator[tuple[Sequence[Sample], Sample]]:
-    """Divide a path where the gripper moves, so that it moves only between two parts.
+    """Divide a path into parts, so that the gripper moves only between two parts.
 
     Args:
         robot: The robot.

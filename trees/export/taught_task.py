@@ -1,4 +1,4 @@
-"""A task that is taught step by step. Its file holds all steps at any moment."""
+"""A task that is taught step by step. Its file always has all steps."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ tree:
   sequence:
 """
 _MOVE = "    - subtree: move_joints\n      with: {{joints: {}}}\n"
-_SAME = 1e-3  # positions that differ by less are the same [rad], [m]
+_SAME = 1e-3  # positions with a smaller difference are equal [rad], [m]
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,8 +37,8 @@ class Step:
 
     Attributes:
         words: The step, for people.
-        nodes: Its nodes, as they are in the file.
-        positions: Position of every joint after it [rad], [m]; empty for a wait.
+        nodes: Its nodes, as text of the file.
+        positions: Position of every joint after the step [rad], [m]; empty for a wait.
     """
 
     words: str
@@ -47,7 +47,7 @@ class Step:
 
 
 class TaughtTask:
-    """A task file that grows by one step at a time. Every change writes the whole file again.
+    """A task file that grows step by step. Every change writes the whole file again.
 
     Args:
         robot: The robot.
@@ -56,12 +56,12 @@ class TaughtTask:
         name: Name of the task.
 
     Attributes:
-        path: The file. It exists as long as there is a step.
+        path: The file. It exists while there is a step.
         steps: The steps.
 
     Raises:
-        FileError: Number or name are in use or invalid, or the file cannot be written; also from
-            every method that changes the steps, which are then as before.
+        FileError: Number or name are in use or invalid, or the file cannot be written. Methods that
+            change the steps also raise it, and then leave the steps unchanged.
     """
 
     def __init__(self, robot: Robot, folder: Path, number: int, name: str) -> None:
@@ -71,7 +71,7 @@ class TaughtTask:
         self._number, self._name = number, name
 
     def move(self, positions: Mapping[str, float]) -> Step | None:
-        """Add the moves from the last pose to this one; return them, or None if it is the same.
+        """Add and return the moves from the last pose to this one; None if both are equal.
 
         The first step moves every joint, so that the task can begin anywhere.
 
@@ -85,10 +85,10 @@ class TaughtTask:
         return self._add(Step(f"move to {', '.join(words)}", tuple(nodes), positions))
 
     def follow(self, samples: Sequence[Sample]) -> Step | None:
-        """Add a path that a person moved the arm along, simplified to waypoints.
+        """Add a hand-guided path, simplified to waypoints.
 
         Args:
-            samples: Positions of every actuated joint along it [rad], [m].
+            samples: Positions of every actuated joint along the path [rad], [m].
 
         Returns:
             The step; None if the arm did not move.
@@ -117,7 +117,7 @@ class TaughtTask:
         """Return measured positions within the limits of the joints.
 
         Raises:
-            FileError: The joints are those of another robot.
+            FileError: The joints are of another robot.
         """
         names = [joint.name for joint in self._robot.actuated]
         if {*names} != positions.keys():
@@ -129,7 +129,7 @@ class TaughtTask:
         }
 
     def _moves(self, positions: Mapping[str, float]) -> tuple[list[str], list[str]]:
-        """Return the moves from the last pose to this one: targets for people, and nodes."""
+        """Return the moves from the last pose to this one: words for people, and nodes."""
         before = next((step.positions for step in reversed(self.steps) if step.positions), {})
         poses, _ = Library(self._folder, self._robot.name).poses()
         words, nodes = list[str](), list[str]()
@@ -144,14 +144,14 @@ class TaughtTask:
         return words, nodes
 
     def _pose(self, positions: Mapping[str, float], names: Sequence[str]) -> str:
-        """Return the positions of some joints, as they are written in a file."""
+        """Return the positions of some joints as text for a file."""
         return pose_text(self._robot, {name: positions[name] for name in names})
 
     def wait(self, duration: str) -> Step:
-        """Add a wait, such as `500 ms`; return it.
+        """Add a wait, such as `500 ms`, and return it.
 
         Raises:
-            BadArguments: It is not a duration.
+            BadArguments: The text is not a duration.
         """
 
         def wrong(place: Place, why: str, _: object = None) -> NoReturn:
@@ -166,7 +166,7 @@ class TaughtTask:
         return self._add(Step(f"wait {seconds:g} s", (node,), {}))
 
     def undo(self) -> Step | None:
-        """Remove the last step; return it, or None if there is none."""
+        """Remove and return the last step; None if there is no step."""
         if not self.steps:
             return None
         last = self.steps[-1]

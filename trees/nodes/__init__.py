@@ -1,4 +1,4 @@
-"""The kinds of control nodes, each with all that is known about it: see `kind.py`."""
+"""The kinds of control nodes. Each class has all properties of its kind: see `kind.py`."""
 
 from importlib import import_module
 

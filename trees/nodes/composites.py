@@ -39,7 +39,7 @@ _TWO_CASES = f"{_IF}sequence of one case, which begins with the condition"
 
 
 class _Reactive:
-    """What nodes without memory add: ticks while a later child runs, to repeat the children."""
+    """Mixin for nodes without memory: ticks while a later child runs, to repeat the children."""
 
     status: Status
 
@@ -55,11 +55,11 @@ class _Reactive:
 
 
 class ReactiveSequence(_Reactive, composites.Sequence):
-    """A sequence without memory: it repeats children that succeeded while a later one runs."""
+    """A sequence without memory: while a later child runs, it repeats the earlier ones."""
 
 
 class ReactiveSelector(_Reactive, composites.Selector):
-    """A selector without memory: it repeats children that failed while a later one runs."""
+    """A selector without memory: while a later child runs, it repeats the earlier ones."""
 
 
 class _InTurn(ControlNodeKind, register=False):

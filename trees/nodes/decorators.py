@@ -60,14 +60,14 @@ class TimeoutKind(ControlNodeKind):
     node = Timeout
 
     def possible_outcomes(self, node: Node) -> PossibleOutcomes:
-        """Return the possible outcomes; report a child that always outlasts the timeout."""
+        """Return the possible outcomes. Report a child that is always slower than the timeout."""
         child = node.child(0, halted=True)
         if child.shortest >= node.options["after"]:
             node.too_slow("after", child.shortest)
         return PossibleOutcomes(child.succeeds, True, child.shortest)
 
     def groot(self, options: Options) -> list[Element]:
-        """Return the node of BehaviorTree.CPP; a time that is not known yet is not a limit."""
+        """Return the node of BehaviorTree.CPP. An unknown time is exported without a limit."""
         after = options["after"]
         return [("Timeout", {"msec": str(round(after * 1000) if math.isfinite(after) else 0)})]
 

@@ -20,7 +20,7 @@ class Guard(Composite):
         name: Name of the node.
         children: The node to run, and the condition.
         context: Source of time and of ticks.
-        pause: If the condition does not hold: True to wait until it does, False to fail.
+        pause: Reaction to a false condition: True to wait until it holds, False to fail.
         every: Period in which the condition is checked [s].
     """
 
@@ -82,7 +82,7 @@ class GuardKind(ControlNodeKind):
         return Guard(name, children, context, _pauses(options), options["every"])
 
     def lasts(self, options: Options) -> bool:
-        """Return whether it may take several ticks."""
+        """Return True if it may take several ticks."""
         return _pauses(options)
 
     def check(self, node: Node) -> None:
@@ -100,7 +100,7 @@ class GuardKind(ControlNodeKind):
         return PossibleOutcomes(child.succeeds, child.fails or not pauses, child.shortest)
 
     def groot(self, options: Options) -> list[Element]:
-        """Return the nodes of BehaviorTree.CPP; a retried sequence waits as a guard does."""
+        """Return the nodes of BehaviorTree.CPP. A retried sequence waits like a guard."""
         description = {"_description": f"checked every {options['every']:g} s"}
         if _pauses(options):
             attributes = {"num_attempts": "-1", **description}

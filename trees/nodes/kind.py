@@ -1,7 +1,7 @@
-"""The interface of a kind of control node: all that the rest of armtree knows about it.
+"""The interface of a kind of control node: all its properties for the rest of armtree.
 
-A kind is a subclass of `ControlNodeKind`. It is registered in `KINDS` when its class is defined.
-Reading, compilation, analysis and export take everything from there.
+A kind is a subclass of `ControlNodeKind`. The definition of its class registers it in `KINDS`.
+Reading, compilation, analysis and export use only this interface.
 """
 
 from abc import ABC, abstractmethod
@@ -23,23 +23,23 @@ MAX_DURATION = 86_400.0  # [s]
 
 
 class Flow(Enum):
-    """How the children of a node follow each other, if the node succeeds."""
+    """Order in which the children of a node run, if the node succeeds."""
 
-    SEQUENCE = auto()  # all of them, one after the other
-    ALTERNATIVES = auto()  # one of them, and it is not known which
-    PARALLEL = auto()  # all of them, at the same time
-    UNCERTAIN = auto()  # its child may have stopped anywhere
-    UNKNOWN = auto()  # any of them, in any order
+    SEQUENCE = auto()  # all children, one after the other
+    ALTERNATIVES = auto()  # one child; it is unknown which one
+    PARALLEL = auto()  # all children, at the same time
+    UNCERTAIN = auto()  # the child may have stopped anywhere
+    UNKNOWN = auto()  # any children, in any order
 
 
 @dataclass(frozen=True, slots=True)
 class PossibleOutcomes:
-    """How a node can end.
+    """Possible outcomes of a node.
 
     Attributes:
-        succeeds: Whether it can succeed.
-        fails: Whether it can fail.
-        shortest: Least time that a success takes [s].
+        succeeds: True if it can succeed.
+        fails: True if it can fail.
+        shortest: Shortest time until a success [s].
     """
 
     succeeds: bool = True
@@ -48,12 +48,12 @@ class PossibleOutcomes:
 
 
 class Node(Protocol):
-    """A compiled node, with what is known about the nodes below it.
+    """A compiled node, with information about the nodes below it.
 
     Attributes:
         name: Its name.
         options: Values of its options, if it has children.
-        halted: Whether a node above may halt this one before it ends.
+        halted: True if a node above may halt this node before it ends.
     """
 
     name: str
@@ -64,16 +64,16 @@ class Node(Protocol):
         """Return its children."""
 
     def moves(self) -> bool:
-        """Return whether a skill in it moves the arm."""
+        """Return True if a skill in it moves the arm."""
 
     def action(self) -> str:
-        """Return the name of the first skill in it that is not a condition, or ""."""
+        """Return the name of its first skill that is not a condition, or ""."""
 
     def lasting(self) -> Iterator["Node"]:
         """Return the nodes in it that may take longer than one tick."""
 
     def is_constant(self) -> bool:
-        """Return whether its result depends only on values that are known before the run."""
+        """Return True if its result depends only on values that are known before the run."""
 
     def child(self, number: int, halted: bool) -> PossibleOutcomes:
         """Return the possible outcomes of a child that may be halted, or is never halted."""
@@ -85,8 +85,8 @@ class Node(Protocol):
         """Report children that are never reached.
 
         Args:
-            continues: For every child, whether the next one can follow it.
-            how: How a child ends if the next one follows, for the message.
+            continues: True for every child after which the next one can run.
+            how: Word for the end of a child after which the next one runs, for the message.
         """
 
     def wrong(self, message: str, option: str = "") -> None:
@@ -97,31 +97,31 @@ class Node(Protocol):
 
         Args:
             option: The option.
-            shortest: Least time that the child takes [s].
+            shortest: Shortest time of the child [s].
         """
 
 
 class ControlNodeKind(ABC):
-    """A kind of node that has children. Subclasses are registered in `KINDS` by their name.
+    """A kind of node with children. Subclasses are registered in `KINDS` by name.
 
-    The first line of a subclass's docstring says what it does, for schemas and messages.
+    Schemas and messages show the first line of a subclass's docstring.
 
     Attributes:
         name: Its key in task files.
-        options: Keys that may be written beside it.
-        placeholders: Values of options that are not known before the task is called, for the
-            analysis of a task. An option that is missing here has its default.
+        options: Keys that may be written beside the key of the node.
+        placeholders: Assumed values of options that are unknown before the run, for the analysis.
+            Default: the default of the option.
         many: True if it has a list of children, False if it has one.
         condition: Key of a second child that must be a condition; empty if there is none.
         only_asks: True if its child must be a condition.
-        may_halt: True if it may halt children that still run.
+        may_halt: True if it may halt running children.
         timed: True if it fails when its child takes too long.
-        lasting: True if it may take several ticks, although its children end at once.
-        order: How its children follow each other.
-        node: Class of its nodes, if these have one child. Its arguments are the name, the child,
-            the context, and the options by name.
-        groot_tag: Name of the node of BehaviorTree.CPP that does the same, if it has no ports.
-        synonyms: Words of other languages and libraries for it, for corrections.
+        lasting: True if it may take several ticks even if its children end at once.
+        order: Order of its children.
+        node: Class of its nodes if they have one child. The arguments are name, child, context, and
+            the options by name.
+        groot_tag: Name of the equivalent node of BehaviorTree.CPP, if that node has no ports.
+        synonyms: Names of it in other languages and libraries, for corrections.
         keywords: Keywords of programming languages that it stands for, but that take other nodes
             below them; each with the message for it.
     """
@@ -148,7 +148,7 @@ class ControlNodeKind(ABC):
 
     @property
     def description(self) -> str:
-        """What it does, in a few words."""
+        """Description in a few words."""
         first = (type(self).__doc__ or "").partition("\n")[0].rstrip(".")
         return first[:1].lower() + first[1:]
 
@@ -163,19 +163,19 @@ class ControlNodeKind(ABC):
         return self.name.replace("_", " ")
 
     def flow(self, options: Options) -> Flow:
-        """Return how its children follow each other."""
+        """Return the order of its children."""
         return self.order
 
     def rounds(self, options: Options) -> int | None:
-        """Return how often its children have succeeded when it succeeds; None for any number."""
+        """Return the number of successes of its children in its own success; None: any number."""
         return 1
 
     def lasts(self, options: Options) -> bool:
-        """Return whether it may take several ticks, although its children end at once."""
+        """Return True if it may take several ticks even if its children end at once."""
         return self.lasting
 
     def check(self, node: Node) -> None:
-        """Report mistakes that do not depend on how its children can end."""
+        """Report mistakes that do not depend on the outcomes of its children."""
         return
 
     @abstractmethod
@@ -183,7 +183,7 @@ class ControlNodeKind(ABC):
         """Return the possible outcomes of a node, and report mistakes."""
 
     def groot(self, options: Options) -> list[Element]:
-        """Return the nodes of BehaviorTree.CPP that do the same, each around the next one.
+        """Return the equivalent nodes of BehaviorTree.CPP, each around the next one.
 
         A condition comes before the node that it guards.
         """
@@ -214,13 +214,13 @@ class Control:
 
 
 def all_of(outcomes: Sequence[PossibleOutcomes], shortest: float) -> PossibleOutcomes:
-    """Return the outcomes of a node that succeeds if all its children do."""
+    """Return the outcomes of a node that succeeds if all its children succeed."""
     succeeds = all(each.succeeds for each in outcomes)
     return PossibleOutcomes(succeeds, any(each.fails for each in outcomes), shortest)
 
 
 def any_of(outcomes: Sequence[PossibleOutcomes]) -> PossibleOutcomes:
-    """Return the outcomes of a node that succeeds if any of its children does."""
+    """Return the outcomes of a node that succeeds if any of its children succeeds."""
     return PossibleOutcomes(
         any(each.succeeds for each in outcomes),
         all(each.fails for each in outcomes),

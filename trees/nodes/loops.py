@@ -37,23 +37,25 @@ class Loop(Decorator):
 
     @property
     def failed_attempts(self) -> int:
-        """Number of rounds that have failed and are tried again."""
+        """Number of failed rounds that were repeated."""
         return 0
 
     def progress(self, share: float | None) -> float | None:
         """Return the progress of the loop.
 
         Args:
-            share: Progress of the child, from 0 to 1; None if it is not known.
+            share: Progress of the child, from 0 to 1; None if unknown.
         """
-        return None if self._next is not None else share  # between rounds it is of the last one
+        return (
+            None if self._next is not None else share
+        )  # between rounds, the share is of the last one
 
     def initialise(self) -> None:
         """Start the first round."""
         self.rounds, self._next = 0, None
 
     def tick(self) -> Iterator[Behaviour]:
-        """Tick the child, unless its next round has to wait."""
+        """Tick the child, unless its next round must wait."""
         if self.status is Status.RUNNING and self._next is not None:
             if self._context.now() < self._next or busy(self.decorated):
                 self._wait(self._next)
@@ -95,7 +97,7 @@ class Retry(Loop):
         return self.rounds
 
     def update(self) -> Status:
-        """Decide after an attempt if another one follows."""
+        """Decide after each attempt if another one follows."""
         if self.decorated.status is not Status.FAILURE:
             return self.decorated.status
         self.rounds += 1
@@ -173,12 +175,12 @@ class RepeatKind(ControlNodeKind):
     node = Repeat
 
     def rounds(self, options: Options) -> int | None:
-        """Return how often its child has succeeded."""
+        """Return the number of successes of its child."""
         times: int | None = options["times"]
         return times
 
     def possible_outcomes(self, node: Node) -> PossibleOutcomes:
-        """Return the possible outcomes, and report a loop that never starts again or never ends."""
+        """Return the possible outcomes. Report a loop that never repeats or never ends."""
         child, times = node.child(0, node.halted), node.options["times"]
         if not child.succeeds:
             node.wrong(f"{node.name} has nothing to repeat: its child never succeeds")
@@ -266,5 +268,5 @@ def share_of_rounds(node: Behaviour, share: float | None) -> float | None:
 
 
 def busy(node: Behaviour) -> bool:
-    """Return whether work that a node started still continues, even after the node was halted."""
+    """Return True while work of a node continues, even after the node was halted."""
     return any(isinstance(below, Skill) and below.call_hook("busy") for below in node.iterate())

@@ -22,10 +22,10 @@ from .kind import (
 
 
 class Join(Composite):
-    """Ticks its children until all have ended; fails if any of them failed.
+    """Ticks its children until all have ended. Fails if any of them failed.
 
-    py_trees' own Parallel fails with its first child and halts the others, so their results would
-    be lost.
+    py_trees' own Parallel fails with its first child and halts the others. Their results would be
+    lost.
     """
 
     def tick(self) -> Iterator[Behaviour]:
@@ -45,7 +45,7 @@ class Join(Composite):
         yield self
 
     def decide(self, statuses: set[Status]) -> None:
-        """Set the status that follows from those of the children."""
+        """Set the status from the statuses of the children."""
         if Status.RUNNING in statuses:
             self.status = Status.RUNNING
         else:
@@ -53,10 +53,10 @@ class Join(Composite):
 
 
 class Race(Join):
-    """Succeeds with the first child that does, and halts the others; fails if all children fail."""
+    """Succeeds with the first child that succeeds, and halts the others. Fails if all fail."""
 
     def decide(self, statuses: set[Status]) -> None:
-        """Set the status that follows from those of the children."""
+        """Set the status from the statuses of the children."""
         if Status.SUCCESS in statuses:
             for child in self.children:
                 if child.status is Status.RUNNING:
@@ -110,7 +110,8 @@ class ParallelKind(ControlNodeKind):
         if node.options["policy"] != "any":
             children = node.children(node.halted)
             return all_of(children, max(each.shortest for each in children))
-        # Each child may be halted by the others. An endless one is reported below, if all are.
+        # Each child may be halted by the others. Endless children are reported below, if all are
+        # endless.
         children = node.children(node.halted or len(node.below()) > 1)
         if not node.halted and not any(each.succeeds for each in children):
             node.wrong(f"{node.name} never ends: none of its nodes can succeed")

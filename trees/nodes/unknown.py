@@ -1,4 +1,4 @@
-"""A node whose kind is not known because the file is wrong. It is analysed, and never run."""
+"""A node of an unknown kind, in a wrong file. It is analysed, but never run."""
 
 from py_trees.behaviour import Behaviour
 from py_trees.composites import Sequence

@@ -1,7 +1,8 @@
 """Strict reading of YAML 1.2: every value with its place, no duplicate keys, no tags.
 
 Values are made from the events of the parser, by the core schema of YAML 1.2. The constructors of
-YAML libraries are not used: they know more types than task files may have, and some of them crash.
+YAML libraries are not used, because they accept more types than task files allow, and some of them
+crash.
 """
 
 import io
@@ -41,7 +42,7 @@ Scalar = str | int | float | bool | None
 
 @dataclass(frozen=True, slots=True)
 class StandIn:
-    """A value that is not known before the task is called. Only its type is known.
+    """A placeholder for a value that is unknown before the run. Only its type is known.
 
     Attributes:
         name: Name of the parameter or port.
@@ -57,7 +58,7 @@ class StandIn:
     __repr__ = __str__
 
 
-# Replaces a value that is wrong, so that the values around it can be checked.
+# Placeholder for a wrong value, so that the values around it can be checked.
 REFUSED = StandIn("", "any")
 
 
@@ -66,11 +67,11 @@ class Located:
     """A value and its place.
 
     Attributes:
-        place: Where it begins.
+        place: Begin of the value.
         value: A scalar, a list of Located, or a dict of Located by text key.
-        label: Place of its key; the same as `place` if it has none.
-        use: For the value of a parameter: `$name` where it is used, as a StandIn of the declared
-            type. None for a value that is written where it is used.
+        label: Place of its key; equal to `place` if it has no key.
+        use: The use `$name` of a parameter with this value, as a StandIn of the declared type. None
+            for a value that is written at its place of use.
     """
 
     place: Place
@@ -80,7 +81,7 @@ class Located:
 
     @property
     def declared(self) -> str:
-        """Declared type of the parameter; empty for a value that is written where it is used."""
+        """Declared type of the parameter; empty for a value that is not from a parameter."""
         return self.use.value.type if self.use and isinstance(self.use.value, StandIn) else ""
 
     def plain(self) -> Any:
@@ -120,9 +121,9 @@ class NotYaml(FileError):
     """A text is not YAML.
 
     Args:
-        known: Mistakes before that place.
-        place: Where the parser fails.
-        opened: Where the value begins in which it fails.
+        known: Mistakes before the place.
+        place: Place at which the parser fails.
+        opened: Begin of the value in which it fails.
     """
 
     def __init__(self, known: Sequence[Mistake], place: Place, opened: Place | None = None) -> None:
@@ -159,7 +160,7 @@ def read_text(path: Path) -> str:
 
 
 def draft_document(path: Path, text: str) -> tuple[Located, list[Mistake]]:
-    """Read one YAML document, and continue after mistakes.
+    """Read one YAML document. Continue after mistakes.
 
     Args:
         path: File name for errors.
@@ -187,7 +188,7 @@ def draft_document(path: Path, text: str) -> tuple[Located, list[Mistake]]:
 
 
 def nested(value: Located) -> Mapping[str, Located]:
-    """Return the items of a mapping; nothing for any other value."""
+    """Return the items of a mapping; empty for any other value."""
     return value.value if isinstance(value.value, dict) else {}
 
 
@@ -200,8 +201,8 @@ def names_within(value: Located) -> Iterator[str]:
         yield from names_within(item)
 
 
-# A directive could change the meaning of values. With control characters and Unicode's line
-# separators, editors and readers would disagree about the lines of the text.
+# A directive could change the meaning of values. Editors and parsers count lines differently if a
+# text has control characters or Unicode's line separators.
 _FORBIDDEN = re.compile(
     r"^%|[^\t\n\r -~\xa0-\u2027\u202a-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]"
 )
@@ -217,7 +218,7 @@ def _forbidden(path: Path, text: str) -> Iterator[Mistake]:
             yield Mistake(place, f"{what} not allowed")
 
 
-# YAML 1.2.2, section 10.3.2. A scalar that matches none is a text.
+# YAML 1.2.2, section 10.3.2. A scalar without a match is a text.
 _CORE: tuple[tuple[re.Pattern[str], Callable[[str], Scalar]], ...] = tuple(
     (re.compile(pattern), make)
     for pattern, make in (
@@ -234,7 +235,7 @@ _CORE: tuple[tuple[re.Pattern[str], Callable[[str], Scalar]], ...] = tuple(
 
 
 class _Plain(YAML):
-    """A parser without plug-ins, because the search for them reads a folder for every file."""
+    """A parser without plug-ins. The search for them would read a folder for every file."""
 
     def official_plug_ins(self) -> list[str]:
         """Return no plug-ins."""
@@ -342,14 +343,14 @@ class _Reader:
     def _wrong(self, place: Place, message: str) -> None:
         self.mistakes.append(Mistake(place, message))
         if len(self.mistakes) == MAX_MISTAKES:
-            self._end(place, f"{MAX_MISTAKES} mistakes so far; what follows is not read")
+            self._end(place, f"{MAX_MISTAKES} mistakes so far; the rest is not read")
 
     def _end(self, place: Place, message: str) -> NoReturn:
         raise FileError([*self.mistakes, Mistake(place, message)])
 
 
 def _joined(text: str) -> str:
-    """Combine surrogate pairs: JSON writes some characters as two escapes."""
+    """Combine surrogate pairs, because JSON writes some characters as two escapes."""
     if text.isascii():
         return text
     return text.encode("utf-16", "surrogatepass").decode("utf-16", "surrogatepass")

@@ -1,6 +1,6 @@
-"""The grammar of files: from a text to a task, a subtree or poses, and their mistakes.
+"""The grammar of files: makes a task, a subtree or poses from a text, and finds mistakes.
 
-Names of skills and ports are not checked here, but when the tree is compiled.
+The compiler checks the names of skills and ports, not this module.
 """
 
 import re
@@ -47,7 +47,7 @@ class TaskFile:
         parameters: Parameters of the task, or ports of the subtree, by name. A default is a
             Located. The type of an untyped port follows from its uses.
         replaces: Name of the shipped task or subtree that it replaces; empty for none.
-        retry_safe: True if it may run again after a run whose end is not known (`retry: safe`).
+        retry_safe: True if it may run again after a run with an unknown end (`retry: safe`).
         tree: Root of its tree.
     """
 
@@ -63,11 +63,11 @@ class TaskFile:
 
     @property
     def port(self) -> str:
-        """What one of its `parameters` is called in messages."""
+        """Word for one of its `parameters` in messages."""
         return "port" if self.number is None else "parameter"
 
 
-Draft = tuple[TaskFile, list[Mistake]]  # a file as far as it could be read, and its mistakes
+Draft = tuple[TaskFile, list[Mistake]]  # the readable part of a file, and its mistakes
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +78,7 @@ class PosesFile:
         path: The file.
         text: Text of the file.
         poses: Joint positions [rad] by joint name, by name of the pose. A wrong position is
-            REFUSED; a pose that is wrong as a whole is missing.
+            REFUSED. A wrong pose is missing.
         labels: Names and values of the poses with their places, by name.
         replaces: Names of the poses that replace shipped ones.
     """
@@ -104,7 +104,7 @@ def parse_task(path: Path, text: str) -> TaskFile:
 
 @repairing
 def draft_task(path: Path, text: str) -> Draft:
-    """Read a task file, and continue after mistakes; return the task and the mistakes.
+    """Read a task file. Return the task and all mistakes.
 
     Raises:
         FileError: The file is not YAML.
@@ -114,7 +114,7 @@ def draft_task(path: Path, text: str) -> Draft:
 
 @repairing
 def draft_subtree(path: Path, text: str) -> Draft:
-    """Read a subtree file, and continue after mistakes; return the subtree and the mistakes.
+    """Read a subtree file. Return the subtree and all mistakes.
 
     Raises:
         FileError: The file is not YAML.
@@ -129,7 +129,7 @@ def _draft(parser: "_Parser") -> Draft:
 
 
 def parse_head(path: Path, text: str) -> TaskFile:
-    """Read a task file without its tree, which takes a fraction of the time.
+    """Read a task file without its tree, in a fraction of the time.
 
     Raises:
         FileError: The file has mistakes.
@@ -143,13 +143,13 @@ def parse_head(path: Path, text: str) -> TaskFile:
         task = parser.head()
         if not parser.mistakes.found:
             return task
-    return parse_task(path, text)  # reports the mistakes
+    return parse_task(path, text)  # the full parser reports the mistakes
 
 
 @lru_cache(maxsize=16)  # every task needs all of them
 @repairing
 def draft_poses(path: Path, text: str) -> tuple[PosesFile, list[Mistake]]:
-    """Read a file of poses, and continue after mistakes; return the poses and the mistakes.
+    """Read a file of poses. Return the poses and all mistakes.
 
     Raises:
         FileError: The file is not YAML.
@@ -213,7 +213,7 @@ class _Parser:
             self._wrong(version.place, f"grammar: {version} is not supported; {here}")
 
     def _check_kind(self, path: Path, wanted: str) -> None:
-        """Raise a FileError if the file is a task, and is named like a subtree, or vice versa."""
+        """Raise a FileError if the content and the name of a file disagree: task or subtree."""
         other = {"task": "subtree", "subtree": "task"}.get(wanted, "")
         if wanted in self._values or other not in self._values:
             return
@@ -251,7 +251,7 @@ class _Parser:
         return value
 
     def _line_for(self, key: str) -> Correction | None:
-        """Return the line for a missing key, below the key that is before it."""
+        """Return the line for a missing key, after the key that precedes it."""
         path = self.root.place.path
         number, _, name = path.stem.partition("_")
         texts = {"task": number, "name": name, "subtree": path.stem, "description": "What it does."}
@@ -265,7 +265,7 @@ class _Parser:
     def _with_tree(
         self, values: Mapping[str, Located], known: tuple[str, ...]
     ) -> Mapping[str, Located]:
-        """Report nodes outside the key `tree`, or poses outside `poses`; move them to that key."""
+        """Report nodes outside the key `tree`, or poses outside `poses`. Move them to that key."""
         head = "poses" if "poses" in known else "tree"
         nodes = {
             key
@@ -289,7 +289,7 @@ class _Parser:
         return {**rest, head: Located(label, below, label)}
 
     def _below(self, head: str, below: Mapping[str, Located]) -> Correction | None:
-        """Return the lines of some keys, if nothing is between them, below another key."""
+        """Return the lines of adjacent keys, indented below another key."""
         lines = self.root.place.lines
         begin = min(value.label.line for value in below.values())
         rest = [each for key, each in self._values.items() if key not in below]
@@ -305,7 +305,7 @@ class _Parser:
     def _corrections(
         self, values: Mapping[str, Located], known: tuple[str, ...]
     ) -> Mapping[str, Located]:
-        """Report unknown keys; return the values with corrected keys."""
+        """Report unknown keys. Return the values with corrected keys."""
         likely = corrections(values, known)
         unknown = [key for key in values if key not in {*known, *likely}]
         needed = [key for key in known if key not in {*_OPTIONAL, *values, *likely.values()}]
@@ -369,7 +369,7 @@ class _Parser:
                 names.add(used.name)
             else:
                 texts |= {re.sub(r"\W", "", str(text.value)): text for text in _texts(used)}
-                # A text alone is not a reference.
+                # A text without $ is not a reference.
                 names |= set() if isinstance(used.value, str) else {*names_within(used)}
         if value is None or tree == SkillNode(tree.place, "", {}):
             return
@@ -430,7 +430,7 @@ class _Parser:
         )
 
     def _type(self, value: Located, what: str, opaque: bool) -> str:
-        """Return a type. An opaque type is one that only skills can write, such as Plan."""
+        """Return a type. Only skills can write an opaque type, such as Plan."""
         kind = value.value
         if isinstance(kind, str) and (kind in TYPES or (opaque and kind[:1].isupper())):
             return kind
@@ -475,7 +475,7 @@ class _Parser:
         return tuple(str(item.value) for item in items)
 
     def _flag(self, value: Located | None) -> bool | None:
-        """Return true or false, or None if the value is neither."""
+        """Return a boolean; None if the value is not a boolean."""
         if value is None or isinstance(value.value, bool):
             return value is not None and value.value is True
         self._wrong(value.place, f"{value} is not true or false")
@@ -488,7 +488,7 @@ def _types() -> str:
 
 
 def _type_of(value: Located) -> str:
-    """Return the type of a number, of a quantity, or of true or false; else an empty text."""
+    """Return the type of a number, a quantity or a boolean; else an empty text."""
     kinds = {int: "integer", float: "number", bool: "boolean"}
     return measured(value) or kinds.get(type(value.value), "")
 

@@ -1,11 +1,11 @@
-"""The library of task files for a robot: those that ship, and those in the user's folder.
+"""The library of task files for a robot: shipped files, and files in the user's folder.
 
-Files in one of these folders itself are for every robot, except poses: a pose names joints, so
-`poses.yaml` there is for the shipped robot. Files in its folder `NAME` are for the robot of that
-name only.
+Files directly in one of these folders are for every robot. Only `poses.yaml` there is for the
+shipped robot, because a pose names joints. Files in a subfolder `NAME` are only for the robot of
+that name.
 
-The name of a task's file contains its number and name, such as `1_pick.yaml`, so a task is found
-without reading the other files. `poses.yaml` contains poses. Any other `.yaml` file is a subtree.
+The name of a task's file has its number and name, such as `1_pick.yaml`. Therefore a task is found
+without reading other files. `poses.yaml` contains poses. Any other `.yaml` file is a subtree.
 """
 
 import os
@@ -39,13 +39,13 @@ POSES = "poses.yaml"
 
 
 def with_robot(folder: Path, robot: str) -> tuple[Path, ...]:
-    """Return a folder of task files, and the folder in it for a robot, if there is one."""
+    """Return a folder of task files, and its subfolder for a robot, if there is one."""
     own = folder / robot
     return (folder, own) if own.parent == folder and os.path.isdir(own) else (folder,)
 
 
 def _is_for(path: Path, robot: str) -> bool:
-    """Return whether a file of poses is for a robot."""
+    """Return True if a file of poses is for a robot."""
     return robot in (SHIPPED_ROBOT, path.parent.name)
 
 
@@ -54,17 +54,17 @@ class Library:
 
     Args:
         folder: Folder of the user's files; None for only those that ship.
-        robot: Name of the robot. Default: that of the shipped one.
-        read: Returns the text of a file.
+        robot: Name of the robot. Default: the shipped robot.
+        read: Callback that returns the text of a file.
 
     Attributes:
         shipped: Folders of the files that ship.
         folder: Folder of the user's files, or None.
         folders: All folders.
         robot: Name of the robot.
-        read: Returns the text of a file.
-        mistakes: Mistakes of file names, and files with the same number or name. Only the tasks and
-            subtrees of these files cannot be used.
+        read: Callback that returns the text of a file.
+        mistakes: Mistakes of file names, and of files with the same number or name. Only their
+            tasks and subtrees are unusable.
         notes: YAML files that are ignored.
 
     Raises:
@@ -91,9 +91,9 @@ class Library:
         # The file of each task, by number, and of each subtree, by name.
         self._paths: dict[int | str, Path] = {}
         self._poses: list[Path] = []
-        # The error of a number or name that several files have.
+        # Error of a number or name that several files have.
         self._claimed: dict[int | str, FileError] = {}
-        # The number or name of a file that another one has, too.
+        # Number or name of a file that another file also has.
         self._seconds: dict[Path, int | str] = {}
         # The shipped file, by the user's file that replaces it.
         self._replaced: dict[Path, Path] = {}
@@ -173,11 +173,11 @@ class Library:
 
     @property
     def latest(self) -> "Library":
-        """The current library: this one. A `LiveLibrary` may return a newer one."""
+        """This library. A `LiveLibrary` may return a newer one."""
         return self
 
     def for_task(self, number: int) -> "tuple[Library, str]":
-        """Return this library and no warning. A `LiveLibrary` has this method, too."""
+        """Return this library and no warning. A `LiveLibrary` also has this method."""
         return self, ""
 
     def numbers(self) -> list[int]:
@@ -189,16 +189,16 @@ class Library:
         return {_name(self._paths[number]): number for number in self.numbers()}
 
     def number(self, task: int | str) -> int:
-        """Return the number of a task that is given by its number or name.
+        """Return the number of a task from its number or name.
 
         Raises:
             UnknownTask: No task has that number or name.
-            TypeError: It is neither a number nor a name.
+            TypeError: The argument is not a number and not a name.
         """
         if isinstance(task, bool) or not isinstance(task, int | str):
             raise TypeError(f"a task is a number or a name, not {task!r}")
         if isinstance(task, int):
-            with suppress(FileError):  # the goal reports what is wrong with the file
+            with suppress(FileError):  # the goal reports the mistakes of the file
                 self.path(task)
             return task
         names = self.names()
@@ -212,7 +212,7 @@ class Library:
 
     @property
     def pose_files(self) -> tuple[Path, ...]:
-        """Files of poses; the user's file is the last one."""
+        """Files of poses. The user's file is the last one."""
         return tuple(self._poses)
 
     def path(self, source: int | str) -> Path:
@@ -220,7 +220,7 @@ class Library:
 
         Raises:
             UnknownTask: No file has that number.
-            FileError: Several files have that number or name, or the name of its file is wrong.
+            FileError: Several files have that number or name, or the file has a wrong name.
             KeyError: No subtree has that name.
         """
         if source in self._claimed:
@@ -253,9 +253,9 @@ class Library:
         return _as_named(parse_head(path, self.read(path)))
 
     def files(self) -> Iterator[tuple[Path, int | str | None]]:
-        """Return each file, with its number or its name; None for poses.
+        """Return each file with its number or name; None for poses.
 
-        A number or name that several files have is returned with each of them.
+        Several files may have the same number or name.
         """
         yield from ((path, None) for path in self._poses)
         yield from ((self._paths[name], name) for name in self.subtrees())
@@ -263,11 +263,11 @@ class Library:
         yield from self._seconds.items()
 
     def draft(self, source: int | str, path: Path | None = None) -> Draft:
-        """Read a task or subtree, and continue after mistakes; return the file and the mistakes.
+        """Read a task or subtree. Return the file and all mistakes.
 
         Args:
             source: Number of the task, or name of the subtree.
-            path: Its file, if several files may have the number or name.
+            path: Its file, if several files have the number or name.
 
         Raises:
             UnknownTask: No file has that number.
@@ -283,7 +283,7 @@ class Library:
         return file, [*mistakes, *named, *self._replacing(file, source)]
 
     def _replacing(self, file: TaskFile, source: int | str) -> list[Mistake]:
-        """Return a mistake if a file replaces one that does not ship."""
+        """Return a mistake if a file replaces a file that does not ship."""
         if not file.replaces or file.path in self._replaced:
             return []
         names = _SUBTREE if isinstance(source, str) else _TASK
@@ -310,7 +310,7 @@ class Library:
         return poses_of(files), {self._shown(file): file.text for file in files}
 
     def draft_poses(self) -> tuple[tuple[PosesFile, ...], list[Mistake]]:
-        """Read the poses, and continue after mistakes; return the files and the mistakes.
+        """Read the poses. Return the files and all mistakes.
 
         Raises:
             FileError: A file is not YAML.
@@ -359,7 +359,7 @@ def _what(source: int | str) -> str:
 
 
 def _name(path: Path) -> str:
-    """Return the name in the name of a task's file."""
+    """Return the name of the task in the name of its file."""
     return path.stem.partition("_")[2]
 
 

@@ -1,4 +1,4 @@
-"""Corrections that concern several lines: a node with the lines that belong to it."""
+"""Corrections of several lines: a node with its lines."""
 
 import re
 from collections.abc import Sequence
@@ -9,9 +9,9 @@ from .document import Located, nested
 
 
 def block(place: Place) -> list[str]:
-    """Return the lines of the node that begins at a place, without the indentation of the node.
+    """Return the lines of the node at a place, without its indentation.
 
-    Empty if other content is before the node in its line, or if the node is in braces.
+    The result is empty if the line has other content before the node, or if the node is in braces.
     """
     row, margin = place.line - 1, place.column - 1
     if not 0 <= row < len(place.lines):
@@ -30,14 +30,14 @@ def block(place: Place) -> list[str]:
 
 
 def key_block(place: Place) -> list[str]:
-    """Return the lines of a key and its value; empty if other content is before it in its line."""
+    """Return the lines of a key and its value; empty if its line has other content before it."""
     lines = block(place)
     inside = (n for n, line in enumerate(lines) if n and line.strip() and line[:1] != " ")
     return lines[: next((n for n in inside if not lines[n].startswith("- ")), len(lines))]
 
 
 def replaced_block(place: Place, lines: Sequence[str]) -> Correction | None:
-    """Return other lines in place of the node that begins at a place."""
+    """Return the correction that replaces the node at a place."""
     old = block(place)
     if not old:
         return None
@@ -68,7 +68,7 @@ def as_mapping(value: Located) -> Correction | None:
 
 
 def declared_above(place: Place, head: str, line: str) -> Correction | None:
-    """Return a line below a top-level key, which is added above the tree if it is missing."""
+    """Return a line below a top-level key. A missing key is added above the tree."""
     tops = {line.partition(":")[0]: row for row, line in enumerate(place.lines, 1)}
     if head not in tops:
         return Correction(f"{head}:\n  {line}", tops["tree"], 0) if "tree" in tops else None

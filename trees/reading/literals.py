@@ -1,4 +1,4 @@
-"""Reading of literal values: from text with units to the type that is declared."""
+"""Reading of literal values: converts text with units to the declared type."""
 
 import math
 import re
@@ -25,7 +25,7 @@ _PYTHON: Mapping[str, tuple[type, ...]] = {
     ANY: (float, bool, str),
 }
 
-# What other programs, languages and libraries write, and what it means here.
+# Words of other programs, languages and libraries, and the words for them here.
 _SWITCHES = {"yes": "true", "on": "true", "no": "false", "off": "false", "1": "true", "0": "false"}
 _CHOICES = {"equals": "==", "equal": "==", "is": "==", "not": "!=", "less": "<"} | {
     "greater": ">",
@@ -38,15 +38,15 @@ _CHOICES = {"equals": "==", "equal": "==", "is": "==", "not": "!=", "less": "<"}
 _SIGNS = str.maketrans({",": ".", "\u2212": "-", "\u2013": "-"})
 _UNIT_NAMES = {"grad": "deg", "\xb0": "deg", "milli": "m", "centi": "c", "zenti": "c"}
 
-_HOME = "home"  # for `armtree home`, the robot file may say it
+_HOME = "home"  # the robot file may define it for `armtree home`
 
-_LONG, _LONGEST = 100.0, 1e6  # time without a unit that may be in milliseconds [s]
+_LONG, _LONGEST = 100.0, 1e6  # shortest time without a unit that may be in milliseconds [s]
 
-Wrong = Callable[..., None]  # called with a place, a message, and maybe the right line
+Wrong = Callable[..., None]  # callback for a mistake: place, message, and maybe the corrected line
 
 
 def measured(value: Located) -> str:
-    """Return the type of a quantity; empty if it is a number without a unit, or none."""
+    """Return the type of a quantity; empty for a number without a unit, and for other values."""
     if value.use:
         return value.declared if value.declared in UNITS else ""
     plain = value.value
@@ -64,7 +64,7 @@ def in_smaller_units(value: object, unit: str) -> Iterator[tuple[str, float]]:
 
 
 def in_unit_of(value: Located, point: Iterable[float]) -> tuple[str, tuple[float, ...]]:
-    """Return a point [m] as a list in the unit of a written one, and as it is rounded there [m]."""
+    """Return a point [m] as a list in the unit of a written point, and its rounded value [m]."""
     items = value.value if isinstance(value.value, list) else []
     found = (_QUANTITY.fullmatch(str(item.value)) for item in items)
     unit = next((each[2] for each in found if each and each[2] in UNITS["length"]), "m")
@@ -76,7 +76,7 @@ def in_unit_of(value: Located, point: Iterable[float]) -> tuple[str, tuple[float
 
 
 def in_other_unit(words: str, value: Located, unit: str, near: str) -> str:
-    """Return a message with the unit of a number without one, and the value that may be meant."""
+    """Return a message that names the assumed unit of a number, and the likely intended value."""
     numbers = [each.value for each in (value.value if isinstance(value.value, list) else [value])]
     if not any(f"{number} {unit}" in words for number in numbers):
         words += f"; {numbers[0]} without a unit is {numbers[0]} {unit}"
@@ -84,7 +84,7 @@ def in_other_unit(words: str, value: Located, unit: str, near: str) -> str:
 
 
 def doubt(value: Located, wanted: Declaration, what: str) -> Mistake | None:
-    """Return a note of a value that may be meant otherwise: a long time without a unit."""
+    """Return a note for a likely mistake: a long time without a unit."""
     number = value.value
     if wanted.type != "duration" or value.use or not isinstance(number, int | float):
         return None
@@ -99,21 +99,21 @@ def doubt(value: Located, wanted: Declaration, what: str) -> Mistake | None:
 def fit(
     value: Located, wanted: Declaration, poses: Mapping[str, Mapping[str, float]], wrong: Wrong
 ) -> Any:
-    """Convert a literal value to its declared type, and check it.
+    """Convert a literal value to its declared type and check it.
 
     Args:
-        value: The value as it is written.
+        value: The value in the file.
         wanted: Declaration of the type and limits.
         poses: Joint positions [rad] by joint name, by name of the pose.
         wrong: Receives mistakes.
 
     Returns:
         A float in the type's first unit, an int, a bool, a str, a dict of floats, or a list of
-        these; None if the value is wrong. A value that is not known yet is a StandIn. In a dict or
-        a list, a wrong value is REFUSED.
+        these; None if the value is wrong. An unknown value is a StandIn. In a dict or list, a wrong
+        value is REFUSED.
     """
     if value.use and fit(value.use, wanted, poses, wrong) is None:
-        return None  # no value of this parameter fits
+        return None  # the parameter has no valid value
     if isinstance(value.value, StandIn):
         return _known_type(value, value.value, wanted.type, wrong)
     if wanted.type.startswith(LIST):
@@ -171,7 +171,7 @@ def _items(
 
 
 def _as_items(value: Located) -> str:
-    """Return three numbers without commas, or at the keys x, y and z, as a list; or ""."""
+    """Return as a list three numbers without commas, or a mapping with x, y and z; else ""."""
     inner = value.value
     if isinstance(inner, dict) and [*inner] == ["x", "y", "z"]:
         return Located(value.place, [*inner.values()], value.label).as_yaml()
@@ -194,7 +194,7 @@ def _plain(value: Located, kind: str, wrong: Wrong) -> Any:
         return plain
     hint = "" if python else "; name a key that a skill writes, such as $key"
     near = _SWITCHES.get(str(plain).lower(), "") if kind == "boolean" else ""
-    if isinstance(plain, str) and kind in ("boolean", "integer"):  # in quotes
+    if isinstance(plain, str) and kind in ("boolean", "integer"):  # a text in quotes
         near = near or (plain if re.fullmatch(r"true|false|[0-9]+", plain) else "")
         hint = " in quotes" if near == plain else hint
     _not(value, kind, near, wrong, hint)
@@ -202,7 +202,7 @@ def _plain(value: Located, kind: str, wrong: Wrong) -> Any:
 
 
 def _not(value: Located, kind: str, near: str, wrong: Wrong, hint: str = "") -> None:
-    """Report a value that is not of its type, and what it may mean."""
+    """Report a value of a wrong type, with its likely meaning."""
     if template := re.fullmatch(r"(?:\{\{|\$\{|<|%) *(\w+) *(?:\}\}|\}|>|%)", str(value.value)):
         near = f"${template[1]}"
     hint = (hint if hint == " in quotes" else "") + did_you_mean(near) or hint
@@ -258,7 +258,7 @@ def _computed(text: str) -> str:
 
 
 def _unit(word: str, units: Iterable[str]) -> str:
-    """Return the unit that a word most likely means, such as s for seconds; or an empty text."""
+    """Return the unit that a word most likely means, such as s for seconds; else an empty text."""
     short = word.lower()
     for name, unit in _UNIT_NAMES.items():
         short = short.replace(name, unit)
@@ -271,12 +271,12 @@ def _positions(
 ) -> dict[str, float | StandIn] | None:
     if isinstance(value.value, str):
         if value.value in poses:
-            return dict(poses[value.value]) or None  # an empty pose is wrong, and reported already
+            return dict(poses[value.value]) or None  # an empty pose is wrong and already reported
         near = closest(value.value, poses)
         there = f"no pose {value.value}; {there_are(value.value, poses)}"
         if pairs := re.findall(
             r"(\w+) ?[=:] ?([^\s,=:]+)", value.value
-        ):  # as `armtree move` has it
+        ):  # the form of `armtree move`
             near = f"{{{', '.join(f'{joint}: {position}' for joint, position in pairs)}}}"
             there = f"joint values are a mapping; write {near}"
         instead = value.place.replaced(value.value, near)
@@ -316,7 +316,7 @@ def _no_angles(
     poses: Mapping[str, Mapping[str, float]],
     wrong: Wrong,
 ) -> bool:
-    """Report changes or poses in place of angles; return whether there are any."""
+    """Report changes or poses in place of angles. Return True if there are any."""
     if changes := _changes(joints):
         why = "a += is not for task files: the subtree move_relative changes joints; write it with "
         wrong(value.place, f"{why}by: {{{changes}}}")
@@ -333,7 +333,7 @@ def _no_angles(
 
 
 def _changes(joints: Mapping[str, Located]) -> str:
-    """Return changes of joints that are written as for `armtree move`; "" if there are none."""
+    """Return changes of joints in the form of `armtree move`; "" if there are none."""
     changed = {
         joint.rstrip("+ "): str(item.value).removeprefix("+=").strip()
         for joint, item in joints.items()
@@ -343,7 +343,7 @@ def _changes(joints: Mapping[str, Located]) -> str:
 
 
 def _violation(fitted: Any, wanted: Declaration) -> str:
-    """Return why a value violates its declaration; empty if it does not."""
+    """Return the error of a value outside its declaration; empty if it is valid."""
     scale, unit = DISPLAY_UNITS.get(wanted.unit, (1.0, wanted.unit))
     if wanted.least is not None and fitted < wanted.least:
         return f"is less than {scale * wanted.least:g} {unit}".rstrip()

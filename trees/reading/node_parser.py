@@ -1,4 +1,4 @@
-"""Reading of nodes: from YAML values to the nodes of a tree."""
+"""Reading of nodes: makes the nodes of a tree from YAML values."""
 
 import re
 from collections.abc import Collection, Iterable, Mapping
@@ -19,20 +19,20 @@ MAX_NUMBER = 2**31 - 1
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 _WORDS = re.compile(r"[a-z]+( [a-z]+)+")
-_EXAMPLES = {"integer": "3", "duration": "1 s"}  # of an option, by type
+_EXAMPLES = {"integer": "3", "duration": "1 s"}  # example values of an option, by type
 _FILES = {"subtree": ("with", "name"), "task": ("with", "name")}
 
 _AMOUNT = re.compile(r"[0-9.]+ ?([a-z]+)?")
 
 
 class NodeParser:
-    """Reads nodes and names. A misspelt name is reported, and read as the suggestion.
+    """Reads nodes and names. A misspelt name is reported, and then treated as the suggestion.
 
     Args:
         mistakes: Receives mistakes.
 
     Attributes:
-        spare: Names of references that nothing reads.
+        spare: Names of unused references.
     """
 
     def __init__(self, mistakes: Mistakes) -> None:
@@ -42,7 +42,7 @@ class NodeParser:
     def node(self, value: Located) -> TreeNode:
         """Return the node that a value describes."""
         if isinstance(value.value, str) and _WORDS.fullmatch(value.value):
-            return SkillNode(value.place, value.value, {})  # two words may be one name
+            return SkillNode(value.place, value.value, {})  # two words may be parts of one name
         if isinstance(value.value, str):
             return SkillNode(value.place, self.name(value, "a node"), {})
         keys = nested(value)
@@ -72,9 +72,9 @@ class NodeParser:
         return self._broken(value, keys)
 
     def _counted(self, value: Located, keys: Mapping[str, Located]) -> TreeNode | None:
-        """Report a number at a node that it should be beside, such as `repeat: 3`.
+        """Report a number that is the value of a node, such as `repeat: 3`.
 
-        Return the node as it should be, or None if that is not the mistake.
+        Returns the corrected node, or None if this is not the mistake.
         """
         words = {**{kind: kind for kind in _kinds()}, **synonyms(), **_option_kinds()}
         for word, item in keys.items():
@@ -104,7 +104,7 @@ class NodeParser:
         return made(place, head, keys)
 
     def _broken(self, value: Located, keys: Mapping[str, Located]) -> TreeNode:
-        """Return a node of unknown kind, with the nodes that can be recognised in it."""
+        """Return a node of unknown kind, with the recognisable nodes in it."""
         items = value.value if isinstance(value.value, list) else ()
         below: list[TreeNode] = [self._unknown(value), *self._items(items)]
         beside = _beside()
@@ -125,15 +125,15 @@ class NodeParser:
         return SkillNode(value.place, "", keys)
 
     def is_control(self, key: str) -> bool:
-        """Return whether a key begins a control node."""
+        """Return True if a key begins a control node."""
         return key in _kinds()
 
     def is_name(self, value: object) -> TypeGuard[str]:
-        """Return whether a value is a name."""
+        """Return True if a value is a name."""
         return isinstance(value, str) and _NAME.fullmatch(value) is not None
 
     def name(self, value: Located, what: str) -> str:
-        """Return a name, or an empty text if the value is not one."""
+        """Return a name, or an empty text if the value is not a name."""
         if self.is_name(value.value):
             return value.value
         rule = "a letter, then letters, digits, _ or -"
@@ -144,7 +144,7 @@ class NodeParser:
         return ""
 
     def number(self, value: Located, what: str) -> int:
-        """Return a task number, or 0 if the value is not one."""
+        """Return a task number, or 0 if the value is not a task number."""
         if is_number(value.value):
             return value.value
         plain = value.value if isinstance(value.value, str) and value.value.isdecimal() else ""
@@ -157,7 +157,7 @@ class NodeParser:
         return int(plain) if plain and is_number(int(plain)) else 0
 
     def line(self, value: Located, what: str) -> str:
-        """Return a text as one line, or an empty one if the value is not a text."""
+        """Return a text as one line; empty if the value is not a text."""
         if isinstance(value.value, str) and value.value.strip():
             return " ".join(value.value.split())
         self._wrong(value.place, f"{what}: {value} is not a text")
@@ -203,7 +203,7 @@ class NodeParser:
     def _raised(
         self, place: Place, kind: str, keys: Mapping[str, Located], own: Collection[str]
     ) -> Mapping[str, Located]:
-        """Report options that are below a node instead of beside it; return the values right."""
+        """Report options that are below a node instead of beside it. Return corrected values."""
         inner = nested(keys[kind])
         heads = [key for key in inner if key in _kinds()]
         theirs = {"name", *(option for head in heads for option in _kinds()[head].options)}
@@ -220,7 +220,7 @@ class NodeParser:
 
     def _children(self, kind: str, inner: Located) -> tuple[TreeNode, ...]:
         if _kinds()[kind].only_asks and _is_amount(inner):
-            from skills import wait_node  # slow, and only a mistake needs it
+            from skills import wait_node  # slow; only for a mistake
 
             wait = wait_node(inner.as_yaml())
             why = f"{kind} takes a condition; to wait for some time, write {wait}"
@@ -246,7 +246,7 @@ class NodeParser:
     ) -> tuple[TreeNode, ...]:
         if key in keys:
             return (self.node(keys[key]),)
-        from skills import EXAMPLE_CONDITION  # slow, and only a mistake needs it
+        from skills import EXAMPLE_CONDITION  # slow; only for a mistake
 
         right = added_below(place, f"{key}: {EXAMPLE_CONDITION}")
         self._wrong(place, f"{kind} needs {key}: the condition", right)
@@ -264,7 +264,7 @@ class NodeParser:
         return SubtreeNode(place, source, values, self._shown(keys), keys[head].place)
 
     def _with(self, head: str, keys: Mapping[str, Located]) -> Mapping[str, Located]:
-        """Report ports beside a subtree or a task; return the values with them below `with`."""
+        """Report ports beside a subtree or task. Return the values with the ports below `with`."""
         known = (head, *_FILES[head])
         ports = {key: value for key, value in keys.items() if key not in known}
         if not ports or corrections(keys, known):
@@ -286,7 +286,7 @@ class NodeParser:
     def _below_with(
         self, keys: Mapping[str, Located], ports: Mapping[str, Located]
     ) -> Mapping[str, Located]:
-        """Report ports that stand beside `with`; return its values with those ports added."""
+        """Report ports beside `with`. Return its values with these ports added."""
         given, rows = keys["with"], [each.label.line for each in ports.values()]
         if not ports or not isinstance(given.value, dict):
             return keys
@@ -304,7 +304,7 @@ class NodeParser:
     def _beside(
         self, head: str, keys: Mapping[str, Located], known: tuple[str, ...]
     ) -> Mapping[str, Located]:
-        """Report unknown keys of a node; return its values with corrected keys."""
+        """Report unknown keys of a node. Return its values with corrected keys."""
         beside = [key for key in keys if key != head]
         for key in beside:
             if key not in known:
@@ -336,13 +336,13 @@ class NodeParser:
 
 
 def _kinds() -> "Mapping[str, ControlNodeKind]":
-    from trees.nodes.kind import KINDS  # takes 0.3 s, which a list of tasks does not need
+    from trees.nodes.kind import KINDS  # the import takes 0.3 s; a list of tasks does not need it
 
     return KINDS
 
 
 def begins_node(key: str) -> bool:
-    """Return whether a key begins a node, or looks like the name of a skill."""
+    """Return True if a key begins a node, or looks like the name of a skill."""
     return key in _heads() or key[:1].isupper()
 
 
@@ -352,13 +352,13 @@ def _heads() -> tuple[str, ...]:
 
 
 def _beside() -> set[str]:
-    """Return the keys that may be beside the one that begins a node."""
+    """Return the keys that may be beside the first key of a node."""
     kinds = _kinds().values()
     return {"with", "name", *(key for kind in kinds for key in (*kind.options, kind.condition))}
 
 
 def _likely(words: Collection[str]) -> dict[str, str]:
-    """Return the likely heads of nodes that unknown words mean."""
+    """Return the likely first keys of nodes for unknown words."""
     lower = [word for word in words if not word[:1].isupper() or word.lower() in _heads()]
     return corrections(lower, _heads()) or {
         word: kind for word, kind in synonyms().items() if word in words
@@ -376,25 +376,25 @@ def _option_kinds() -> dict[str, str]:
 
 
 def _is_amount(value: Located) -> bool:
-    """Return whether a value is a number, or one with a unit."""
+    """Return True if a value is a number, with or without a unit."""
     plain = value.value
     number = isinstance(plain, int | float) and not isinstance(plain, bool)
     return number or (isinstance(plain, str) and _AMOUNT.fullmatch(plain) is not None)
 
 
 def is_number(value: object) -> TypeGuard[int]:
-    """Return whether a value is a task number."""
+    """Return True if a value is a task number."""
     return type(value) is int and 0 <= value <= MAX_NUMBER
 
 
 def _as_selector(keys: Mapping[str, Located]) -> list[str]:
-    """Return the lines of a selector that does the same as if, then and else."""
-    from py_trees.ports import get_ports_registry  # slow to load, like the kinds
+    """Return the lines of a selector that is equivalent to if, then and else."""
+    from py_trees.ports import get_ports_registry  # slow to load
 
     condition, ports = keys["if"].as_yaml(), nested(keys["if"]).keys()
     for name, kind in get_ports_registry().items() if ports else ():
         if getattr(kind, "condition", False) and kind.input_ports().keys() == ports:
-            condition = f"{{{name}: {condition}}}"  # only the ports were written
+            condition = f"{{{name}: {condition}}}"  # the text had only the ports
             break
     inverted = f"inverter: {condition}"
     nodes = {
@@ -414,7 +414,7 @@ def _respell(keys: Mapping[str, Located], likely: Mapping[str, str]) -> dict[str
 
 
 def _no_node(value: Located, keys: tuple[str, ...]) -> str:
-    """Return why a value is not a node."""
+    """Return the error of a value that is not a node."""
     if isinstance(value.value, list):
         return "a list of nodes needs a node above it, such as sequence:"
     if not keys:

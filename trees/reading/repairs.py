@@ -1,7 +1,7 @@
-"""Repairs: the small edits that make a file of a wrong layout a task file again.
+"""Repairs: small edits that correct the layout of a task file.
 
-A YAML parser fails after the mistake, and in terms of its own. So common slips are undone at that
-place, one by one. The edits that leave the fewest mistakes are what to write instead.
+A YAML parser fails after the mistake, with technical words. Therefore this module undoes common
+slips near that place, one by one. The edits that leave the fewest mistakes become the correction.
 """
 
 import re
@@ -18,10 +18,10 @@ from .document import NotYaml, split_lines
 from .node_parser import begins_node
 
 _MAX_EDITS = 4
-_KEPT = 10  # best texts that are edited further
-_MAX_READ = 250_000  # characters that are read in search of edits; takes about half a second
-_MAX_TEXT = 25_000  # characters of a text that is searched for edits
-_MAX_LEFT = 2  # mistakes that a repaired text may have in the lines that were edited
+_KEPT = 10  # number of best texts that are edited further
+_MAX_READ = 250_000  # largest total of characters read in a search, about half a second
+_MAX_TEXT = 25_000  # largest text for a search [characters]
+_MAX_LEFT = 2  # largest number of mistakes in the edited lines of a repaired text
 
 Drafted = TypeVar("Drafted")
 Draft = Callable[[Path, str], tuple[Drafted, list[Mistake]]]
@@ -33,9 +33,9 @@ class _Edit:
     """A change of the text.
 
     Attributes:
-        spot: Where the text is wrong.
-        kind: Name of the slip that it undoes.
-        why: What is wrong, for the message.
+        spot: Place of the mistake in the text.
+        kind: Name of the slip that the edit undoes.
+        why: Words for the mistake, for the message.
         lines: All lines after the change.
     """
 
@@ -52,10 +52,10 @@ class _Version:
     Attributes:
         lines: Its lines.
         edits: The edits.
-        rank: The lower, the better.
-        spots: Where it is wrong.
+        rank: Rank; a lower rank is better.
+        spots: Places of its mistakes.
         left: Number of its mistakes; None if it is not YAML.
-        near: Number of its mistakes in the lines that were edited.
+        near: Number of its mistakes in the edited lines.
     """
 
     lines: tuple[str, ...]
@@ -67,13 +67,13 @@ class _Version:
 
 
 def repairing(draft: Draft[Drafted]) -> Draft[Drafted]:
-    """Let a function that reads files report edits of their layout.
+    """Make a function that reads files also report edits of their layout.
 
-    If edits make a file right, or a file that is not YAML into YAML, they are mistakes of the file,
-    and the edited text is read.
+    The edits are used if they make a file valid, or make YAML of a file that is not YAML. They are
+    then mistakes of the file, and the edited text is read.
 
     Args:
-        draft: Reads a text, and continues after mistakes.
+        draft: Function that reads a text and continues after mistakes.
     """
 
     @wraps(draft)
@@ -110,7 +110,7 @@ def _mistakes(path: Path, text: str, edits: Sequence[_Edit]) -> list[Mistake]:
             n for n, pair in enumerate(zip(before, edit.lines, strict=True)) if pair[0] != pair[1]
         }
         moved.setdefault(edit.kind, set()).update(rows)
-        if edit.kind == "indent":  # other lines move with this one
+        if edit.kind == "indent":  # the edit also moves other lines
             rows = {edit.spot[0]}
         if edit.kind == "dash":
             rows = {n for n in rows if edits[-1].lines[n].lstrip().startswith("- ")}
@@ -132,7 +132,7 @@ def _mistakes(path: Path, text: str, edits: Sequence[_Edit]) -> list[Mistake]:
 
 
 class _Search:
-    """Searches the edits that leave the fewest mistakes, breadth first."""
+    """Searches for the edits that leave the fewest mistakes, breadth first."""
 
     def __init__(self, draft: Draft[Drafted], path: Path, text: str) -> None:
         self._draft, self._path = draft, path
@@ -140,7 +140,7 @@ class _Search:
         self._read = 0
 
     def repaired(self) -> _Version | None:
-        """Return the best text; None if no edits are better than the text itself."""
+        """Return the best text; None if no edits improve the text."""
         if sum(map(len, self._lines)) > _MAX_TEXT:
             return None
         start = self._version(self._lines, ())
@@ -194,7 +194,7 @@ def _spot(place: Place, lines: Sequence[str]) -> _Spot:
 
 
 def _edits(version: _Version) -> Iterator[_Edit]:
-    """Return the edits that undo a slip near the places where a text is wrong."""
+    """Return the edits that undo a slip near the mistakes of a text."""
     lines, rows = version.lines, dict[int, None]()
     for row, _ in version.spots:
         rows |= {row: None, _line_before(row, lines): None}
@@ -203,7 +203,7 @@ def _edits(version: _Version) -> Iterator[_Edit]:
             same = _columns(lines[below])[0] == _columns(lines[row])[2]
             rows |= {below: None} if same else {}
     yield from _foreign_sign_edits(lines)
-    last = max(rows) if version.left is None else 0  # in YAML, all brackets are closed
+    last = max(rows) if version.left is None else 0  # valid YAML has no open brackets
     for row in rows:
         content, comment = _split_comment(lines[row])
         for column, why, line in _slip_edits(content):
@@ -222,7 +222,7 @@ def _with_line(lines: tuple[str, ...], row: int, line: str) -> tuple[str, ...]:
     return (*lines[:row], line, *lines[row + 1 :])
 
 
-# Slips that are made in all lines: what they are, what to write instead, and why.
+# Slips that people repeat in all lines: pattern, replacement and message.
 _FOREIGN = (
     (re.compile("\t"), "  ", "tabs cannot indent; use spaces"),
     (re.compile("\t"), "    ", "tabs cannot indent; use spaces"),
@@ -244,7 +244,7 @@ def _foreign_sign_edits(lines: tuple[str, ...]) -> Iterator[_Edit]:
             yield _Edit(spot, why, why, tuple(odd.sub(instead, line) for line in lines))
 
 
-_InLine = tuple[int, str, str]  # the column of a slip, what is wrong, and the line without it
+_InLine = tuple[int, str, str]  # column of a slip, message, and corrected line
 _KEY = r"(^[\s-]*|(?<=[{,\[])\s*)([A-Za-z_][\w-]*)"
 _TEXT = r"\s*[^\s\d$'\"{}\[\],:#][^'\"{}\[\],:#]*"
 
@@ -253,7 +253,7 @@ _AMOUNT = r"[-+]?[\d.]+(?: ?[a-z]+)?"
 _CALL = r"the values of `\2` follow a colon, not in parentheses"
 _IN_ONE_LINE = "two keys of a node in one line need braces and a comma"
 
-# Patterns of slips: group 2 is the place. What to write instead, and why.
+# Patterns of slips (group 2 is the place), replacement and message.
 _SLIPS = (
     (_KEY + r":(?=[^\s:/\\])", r"\1\2: ", r"a space is missing after the colon of `\2`"),
     (_KEY + r" ?= ?(?=[^\s=])", r"\1\2: ", r"a colon separates `\2` from its value, not `=`"),
@@ -291,7 +291,7 @@ _SLIPS = (
 
 
 def _slip_edits(content: str) -> Iterator[_InLine]:
-    """Return edits that undo one slip, or all slips of its kind, in a line."""
+    """Return edits that undo one slip in a line, or all slips of its kind."""
     for pattern, instead, why in _SLIPS:
         slips = list(re.finditer(pattern, content))
         for slip in slips:
@@ -301,12 +301,12 @@ def _slip_edits(content: str) -> Iterator[_InLine]:
             yield slips[0].start(2), slips[0].expand(why), re.sub(pattern, instead, content)
 
 
-_HIDDEN = r": ((?:[^'\"{}\[\],]+ )?#[^'\"{}\[\],]*)(?=[,}\]])"  # the # of a text
+_HIDDEN = r": ((?:[^'\"{}\[\],]+ )?#[^'\"{}\[\],]*)(?=[,}\]])"  # a # inside a text
 _CLOSERS = {"{": "}", "[": "]", "'": "'", '"': '"'}
 
 
 def _closing_edits(lines: tuple[str, ...], row: int, last: int) -> Iterator[_Edit]:
-    """Return edits that close what a line opens, up to a later line, or put its text in quotes."""
+    """Return edits that close an open bracket or quote of a line, or put its text in quotes."""
     content, comment = _split_comment(lines[row])
     if hidden := re.search(_HIDDEN, lines[row]):
         why = "a # after a space begins a comment; put the text in quotes"
@@ -316,7 +316,7 @@ def _closing_edits(lines: tuple[str, ...], row: int, last: int) -> Iterator[_Edi
         column = stack[-1]
         why = f"the {content[column]} of line {row + 1}, column {column + 1} is not closed"
         ends = [found.start() for found in re.finditer(r"[,}\]]", content) if found.end() > column]
-        # Best before the next key.
+        # The best place is before the next key.
         ends.sort(key=lambda end: not re.match(r", *[\w-]+:", content[end:]))
         closer = _CLOSERS[content[column]]
         made = [f"{content[:end]}{closer}{content[end:]}" for end in ends]
@@ -336,7 +336,7 @@ def _closing_edits(lines: tuple[str, ...], row: int, last: int) -> Iterator[_Edi
 
 
 def _sign_edits(line: str, column: int) -> Iterator[_InLine]:
-    """Return edits of the characters where the text is wrong."""
+    """Return edits of the characters at the mistake."""
     before, after = line[:column], line[column:]
     if after.startswith(("}", "]")):
         sign, other = after[0], {"}": "]", "]": "}"}[after[0]]
@@ -352,7 +352,7 @@ def _sign_edits(line: str, column: int) -> Iterator[_InLine]:
 
 
 def _dash_edits(lines: tuple[str, ...], row: int) -> Iterator[_Edit]:
-    """Return edits that begin an item of a list, or one at every line of the same column."""
+    """Return edits that add a `-` to a line, or to every line in the same column."""
     found = re.match(r"(\s*)([A-Za-z_][\w-]*)", lines[row])
     if not (found and begins_node(found[2])):
         return
@@ -368,7 +368,7 @@ def _dash_edits(lines: tuple[str, ...], row: int) -> Iterator[_Edit]:
 
 
 def _undashed(lines: tuple[str, ...], row: int) -> Iterator[_Edit]:
-    """Return an edit that lets a line continue the node above it."""
+    """Return an edit that joins a line to the node above it."""
     found = re.match(r"(\s*)- (\w+)", lines[row])
     if found and not begins_node(found[2]):
         why = f"leave out the `-` before `{found[2]}`: it begins no item of a list"
@@ -387,7 +387,7 @@ def _end_of_block(lines: Sequence[str], row: int, column: int) -> int:
 def _indent_edits(lines: tuple[str, ...], row: int) -> Iterator[_Edit]:
     """Return edits that move a line, with the lines that belong to it, to another column."""
     now, shown = _columns(lines[row])[:2]
-    columns = dict[int, str]()  # the columns of the lines above, and what to do
+    columns = dict[int, str]()  # columns of the lines above, with advice
     for above in reversed(range(row)):
         if not _content(lines[above]):
             continue

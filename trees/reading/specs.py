@@ -1,4 +1,4 @@
-"""The nodes of a tree as data, as they are written in a file."""
+"""The nodes of a tree as data, as in the file."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -10,12 +10,12 @@ from .document import Located
 
 @dataclass(frozen=True, slots=True)
 class Key:
-    """A reference, `$name` in a file: to a parameter, a port of the subtree, or a key.
+    """A reference `$name` in a file, to a parameter, a port of the subtree, or a key.
 
     Attributes:
         place: Its place.
         name: Name without the $.
-        label: Place of the port that has it as a value.
+        label: Place of the port whose value it is.
     """
 
     place: Place
@@ -33,8 +33,8 @@ class SkillNode:
     Attributes:
         place: Its place.
         skill: Name of the skill; empty if the file is wrong here.
-        ports: Values and references by port; a value without a port is at "". If the file is wrong
-            here: the references in it.
+        ports: Values and references by port. A value without a port is at "". In a wrong part of a
+            file, the references in it.
         name: Name of the node; empty for the skill's name.
     """
 
@@ -51,7 +51,7 @@ class ControlNode:
     Attributes:
         place: Its place.
         kind: Name of its kind; empty if the file is wrong here.
-        children: Its children. If it has a condition, that is the last one.
+        children: Its children. A condition is the last child.
         options: Values of its options, by name.
         name: Name of the node; empty for its kind.
     """
@@ -70,9 +70,9 @@ class SubtreeNode:
     Attributes:
         place: Its place.
         source: Name of the subtree, or number of the task; empty if the file is wrong here.
-        values: Values and references by port or parameter; a value without one is at "".
+        values: Values and references by port or parameter. A value without a name is at "".
         name: Name of the node; empty for the name in the file.
-        named: Place of the source; None if the file names it as a skill.
+        named: Place of the source; None if the file writes it like a skill.
     """
 
     place: Place

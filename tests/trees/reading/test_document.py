@@ -189,7 +189,7 @@ def test_too_many_mistakes_end_the_check() -> None:
         read("{" + ":," * 100_000 + "}")
     reported = [mistake.message for mistake in caught.value.mistakes]
     assert len(reported) == MAX_MISTAKES + 1
-    assert "1000 mistakes so far; what follows is not read" in reported
+    assert "1000 mistakes so far; the rest is not read" in reported
 
 
 @settings(max_examples=300, deadline=None)

@@ -10,7 +10,7 @@ NEAR = (3.0, 4.5)
 
 @condition
 def nobody_near(context: Context) -> bool:
-    """Return whether the light barrier is free."""
+    """Return True if the light barrier is free."""
     begin, end = NEAR
     return (context.clock.now() - begin) % 60.0 >= end - begin
 
