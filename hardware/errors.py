@@ -17,11 +17,11 @@ class ArmtreeError(Exception):
 
     Attributes:
         code: Stable name of the cause.
-        exit_status: Exit status of a command that it ends.
+        exit_status: Exit status of a command that ends with this error.
         http_status: HTTP status of the answer to a request that it ends.
-        hint: What to do next.
-        heading: Text before the message of the cause; empty for none.
-        by_code: The loaded classes that have a code of their own, by that code.
+        hint: Advice for the user.
+        heading: Text before the message of the cause; empty for no text.
+        by_code: The loaded classes with a code of their own, by code.
     """
 
     code = "internal"

@@ -276,7 +276,7 @@ class WriteGuard:
         return check_positions(self._robot.actuated, tuple(commanded.values()))
 
     def _check_velocity(self, target: tuple[float, ...], frame: Frame) -> list[float]:
-        """Return when each joint reaches its target if it moves at its velocity limit [s].
+        """Return the time at which each joint reaches its target at its velocity limit [s].
 
         A step that does not turn its servo is not refused, but counts for the next one.
         """
@@ -334,7 +334,7 @@ class WriteGuard:
             self._closed = True  # the board may have received a part, so nothing may follow
             if isinstance(error, LinkError) or not isinstance(error, Exception):
                 raise
-            raise DriverFailed(error) from error  # even a WriteRefused, which only the guard raises
+            raise DriverFailed(error) from error  # even a WriteRefused: only the guard may raise it
 
 
 def _most_behind(robot: Robot) -> list[float]:
