@@ -21,9 +21,10 @@ _CANDIDATES = 128
 _GROUP_SIZE = 16  # candidates filtered in one call
 _MAX_TRIES = 10  # largest number of bends that are checked completely
 _REACH = 2.0  # largest distance of candidates beyond the ends [rad]
-_SHARES = (
-    np.array([4.0, 2.0, 6.0, 1.0, 7.0, 3.0, 5.0]) / 8.0
-)  # shares of a bend that are checked first
+# Of a bend, checked first: halves, quarters ... If the first candidate is not free, most are not,
+# and these samples show it in a tenth of the time of a complete check.
+_SHARES = np.concatenate([np.arange(1.0, 2.0**k, 2.0) / 2.0**k for k in range(1, 6)])
+_FEW_SHARES = _SHARES[:7]
 _LINE_SAMPLES = np.linspace(0.0, 1.0, 8)[1:-1, None]
 _NO_RADIUS = np.zeros(1)
 _T = np.linspace(0.0, 1.0, 11)[1:-1, None, None]
@@ -84,7 +85,8 @@ def _find(
             waypoints, left, tries = np.array([ends[0], left[0], ends[1]]), left[1:], tries + 1
             radius = norms(np.diff(waypoints, axis=0)).min(keepdims=True) if rounded else _NO_RADIUS
             curve = Curve.through(waypoints, radius)
-            collision = validator.sampled_collision(curve.positions(curve.length * _SHARES))
+            shares = _FEW_SHARES if tries == 1 else _SHARES
+            collision = validator.sampled_collision(curve.positions(curve.length * shares))
             if collision is None:
                 collision = validator.collision_on(curve)
             if collision is None:

@@ -5,6 +5,9 @@ planning", ICRA 2000; lazy as Gildardo Sanchez and Jean-Claude Latombe, "A singl
 bi-directional probabilistic roadmap planner with lazy collision checking", ISRR 2001. Edges are
 first checked at a few points. The edges of a path from start to goal are then checked completely.
 
+The trees are balanced: the smaller one is extended, so a tree in a narrow place grows as far as the
+other one (LaValle, "Planning Algorithms", 2006, section 5.5.3).
+
 A failed search starts again with other samples: a few unlucky samples at its beginning can cost
 more than a new start.
 """
@@ -46,12 +49,12 @@ def find_path(validator: MotionValidator, start: Array, goals: Array, seed: int)
     for search in range(1, _MAX_SEARCHES + 1):
         random = np.random.default_rng((seed, search))
         trees = _Tree(validator, start[None, :]), _Tree(validator, goals)
-        roots = [goals, start[None, :]]  # roots of the two trees that grow in turn
-        samples = _samples(random, search * _FIRST_SAMPLES, roots, (lower, upper))
+        count, roots = search * _FIRST_SAMPLES, [goals, start[None, :]]
+        samples = _samples(random, count, roots, (lower, upper))
         drawn += len(samples)
-        for number, sample in enumerate(samples):
+        for sample in samples:
             validator.deadline.check()
-            here, there = trees if number % 2 else trees[::-1]
+            here, there = trees if trees[0].size <= trees[1].size else trees[::-1]
             new = here.extend(sample)
             if new is None or (met := there.connect(here.points[new])) is None:
                 continue
