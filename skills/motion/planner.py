@@ -38,7 +38,7 @@ from .path.shortcut import shortcut
 from .query import Answer, Carry, Query, Reached, Request, Rest, ToolQuery, Verify, check_types
 from .robot_model.joint_group import JointGroup
 from .robot_model.robot_model import RobotModel
-from .timing.retime_after_pause import check_rest, remaining_plan
+from .timing.retime_after_pause import remaining_plan
 from .timing.time_parameterization import time_curve
 from .trajectory.curve import Curve
 from .trajectory.plan import Plan
@@ -186,12 +186,9 @@ class Planner:
             BadQuery, NotFinite: The arm is not on the path, or the request is not valid.
             TooLong: The rest would take too long.
         """
-        watch = Stopwatch(self._clock)
-        check_rest(request)
-        start = joint_positions("start", request.start, self._robot.actuated)
-        group = self._group(request.plan.group)
+        watch, group = Stopwatch(self._clock), self._group(request.plan.group)
         with watch.stage("time"):
-            plan = remaining_plan(request, start, group)
+            plan = remaining_plan(request, group, self._robot.actuated)
         _check_duration(plan, group)
         return dataclasses.replace(plan, milliseconds=watch.milliseconds)
 

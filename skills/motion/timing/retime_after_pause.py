@@ -2,11 +2,13 @@
 
 import math
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from skills.motion.arrays import Array, norms
+from hardware import Joint
+from skills.motion.arrays import Array, joint_positions, norms
 from skills.motion.errors import BadQuery, NotFinite, shown
 from skills.motion.query import Rest
 from skills.motion.robot_model.joint_group import JointGroup
@@ -19,7 +21,7 @@ from .time_parameterization import time_curve
 _SHORT = 1e-9  # largest length of a rest that becomes a line [rad]
 
 
-def check_rest(request: Rest) -> None:
+def _check(request: Rest) -> None:
     """Check a request.
 
     Raises:
@@ -35,19 +37,21 @@ def check_rest(request: Rest) -> None:
         raise BadQuery("The limits of the plan are not above 0; give a Plan of this planner")
 
 
-def remaining_plan(request: Rest, start: Array, group: JointGroup) -> Plan:
+def remaining_plan(request: Rest, group: JointGroup, actuated: Sequence[Joint]) -> Plan:
     """Return the rest of the path from the stop, timed again from standstill.
 
     Args:
-        request: A request that `check_rest` accepts.
-        start: All actuated joints at the stop (A,) [rad].
+        request: The motion, and where it was stopped.
         group: The group that moves.
+        actuated: All actuated joints (A).
 
     Raises:
-        BadQuery: The plan is of other joints, the arm is not on the path, or the rest cannot be
-            timed.
+        NotFinite: A number of the request is NaN or infinite.
+        BadQuery: The request is not valid, the plan is of other joints, the arm is not on the path,
+            or the rest cannot be timed.
     """
-    plan = request.plan
+    _check(request)
+    plan, start = request.plan, joint_positions("start", request.start, actuated)
     if plan.joints != group.names:
         moves, own = ", ".join(plan.joints), ", ".join(group.names)
         raise BadQuery(f"The plan moves {moves}, but {plan.group} has {own}; plan again")

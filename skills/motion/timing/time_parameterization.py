@@ -47,9 +47,8 @@ def _time_section(
     piece = np.searchsorted(curve.breaks, begin, side="right") - 1
     if inside or curve.quadratic[piece].any():
         return time_section(curve, np.array([begin, *inside, end]), velocity, acceleration)
-    return TimeLaw.trapezoidal(
-        begin, end, *_limits_along(curve.linear[piece], velocity, acceleration)
-    )
+    limits = _limits_along(curve.linear[piece], velocity, acceleration)
+    return TimeLaw.trapezoidal(begin, end, *limits)
 
 
 def line_duration(step: Array, velocity: Array, acceleration: Array) -> float:
