@@ -420,3 +420,12 @@ def _own_token(url: str) -> str:
     if parts.scheme == "tls":
         known |= {"localhost", "127.0.0.1", "::1"}
     return own.token if parts.hostname in known else ""
+
+
+async def end_all(*tasks: asyncio.Task[Any]) -> None:
+    """Cancel tasks until they end: `wait_for` of Python 3.11, in nats-py, can lose a cancel."""
+    left = {task for task in tasks if not task.done()}
+    while left:
+        for task in left:
+            task.cancel()
+        _, left = await asyncio.wait(left, timeout=_RETRY_SECONDS)

@@ -22,7 +22,7 @@ from .errors import FleetError, FleetMissing, check_name
 
 try:
     from . import web
-    from .connection import open_fleet
+    from .connection import end_all, open_fleet
     from .fleet_client import FleetClient
     from .nats_server import (
         NatsOptions as NatsOptions,
@@ -75,16 +75,19 @@ def up(options: NatsOptions, http_port: int) -> None:
                 logger.info("The fleet is at %s, its data in %s", options.url, options.data)
                 credentials = own_credentials(options)
                 watching = asyncio.create_task(_supervise(options.url, listener, credentials))
-                while not ended.is_set():
-                    with suppress(TimeoutError):
-                        async with asyncio.timeout(_RETRY_SECONDS):
-                            await ended.wait()
-                    if process.poll() is not None:
-                        raise FleetError(
-                            f"nats-server has ended with status {process.returncode}; its log is "
-                            f"{options.data / 'nats-server.log'}. Start it again: armtree fleet up"
-                        )
-                await _end(watching)
+                try:
+                    while not ended.is_set():
+                        with suppress(TimeoutError):
+                            async with asyncio.timeout(_RETRY_SECONDS):
+                                await ended.wait()
+                        if (status := process.poll()) is not None:
+                            raise FleetError(
+                                f"nats-server has ended with status {status}; its log is "
+                                f"{options.data / 'nats-server.log'}. Start it again: armtree "
+                                "fleet up"
+                            )
+                finally:
+                    await end_all(watching)
 
     asyncio.run(main())
 
@@ -105,15 +108,9 @@ def supervise(url: str, http_port: int) -> None:
             with web.listen(http_port) as listener:
                 watching = asyncio.create_task(_supervise(url, listener, None))
                 await ended.wait()
-                await _end(watching)
+                await end_all(watching)
 
     asyncio.run(main())
-
-
-async def _end(task: asyncio.Task[None]) -> None:
-    task.cancel()
-    with suppress(asyncio.CancelledError):
-        await task
 
 
 async def _supervise(
@@ -191,8 +188,8 @@ async def _join(server: str, url: str, pool: str, name: str, page: str, child: b
         ending.cancel()
         if known:
             known[0].end()
-        elif not serving.done():
-            serving.cancel()
+        else:
+            await end_all(serving)
         with suppress(asyncio.CancelledError):
             await serving
 

@@ -21,7 +21,7 @@ from executive.client.values import Task
 from executive.errors import ClientError, GoalBusy, QueueFull, ServerUnreachable
 from hardware import Clock, State, utc_ns
 
-from .connection import ALIVE_SECONDS, GONE, Fleet, control_subject
+from .connection import ALIVE_SECONDS, GONE, Fleet, control_subject, end_all
 from .errors import ArmLost, BadJob, DeadlinePassed, FleetError, NameTaken
 from .job_requests import JobRequests
 from .values import IDENTITY, Job, JobRecord, Member, Presence, failed, from_bytes, to_bytes
@@ -131,7 +131,7 @@ class Worker:
             for task in done:
                 task.result()  # raises NameTaken, and what only a bug raises
         finally:
-            await _end_all(recovering, *tasks)
+            await end_all(recovering, *tasks)
             await self._leave()
 
     def end(self) -> None:
@@ -482,12 +482,3 @@ class Worker:
         (self._idle.clear if identity else self._idle.set)()
         self._free.clear()
         self._changed.set()
-
-
-async def _end_all(*tasks: asyncio.Task[Any]) -> None:
-    """Cancel tasks until they end: `wait_for` of Python 3.11, in nats-py, can lose a cancel."""
-    left = {task for task in tasks if not task.done()}
-    while left:
-        for task in left:
-            task.cancel()
-        _, left = await asyncio.wait(left, timeout=_PAUSE_SECONDS)

@@ -3,6 +3,7 @@
 import asyncio
 import threading
 from collections.abc import Iterator
+from contextlib import nullcontext
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from pathlib import Path
 from typing import Any
@@ -10,8 +11,10 @@ from typing import Any
 import pytest
 
 from executive.api.outcome import Ending, GoalState
+from executive.fleet import programs
 from executive.fleet.errors import FleetError
 from executive.fleet.fleet_client import FleetClient
+from executive.fleet.nats_server import NatsOptions
 from executive.fleet.programs import fetch_recording
 from executive.fleet.values import Job, JobRecord
 
@@ -81,6 +84,31 @@ def test_only_a_server_that_the_user_names_gets_the_token(
         (path("open.mcap"), ""),
         (path("1.mcap"), "Bearer secret"),
     ]
+
+
+def test_the_fleet_ends_with_its_nats_server(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also if a library loses the first cancel of a task."""
+    monkeypatch.setattr(programs, "_RETRY_SECONDS", 0.0)
+    monkeypatch.setattr("executive.fleet.connection._RETRY_SECONDS", 0.0)
+
+    class Killed:
+        """A process that was killed."""
+
+        def poll(self) -> int:
+            return -9
+
+    async def supervise(*_: object) -> None:
+        try:
+            await asyncio.Event().wait()
+        except asyncio.CancelledError:
+            await asyncio.Event().wait()
+
+    monkeypatch.setattr(programs, "nats_server", lambda *_: nullcontext(Killed()))
+    monkeypatch.setattr(programs, "_supervise", supervise)
+    with pytest.raises(FleetError, match="nats-server has ended with status -9"):
+        programs.up(NatsOptions(tmp_path), 0)
 
 
 def test_a_recording_replaces_no_file(arm: HTTPServer, tmp_path: Path) -> None:
