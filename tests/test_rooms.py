@@ -9,9 +9,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from py_trees.ports import get_ports_registry
 
-import skills  # noqa: F401  registers the skills
 from executive.api.codes import INTERRUPTED_EXIT, READER_ENDED_EXIT
 from executive.api.events import EVENTS, UNITS
 from executive.cli.main import cli
@@ -70,16 +68,6 @@ def test_files_that_the_documents_name_exist() -> None:
         text = (ROOT / document).read_text()
         named = re.findall(r"`((?:executive|skills|hardware|trees|logs|tests)/[\w./]+)`", text)
         assert [name for name in named if not (ROOT / name).exists()] == []
-
-
-def test_the_grammar_page_lists_every_skill_and_port() -> None:
-    page = (PAGES / "reference" / "tasks.md").read_text()
-    for name, skill in get_ports_registry().items():
-        if not skill.__module__.startswith("skills."):
-            continue
-        row = next(line for line in page.splitlines() if line.startswith(f"| `{name}` |"))
-        for port in {**skill.input_ports(), **skill.output_ports()}:
-            assert f"`{port}`" in row
 
 
 def test_the_page_lists_every_event_and_its_fields() -> None:

@@ -43,7 +43,8 @@ class _PlanGroup(PlanningSkill, register=False):
         "via": PortInformation(
             list[Positions],
             default_value=[],
-            description="positions of the group's joints to pass on the way, in order [rad]",
+            description="positions of the group's joints to pass in order: within 10 mm, and "
+            "without a stop if there is room [rad]",
         ),
         "speed": Port(
             float,

@@ -70,7 +70,10 @@ class Shift(Skill):
 
     INPUT_PORTS = {
         "start": _START,
-        "by": PortInformation(Positions, description="distances of some joints [rad]"),
+        "by": PortInformation(
+            Positions,
+            description="distances of some joints, at most half a turn of a continuous one [rad]",
+        ),
     }
     OUTPUT_PORTS = _OUTPUTS
 
