@@ -122,7 +122,8 @@ def test_a_failure_is_one_exception_class(tmp_path: Path) -> None:
     assert cause
     assert (cause.code, cause.hint) == ("task.test_too_hot", "let it cool down")
     assert cause.message == "The task failed: 71 degrees"
-    assert look_up(cause.code).exit_status == 40
+    known = look_up(cause.code)
+    assert (known.exit_status, known.http_status) == (40, 422)
 
 
 TOPIC = """
