@@ -126,11 +126,11 @@ class Planner:
         with checker.within(deadline):
             velocity, acceleration = group.limits_at(query.speed)
             for path in _paths(validator, points, query.seed, watch):
-                waypoints, curve = path
                 with watch.stage("time"):
-                    profile = time_curve(curve, velocity, acceleration, group.most_acceleration)
+                    profile = time_curve(path[1], velocity, acceleration, group.most_acceleration)
                 if profile:
                     break
+            waypoints, curve = path
             assert profile, "a path that stops at every waypoint can be timed"
             with watch.stage("time"):
                 plan = Plan(
@@ -186,7 +186,8 @@ class Planner:
             BadQuery, NotFinite: The arm is not on the path, or the request is not valid.
             TooLong: The rest would take too long.
         """
-        watch, group = Stopwatch(self._clock), self._group(request.plan.group)
+        watch = Stopwatch(self._clock)
+        group = self._group(request.plan.group)
         with watch.stage("time"):
             plan = remaining_plan(request, group, self._robot.actuated)
         _check_duration(plan, group)

@@ -51,7 +51,8 @@ def remaining_plan(request: Rest, group: JointGroup, actuated: Sequence[Joint]) 
             or the rest cannot be timed.
     """
     _check(request)
-    plan, start = request.plan, joint_positions("start", request.start, actuated)
+    plan = request.plan
+    start = joint_positions("start", request.start, actuated)
     if plan.joints != group.names:
         moves, own = ", ".join(plan.joints), ", ".join(group.names)
         raise BadQuery(f"The plan moves {moves}, but {plan.group} has {own}; plan again")
