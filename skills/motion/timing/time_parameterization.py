@@ -47,8 +47,7 @@ def _time_section(
     piece = np.searchsorted(curve.breaks, begin, side="right") - 1
     if inside or curve.quadratic[piece].any():
         return time_section(curve, np.array([begin, *inside, end]), velocity, acceleration)
-    limits = _limits_along(curve.linear[piece], velocity, acceleration)
-    return TimeLaw.trapezoidal(begin, end, *limits)
+    return TimeLaw.along_line(begin, end, curve.linear[piece], velocity, acceleration)
 
 
 def line_duration(step: Array, velocity: Array, acceleration: Array) -> float:
@@ -62,15 +61,4 @@ def line_duration(step: Array, velocity: Array, acceleration: Array) -> float:
     longest = float(abs(step).max())
     if not longest:
         return 0.0
-    limits = _limits_along(step / longest, velocity, acceleration)
-    return TimeLaw.trapezoidal(0.0, longest, *limits).duration
-
-
-def _limits_along(slope: Array, velocity: Array, acceleration: Array) -> tuple[float, float]:
-    """Return the limits of ds/dt and d2s/dt2 on a line with this dq/ds (J,)."""
-    moving = [(i, part) for i, part in enumerate(abs(slope).tolist()) if part]
-    speed, push = (
-        min(limits[i] / part for i, part in moving)
-        for limits in (velocity.tolist(), acceleration.tolist())
-    )
-    return speed, push
+    return TimeLaw.along_line(0.0, longest, step / longest, velocity, acceleration).duration

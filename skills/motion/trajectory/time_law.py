@@ -38,12 +38,33 @@ class TimeLaw:
         return cls(np.zeros(1), np.zeros(1), np.zeros(1), np.zeros(1))
 
     @classmethod
+    def along_line(
+        cls, begin: float, end: float, slope: Array, velocity: Array, acceleration: Array
+    ) -> "TimeLaw":
+        """Return the fastest motion along a line, from rest to rest.
+
+        Along a line, q' is constant and q'' is zero. The limits of all joints then become two
+        limits on s, so a trapezoidal profile is optimal.
+
+        Args:
+            begin: s at the start.
+            end: s at the end, more than `begin`.
+            slope: dq/ds on the line (J,).
+            velocity: Velocity limits (J,) [rad/s].
+            acceleration: Acceleration limits (J,) [rad/s2].
+        """
+        moving = [(i, part) for i, part in enumerate(abs(slope).tolist()) if part]
+        speed, push = (
+            min(limits[i] / part for i, part in moving)
+            for limits in (velocity.tolist(), acceleration.tolist())
+        )
+        return cls.trapezoidal(begin, end, speed, push)
+
+    @classmethod
     def trapezoidal(cls, begin: float, end: float, speed: float, acceleration: float) -> "TimeLaw":
         """Return the fastest motion from rest to rest: a trapezoidal velocity profile.
 
-        It is triangular if the distance is too short to reach full speed. Along a line, q' is
-        constant and q'' is zero. The limits of all joints then become two limits on s, so this time
-        law is optimal.
+        It is triangular if the distance is too short to reach full speed.
 
         Args:
             begin: s at the start.
