@@ -69,6 +69,11 @@ class Cause:
         """Return the message, with the code and the node."""
         return f"{self.message} [{self.code}{f' at {self.node}' if self.node else ''}]"
 
+    @property
+    def advice(self) -> str:
+        """What to do next; empty if the message says it."""
+        return "" if self.hint in self.message else self.hint
+
     def to_json(self) -> dict[str, Any]:
         """Return the cause as a JSON object."""
         return asdict(self)
@@ -113,13 +118,11 @@ class Ending:
     @property
     def hint(self) -> str:
         """What to do next; empty if the message says it."""
-        cause = self.cause
-        return cause.hint if cause and cause.hint not in cause.message else ""
+        return self.cause.advice if self.cause else ""
 
     def to_json(self) -> dict[str, Any]:
         """Return the ending as a JSON object."""
-        first = {"state": self.state.name, "success": self.success}
-        plain: dict[str, Any] = {**first, **asdict(self), **first}
+        plain = asdict(self) | {"state": self.state.name, "success": self.success}
         return plain | {"duration_s": round(plain.pop("duration"), 6)}
 
     @classmethod

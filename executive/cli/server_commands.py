@@ -188,12 +188,13 @@ def _goal_command(change: str, meaning: str) -> click.Command:
     @_goal_argument
     @_with_client
     def run(client: "Client", as_json: bool, goal_id: str) -> None:
-        from executive.errors import NotExecuting
+        from executive.api.outcome import cause_of
+        from executive.errors import NotExecuting, Refused
         from logs import goal_title
 
         running = client.status().goal
         if not goal_id and running is None:
-            raise NotExecuting
+            raise Refused(cause_of(NotExecuting()))
         goal = getattr(client, change)(goal_id or (running and running.identity))
         title = f"{goal_title(goal.task)} ({goal.identity})"
         echo_result(as_json, goal.to_json(), title)

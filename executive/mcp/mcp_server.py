@@ -237,7 +237,7 @@ def _described(tool: Tool) -> Described:
 
 def _refusal(error: ArmtreeError) -> CallToolResult:
     cause = cause_of(error)
-    hint = f"\n-> {cause.hint}" if cause.hint and cause.hint not in cause.message else ""
+    hint = f"\n-> {cause.advice}" if cause.advice else ""
     return CallToolResult(content=[TextContent(text=f"{cause}{hint}")], is_error=True)
 
 

@@ -251,5 +251,5 @@ def outcome_words(outcome: Outcome) -> tuple[str, bool]:
 
 def cause_words(cause: Cause) -> str:
     """Return a cause in words; what is cut is at the end."""
-    hint = f" -> {cause.hint}" if cause.hint and cause.hint not in cause.message else ""
+    hint = f" -> {cause.advice}" if cause.advice else ""
     return f"{cause.code}: {cause.message}{hint}"

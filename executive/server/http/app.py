@@ -307,6 +307,7 @@ async def _not_routed(request: Request, error: Exception) -> Response:
     assert isinstance(error, HTTPException)
     words = f"{request.method} {request.url.path}: {error.detail}"
     kind = {404: NotFound, 405: BadMethod}.get(error.status_code, RequestError)
-    refused = kind(words, "GET /openapi.json lists all operations", error.status_code)
-    headers = {**(error.headers or {}), "connection": "close"}
-    return JSONResponse(cause_of(refused).to_json(), error.status_code, headers)
+    hint = "GET /openapi.json lists all operations"
+    response = _refusal(kind(words, hint, error.status_code))
+    response.headers.update(error.headers or {})
+    return response
