@@ -277,9 +277,7 @@ class Acceptance:
         return self.cause.message if self.cause else "accepted"
 
     def to_json(self) -> dict[str, Any]:
-        """Return the answer as a JSON object: the goal, or why it was refused."""
-        if self.cause:
-            return self.cause.to_json()
+        """Return the answer to a goal that was accepted, as a JSON object."""
         return {"goal_id": self.identity, "stamp_ns": self.stamp_ns}
 
 
