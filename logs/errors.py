@@ -13,7 +13,7 @@ DISK_FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
 class LogError(ArmtreeError):
-    """Something could not be recorded. Root of the errors of this room.
+    """A recording cannot be written or read. Root of the errors of this room.
 
     Attributes:
         path: The file or folder.
@@ -80,10 +80,11 @@ class DiskFull(LogError):
 
 
 class RecordingIncomplete(LogError):
-    """Something of a run is missing from its recording, or the file is unfinished.
+    """The recording of a run is incomplete or unfinished.
 
     Attributes:
-        lost: Number of records and attachments missing from the file; None while it may grow.
+        lost: Number of records and attachments missing from the file; None while the number may
+            grow.
         cause: The first error.
         finished: True if a final recording was made from the rest.
     """
@@ -132,7 +133,7 @@ class RecordingEmpty(RecordingError):
 
 
 class NoSuchRecording(RecordingError):
-    """No recording has the given name, or several do."""
+    """No recording has the given name, or several recordings match it."""
 
     code = "log.no_such"
     hint = "`armtree log ls` lists them"
@@ -164,11 +165,11 @@ class RecordingTruncated(RecordingError):
 
 
 class RecordingCut(RecordingError):
-    """A crash cut the run off; the recording was recovered, but lacks the end of the run."""
+    """The recording lacks the end of the run, because a crash cut it off. It was recovered."""
 
     code = "log.cut"
     exit_status = 10
-    hint = "nothing: what was recorded is kept"
+    hint = "nothing: the recorded part is kept"
 
     def __init__(self, path: Path) -> None:
         super().__init__(path, "was recovered after a crash; the end of the run is missing")

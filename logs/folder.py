@@ -14,10 +14,10 @@ def check_space(folder: Path) -> int:
     """Return the free space for recordings [bytes].
 
     Args:
-        folder: Folder for recordings; it need not exist.
+        folder: Folder for recordings. It need not exist.
 
     Raises:
-        NoSpace: A run may need more than that.
+        NoSpace: A run may need more space than is free.
     """
     there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
     free = shutil.disk_usage(there).free
@@ -27,16 +27,16 @@ def check_space(folder: Path) -> int:
 
 
 def recording_path(folder: Path, utc_ns: int, task: int | str) -> Path:
-    """Return the path of a new recording; create the folder if necessary.
+    """Return the path of a new recording. Create the folder if necessary.
 
     Args:
         folder: Folder for recordings.
-        utc_ns: Time of the start, UTC since 1970 [ns]; the name has whole milliseconds.
-        task: The task's number, or another name for what is recorded.
+        utc_ns: Time of the start, UTC since 1970 [ns]. The name has whole milliseconds.
+        task: Number of the task, or another name for the recording.
 
     Returns:
-        A path such as `recordings/20261121T103155.123Z-1.mcap`. If it exists, a recorder refuses
-        it; then try the next millisecond.
+        A path such as `recordings/20261121T103155.123Z-1.mcap`. A recorder refuses an existing
+        path; then try the next millisecond.
 
     Raises:
         RecordingNotCreated: The folder cannot be created.

@@ -2,7 +2,7 @@
 
 A record is written as several messages. Verification uses one of them; most tools use the others,
 such as transforms, trajectories and the text of a frame. This check converts each record again and
-compares all its messages. It finds changes also in files that hold no digests, or forged ones.
+compares all its messages. It also finds changes in files without digests, or with forged digests.
 """
 
 import struct
@@ -33,7 +33,7 @@ from .reader import Message
 from .recording import Recording
 
 _ROWS = {topic.name: (topic.record, row) for row, topic in enumerate(TOPICS)}
-_UNCHECKED = "/diagnostics"  # its words and thresholds may differ between versions
+_UNCHECKED = "/diagnostics"  # words and thresholds of this topic may differ between versions
 _URDF = "/robot_description"
 _PLAN, _PLANS = "/plan/", [row for row, topic in enumerate(TOPICS) if topic.record is Plan]
 
@@ -43,14 +43,14 @@ _DERIVED = ("/feedback", "/plan/{record.group}/trajectory", "/tf")
 # Records without a time of their own in the file.
 _UNDATED = (Description, Received, Measured, LogLine, Transition)
 
-# Largest difference between the sines of two processors.
+# Largest difference between the sines that two processors compute.
 _TOLERANCE = 1e-12
 
 
 def inconsistency(recording: Recording) -> tuple[str, str]:
     """Return the first message that differs from its record: its topic, and the difference.
 
-    A message that cannot be decoded differs, too.
+    A message that cannot be decoded also differs.
 
     Returns:
         Two empty strings if all messages agree.
@@ -69,7 +69,7 @@ def inconsistency(recording: Recording) -> tuple[str, str]:
 
 
 def _groups(recording: Recording) -> Iterator[list[Message]]:
-    """Yield the messages of each record; not of a last record that was cut."""
+    """Yield the messages of each record, except for a last record that was cut off."""
     group: list[Message] = []
     before: tuple[type | None, int] = None, 0
     for message in recording.all_messages():
@@ -135,7 +135,7 @@ class _Checker:
         return f"message {self._counts[message.topic] + 1} on {message.topic}"
 
     def _record(self, group: list[Message]) -> Record | None:
-        """Return the record of messages; None if only derived messages are there."""
+        """Return the record of messages; None if there are only derived messages."""
         messages = [message for message in group if not _derived(message.topic)]
         if messages and messages[0].topic == _URDF:
             return self._description(messages[0].data.data)
@@ -159,7 +159,7 @@ class _Checker:
 
 
 def _difference(place: str, found: Any, expected: Any) -> str:
-    """Return the first part of a message that differs, with its place; empty if none does."""
+    """Return the first part of a message that differs, with its place; empty if all are equal."""
     parts: Iterable[tuple[str, Any, Any]]
     if found is not None and isinstance(expected, Values):
         parts = (

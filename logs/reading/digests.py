@@ -1,8 +1,8 @@
 """Digests of a recording: one for every topic, attachment and note.
 
-Compaction writes them as a note. They show that the *content* of a recording is what it was when
-it was finished, also after another program rewrote the file with valid checksums of its own, and
-name the part that changed. They are not a signature: who changes a part can change its digest, too.
+Compaction writes them as a note. They show that the *content* of a finished recording has not
+changed, even if another program rewrote the file with valid checksums. They name a part that
+changed. They are not a signature: a person who changes a part can also change its digest.
 """
 
 from collections.abc import Iterable, Iterator
@@ -20,7 +20,7 @@ from .tolerant_reader import TolerantReader
 
 _BYTES = 8
 
-# Notes in every recording of the versions that write digests; the older ones have neither.
+# Notes in every recording of versions that write digests. Older recordings have neither note.
 _SINCE = {"note configuration", "note rosbag2"}
 _TIMES = Struct("<QQQQ")
 
@@ -29,8 +29,8 @@ class Digests:
     """Digests of the MCAP records that pass through it.
 
     Attributes:
-        noted: The digests that the file itself holds, by name; empty if it holds none.
-        journal: True if the file is a journal, which holds none yet.
+        noted: The digests in the file itself, by name; empty if there are none.
+        journal: True if the file is a journal. A journal has no digests yet.
     """
 
     def __init__(self) -> None:
@@ -41,13 +41,13 @@ class Digests:
         self._channels: dict[int, tuple[str, bytes]] = {}
 
     def watch(self, records: Iterable[Any]) -> Iterator[Any]:
-        """Yield the records unchanged and digest them; indexes and statistics do not count."""
+        """Yield the records unchanged, and digest them without indexes and statistics."""
         for record in records:
             self._add_record(record)
             yield record
 
     def made(self) -> dict[str, str]:
-        """Return the digests by name: a topic, `file NAME` or `note NAME`."""
+        """Return the digests by name. A name is a topic, `file NAME` or `note NAME`."""
         return {name: digest.hexdigest() for name, digest in self._digests.items()}
 
     def _add_record(self, record: Any) -> None:
@@ -82,8 +82,8 @@ def changed_part(path: Path) -> str:
     """Return the first topic, attachment or note that changed after the recording was finished.
 
     Returns:
-        Its name; the name of the digests if they are missing. Empty if nothing changed, or if
-        the file never held digests.
+        Its name; the name of the digests if they are missing; empty if nothing changed or the file
+        never had digests.
 
     Raises:
         RecordingError: The file cannot be read.

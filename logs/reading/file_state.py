@@ -1,4 +1,4 @@
-"""The state of a recording's file: finished, unfinished, being written, or not ours."""
+"""The state of a recording's file: finished, unfinished, being written, or of another program."""
 
 import fcntl
 import os
@@ -19,11 +19,11 @@ from logs.records.file_format import MAGIC, is_journal
 from .recording import Recording
 from .tolerant_reader import TolerantReader
 
-_HEAD = 64  # the first bytes, which contain the profile and the name of the library
-_LIBRARY = b"armtree"  # begins the library's name in our files
-_NAME = "*T*Z-*.mcap"  # as `recording_path` makes it
+_HEAD = 64  # number of first bytes, with the profile and the name of the library
+_LIBRARY = b"armtree"  # begin of the library's name in files of armtree
+_NAME = "*T*Z-*.mcap"  # names from `recording_path`
 _FOOTER_OPCODE, _FOOTER_CONTENT = 0x02, 20
-_FOOTER = struct.Struct(f"<BQ{_FOOTER_CONTENT}s8s")  # with the magic after it
+_FOOTER = struct.Struct(f"<BQ{_FOOTER_CONTENT}s8s")  # followed by the magic
 
 
 @contextmanager
@@ -32,14 +32,14 @@ def locked(recording: Path, shared: bool = False) -> Iterator[None]:
 
     Args:
         recording: The file.
-        shared: True if others may hold it in the same way at the same time.
+        shared: True if other readers may hold the lock at the same time.
 
     Raises:
-        RecordingInUse: Another process or thread holds it.
+        RecordingInUse: Another process or thread holds the lock.
         RecordingError: The file does not exist.
     """
     try:
-        handle = os.open(recording, os.O_RDONLY | os.O_NONBLOCK)  # it might be a pipe
+        handle = os.open(recording, os.O_RDONLY | os.O_NONBLOCK)  # in case it is a pipe
     except OSError as cause:
         reason = cause.strerror or str(cause)
         raise RecordingError(recording, f"cannot be read ({reason}); check the path") from cause
@@ -53,20 +53,20 @@ def locked(recording: Path, shared: bool = False) -> Iterator[None]:
 
 
 def being_written(path: Path) -> bool:
-    """Return whether a recording is being written now.
+    """Return True if a recording is being written now.
 
     Raises:
         RecordingError: The file does not exist.
     """
     try:
-        with locked(path, shared=True):  # others may look at the same moment
+        with locked(path, shared=True):  # other readers may check at the same moment
             return False
     except RecordingInUse:
         return True
 
 
 def is_ours(path: Path) -> bool:
-    """Return whether armtree created a file: by its head or, if it is empty, by its name.
+    """Return True if armtree created a file. Checks its head or, if it is empty, its name.
 
     Raises:
         OSError: The file cannot be read.
@@ -79,11 +79,11 @@ def is_ours(path: Path) -> bool:
 
 
 def is_complete(path: Path, every_byte: bool) -> bool:
-    """Return whether a file is a finished recording.
+    """Return True if a file is a finished recording.
 
     Args:
         path: The file.
-        every_byte: True to look for damage in the whole file, False to check its ends only.
+        every_byte: True to check the whole file for damage; False to check only its ends.
 
     Raises:
         RecordingError: The file does not exist, or is not an MCAP file.
@@ -107,7 +107,7 @@ def is_complete(path: Path, every_byte: bool) -> bool:
 
 
 def why_incomplete(recording: Recording) -> LogError | None:
-    """Return why a recording lacks the end of its run; None if it does not."""
+    """Return the error if a recording lacks the end of its run, else None."""
     if recording.whole:
         return None
     if recording.complete:
@@ -122,7 +122,7 @@ def closed_recordings(folder: Path, since: float) -> Iterator[Recording]:
 
     Args:
         folder: Folder with recordings.
-        since: Skip files that were last changed before this time [s since 1970].
+        since: Skip files last changed before this time [s since 1970].
     """
     for path in sorted(folder.glob("*.mcap")):
         try:

@@ -11,16 +11,16 @@ from logs.records.records import MOVE, goal_title
 from .reader import read
 
 LATEST = "latest"
-_RUN = re.compile(r"(\d{8}T\d{6}\.\d{3}Z)-(\d+|move)\.mcap")  # as `recording_path` makes it
+_RUN = re.compile(r"(\d{8}T\d{6}\.\d{3}Z)-(\d+|move)\.mcap")  # names from `recording_path`
 
 
 def runs(folder: Path) -> list[tuple[str, int, Path]]:
-    """Return the recordings of goals in a folder, the newest first.
+    """Return the recordings of goals in a folder, newest first.
 
-    Recordings of a server, and renamed ones, are left out.
+    Recordings of a server and renamed recordings are left out.
 
     Returns:
-        When each began, as in its name, such as `20261121T103155.123Z`; the number of its task, or
+        Its start time as in its name, such as `20261121T103155.123Z`; the number of its task, or
         `MOVE`; and its path.
     """
     paths = folder.iterdir() if folder.is_dir() else ()
@@ -51,7 +51,7 @@ def by_name(name: str) -> tuple[int, int] | None:
 
 
 def is_recording_name(text: str) -> bool:
-    """Return whether a text names a recording, and not a task."""
+    """Return True if a text names a recording, not a task."""
     begins = text[:1].isdecimal() and not text.isdecimal()
     named = text.partition(":")[0] == LATEST or Path(text).suffix == ".mcap"
     return begins or named or "/" in text or Path(text).is_file()
@@ -61,16 +61,16 @@ def find_recording(given: str, folder: Path) -> Path:
     """Return the recording that a text names.
 
     Args:
-        given: A path; or `latest`, `latest:TASK` with the number or name of a task, `latest:move`,
-            or a beginning that only one recording has. A folder may come before these, such as
+        given: A path; `latest`; `latest:TASK` with the number or name of a task; `latest:move`; or
+            the beginning of only one recording's name. A folder may precede these, as in
             `runs/latest`.
-        folder: Folder of recordings, if the text names none.
+        folder: Folder of recordings, if the text names no folder.
 
     Returns:
         Its path. A path that ends in `.mcap` need not exist.
 
     Raises:
-        NoSuchRecording: There is none, or there are several of that beginning.
+        NoSuchRecording: No recording has this name, or several names begin with it.
     """
     path = Path(given)
     if path.exists():
@@ -105,12 +105,12 @@ def _latest(folder: Path, task: str) -> Path:
 
 
 def _is_task(task: str, number: int, path: Path) -> bool:
-    """Return whether a run was of the task with a number or name; False if it cannot be read."""
+    """Return True if a run was of the task with this number or name; False if unreadable."""
     if task.isdecimal() or number == MOVE:
         return task == str(number)
     try:
         for message in read(path, ["/goal"]):
             return message.fields().get("name") == task
     except (LogError, OSError):
-        pass  # a file of another program, or one that was deleted
+        pass  # a file of another program, or a deleted file
     return False

@@ -1,4 +1,4 @@
-"""Random access to a finished recording by its index, so that a long one opens quickly."""
+"""Random access to a finished recording by its index, so that long recordings open quickly."""
 
 import os
 from collections.abc import Collection, Iterator, Mapping
@@ -20,11 +20,11 @@ if TYPE_CHECKING:
     from mcap.summary import Summary
 
 _CHUNK, _MESSAGE_INDEX, _ATTACHMENT, _METADATA = 0x06, 0x07, 0x09, 0x0C
-_INDEX_HEAD = Struct("<HI")  # channel, and the number of bytes after it
-_INDEX_ENTRY = Struct("<QQ")  # time, and the offset in the chunk
+_INDEX_HEAD = Struct("<HI")  # channel, and number of following bytes
+_INDEX_ENTRY = Struct("<QQ")  # time, and offset in the chunk
 
 
-Entry = tuple[int, int]  # time of a message [ns], and its offset in the data of its chunk
+Entry = tuple[int, int]  # time of a message [ns], and offset in the data of its chunk
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,10 +32,10 @@ class Chunk:
     """A chunk of a recording.
 
     Attributes:
-        number: Its place among the chunks of the file, from 0.
+        number: Number of the chunk in the file, from 0.
         begin_ns: Time of its first message, UTC since 1970 [ns].
-        offset: Where it begins in the file [bytes].
-        indexes: Where the index of each topic is in the file [bytes], by topic.
+        offset: Offset of the chunk in the file [bytes].
+        indexes: Offset of the index of each topic in the file [bytes], by topic.
     """
 
     number: int
@@ -47,7 +47,7 @@ class Chunk:
 class IndexedRecording(Recording):
     """A finished recording whose messages are read chunk by chunk, in any order.
 
-    `files` and `notes` are found by the index; only what is read is checked for damage.
+    The index locates `files` and `notes`. Only the parts that are read are checked for damage.
 
     Args:
         path: The file.
@@ -62,7 +62,7 @@ class IndexedRecording(Recording):
         """Read the index.
 
         Raises:
-            RecordingInUse: It is being written.
+            RecordingInUse: The recording is being written.
             RecordingError: The file does not exist, is not a recording of armtree, or has no index.
         """
         super().__init__(path)
@@ -103,7 +103,8 @@ class IndexedRecording(Recording):
 
         Args:
             chunk: The chunk.
-            decoder: Limits what all chunks together may unpack to; default: of this one alone.
+            decoder: Decoder that limits the unpacked size of all its chunks. Default: a new one for
+                this chunk.
 
         Raises:
             RecordingError: The chunk is damaged.
@@ -121,7 +122,7 @@ class IndexedRecording(Recording):
 
     @contextmanager
     def decoding(self) -> Iterator[None]:
-        """Name the file in errors of damaged bytes.
+        """Context that converts errors of damaged bytes to errors of the file.
 
         Raises:
             RecordingError: The bytes are damaged, or the file cannot be read.
@@ -165,7 +166,7 @@ class OpenChunk:
         tables: Index of each topic, as in the file.
         decoder: Decodes its records.
         data: Its records.
-        place: Where it ends in the file [bytes].
+        place: Offset of its end in the file [bytes].
     """
 
     def __init__(
@@ -189,7 +190,7 @@ class OpenChunk:
         return len(self._tables.get(topic, b"")) // _INDEX_ENTRY.size
 
     def newest(self, topic: str) -> Entry | None:
-        """Return the last message on a topic; None if there is none."""
+        """Return the last message on a topic, or None."""
         table = self._tables.get(topic)
         return _INDEX_ENTRY.unpack(table[-_INDEX_ENTRY.size :]) if table else None
 

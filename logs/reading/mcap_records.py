@@ -1,6 +1,6 @@
-"""Decodes MCAP records. A file of any program gets no more memory and time than its size justifies.
+"""Decodes MCAP records of any program, with memory and time bounded by the size of the file.
 
-The mcap library unpacks what a chunk claims to hold, and reads as many bytes as a length claims.
+The mcap library does not check claimed sizes: it unpacks a chunk to any size, and reads any length.
 """
 
 from collections.abc import Callable, Iterator
@@ -13,21 +13,20 @@ from zlib import crc32
 if TYPE_CHECKING:
     from mcap.records import Attachment, Chunk, Message
 
-HEAD = Struct("<BQ")  # opcode, and the number of bytes after it
+HEAD = Struct("<BQ")  # opcode, and number of following bytes
 _MESSAGE_HEAD = Struct("<HIQQ")  # channel, sequence, two times
 _CRC_BYTES = 4
 
-# Most bytes that one chunk may unpack to. armtree writes 256 kB and one more message; that of the
-# longest motion, 10 minutes, has about 10 MB.
+# Largest unpacked size of one chunk [bytes]. armtree writes 256 kB plus one message. The message of
+# the longest motion, 10 minutes, has about 10 MB.
 _CHUNK_LIMIT = 32 << 20
 
-# Most bytes that all chunks so far may unpack to: a constant, plus a number per byte of the file
-# so far.
-# A log line of 10 kB that is repeated all day compresses to a thousandth.
+# Largest unpacked size of all chunks so far: a constant, plus a number of bytes per byte of the
+# file so far. A log line of 10 kB that is repeated all day compresses to a thousandth.
 _UNPACKED_LIMIT, _UNPACKED_PER_BYTE = 16 << 20, 1000
 
-# Most records in all chunks so far: this number, plus one per byte of the file so far. Records that
-# differ only by their times and numbers take several bytes each.
+# Largest number of records in all chunks so far: this number, plus one per byte of the file so far.
+# Even records that differ only in time and number take several bytes each.
 _RECORDS_LIMIT = 10_000
 
 _INVALID = 0x00  # no record has this opcode
@@ -40,11 +39,16 @@ class BadRecord(Exception):
 
 @cache
 def damage(*more: type[Exception]) -> tuple[type[Exception], ...]:
-    """Return the errors of damaged bytes, those of texts and of packed data, and some more."""
+    """Return the exceptions that damaged bytes may cause."""
     from mcap.exceptions import McapError
     from zstandard import ZstdError
 
-    unpacking = ZstdError, RuntimeError, MemoryError, KeyError  # lz4, and an unknown compression
+    unpacking = (
+        ZstdError,
+        RuntimeError,
+        MemoryError,
+        KeyError,
+    )  # exceptions of lz4, and of an unknown compression
     return BadRecord, McapError, error, ValueError, ArithmeticError, *unpacking, *more
 
 
@@ -69,15 +73,16 @@ class Decoder:
         self._unpacked = self._records = 0
 
     def records(self, opcode: int, body: bytes, place: int) -> Iterator[Any]:
-        """Yield the record, or those in the chunk; nothing for indexes and private records.
+        """Yield the record, or all records of a chunk; nothing for indexes and private records.
 
         Args:
             opcode: Its opcode.
             body: Its bytes after opcode and length.
-            place: Where it ends in the file [bytes].
+            place: Offset of its end in the file [bytes].
 
         Raises:
-            BadRecord: The record is invalid, or unpacks to too much; or another error of `damage`.
+            BadRecord: The record is invalid, or its unpacked size is too large. The method may also
+                raise the exceptions of `damage`.
         """
         if opcode == _CHUNK:
             yield from self._in_chunk(self.unpacked_chunk(body, place), place)
@@ -89,7 +94,7 @@ class Decoder:
             raise BadRecord("opcode 0")
 
     def unpacked_chunk(self, body: bytes, place: int) -> bytes:
-        """Return the records of a chunk, unpacked; arguments and errors are those of `records`."""
+        """Return the unpacked records of a chunk. Arguments and errors are those of `records`."""
         chunk: Chunk = self._decoded(_CHUNK, body)
         self._unpacked += chunk.uncompressed_size
         if self._unpacked > _UNPACKED_LIMIT + _UNPACKED_PER_BYTE * place:
@@ -100,7 +105,7 @@ class Decoder:
         """Return the message at an offset in the data of a chunk that ends at `place` in the file.
 
         Raises:
-            BadRecord: There is none, or the chunks hold too many.
+            BadRecord: There is no message, or the chunks have too many records.
         """
         opcode, body = self._record_in(data, at, place)
         if opcode != _MESSAGE:
@@ -138,7 +143,7 @@ class Decoder:
 
 
 class _Body(BytesIO):
-    """The bytes of a record; a length within it that exceeds it is an error."""
+    """The bytes of a record. Reading beyond its end is an error."""
 
     def read(self, size: int | None = -1, /) -> bytes:
         """Return exactly `size` bytes."""
@@ -149,7 +154,7 @@ class _Body(BytesIO):
 
 
 def _checked(attachment: "Attachment", body: bytes) -> "Attachment":
-    """Return an attachment if its checksum is right; mcap does not check it."""
+    """Return an attachment after checking its checksum, because mcap does not check it."""
     expected = int.from_bytes(body[-_CRC_BYTES:], "little")
     if expected not in (0, crc32(body[:-_CRC_BYTES])):
         raise BadRecord("wrong checksum of an attachment")
@@ -169,7 +174,7 @@ def _unpacked(chunk: "Chunk") -> bytes:
 def _unpack_zstd(data: bytes, size: int) -> bytes:
     import zstandard
 
-    # The frame's own size would be allocated, whatever limit is given.
+    # The library would allocate the claimed size of the frame, even above the limit.
     claimed = zstandard.get_frame_parameters(data).content_size
     if claimed not in (size, zstandard.CONTENTSIZE_UNKNOWN):
         raise BadRecord(f"a frame of {claimed} bytes in a chunk of {size}")

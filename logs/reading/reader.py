@@ -14,7 +14,10 @@ if TYPE_CHECKING:
     from mcap.records import Attachment, Channel, Metadata
 
 _JSON = "std_msgs/msg/String"
-_TEXT_HEAD, _LITTLE_ENDIAN = 8, b"\0\1\0\0"  # bytes before a text in CDR, and their first four
+_TEXT_HEAD, _LITTLE_ENDIAN = (
+    8,
+    b"\0\1\0\0",
+)  # number of bytes before a text in CDR, and the first four of them
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,7 +26,7 @@ class Message:
 
     Attributes:
         topic: Its topic, such as `/serial/tx`.
-        time_ns: When it was recorded, UTC since 1970 [ns].
+        time_ns: Time of recording, UTC since 1970 [ns].
         type: Its ROS 2 type, such as `sensor_msgs/msg/JointState`.
         cdr: Its bytes in CDR encoding.
         path: The recording.
@@ -37,7 +40,7 @@ class Message:
 
     @property
     def data(self) -> Any:
-        """The ROS 2 message, with fields as attributes; decoded at each call.
+        """The ROS 2 message, with fields as attributes. Each access decodes it again.
 
         Raises:
             RecordingError: The bytes do not fit the type.
@@ -71,9 +74,9 @@ class Message:
 
 
 def _plain_text(cdr: bytes) -> str | None:
-    """Return the text in a `std_msgs/msg/String` as armtree writes it; None for any other bytes.
+    """Return the text of a `std_msgs/msg/String` of armtree; None for any other bytes.
 
-    Decoding it field by field would take many times as long.
+    This is many times as fast as decoding field by field.
     """
     head = _LITTLE_ENDIAN + (len(cdr) - _TEXT_HEAD).to_bytes(4, "little", signed=True)
     plain = cdr[:_TEXT_HEAD] == head and not cdr[-1]
@@ -83,16 +86,16 @@ def _plain_text(cdr: bytes) -> str | None:
 def read(path: Path | str, topics: Collection[str] | None = None) -> Iterator[Message]:
     """Yield the messages of a recording in file order.
 
-    A file that was cut off or is still being written can be read, too: all valid messages come
-    first, then `RecordingTruncated` is raised.
+    A file that was cut off or is being written can also be read: first come all valid messages,
+    then the error `RecordingTruncated`.
 
     Args:
         path: The file.
         topics: Topics to read; None for all.
 
     Raises:
-        RecordingError: The file does not exist, or is not an MCAP file; raised immediately.
-        RecordingTruncated: The file is not complete; raised after the last valid message.
+        RecordingError: The file does not exist, or is not an MCAP file. Raised at the call.
+        RecordingTruncated: The file is not complete. Raised after the last valid message.
     """
     return _messages(TolerantReader(Path(path)), topics)
 

@@ -1,4 +1,4 @@
-"""A recording as the records it was made from."""
+"""A recording, read as its original records."""
 
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
@@ -63,7 +63,7 @@ _GOAL_ID = re.compile("[0-9a-f]{32}")
 
 @dataclass
 class _Facts:
-    """What a file holds beside its messages."""
+    """Content of a file other than its messages."""
 
     files: dict[str, bytes] = field(default_factory=dict)
     notes: dict[str, dict[str, str]] = field(default_factory=dict)
@@ -73,10 +73,10 @@ class _Facts:
 
 
 class Recording:
-    """A recording, finished or not, that can be read several times, lazily.
+    """A finished or unfinished recording. It can be read several times, lazily.
 
-    The properties below describe the whole file. They are known after the records were read to the
-    end. Before that, getting one reads the file to its end.
+    The properties below describe the whole file. They are known after all records were read. Before
+    that, access to a property reads the file to its end.
 
     Args:
         path: The file.
@@ -118,20 +118,20 @@ class Recording:
 
     @property
     def complete(self) -> bool:
-        """True if the file has its end and no damage."""
+        """True if the file has its end and is undamaged."""
         return self._facts().complete
 
     @property
     def whole(self) -> bool:
-        """True if it is complete, and was not recovered after a crash."""
+        """True if the recording is complete and was not recovered after a crash."""
         return self.complete and RECOVERED not in self.notes
 
     @cached_property
     def changed(self) -> str:
         """First topic, attachment or note that changed after the recording was finished.
 
-        Empty if nothing changed, or if the file never held digests: an unfinished recording, or one
-        of an older armtree.
+        Empty if nothing changed, or if the file never had digests: an unfinished recording, or a
+        recording of an older armtree.
         """
         from .digests import changed_part
 
@@ -141,7 +141,7 @@ class Recording:
         """Yield the records in file order, up to the first damage.
 
         Args:
-            kinds: Types of records to yield; all if none is given.
+            kinds: Types of records to yield. Default: all.
 
         Raises:
             RecordingError: A record cannot be decoded.
@@ -150,7 +150,7 @@ class Recording:
         yield from self.grouped(each for each in self.all_messages() if wanted(each.topic))
 
     def grouped(self, messages: Iterable[Message]) -> Iterator[RunRecord]:
-        """Yield the records that messages in file order were made from.
+        """Yield the original records of messages in file order.
 
         Raises:
             RecordingError: A record cannot be decoded.
@@ -189,7 +189,7 @@ class Recording:
         self._known = facts
 
     def frames(self) -> Iterator[Sent]:
-        """Yield the sent frames in file order, holds included, but no setting of the board.
+        """Yield the sent frames in file order, with holds but without settings of the board.
 
         Raises:
             RecordingError: A frame cannot be decoded.
@@ -199,13 +199,13 @@ class Recording:
                 yield record
 
     def record(self, messages: Sequence[Message]) -> RunRecord:
-        """Return the record that messages were made from.
+        """Return the original record of messages.
 
         Args:
             messages: Two or three for a sent frame, else one.
 
         Raises:
-            RecordingError: They cannot be decoded, or are not of one record.
+            RecordingError: The messages cannot be decoded, or are not of one record.
         """
         message = messages[0]
         topic = message.topic
@@ -252,7 +252,9 @@ def _epoch_ns(path: Path) -> int:
         match item:
             case Metadata(name="armtree", metadata={"epoch_ns": epoch}) if _is_time(epoch):
                 return int(epoch)
-            case Metadata() if item.name == RECOVERED:  # cut before the epoch, so it has no message
+            case Metadata() if (
+                item.name == RECOVERED
+            ):  # cut off before the epoch, so it has no messages
                 return 0
             case Message():
                 break
@@ -273,7 +275,7 @@ def _json_topics() -> dict[str, type[Any]]:
 
 
 def topic_filter(kinds: tuple[type, ...]) -> Callable[[str], bool]:
-    """Accept the topics that records of these types are read from; of all if none is given."""
+    """Return a filter for the topics of records of these types. Default: all types."""
     topics = _TOPICS | {kind: (topic,) for topic, kind in _json_topics().items()}
     names = {topic for kind in kinds or topics for topic in topics[kind]}
     plans = not kinds or Plan in kinds
@@ -285,7 +287,7 @@ def _is_plan(topic: str) -> bool:
 
 
 def _is_setting(message: Message) -> bool:
-    """Return whether this message is the last one of a sent setting of the board."""
+    """Return True if this message is the last one of a sent setting of the board."""
     return message.topic == "/serial/timing" and bool(message.fields().get("setting"))
 
 
@@ -314,7 +316,7 @@ def _from_json(kind: type, message: Message) -> RunRecord:
 
 
 def _checked(kind: type, known: dict[str, Any], message: Message) -> Any:
-    """Make a record after checking its fields, because any program may have written the file."""
+    """Check the fields of a record and create it. Any program may have written the file."""
     if missing := sorted(_needed(kind) - known.keys()):
         why = "another version of armtree recorded it"
         what = f"a message on {message.topic} lacks {', '.join(missing)}; {why}"
@@ -334,7 +336,7 @@ def _needed(kind: type) -> frozenset[str]:
 
 
 def _invalid_field(kind: type, values: Mapping[str, Any]) -> str:
-    """Return the first field with an invalid type, length or value; empty if there is none."""
+    """Return the first field with an invalid type, length or value; empty if all are valid."""
     for name, type_ in _field_types(kind).items():
         if name not in values:
             continue

@@ -31,7 +31,7 @@ class TolerantReader:
 
     Attributes:
         path: The file.
-        intact: After iterating: True if the file was complete and undamaged.
+        intact: True if the file was complete and undamaged. Valid after iterating.
         messages: Number of messages yielded so far.
         valid: Size of the part of the file that was read and is valid [bytes].
     """
@@ -46,7 +46,7 @@ class TolerantReader:
         self.intact = False
         self.messages = self.valid = 0
         try:
-            if not S_ISREG(path.stat().st_mode):  # to open a pipe could block
+            if not S_ISREG(path.stat().st_mode):  # opening a pipe could block
                 raise RecordingError(path, "is not a file; give a recording, such as *.mcap")
             with path.open("rb") as stream:
                 head = stream.read(len(MAGIC))
@@ -57,7 +57,7 @@ class TolerantReader:
             raise RecordingError(path, "is not an MCAP file; give a recording, such as *.mcap")
 
     def __iter__(self) -> Iterator[Any]:
-        """Yield MCAP records in file order; end at the first damage.
+        """Yield MCAP records in file order up to the first damage.
 
         Raises:
             OSError: The disk failed.
@@ -70,11 +70,11 @@ class TolerantReader:
                 return
             finally:
                 if stream.tell() >= end:
-                    self.valid = end  # includes the checksum of the last piece
+                    self.valid = end  # with the checksum of the last piece
 
     @property
     def torn(self) -> int:
-        """After iterating: number of bytes at the end of the file that are not valid."""
+        """Number of invalid bytes at the end of the file. Valid after iterating."""
         return 0 if self.intact else self.path.stat().st_size - self.valid
 
     def _valid_records(self, stream: BinaryIO, end: int) -> Iterator[Any]:
@@ -118,7 +118,7 @@ class TolerantReader:
 
 
 def _summary_is_valid(footer: "Footer", stream: BinaryIO) -> bool:
-    """Return whether the checksum of the summary is right; mcap's stream reader skips it."""
+    """Return True if the checksum of the summary is right. mcap's stream reader skips it."""
     left = stream.seek(0, os.SEEK_END) - len(MAGIC) - _CRC_BYTES - footer.summary_start
     if left < 0 or not footer.summary_crc:
         return left >= 0

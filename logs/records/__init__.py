@@ -1,1 +1,1 @@
-"""What is recorded, and as which message on which topic."""
+"""Records, and the message and topic of each record."""

@@ -1,7 +1,7 @@
 """Messages of ROS 2 and their bytes: CDR (OMG XCDR1), as DDS sends them.
 
-A value is at a multiple of its size, counted from the end of the header. Numbers in sequence are a
-tuple, those of 8 bits bytes, and other values a list.
+A value is at a multiple of its size, counted from the end of the header. In Python, a sequence of
+numbers is a tuple, a sequence of 8-bit numbers is bytes, and any other sequence is a list.
 """
 
 import struct
@@ -12,12 +12,12 @@ from typing import Any
 
 from .ros_types import Field, fields
 
-Message = SimpleNamespace  # its fields are attributes
+Message = SimpleNamespace  # a message has its fields as attributes
 
 _HEADER = b"\x00\x01\x00\x00"  # plain CDR, little-endian
-_PADDING = 3  # most bytes after a message: some writers fill a word
+_PADDING = 3  # largest number of bytes after a message: some writers fill a word
 
-# Numbers, as module `struct` names them.
+# Codes of numbers in the module `struct`.
 _FORMATS = {
     "bool": "?",
     "byte": "B",
@@ -45,7 +45,7 @@ def encode(name: str, message: Message) -> bytes:
         message: The message.
 
     Raises:
-        AttributeError: It has not all fields of its type.
+        AttributeError: A field of the type is missing.
         struct.error: A number is too large for its field.
     """
     body = bytearray()
@@ -54,7 +54,7 @@ def encode(name: str, message: Message) -> bytes:
 
 
 def decode(name: str, data: bytes) -> Message:
-    """Return the message in bytes.
+    """Return the message that bytes encode.
 
     Args:
         name: Its type, such as `std_msgs/msg/String`.
@@ -165,7 +165,7 @@ class _Reader:
 
     def _value(self, kind: str) -> Any:
         if kind == "string":
-            return self._bytes(self._number("I"))[:-1].decode()  # without the NUL
+            return self._bytes(self._number("I"))[:-1].decode()  # without the final NUL
         code = _FORMATS.get(kind)
         return self._number(code) if code else self.message(kind)
 

@@ -24,12 +24,12 @@ from .records import (
 from .ros_lifecycle import STATE_NUMBERS, transition_number
 
 _TX, _RX = 0, 1
-LATE = 0.02  # delay of a frame that is reported [s]
+LATE = 0.02  # smallest reported delay of a frame [s]
 _LOWEST_LEVEL, _HIGHEST_LEVEL = 10, 50
 
 
 class Stamp(NamedTuple):
-    """What a message needs beside its record.
+    """Values for a message that are not in its record.
 
     Attributes:
         time_ns: Time of the message, UTC since 1970 [ns].
@@ -47,10 +47,10 @@ class Timing(NamedTuple):
 
     Attributes:
         seq: Sequence number of the message on `/serial/tx` that holds the bytes.
-        time: When the frame was written [s].
-        scheduled: When it was due [s]; null for a frame without a schedule.
-        hold: True if a stop repeated the frame before.
-        setting: True if it is a setting of the board, which commands no joint.
+        time: Time of writing the frame [s].
+        scheduled: Planned time of the frame [s]; null for a frame without a schedule.
+        hold: True if a stop repeated the previous frame.
+        setting: True if it is a setting of the board. A setting commands no joint.
     """
 
     seq: int
@@ -71,7 +71,7 @@ def received_bytes(received: Received, stamp: Stamp) -> Message:
 
 
 def sent_timing(sent: Sent, stamp: Stamp) -> Message:
-    """Return when a frame was due, and if it is a hold or a setting, as JSON in a String."""
+    """Return the `Timing` of a frame, as JSON in a String."""
     timing = Timing(stamp.sequence, sent.time, sent.scheduled, sent.hold, not sent.joints)
     return _string(timing._asdict())
 
@@ -90,7 +90,7 @@ def joint_state(sent: Sent, stamp: Stamp) -> Message | None:
 
 
 def measured_joints(measured: Measured, stamp: Stamp) -> Message:
-    """Return what was measured, as MeasuredJoints."""
+    """Return the measured values, as MeasuredJoints."""
     return Message(
         name=list(measured.joints),
         **{each: getattr(measured, each) for each in QUANTITIES},
@@ -111,7 +111,7 @@ def transforms(sent: Sent, stamp: Stamp) -> Message | None:
 
 
 def late_frame(sent: Sent, stamp: Stamp) -> Message | None:
-    """Return a frame that was sent late as DiagnosticArray; None for all others."""
+    """Return a late frame as DiagnosticArray; None for all other frames."""
     late = sent.time - sent.scheduled if sent.scheduled is not None else 0.0
     if late <= LATE:
         return None
@@ -148,7 +148,7 @@ def percentage(feedback: Feedback, stamp: Stamp) -> Message:
     goal_id = UUID(feedback.goal_id).bytes
     return Message(
         goal_id=Message(uuid=goal_id),
-        percentage=feedback.percentage or 0,  # it has no value for unknown
+        percentage=feedback.percentage or 0,  # the field has no value for unknown
     )
 
 
@@ -166,7 +166,7 @@ def transition_event(change: Transition, stamp: Stamp) -> Message:
 
 
 def log_message(line: LogLine, stamp: Stamp) -> Message:
-    """Return a log line as Log; its level is rounded down to one of ROS 2."""
+    """Return a log line as Log. Its level is rounded down to a level of ROS 2."""
     level = min(max(line.level // 10 * 10, _LOWEST_LEVEL), _HIGHEST_LEVEL)
     return Message(
         stamp=_time(stamp.time_ns),

@@ -1,23 +1,23 @@
-"""Types of fields that come from JSON, which any program may have written."""
+"""Checks of the types of fields from JSON, which any program may have written."""
 
 from collections.abc import Mapping
 from dataclasses import is_dataclass
 from functools import cache
 from typing import Any, get_args, get_origin, get_type_hints
 
-LARGEST = 2**64  # of an integer in place of a float, and of a time [ns]
+LARGEST = 2**64  # largest integer in place of a float, and largest time [ns]
 
 
-_hints = cache(get_type_hints)  # slow
+_hints = cache(get_type_hints)  # cached because it is slow
 
 
 def frozen(value: Any) -> Any:
-    """Return lists as tuples: JSON has only lists, records have tuples."""
+    """Return lists as tuples, because JSON has only lists and records have tuples."""
     return tuple(map(frozen, value)) if isinstance(value, list) else value
 
 
 def has_type(value: Any, type_: Any) -> bool:
-    """Return whether a value has the type of a field; so must the fields of a dataclass."""
+    """Return True if a value has the type of a field. Also checks the fields of dataclasses."""
     if type(value) is type_:
         kinds = _hints(type_).items() if is_dataclass(type_) else ()
         return all(has_type(getattr(value, name), kind) for name, kind in kinds)

@@ -1,13 +1,14 @@
-"""What writing and reading a file share: its marks, and the checksums between pieces of a journal.
+"""The file format: marks of a file, and checksums between the pieces of a journal.
 
-A journal is a recording that is still being written: an MCAP file without chunks. Every piece that
-is written at once is followed by a record with the CRC-32 of the piece. The record has an opcode
-that MCAP reserves for applications, so every MCAP reader skips it.
+A journal is a recording that is still being written: an MCAP file without chunks. After every piece
+follows a record with the CRC-32 of the piece. The record has an opcode that MCAP reserves for
+applications, so every MCAP reader skips it.
 
-MCAP's own checksums cannot replace it. A crash loses the checksum of the data section, which is at
-the end of the file. The checksum of a chunk does not cover the chunk's header, and notes have none.
-Measured with a chunk for every piece and all of MCAP's checks: of 4000 single flipped bits in a
-journal of 76 kB, 59 were not noticed, and 13 changed what was read; with this record, none.
+MCAP's own checksums are not enough. A crash loses the checksum of the data section, because it is
+at the end of the file. The checksum of a chunk does not cover the chunk's header, and notes have no
+checksum. A test flipped 4000 single bits in a journal of 76 kB. With a chunk for every piece and
+all of MCAP's checks, 59 flips were not noticed, and 13 changed the result of reading. With this
+record, all flips were noticed.
 """
 
 import struct
@@ -16,7 +17,7 @@ from zlib import crc32
 
 MAGIC = b"\x89MCAP0\r\n"
 
-# Note in a finished recording: a digest of everything else in it.
+# Note in a finished recording: digests of its other content.
 DIGESTS = "digests"
 
 # Note in a recording that was made from an incomplete or damaged file.
@@ -24,12 +25,12 @@ RECOVERED = "recovered"
 
 # Last part of the library's name in the header of a journal.
 UNFINISHED = ", checked journal"
-_HALVES = UNFINISHED[:7].encode(), UNFINISHED[7:].encode()  # one of them may be damaged
-_HEAD = 128  # the first bytes, which contain the library's name
+_HALVES = UNFINISHED[:7].encode(), UNFINISHED[7:].encode()  # one half may be damaged
+_HEAD = 128  # number of first bytes, which contain the library's name
 
 _RECORD, _CRC = struct.Struct("<BQ"), struct.Struct("<I")
 _CHECK, _DATA_END, _FOOTER = 0x80, 0x0F, 0x02
-_BLOCK = 1 << 20  # read at once [bytes]
+_BLOCK = 1 << 20  # size of one read [bytes]
 
 # End of a journal that was closed: no checksum of the data section, no summary.
 END = _RECORD.pack(_DATA_END, 4) + bytes(4) + _RECORD.pack(_FOOTER, 20) + bytes(20) + MAGIC
@@ -41,10 +42,10 @@ def checked(piece: bytes) -> bytes:
 
 
 def is_journal(stream: BinaryIO) -> bool:
-    """Return whether a file is a journal.
+    """Return True if a file is a journal.
 
     Args:
-        stream: The file, positioned at its beginning, and again afterwards.
+        stream: The file, positioned at its beginning; also afterwards.
     """
     head = stream.read(_HEAD)
     stream.seek(0)
@@ -57,7 +58,7 @@ def valid_size(stream: BinaryIO) -> int:
     The valid part ends with the last piece before the first piece whose checksum is wrong.
 
     Args:
-        stream: The journal, positioned at its beginning, and again afterwards.
+        stream: The journal, positioned at its beginning; also afterwards.
     """
     good, crc = 0, crc32(stream.read(len(MAGIC)))
     while len(head := stream.read(_RECORD.size)) == _RECORD.size:

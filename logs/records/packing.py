@@ -1,16 +1,16 @@
-"""Attachments that are compressed: the file `NAME.zst`, as the program zstd writes and reads it."""
+"""Compressed attachments: files `NAME.zst`, in the format of the program zstd."""
 
 from .records import Attachment
 
 MEDIA_TYPE = "application/zstd"
 _SUFFIX = ".zst"
-# Most bytes that each packed byte unpacks to. Meshes have about 3; a file of another program must
-# not fill the memory.
+# Largest number of unpacked bytes per packed byte. Meshes have about 3. The limit keeps files of
+# other programs from filling the memory.
 _MAX_RATIO = 100
 
 
 def pack(name: str, data: bytes) -> Attachment:
-    """Return an attachment with a file, compressed if that makes it smaller.
+    """Return an attachment with a file. It is compressed if this makes it smaller.
 
     Args:
         name: Name of the file.
@@ -28,7 +28,7 @@ def unpack(attachment: Attachment) -> tuple[str, bytes]:
     """Return the name and the content of the file in an attachment.
 
     Raises:
-        ValueError: It is compressed, but not by `pack`.
+        ValueError: The attachment is compressed, but not by `pack`.
     """
     if attachment.media_type != MEDIA_TYPE:
         return attachment.name, attachment.data
@@ -36,7 +36,7 @@ def unpack(attachment: Attachment) -> tuple[str, bytes]:
 
     name, data = attachment.name.removesuffix(_SUFFIX), attachment.data
     try:
-        # The size that the frame claims would be allocated, whatever limit is given.
+        # The library would allocate the claimed size of the frame, even above the limit.
         size, most = get_frame_parameters(data).content_size, _MAX_RATIO * len(data)
         if size > most:
             raise ValueError(f"{name} unpacks from {len(data)} to {size} bytes; {most} are allowed")

@@ -1,7 +1,7 @@
-"""What is recorded of a run: one plain value per event.
+"""The records of a run: one plain value per event.
 
 `time` is always on the program's monotonic clock [s]. Joint positions are *commanded* [rad], except
-those of `Measured`. The table in `topics.py` says how each record is written to the file.
+in `Measured`. The table in `topics.py` defines the messages of each record.
 """
 
 from collections.abc import Mapping
@@ -10,13 +10,19 @@ from typing import Any
 
 from hardware.printable import wire_text
 
-QUANTITIES = ("position", "velocity", "effort", "temperature", "voltage")  # that are measured
-MOVE = -1  # task number of a move, which has no task file
-_AT_ONCE = 0.1  # a goal that starts within this time did not wait [s]
+QUANTITIES = (
+    "position",
+    "velocity",
+    "effort",
+    "temperature",
+    "voltage",
+)  # names of measured quantities
+MOVE = -1  # task number of a move, because a move has no task file
+_AT_ONCE = 0.1  # largest delay of a goal that counts as not queued [s]
 
 
 def goal_title(task: int, name: str = "") -> str:
-    """Return how people call a goal: what a move is, such as `move folded`, or number and name."""
+    """Return the title of a goal: words of a move, such as `move folded`; or number and name."""
     return name or "move" if task == MOVE else f"task {task} {name}".rstrip()
 
 
@@ -30,13 +36,13 @@ class Description:
 
 @dataclass(frozen=True, slots=True)
 class Sent:
-    """A frame or a board setting that was written to the port. A setting commands no joint.
+    """A frame or board setting that was written to the port. A setting commands no joint.
 
     Attributes:
-        time: When it was written [s].
+        time: Time of writing [s].
         data: The bytes.
-        scheduled: When it was due [s]; None for a frame without a schedule.
-        hold: True if a stop repeated the frame before.
+        scheduled: Planned time [s]; None for a frame without a schedule.
+        hold: True if a stop repeated the previous frame.
         joints: Names of the commanded joints, (J,).
         positions: Commanded positions [rad], (J,).
     """
@@ -64,10 +70,10 @@ class Received:
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """What the board measured of the joints. What it does not measure is empty.
+    """A measurement of the joints by the board. Values that it does not measure are empty.
 
     Attributes:
-        time: When it was read [s].
+        time: Time of reading [s].
         joints: Names of the actuated joints, (J,).
         position: Measured positions [rad], (J,).
         velocity: Measured velocities [rad/s], (J,).
@@ -90,9 +96,9 @@ class Transition:
     """A transition of the hardware's lifecycle, or the state in which a recording begins.
 
     Attributes:
-        time: When it happened [s].
-        label: The transition, such as `activate` or `transition_success`. Empty if nothing changed;
-            then both states are the one in which the recording begins.
+        time: Time of the transition [s].
+        label: The transition, such as `activate` or `transition_success`. Empty if nothing changed:
+            both states are then the state at the begin of the recording.
         start: The state before.
         goal: The state after.
     """
@@ -108,7 +114,7 @@ class Goal:
     """An accepted goal.
 
     Attributes:
-        time: When it started to execute; in a server's own recording, when it was accepted [s].
+        time: Time of its execution start [s]; in a server's own recording, of its acceptance.
         goal_id: UUID, 32 hexadecimal digits.
         task: Number of the requested task; -1 for a move.
         name: Name of the task; empty if there is no such task. For a move, its description, such
@@ -124,7 +130,7 @@ class Goal:
 
     @property
     def elsewhere(self) -> bool:
-        """True if the goal has a recording of its own, and this one only mentions it."""
+        """True if the goal has its own recording, and this one only mentions it."""
         return not self.seed
 
 
@@ -135,10 +141,10 @@ class Feedback:
     Attributes:
         time: Time of this progress [s].
         goal_id: UUID, 32 hexadecimal digits.
-        percentage: Share of the frames that are done [%]; None before any is scheduled.
+        percentage: Share of executed frames [%]; None before the first schedule.
         phase: Phase of the run, such as `planning`.
         node: Name of the tree's running node.
-        attempt: Number of the attempt, from 1; the percentage only grows within one attempt.
+        attempt: Number of the attempt, from 1. The percentage only grows within one attempt.
     """
 
     time: float
@@ -159,7 +165,7 @@ class Result:
     """The end of a goal.
 
     Attributes:
-        time: When it ended [s].
+        time: Time of the end [s].
         goal_id: UUID, 32 hexadecimal digits.
         task: Number of the task.
         state: `SUCCEEDED`, `ABORTED` or `CANCELED`.
@@ -167,12 +173,12 @@ class Result:
         code: Stable code of the cause.
         message: The cause in words.
         frames: Number of frames sent.
-        duration: From the acceptance of the goal to its end, including the time in the queue [s].
-        node: Path of the node that caused the end; empty if there is none.
+        duration: Time from the acceptance of the goal to its end, including the queue [s].
+        node: Path of the node that caused the end; empty if no node caused it.
         joint: Joint that the cause concerns; empty if unknown.
         value: The wrong value: a position [rad], a distance [m], or a time [s].
         limit: The limit of that value, in the same unit.
-        hint: What to do next.
+        hint: Advice for the user.
     """
 
     time: float
@@ -191,7 +197,7 @@ class Result:
     hint: str = ""
 
     def queued(self, goal: Goal) -> float:
-        """Return how long the goal waited in the queue [s]; 0 if it started at once."""
+        """Return the time of the goal in the queue [s]; 0 if it started at once."""
         waited = self.duration - (self.time - goal.time)
         return waited if waited > _AT_ONCE else 0.0
 
@@ -215,15 +221,15 @@ class NodeStatus:
     message: str
 
 
-HALTED = "HALTED"  # INVALID after RUNNING, as people see it
+HALTED = "HALTED"  # word for people: INVALID after RUNNING
 
 
 def shown_status(status: str, before: str) -> str:
-    """Return the status of a node as people see it: `HALTED` if it was interrupted.
+    """Return the status of a node for people: `HALTED` if the node was interrupted.
 
     Args:
         status: Its recorded status.
-        before: Its status before; empty for none.
+        before: Its previous status; empty if it has none.
     """
     return HALTED if status == "INVALID" and before == "RUNNING" else status
 
@@ -233,7 +239,7 @@ class Plan:
     """A planner's query and its answer; N samples, W waypoints, V via points, J joints.
 
     Attributes:
-        time: When the planner answered [s].
+        time: Time of the planner's answer [s].
         group: Group of joints, such as `arm`.
         joints: Their names, (J,).
         start: Start position of every actuated joint of the robot [rad], by name. Joints of other
@@ -255,9 +261,9 @@ class Plan:
         milliseconds: Time that each step of planning took [ms].
         code: Stable code of a failure; empty if a motion was found.
         message: The failure in words.
-        spare: Distance kept between the ends of the path, beyond the robot's margin [m].
-        speed: Share of the robot's speed; it scales the velocity limits, and its square the
-            acceleration limits.
+        spare: Distance kept beyond the robot's margin, except at the ends of the path [m].
+        speed: Share of the robot's speed. Velocity limits are scaled by it, and acceleration limits
+            by its square.
     """
 
     time: float
@@ -283,26 +289,26 @@ class Plan:
 
 @dataclass(frozen=True, slots=True)
 class Schedule:
-    """The frames that a motion was compiled to; N frames, K samples, J joints.
+    """The frames of a compiled motion; N frames, K samples, J joints.
 
-    The frames are computed from the samples alone, so they can be compiled again from a recording.
+    The frames depend only on the samples, so they can be compiled again from a recording.
 
     Attributes:
-        time: When it was compiled [s].
+        time: Time of compilation [s].
         rate_hz: Rate at which the motion was sampled [Hz].
         firmware: Firmware profile that set the pace of the frames.
-        times: When each frame is due, from the start of the motion [s], (N,).
+        times: Planned time of each frame, from the start of the motion [s], (N,).
         frames: The frames as text, (N,).
         delays_s: Delay of each frame for the board's pace [s], (N,).
-        slowed_s: How much longer the motion takes for the board's pace [s].
+        slowed_s: Time added to the motion for the board's pace [s].
         start: Start position of every actuated joint [rad], by name.
         duration: Duration of the planned motion [s].
         groups: Groups of the merged plans, in order; empty for frames that were not planned.
         together: True if those groups move at the same time.
         sample_times: Time of each sample, from the start of the motion [s], (K,).
         samples: Positions of all actuated joints [rad], (K, J).
-        resumed: Time within the interrupted motion at which this one continues it [s]; None for a
-            motion from its beginning.
+        resumed: Time within the interrupted motion at which it continues [s]; None for a motion
+            from its beginning.
     """
 
     time: float
@@ -333,7 +339,7 @@ class LogLine:
 
 @dataclass(frozen=True, slots=True)
 class Attachment:
-    """A named file, such as the task's YAML; it gets the time of the record before it."""
+    """A named file, such as the task's YAML. It has the time of the previous record."""
 
     name: str
     media_type: str
@@ -348,7 +354,7 @@ class Note:
     facts: Mapping[str, str]
 
 
-# What `Recording.records` yields; the robot's description is an attachment.
+# Types that `Recording.records` yields. The robot's description is an attachment.
 RunRecord = (
     Sent
     | Received

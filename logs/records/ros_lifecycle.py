@@ -1,4 +1,4 @@
-"""ROS 2's numbers of the states and transitions of a lifecycle: those of lifecycle_msgs."""
+"""The numbers of lifecycle states and transitions in ROS 2's lifecycle_msgs."""
 
 STATE_NUMBERS = {
     "unconfigured": 1,
@@ -12,7 +12,7 @@ STATE_NUMBERS = {
     "deactivating": 14,
     "errorprocessing": 15,
 }
-# By start and label.
+# Numbers by start state and label.
 REQUEST_NUMBERS = {
     ("unconfigured", "configure"): 1,
     ("inactive", "cleanup"): 2,
@@ -39,7 +39,7 @@ def transition_number(start: str, label: str) -> int:
 
     Args:
         start: State before it.
-        label: Its label; empty if nothing changed, whose number is 0.
+        label: Its label; empty if nothing changed. The number is then 0.
     """
     if not label:
         return 0

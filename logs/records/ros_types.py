@@ -8,15 +8,15 @@ from functools import cache
 from importlib import resources
 from typing import Any, NamedTuple
 
-# Each `.msg` file beside this one defines one; `standard.msg` has those of ROS 2.
+# Each `.msg` file beside this module defines one type. `standard.msg` has the types of ROS 2.
 _OURS = tuple(
     f"arduinobot_msgs/msg/{name}" for name in ("SerialFrame", "TaskFeedback", "MeasuredJoints")
 )
 
-_NESTED = f"{'=' * 80}\nMSG: "  # precedes each nested type in a definition
+_NESTED = f"{'=' * 80}\nMSG: "  # line before each nested type in a definition
 _FIELD = re.compile(r"([\w/]+)(\[(\d*)\])? +(\w+)")
 
-# Numbers of types in type descriptions of ROS 2 (REP 2016), and what is added for an array.
+# Numbers of types in type descriptions of ROS 2 (REP 2016), and offsets for arrays.
 _NUMBERS = {
     "int8": 2,
     "uint8": 3,
@@ -70,7 +70,7 @@ def fields(name: str) -> tuple[Field, ...]:
 
 @cache
 def schema(name: str) -> str:
-    """Return the definition of a type in `ros2msg` form, with those of nested types."""
+    """Return the definition of a type in `ros2msg` form, with definitions of nested types."""
     nested = (
         f"{_NESTED}{each.replace('/msg/', '/')}\n{_definitions()[each]}" for each in _nested(name)
     )
@@ -109,7 +109,7 @@ def _field(line: str) -> Field:
 
 
 def _nested(name: str) -> tuple[str, ...]:
-    """Return the types of the messages in a message, also in nested ones, each once."""
+    """Return all message types inside a message, also nested ones, each once."""
     inner = (field.type for field in fields(name) if field.is_message)
     return tuple(dict.fromkeys(each for kind in inner for each in (kind, *_nested(kind))))
 

@@ -1,4 +1,4 @@
-"""The table of topics: which record becomes which message, and on which topic."""
+"""The table of topics: the messages and topics of each record."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -34,9 +34,9 @@ class Topic:
 
     Attributes:
         record: Type of the record.
-        name: The topic; may contain a field of the record, such as `/plan/{record.group}`.
+        name: The topic. It may contain a field of the record, such as `/plan/{record.group}`.
         type: The ROS 2 message type.
-        convert: Function that makes the message from a record; returns None for no message.
+        convert: Function that makes the message from a record. It returns None for no message.
         latched: True if late subscribers get the last message (transient local).
     """
 
@@ -48,7 +48,7 @@ class Topic:
 
     @property
     def every_field(self) -> bool:
-        """True if a message holds its record's fields as JSON, so that a reader can restore it."""
+        """True if a message has all fields of its record as JSON, to restore the record."""
         return self.fixed and self.convert is as_.every_field
 
     @property
@@ -108,9 +108,9 @@ def offered_qos(topic: Topic) -> str:
     return _QOS.format(depth=1 if topic.latched else 10, durability=1 if topic.latched else 2)
 
 
-# All releases of rosbag2 read quality of service as numbers, but only if the bag claims version 8
-# or older. Without this note a file counts as the newest version. rosbag2 uses only the version
-# here; it reads everything else from the file itself.
+# All releases of rosbag2 read quality of service as numbers, but only in a bag of version 8 or
+# older. Without this note, a file counts as the newest version. rosbag2 uses only the version of
+# this note, and reads everything else from the file itself.
 ROSBAG2 = {
     "serialized_metadata": """\
 version: 8

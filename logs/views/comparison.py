@@ -44,7 +44,7 @@ class Comparison:
     Attributes:
         runs: Both runs.
         first: First frame that differs, in words; empty if all are equal.
-        joints: By joint, the largest distance while both moved [rad], and its time [s].
+        joints: Largest distance while both moved [rad], and its time [s], by joint.
     """
 
     runs: tuple[Run, Run]
@@ -56,7 +56,7 @@ def compare(one: Path, other: Path) -> Comparison:
     """Compare two runs, aligned at the first frame of each.
 
     Raises:
-        RecordingError: One of them cannot be read.
+        RecordingError: A recording cannot be read.
     """
     a, b = run_of(one), run_of(other)
     common = [joint for joint in a.joints if joint in b.joints]

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from logs.errors import RecordingError
 from logs.records.file_format import MAGIC
 
-_LEAST_RANGE = 10.0  # [deg]
+_LEAST_RANGE = 10.0  # smallest range of the y axis [deg]
 
 
 def save(figure: Figure, output: Path) -> None:
@@ -21,7 +21,7 @@ def save(figure: Figure, output: Path) -> None:
         output: The file; its suffix gives the format, default PNG.
 
     Raises:
-        RecordingError: The file is a recording; it is not overwritten.
+        RecordingError: The file is a recording, which is not overwritten.
         OSError: The file cannot be written.
     """
     if output.is_file():
@@ -29,7 +29,7 @@ def save(figure: Figure, output: Path) -> None:
             if there.read(len(MAGIC)) == MAGIC:
                 raise RecordingError(output, "is a recording; name another file for the drawing")
     FigureCanvasAgg(figure)
-    image = BytesIO()  # savefig seeks, which a pipe cannot
+    image = BytesIO()  # savefig seeks, and a pipe cannot seek
     figure.savefig(image, format=output.suffix.lower()[1:] or "png")
     output.write_bytes(image.getvalue())
 

@@ -10,7 +10,7 @@ from matplotlib.patches import Patch
 
 _START, _ARM, _BODY = "#777777", "#0072B2", "#D55E00"
 _SIDES = ((0, 2), (0, 1))
-_KEY = 0.15  # share of the height for the legend; letting matplotlib find a place takes 1 s
+_KEY = 0.15  # share of the height for the legend; a search of matplotlib for a place takes 1 s
 
 Point = tuple[float, float]
 Shape = Sequence[Sequence[float]]
@@ -21,9 +21,9 @@ class MotionDrawing:
     """Outlines of the arm and of the bodies around it during a motion.
 
     Attributes:
-        poses: Per pose, the corners of each shape of the arm, in the root frame [m].
+        poses: Corners of each shape of the arm for each pose, in the root frame [m].
         bodies: Corners of each body that does not move [m].
-        held: Per pose, the corners of each body that the arm carries [m].
+        held: Corners of each body that the arm carries, for each pose [m].
     """
 
     poses: Sequence[Sequence[Shape]]
@@ -38,7 +38,7 @@ def draw_motion(sides: Sequence[Axes], motion: MotionDrawing) -> None:
 
     Args:
         sides: Axes for the view from the front, and for the view from above.
-        motion: What to draw.
+        motion: The motion to draw.
     """
     for axes, (across, up) in zip(sides, _SIDES, strict=True):
         _side(axes, motion, across, up)

@@ -36,9 +36,9 @@ class Overview:
         path: The file.
         bytes: Its size [bytes].
         messages: Number of messages.
-        complete: True if it has its end and no damage.
+        complete: True if it has its end and is undamaged.
         written: True if it is being written.
-        goal: The goal; None in a recording without one, such as that of a server.
+        goal: The goal; None in a recording without a goal, such as a server's own.
         result: The result of that goal, or None.
         frames: Number of frames sent, including holds.
         holds: Number of holds.
@@ -64,7 +64,7 @@ class Overview:
 
     @property
     def waited(self) -> float:
-        """How long the goal waited in the queue [s]; 0 if it did not, or has no result."""
+        """Time of the goal in the queue [s]; 0 if it did not wait or has no result."""
         if self.goal is None or self.result is None:
             return 0.0
         return self.result.queued(self.goal)
@@ -147,7 +147,7 @@ def overview(path: Path) -> Overview:
 
 
 def narrative(path: Path, everything: bool) -> Iterator[tuple[float, str]]:
-    """Yield what happened, line by line, each with the time since the goal [s].
+    """Yield the events of a run as lines, each with the time since the goal [s].
 
     Args:
         path: The recording.
@@ -171,7 +171,7 @@ def narrative(path: Path, everything: bool) -> Iterator[tuple[float, str]]:
             paused = record.paused
             yield time, "paused" if paused else "resumed"
         if isinstance(record, NodeStatus) and record.path not in started:
-            if record.status == "INVALID":  # the state of every node before it starts
+            if record.status == "INVALID":  # the status of a node before its start
                 continue
             started.add(record.path)
         held = isinstance(record, Sent) and record.hold

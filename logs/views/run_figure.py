@@ -33,9 +33,9 @@ _LIFECYCLE = {
     "errorprocessing": "#D55E00",
 }
 _IN_TRANSITION = "#9CC3DB"
-_SHORT_S = 0.1  # shorter times are shown in milliseconds
+_SHORT_S = 0.1  # times below this are shown in milliseconds [s]
 _DPI = 300
-_WIDTH = 7.16  # two columns of an IEEE page; this and all lengths below are in inches
+_WIDTH = 7.16  # two columns of an IEEE page; this and all lengths below [in]
 _LEFT, _RIGHT, _TOP, _BOTTOM, _GAP = 1.25, 0.75, 0.48, 0.42, 0.07
 _CURVE, _CURVES, _RUG, _NODE, _BAND = 0.22, 0.75, 0.2, 0.165, 0.18
 _LETTER, _LINE, _INDENT, _EDGE = 0.066, 0.125, 0.12, 0.1
@@ -60,13 +60,13 @@ class Scene:
 def plot(recording: Path, output: Path, scenes: Sequence[Scene] = ()) -> None:
     """Draw commanded joints, frames, tree and lifecycle over the time since the goal.
 
-    Runs without a frame, canceled runs and cut recordings can be drawn, too.
+    Also draws runs without a frame, canceled runs and cut recordings.
 
     Args:
         recording: The recording, finished or not.
         output: File to write or overwrite; its suffix gives the format. The figure is as wide as
             two columns of a paper.
-        scenes: Motions in space, drawn below the rest; only the first twelve.
+        scenes: Motions in space, drawn below the other panels. Only the first twelve are drawn.
 
     Raises:
         RecordingError: The recording cannot be read.
@@ -81,7 +81,7 @@ def draw(run: Timeline, output: Path, scenes: Sequence[Scene] = (), dpi: int = _
     Args:
         run: The run.
         output: The file; its suffix gives the format.
-        scenes: Its motions in space; only the first twelve are drawn.
+        scenes: Its motions in space. Only the first twelve are drawn.
         dpi: Pixels per inch; the figure is 7.16 inches wide.
 
     Raises:
@@ -135,7 +135,7 @@ def _figure(run: Timeline, scenes: Sequence[Scene]) -> Figure:
 
 
 def _fewer(scenes: Sequence[Scene]) -> Sequence[Scene]:
-    """Limit the number of scenes, and so the height of the figure."""
+    """Limit the number of scenes, to limit the height of the figure."""
     if len(scenes) <= _MOST_SCENES:
         return scenes
     *before, last = scenes[:_MOST_SCENES]
@@ -215,7 +215,7 @@ def _draw_errors(panel: Axes, traces: Sequence[Trace], colours: dict[str, str]) 
 
 
 def _name_curves(panel: Axes, traces: Sequence[Trace], colours: dict[str, str]) -> None:
-    """Write each joint's name at the end of its curve; move names apart if they overlap."""
+    """Write each joint's name at the end of its curve. Move overlapping names apart."""
     low, high = panel.get_ylim()
     pitch = _LINE / (_CURVES + _CURVE * len(traces)) * (high - low)
     heights = _apart([degrees(trace.positions[-1]) for trace in traces], pitch)
@@ -224,7 +224,7 @@ def _name_curves(panel: Axes, traces: Sequence[Trace], colours: dict[str, str]) 
 
 
 def _apart(wanted: Sequence[float], pitch: float) -> list[float]:
-    """Return heights close to those wanted, in the same order, at least `pitch` apart."""
+    """Return heights close to the wanted ones, in the same order, at least `pitch` apart."""
     order = sorted(range(len(wanted)), key=lambda i: (wanted[i], -i))
     placed = list(wanted)
     for below, above in pairwise(order):
@@ -271,7 +271,7 @@ def _draw_node(panel: Axes, row: Row, place: int) -> None:
             facecolors=colour,
             linewidth=0,
         )
-        # With a symbol, a state shorter than a pixel is visible, also without colour.
+        # A symbol makes a state shorter than a pixel visible, also without colour.
         symbol = _SYMBOLS.get(span.state, "d")
         panel.plot([span.start], [place], symbol or "|", color=colour, ms=4, mew=0.8, clip_on=False)
 
@@ -317,7 +317,7 @@ def _draw_marks(panels: Sequence[Axes], run: Timeline) -> None:
             panel.axvline(time, color=_INK, linewidth=0.6, linestyle=(0, (3, 2)), zorder=0.5)
         place = (time - run.start) / (run.end - run.start)
         if place < taken and what == written:
-            continue  # of equal marks in a row, only the first has words
+            continue  # only the first of equal marks in a row has words
         level = (level + 1) % _MARK_LEVELS if place < taken else 0
         taken, written = place + 0.012 * len(what), what
         panels[0].annotate(

@@ -24,8 +24,8 @@ def table(path: Path | str, topic: str) -> "dict[str, NDArray[Any]]":
     """Return the messages of a topic, one column per field, for `pandas.DataFrame`.
 
     Joint states have one column per joint [rad]. Nested fields have one column each, such as
-    `transition.label`. Arrays are left out. Unknown numbers are NaN. If the recording is not
-    complete, a warning is raised and the valid part is returned.
+    `transition.label`. Arrays are left out. Unknown numbers are NaN. For an incomplete recording,
+    it warns and returns the valid part.
 
     Args:
         path: The recording.

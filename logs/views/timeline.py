@@ -1,4 +1,4 @@
-"""A run as it is drawn: what happened when, in seconds since its goal."""
+"""The timeline of a run: events for its figure, in seconds since its goal."""
 
 from bisect import bisect_right
 from collections.abc import Iterable
@@ -22,11 +22,11 @@ from logs.records.records import (
 
 _INVALID = "INVALID"
 _FAULT = "errorprocessing"
-_CANCEL = "cancel"  # begins the phases of a cancel
-_PAUSED = "paused"  # a phase, and its mark
-_DEEPEST = 200  # a node in more nodes is refused; another program wrote it
+_CANCEL = "cancel"  # first word of the phases of a cancel
+_PAUSED = "paused"  # name of a phase and of its mark
+_DEEPEST = 200  # largest depth of a node; a deeper tree is of another program
 
-_Change = tuple[float, str]  # when a state began [s], and the state
+_Change = tuple[float, str]  # begin of a state [s], and the state
 
 
 @dataclass(frozen=True)
@@ -55,9 +55,9 @@ class Trace:
     Attributes:
         joint: Its name.
         group: Its group.
-        times: When it was commanded [s since the goal].
+        times: Times of the commanded positions [s since the goal].
         positions: Commanded positions [rad].
-        measured_times: When it was measured [s since the goal]; empty if it was not.
+        measured_times: Times of the measured positions [s since the goal]; empty if not measured.
         measured: Measured positions [rad].
     """
 
@@ -70,7 +70,7 @@ class Trace:
 
     @property
     def errors(self) -> list[float]:
-        """How far it was from its command at each measurement [rad]."""
+        """Distance from the commanded position at each measurement [rad]."""
         commands = (bisect_right(self.times, time) - 1 for time in self.measured_times)
         pairs = zip(commands, self.measured, strict=True)
         return [q - self.positions[max(command, 0)] for command, q in pairs]
@@ -81,11 +81,11 @@ class Timeline:
     """Everything that the figure of a run shows; times are [s since the goal].
 
     Attributes:
-        goal: The goal; None if none was recorded.
-        result: The goal's result; None if none was recorded.
+        goal: The goal; None if it was not recorded.
+        result: The goal's result; None if it was not recorded.
         start: Start of the time axis [s].
         end: End of the time axis [s].
-        traces: Commanded positions, one trace per joint, and measured ones beside them.
+        traces: Commanded and measured positions, one trace per joint.
         frames: Times at which frames were sent [s].
         holds: Times at which a stop repeated the last frame [s].
         rows: The tree, parents above their children.
@@ -108,7 +108,7 @@ class Timeline:
 
 
 def timeline(path: Path) -> Timeline:
-    """Read a run; if a file holds several goals, the last one.
+    """Read a run. If a file has several goals, read the last one.
 
     Raises:
         RecordingError: The file cannot be read, or its tree is too deep. A cut file can be read:
@@ -123,7 +123,7 @@ def timeline(path: Path) -> Timeline:
         if isinstance(record, NodeStatus) and record.path.count("/") > _DEEPEST:
             raise RecordingError(path, f"its tree is deeper than {_DEEPEST} nodes")
         events.add(record)
-    return events.timeline(recording.complete)  # known after all records
+    return events.timeline(recording.complete)  # `complete` is known after all records
 
 
 def timeline_of(records: Iterable[RunRecord], complete: bool = True) -> Timeline:
@@ -131,7 +131,7 @@ def timeline_of(records: Iterable[RunRecord], complete: bool = True) -> Timeline
 
     Args:
         records: The records, in order of time.
-        complete: True if they have the end of the run.
+        complete: True if the records have the end of the run.
     """
     events = _Events()
     for record in records:
@@ -141,14 +141,14 @@ def timeline_of(records: Iterable[RunRecord], complete: bool = True) -> Timeline
 
 @dataclass
 class _Events:
-    """What was recorded so far; times are on the records' clock [s]."""
+    """The events so far. Times are on the records' clock [s]."""
 
     goal: Goal | None = None
     result: Result | None = None
     first: float | None = None
     last: float = 0.0
-    motions: list[dict[str, Plan]] = field(default_factory=list)  # by group; last plans of each
-    moved: bool = True  # since the last plan
+    motions: list[dict[str, Plan]] = field(default_factory=list)  # last plans of each group
+    moved: bool = True  # True if the arm moved since the last plan
     starts: dict[str, tuple[float, float]] = field(default_factory=dict)
     joints: dict[str, list[tuple[float, float]]] = field(default_factory=dict)
     measured: dict[str, list[tuple[float, float]]] = field(default_factory=dict)
@@ -282,7 +282,7 @@ class _Events:
         return [*marks, *self.pauses, *((time, "fault") for time in self.faults)]
 
     def _cancel(self) -> float | None:
-        """Return when the cancel began: the phase `canceling`, else its first visible effect."""
+        """Return the begin of the cancel: of phase `canceling`, or of its first visible effect."""
         if self.canceled is not None or self.result is None or self.result.state != "CANCELED":
             return self.canceled
         effects = [sent.time for sent in self.sent if sent.hold]
@@ -301,7 +301,7 @@ def _parts(path: str) -> list[str]:
 
 
 def _in_tree_order(paths: Iterable[str]) -> list[str]:
-    """Return paths, parents before their children, siblings in the order of first change."""
+    """Return paths with parents before children, and siblings in the order of first change."""
     rank: dict[tuple[str, ...], int] = {}
     for path in paths:
         parts = _parts(path)

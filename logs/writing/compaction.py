@@ -17,7 +17,9 @@ from logs.records.file_format import DIGESTS, RECOVERED, UNFINISHED
 if TYPE_CHECKING:
     from mcap.writer import Writer
 
-_CHUNK_BYTES = 262144  # smaller chunks compress worse, and each has its own indexes
+_CHUNK_BYTES = (
+    262144  # size of a chunk; smaller chunks compress worse, and each has its own indexes
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,8 +31,8 @@ class Summary:
         messages: Number of messages in it.
         bytes: Its size [bytes]; 0 if nothing was recorded and the file was removed.
         whole: True if its source had its end and no damage.
-        torn: Number of bytes at the end of the source that were not valid.
-        damaged: Copy of the source, kept if bytes of it were lost; else None.
+        torn: Number of invalid bytes at the end of the source.
+        damaged: Copy of the source if bytes of it were lost; else None.
     """
 
     path: Path
@@ -56,25 +58,25 @@ class Summary:
 
 
 def compact(journal: Path) -> Summary:
-    """Replace a journal with a finished recording of everything valid in it.
+    """Replace a journal with a finished recording of its valid content.
 
-    It accepts any state: a closed journal, one that was cut anywhere, and a finished recording,
-    which keeps its content. A file without a complete header becomes an empty recording. The
-    journal is replaced only after the new file was read back from the disk. If bytes are lost, the
-    journal is kept beside it.
+    It accepts any state: a closed journal, a journal that was cut anywhere, and a finished
+    recording, which keeps its content. A file without a complete header becomes an empty recording.
+    The journal is replaced only after the new file was read back from the disk. If bytes are lost,
+    a copy of the journal is kept.
 
     Raises:
         RecordingInUse: The journal is being written.
-        RecordingError: The file does not exist, is not an MCAP file, or the new file does not hold
-            all messages; nothing was changed.
-        OSError: The disk failed or is full; the journal is unchanged.
+        RecordingError: The file does not exist, is not an MCAP file, or the new file lacks
+            messages. The journal is unchanged.
+        OSError: The disk failed or is full. The journal is unchanged.
     """
     with locked(journal):
         return rewrite(journal)
 
 
 def rewrite(journal: Path) -> Summary:
-    """Do what `compact` does; the caller holds the lock."""
+    """Compact a journal like `compact`. The caller holds the lock."""
     records = TolerantReader(journal)
     new = part_of(journal)
     try:
@@ -82,7 +84,7 @@ def rewrite(journal: Path) -> Summary:
         torn = records.torn
         _check(new, messages)
         damaged = _keep(journal) if torn else None
-        shutil.copystat(journal, new)  # the mode shows whether it is pinned; the time is its age
+        shutil.copystat(journal, new)  # the mode marks a pinned recording, and the time is its age
         os.replace(new, journal)
     finally:
         new.unlink(missing_ok=True)
@@ -97,7 +99,7 @@ def part_of(recording: Path) -> Path:
 
 
 def _keep(recording: Path) -> Path:
-    """Give a damaged recording a second name, which stays when the first is replaced."""
+    """Give a damaged recording a second name, which stays after the first is replaced."""
     for number in count(1):
         kept = recording.with_name(f"{recording.name}.damaged{'' if number == 1 else number}")
         with suppress(FileExistsError):
@@ -124,7 +126,7 @@ def _copy(recording: Path, kept: Path) -> None:
 
 
 def write_finished(records: TolerantReader, new: Path) -> int:
-    """Write a finished recording of these records; return the number of messages."""
+    """Write a finished recording of records. Return the number of messages."""
     from mcap.records import Metadata
     from mcap.writer import Writer
 
@@ -169,7 +171,7 @@ def _sync_folder(folder: Path) -> None:
 
 
 class Copy:
-    """Copies MCAP records to a writer; schemas and channels get new numbers."""
+    """Copies MCAP records to a writer. Schemas and channels get new numbers."""
 
     def __init__(self, writer: "Writer") -> None:
         self._writer = writer
@@ -179,7 +181,7 @@ class Copy:
         self._messages = 0
 
     def all(self, records: Iterable[Any]) -> int:
-        """Copy all records but indexes and digests; return the number of messages so far."""
+        """Copy all records except indexes and digests. Return the number of messages so far."""
         from mcap import records as mcap
 
         new = self._writer

@@ -1,4 +1,4 @@
-"""A process that compacts recordings, so that compaction does not slow the next task down."""
+"""A process that compacts recordings, so that compaction does not delay the next task."""
 
 import contextlib
 import os
@@ -13,16 +13,16 @@ from weakref import finalize
 
 from .compaction import Summary, rewrite
 
-_AT_ONCE = 4  # compactions in parallel; each mostly waits for the disk
-_BEHIND = 10  # niceness
+_AT_ONCE = 4  # number of parallel compactions; each mostly waits for the disk
+_BEHIND = 10  # niceness of the process
 _PATH_BYTES = 4096
 
 
 class CompactionProcess:
-    """A process that compacts recordings; it is started now, and again if it dies. Thread-safe.
+    """A process that compacts recordings. It starts at once, and again if it dies. Thread-safe.
 
-    It has its own session, so Ctrl-C on the terminal does not reach it. It ends when this process
-    ends, after the compactions it was sent: then its socket is closed.
+    It has its own session, so Ctrl-C on the terminal does not reach it. The end of this process
+    closes its socket. It then finishes its compactions and ends.
     """
 
     def __init__(self) -> None:
@@ -30,7 +30,7 @@ class CompactionProcess:
         self._start()
 
     def rewrite(self, journal: Path, lock: int) -> Summary:
-        """Do what `compaction.rewrite` does; in this process if the other one fails.
+        """Compact a journal like `compaction.rewrite`, or in this process if the other one fails.
 
         Args:
             journal: The journal.
@@ -38,8 +38,8 @@ class CompactionProcess:
                 journal stays locked until it is compacted, even if this process is killed.
 
         Raises:
-            RecordingError: The new file does not hold all messages; nothing was changed.
-            OSError: The disk failed or is full; the journal is unchanged.
+            RecordingError: The new file lacks messages. The journal is unchanged.
+            OSError: The disk failed or is full. The journal is unchanged.
         """
         ours, theirs = socket.socketpair()
         with ours:
@@ -55,7 +55,7 @@ class CompactionProcess:
         return self._process.pid
 
     def close(self) -> None:
-        """End the process after the compactions it was sent."""
+        """End the process after its pending compactions."""
         self._end()
 
     def _send(self, message: bytes, descriptors: list[int]) -> None:
@@ -82,7 +82,7 @@ class CompactionProcess:
 
 @cache
 def shared_process() -> CompactionProcess:
-    """Return the compaction process that everything in this process shares."""
+    """Return the compaction process that all code of this process shares."""
     return CompactionProcess()
 
 
@@ -92,7 +92,7 @@ def _end(requests: socket.socket, process: "subprocess.Popen[bytes]") -> None:
 
 
 def _serve(requests: socket.socket) -> None:
-    """Answer each request with a summary, or with nothing if compaction failed."""
+    """Answer each request with a summary, or with no bytes if compaction failed."""
     while True:
         message, descriptors, *_ = socket.recv_fds(requests, _PATH_BYTES, 2)
         if not message:

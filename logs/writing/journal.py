@@ -25,7 +25,7 @@ from logs.records.records import Attachment, Description, Item, Note, Record
 from logs.records.ros_types import schema, type_hash
 from logs.records.topics import ROSBAG2, TOPICS, Topic, offered_qos, topics_of
 
-# Kept free for the end of a run: its last records, and the compaction of a journal of 2 MB.
+# Reserved space for the end of a run: its last records, and the compaction of a journal of 2 MB.
 _RESERVE = 1 << 20  # [bytes]
 
 _SEQUENCE_BITS = 0xFFFFFFFF
@@ -44,15 +44,15 @@ class _Channel:
 class Journal:
     """Writes each record immediately; `kill -9` loses at most the record being written.
 
-    For one thread. A closed journal is a complete MCAP file without a summary. One that was not
-    closed is the valid beginning of such a file. `compact` makes the final recording from either.
+    Not thread-safe. A closed journal is a complete MCAP file without a summary. An open journal is
+    the valid beginning of such a file. `compact` makes the final recording from either.
     """
 
     def __init__(self, stream: BufferedWriter, epoch_ns: int) -> None:
         """Write header, metadata, schemas and channels.
 
         Args:
-            stream: The new file; the journal closes it.
+            stream: The new file. The journal closes it.
             epoch_ns: UTC at the zero of the records' clock [ns].
 
         Raises:
@@ -70,7 +70,7 @@ class Journal:
 
         Raises:
             OSError: The disk is full or failed.
-            Exception: One of them cannot be converted; nothing was written.
+            Exception: A record cannot be converted. Nothing was written.
         """
         self._file.write(checked(b"".join(map(self._encoded, items))))
 
@@ -85,16 +85,16 @@ class Journal:
 
     @property
     def closed(self) -> bool:
-        """True after `finish`, and after a failed write: nothing more can be written."""
+        """True after `finish` and after a failed write. Nothing more can then be written."""
         return self._file.closed
 
     @property
     def full(self) -> bool:
-        """True if the disk is full and only the reserve for the end of the run is left."""
+        """True if the disk is full, except for the reserve for the end of the run."""
         return self._file.full
 
     def write_time(self) -> float:
-        """Return the time that writes took since the last call [s], also one so far."""
+        """Return the duration of writes since the last call [s], including an unfinished write."""
         return self._file.write_time()
 
     def _encoded(self, item: Item) -> bytes:
@@ -136,7 +136,7 @@ class Journal:
 class PieceWriter:
     """Appends pieces to a file. A piece is written as a whole, or not at all.
 
-    It holds disk space in reserve. When the disk is full, it frees the reserve for the last pieces.
+    It reserves disk space. When the disk is full, it frees the reserve for the last pieces.
 
     Attributes:
         full: True if the disk is full and the reserve was freed.
@@ -146,13 +146,13 @@ class PieceWriter:
         """Take over a new, empty file.
 
         Args:
-            stream: The file; only its descriptor is used.
+            stream: The file. Only its descriptor is used.
         """
         self.full = False
         self._stream = stream
         self._written = 0
-        self._began: float | None = None  # when the write that is not done began [s]
-        self._spent = 0.0  # in writes since `write_time` was called [s]
+        self._began: float | None = None  # start time of the unfinished write [s]
+        self._spent = 0.0  # duration of writes since the last `write_time` [s]
         self._reserve = _reserve(Path(str(stream.name)).parent)
         if self._reserve:
             finalize(self, self._reserve.close)
@@ -161,8 +161,8 @@ class PieceWriter:
         """Pass a piece to the operating system.
 
         Raises:
-            OSError: The disk is full or failed, even without the reserve. The file is closed and
-                ends with the piece before.
+            OSError: The disk failed, or is full even without the reserve. The file is closed and
+                ends with the previous piece.
         """
         try:
             self._write(data)
@@ -194,10 +194,13 @@ class PieceWriter:
         return self._stream.closed
 
     def write_time(self) -> float:
-        """Return the time that writes took since the last call [s], also one so far."""
+        """Return the duration of writes since the last call [s], including an unfinished write."""
         began = self._began
         so_far = time.monotonic() - began if began is not None else 0.0
-        spent, self._spent = self._spent + so_far, -so_far  # its end adds all of it
+        spent, self._spent = (
+            self._spent + so_far,
+            -so_far,
+        )  # the end of the write adds its whole duration
         return spent
 
     def _write(self, data: bytes) -> None:
@@ -207,7 +210,7 @@ class PieceWriter:
             while done < len(data):
                 done += os.write(handle, memoryview(data)[done:])
         except OSError:
-            with suppress(OSError):  # the first failure is the one to report
+            with suppress(OSError):  # only the first failure is reported
                 os.ftruncate(handle, self._written)
                 os.lseek(handle, self._written, os.SEEK_SET)
             raise
@@ -228,10 +231,10 @@ class PieceWriter:
 
 
 def _reserve(folder: Path) -> IO[bytes] | None:
-    """Allocate disk space in a file without a name, which no crash can leave behind.
+    """Allocate disk space in a file without a name, so that a crash leaves no file.
 
     Returns:
-        The file; closing it frees the space. None if the disk has too little space.
+        The file, or None if the disk has too little space. Closing the file frees the space.
     """
     try:
         reserve = tempfile.TemporaryFile(dir=folder)  # noqa: SIM115, closed by `PieceWriter`
@@ -279,5 +282,5 @@ def _bytes(*records: mcap.McapRecord) -> bytes:
 
 @lru_cache(maxsize=1)
 def _kinematics(urdf: str) -> ForwardKinematics:
-    """Return the kinematics of a URDF, cached: a server's recordings are all of one robot."""
+    """Return the kinematics of a URDF. Cached, because recordings of a server share a robot."""
     return ForwardKinematics(Urdf(urdf).checked())

@@ -1,4 +1,4 @@
-"""The recorder: takes records from any thread and writes them in a thread of its own."""
+"""The recorder: takes records from any thread, and writes them in its own thread."""
 
 import errno
 import fcntl
@@ -34,28 +34,29 @@ _log = logging.getLogger(__name__)
 # Longest time between writing a record and syncing it to the disk [s].
 FSYNC_S = 1.0
 
-# Longest time to create the first file: imports take long on a busy machine [s].
+# Longest time to create the first file [s]. Imports are slow on a busy machine.
 _BEGIN_S = 10.0
 
 Job = Callable[[], object]
 
 
 class Recorder:
-    """Records one run into one file; never blocks the run.
+    """Records one run into one file, without blocking the run.
 
-    All recorders of a process share two threads: one writes, one syncs files to the disk. During
-    the run the file is a locked journal. Each record is passed to the operating system at once,
-    and synced to the disk within `FSYNC_S`. `close` makes the final recording from the journal.
+    All recorders of a process share two threads: one writes, and one syncs files to the disk.
+    During the run the file is a locked journal. Each record is passed to the operating system at
+    once, and synced to the disk within `FSYNC_S`. `close` makes the final recording from the
+    journal.
     """
 
     def __init__(self, path: Path, epoch_ns: int, on_failure: Callable[[Exception], None]) -> None:
         """Create the file.
 
         Args:
-            path: The new file; its folder exists.
+            path: The new file. Its folder must exist.
             epoch_ns: UTC at the zero of the records' clock [ns].
-            on_failure: Callback for the first error, or for a full disk; called once, from the
-                recorder's thread. It must not close the recorder.
+            on_failure: Callback for the first error, or for a full disk. The recorder's thread
+                calls it once. It must not close the recorder.
 
         Raises:
             RecordingExists: A file of that name exists.
@@ -72,28 +73,28 @@ class Recorder:
         self._journal: Journal | None = None
         self._begun, self._ended = threading.Event(), threading.Event()
         self._unsynced, self._syncing = False, threading.Lock()
-        self._slow = False  # a warning of a slow disk was logged
+        self._slow = False  # True if a warning of a slow disk was logged
         stream = _create(path)
-        self._file = os.dup(stream.fileno())  # holds the lock until the final recording is made
+        self._file = os.dup(stream.fileno())  # keeps the lock until the final recording is made
         self._jobs, self._syncs = _queue("recorder"), _queue("fsync")
         self._jobs.put(partial(self._begin, stream))
 
     def put(self, *items: Item) -> None:
-        """Record items; never blocks and never raises. Does nothing after `close`.
+        """Record items without blocking or raising. Does nothing after `close`.
 
         Args:
-            items: Items to write as one piece. A frame (`Sent`) is put alone, and only by the
-                streamer's thread.
+            items: Items to write as one piece. Only the streamer's thread puts a frame (`Sent`),
+                alone.
         """
         if type(items[0]) is Sent:
             self._sent += 1
         self._jobs.put(partial(self._take, items))
 
     def caught_up(self, timeout: float) -> bool:
-        """Return whether every frame that was put was written to the operating system.
+        """Return True if all frames were written to the operating system.
 
-        Waits for it if necessary. The first call also waits until the file was created. After an
-        error it is False.
+        Waits for this if necessary. The first call also waits until the file is created. Returns
+        False after an error.
 
         Args:
             timeout: Longest time to wait [s].
@@ -105,7 +106,7 @@ class Recorder:
         return (begun and self._kept == self._sent) or self.wait(timeout)
 
     def wait(self, timeout: float = _BEGIN_S) -> bool:
-        """Wait until everything put so far was written to the operating system.
+        """Wait until all items so far were written to the operating system.
 
         Args:
             timeout: Longest time to wait [s].
@@ -123,24 +124,24 @@ class Recorder:
         return journal.write_time() if journal else 0.0
 
     def flush(self) -> None:
-        """Wait until everything put so far was written to the operating system.
+        """Wait until all items so far were written to the operating system.
 
         Raises:
-            RecordingIncomplete: It could not be written, or not in time.
+            RecordingIncomplete: The items could not be written, or not in time.
         """
         caught_up = self.wait()
         if cause := self._cause or (None if caught_up else TimeoutError("the disk is too slow")):
             raise RecordingIncomplete(self.path, None, cause)
 
     def close(self, compaction: "CompactionProcess | None" = None) -> Summary:
-        """Write what is queued, and make the final recording.
+        """Write the queued items, and make the final recording.
 
         Args:
             compaction: Process that makes the final recording; None to make it in this process.
 
         Raises:
             DiskFull: The disk is full, but nothing is missing from the file.
-            RecordingIncomplete: Something is missing from the file, or it stayed a journal.
+            RecordingIncomplete: Records are missing from the file, or the file stayed a journal.
         """
         if not self._closed:
             self._closed = True
@@ -218,7 +219,7 @@ class Recorder:
         self._warn_of(time.monotonic() - due)
 
     def _warn_of(self, late: float) -> None:
-        """Log once that the disk is slow; it delays no frame."""
+        """Log once that the disk is slow. A slow disk delays no frame."""
         if late > FSYNC_S and not self._slow:
             self._slow = True
             _log.warning(
@@ -231,7 +232,7 @@ class Recorder:
 
     def _fail(self, cause: Exception) -> None:
         if self._cause is not None:
-            return  # reported once: log lines are themselves recorded here
+            return  # report only once, because log lines are recorded here too
         self._cause = cause
         _log.error("%s: cannot record: %s", self.path, cause)
         try:
@@ -263,7 +264,7 @@ def _create(path: Path) -> BufferedWriter:
         raise RecordingExists(path) from cause
     except OSError as cause:
         raise RecordingNotCreated(path, cause) from cause
-    if not _is_at(path, stream):  # another armtree recovered it before it was locked
+    if not _is_at(path, stream):  # another armtree recovered the file before it was locked
         stream.close()
         raise RecordingExists(path)
     return stream
@@ -278,13 +279,13 @@ def _is_at(path: Path, stream: BufferedWriter) -> bool:
 
 @cache
 def _queue(name: str) -> SimpleQueue[Job]:
-    """Return the queue of a thread that all recorders share; starting one delays a goal."""
+    """Return the queue of a thread that all recorders share, because a new thread delays a goal."""
     jobs = SimpleQueue[Job]()
 
     def work() -> None:
         while True:
             jobs.get()()
 
-    # A daemon: a process that ends without `close` leaves a journal, which can be recovered.
+    # A daemon thread: a process that ends without `close` leaves a journal, which can be recovered.
     threading.Thread(target=work, name=name, daemon=True).start()
     return jobs

@@ -15,15 +15,15 @@ from .compaction import Summary, part_of, rewrite, write_finished
 def recover(recording: Path) -> Summary | None:
     """Make a finished recording from the valid part of a journal or of a damaged recording.
 
-    An empty file of armtree is removed: its process was killed before it recorded anything.
+    An empty file of armtree is removed, because its process was killed before the first record.
 
     Returns:
-        What was recovered, and how many bytes were lost; None if the recording is complete.
+        A summary of the recovered records and lost bytes; None if the recording is complete.
 
     Raises:
         RecordingInUse: The file is being written.
         RecordingError: The file cannot be read.
-        OSError: The disk failed or is full; the file is unchanged.
+        OSError: The disk failed or is full. The file is unchanged.
     """
     complete = is_complete(recording, every_byte=True)
     _remove_part(part_of(recording))
@@ -31,7 +31,7 @@ def recover(recording: Path) -> Summary | None:
 
 
 def copy_valid(recording: Path, copy: Path) -> int:
-    """Write a finished recording of what is valid in a file, which may be being written.
+    """Write a finished recording of the valid part of a file, also while it is being written.
 
     Returns:
         The number of messages.
@@ -53,14 +53,14 @@ def copy_valid(recording: Path, copy: Path) -> int:
 def recover_all(folder: Path) -> Iterator[Summary | LogError | OSError]:
     """Recover all unfinished recordings of a folder, and remove partial copies.
 
-    It reads only the ends of each file, so it is fast if there is nothing to do. It leaves files
-    that are being written, and files of other programs, which take no lock.
+    It reads only the ends of each file, so it is fast if there is nothing to do. It ignores files
+    that are being written, and files of other programs, because these take no lock.
 
     Yields:
-        What was recovered, or why a file could not be recovered.
+        A summary of each recovered file, or the error if it could not be recovered.
     """
     for part in folder.glob("*.mcap.part"):
-        with suppress(LogError, OSError):  # a copy that stays does no harm
+        with suppress(LogError, OSError):  # a remaining copy is harmless
             _remove_part(part)
     for path in sorted(folder.glob("*.mcap")):
         try:
@@ -81,7 +81,7 @@ def _finished(recording: Path) -> Summary:
 
 
 def _remove_part(part: Path) -> None:
-    """Remove the partial copy that a compaction left, unless one is running."""
+    """Remove the partial copy of an earlier compaction, unless a compaction is running."""
     recording = part.with_suffix("")
     if part.exists() and recording.exists():
         with locked(recording):

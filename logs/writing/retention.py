@@ -1,4 +1,4 @@
-"""Deletes old recordings by a rule, and pins those that must stay."""
+"""Deletes old recordings by a rule, and pins recordings that must stay."""
 
 import errno
 import os
@@ -12,20 +12,20 @@ from logs.errors import LogError, RecordingError
 from logs.reading.file_state import is_complete, is_ours, locked
 from logs.reading.tolerant_reader import TolerantReader
 
-_DAY = 86400.0  # [s]
+_DAY = 86400.0  # a day [s]
 _WRITE = 0o222  # write permission in a file's mode, for any user
-_PICTURES = (".png", ".svg", ".pdf")  # beside a recording, with its name
+_PICTURES = (".png", ".svg", ".pdf")  # suffixes of pictures beside a recording, with its name
 _DAMAGED = "*.mcap.damaged*"  # copies of damaged recordings
-_DELETED = ".deleted"  # ends the name of a recording that can be restored
+_DELETED = ".deleted"  # suffix of a deleted recording that can be restored
 
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """Which recordings may be deleted; none if both limits are None.
+    """Rule for the recordings that may be deleted. If both limits are None, none may be deleted.
 
     Attributes:
         days: Delete recordings older than this [days].
-        megabytes: Delete the oldest recordings until all together take no more than this [MB].
+        megabytes: Delete the oldest recordings until the total size is at most this [MB].
     """
 
     days: float | None
@@ -33,19 +33,19 @@ class Rule:
 
 
 def prune(folder: Path, rule: Rule, utc: float, dry_run: bool = False) -> Iterator[Path]:
-    """Delete the recordings that a rule does not keep, the oldest first, with their pictures.
+    """Delete the recordings that a rule allows to delete, oldest first, with their pictures.
 
-    It never deletes a recording that is pinned, unfinished, being written, or of another program.
-    A copy of a damaged recording counts as a recording.
+    It never deletes a recording that is pinned, unfinished, being written or of another program. A
+    copy of a damaged recording counts as a recording.
 
     Args:
         folder: Folder with recordings.
-        rule: Which recordings may be deleted.
+        rule: The rule.
         utc: Current time [s since 1970].
         dry_run: True to delete nothing.
 
     Yields:
-        Each deleted file; with `dry_run`, each that would be deleted.
+        Each deleted file; with `dry_run`, each file that would be deleted.
     """
     files = list(_files(folder))
     left = sum(facts.st_size for facts, _ in files)
@@ -58,11 +58,12 @@ def prune(folder: Path, rule: Rule, utc: float, dry_run: bool = False) -> Iterat
 
 
 def delete(recording: Path) -> None:
-    """Take a finished recording out of its folder's list, until `purge` deletes it.
+    """Mark a finished recording as deleted. It is not listed any more, and `purge` deletes it.
 
     Raises:
-        RecordingInUse: It is being written.
-        RecordingError: It does not exist, is pinned, unfinished, or of another program.
+        RecordingInUse: The recording is being written.
+        RecordingError: The recording does not exist, is pinned, is unfinished, or is of another
+            program.
         OSError: The folder cannot be changed.
     """
     with locked(recording):
@@ -82,7 +83,7 @@ def restore(recording: Path) -> None:
         OSError: The folder cannot be changed.
     """
     try:
-        os.link(_deleted(recording), recording)  # unlike a rename, it replaces nothing
+        os.link(_deleted(recording), recording)  # unlike a rename, a link never replaces a file
     except OSError as cause:
         why = f"cannot be restored ({cause.strerror})"
         raise RecordingError(recording, why) from cause
@@ -90,11 +91,11 @@ def restore(recording: Path) -> None:
 
 
 def purge(folder: Path, before: float) -> None:
-    """Delete what `delete` took out of a folder, for good, with its pictures.
+    """Delete for good the recordings that `delete` marked in a folder, with their pictures.
 
     Args:
         folder: Folder with recordings.
-        before: Keep what was deleted at or after this time [s since 1970].
+        before: Keep recordings that were marked at or after this time [s since 1970].
     """
     for path in folder.glob(f"*.mcap{_DELETED}"):
         with suppress(OSError):
@@ -122,7 +123,7 @@ def pin(recording: Path, on: bool) -> None:
 
     Raises:
         RecordingError: The file does not exist, or is not a recording.
-        OSError: The file is another user's, or its file system has no permissions.
+        OSError: The file belongs to another user, or its file system has no permissions.
     """
     TolerantReader(recording)
     mode = recording.stat().st_mode
@@ -133,18 +134,18 @@ def pin(recording: Path, on: bool) -> None:
 
 
 def pinned(recording: Path) -> bool:
-    """Return whether a recording is protected from deletion."""
+    """Return True if a recording is protected from deletion."""
     return not recording.stat().st_mode & _WRITE
 
 
 def _files(folder: Path) -> Iterator[tuple[os.stat_result, Path]]:
     for path in (*folder.glob("*.mcap"), *folder.glob(_DAMAGED)):
-        with suppress(OSError):  # it was just deleted
+        with suppress(OSError):  # another process has just deleted the file
             yield path.stat(), path
 
 
 def _delete(path: Path, dry_run: bool) -> list[Path]:
-    """Delete a recording and its pictures, unless it is not ours or unfinished.
+    """Delete a recording of armtree and its pictures, if it is finished.
 
     Returns:
         The deleted files, or those that would be deleted.
@@ -155,7 +156,7 @@ def _delete(path: Path, dry_run: bool) -> list[Path]:
             finished = path.match(_DAMAGED) or is_complete(path, every_byte=False)
             if not (is_ours(path) and finished):
                 return []
-            for file in reversed([] if dry_run else files):  # the recording last
+            for file in reversed([] if dry_run else files):  # the recording comes last
                 file.unlink()
     except (LogError, OSError):
         return []
