@@ -3,7 +3,7 @@
 import gc
 import sys
 
-_ALLOCATIONS = 10_000  # between two collections; imports make many objects and no garbage
+_ALLOCATIONS = 10_000  # objects between two collections; imports make many objects but no garbage
 
 
 def main() -> None:

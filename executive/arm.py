@@ -32,22 +32,22 @@ class Arm:
     """An arm that runs tasks. The first task activates it; `close` shuts it down.
 
     Only its arguments count. It reads no `armtree.toml` and no environment variable, so that a
-    program moves the same arm wherever it is started.
+    program always moves the same arm.
 
     Args:
         port: Serial port such as `/dev/ttyACM0`; default: `virtual`, a simulated board.
         robot: Robot file; default: the shipped Arduinobot.
-        trees: Folder with task files of your own; default: `./trees`. If that has none, the
+        trees: Folder with task files of your own; default: `./trees`. If it has no task files, the
             Arduinobot has the example tasks.
         skills: Folder with Python files of skills of your own.
         recordings: Folder for recordings.
         seed: Seed of planning, from 1.
         pose: Confirmed position of the arm, `boot` or `last`; needed if opening the port does not
             reset the board.
-        operator: Answers the questions of tasks; default: none does.
+        operator: Answers the questions of tasks. Default: no operator.
 
     Attributes:
-        executive: Runs the tasks; it can also pause, resume and report.
+        executive: Runs the tasks. It can also pause, resume and report.
 
     Raises:
         ValueError: An argument is invalid, or a skill is broken.
@@ -85,7 +85,10 @@ class Arm:
         resources = ExitStack()
         self.executive = resources.enter_context(open_executive(setup, operator=operator))
         self._runner = TaskRunner(self.executive)
-        self._close, self._lock = weakref.finalize(self, resources.close), Lock()  # also at exit
+        self._close, self._lock = (
+            weakref.finalize(self, resources.close),
+            Lock(),
+        )  # also at the exit of the interpreter
         self.executive.start()
 
     def __enter__(self) -> Self:
@@ -95,7 +98,7 @@ class Arm:
         self.close()
 
     def close(self) -> None:
-        """Cancel what runs, shut the arm down and end the planners. The arm cannot be used again.
+        """Cancel all goals, shut the arm down and end the planners. The arm cannot be used again.
 
         Raises:
             LogError: A recording could not be finished.
@@ -111,8 +114,8 @@ class Arm:
 
         Raises:
             UnknownTask: No task has that number or name.
-            TypeError: A value is of a type that no parameter has.
-            GoalFailed: The task failed, was canceled or was rejected; `cause` says why.
+            TypeError: A value has a type that no parameter accepts.
+            GoalFailed: The task failed, was canceled or was rejected. `cause` has the reason.
             KeyboardInterrupt: Ctrl-C was pressed. The goal has ended, and the arm has stopped.
         """
         outcome = self.attempt(task, **arguments)
@@ -121,7 +124,7 @@ class Arm:
         return outcome
 
     def attempt(self, task: int | str | Move, /, **arguments: Any) -> Outcome:
-        """Run a task as `run` does, but return the outcome of one that fails, too."""
+        """Run a task like `run`, but also return the outcome of a failed task."""
         with self._lock:
             return self._runner.run(task, arguments)
 
@@ -138,16 +141,17 @@ class Arm:
             joints: Targets of joints, such as `joint_1="70 deg"`, or a number [rad].
 
         Raises:
-            GoalFailed, KeyboardInterrupt: As `run`.
+            GoalFailed: The move failed, was canceled or was rejected. KeyboardInterrupt: Ctrl-C was
+                pressed.
         """
         return self.run(Move.of(to, joints, relative, speed))
 
     def home(self, speed: float = 1.0) -> Outcome:
-        """Move to the home of the robot, as `move` does: the pose `home`, or the robot file's."""
+        """Move to the home of the robot: the pose `home`, or the home in the robot file."""
         return self.move(HOME, speed=speed)
 
     def where(self) -> Where:
-        """Return where the arm is."""
+        """Return the position of the arm."""
         return self.executive.where()
 
     def stop(self) -> None:
@@ -156,7 +160,7 @@ class Arm:
 
 
 def _default_trees(robot: str) -> Path | None:
-    """Return `./trees` if it has task files for a robot, else the examples if they fit it."""
+    """Return `./trees` if it has tasks for a robot, else the examples if they fit the robot."""
     if any(file for folder in with_robot(OWN_TREES, robot) for file in folder.glob("*.yaml")):
         return OWN_TREES
     return EXAMPLES if robot == SHIPPED_ROBOT else None

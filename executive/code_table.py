@@ -20,7 +20,7 @@ def exit_status(code: str) -> int:
 
 
 def load_errors() -> None:
-    """Load the error classes of all rooms, also the slow `skills`: each registers itself."""
+    """Load the error classes of all rooms, also of `skills`. Each class registers itself."""
     import executive.errors
     import executive.fleet.errors  # noqa: F401
     import hardware.drivers.servo_errors  # noqa: F401
@@ -31,5 +31,5 @@ def load_errors() -> None:
 
 
 def meaning(kind: type[ArmtreeError]) -> str:
-    """Return what an error class means: the first sentence of its docstring."""
+    """Return the meaning of an error class: the first sentence of its docstring."""
     return " ".join((kind.__doc__ or "").split()).partition(". ")[0].rstrip(".")

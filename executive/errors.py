@@ -10,7 +10,7 @@ from trees import FileError
 
 from .api.outcome import Cause, Outcome
 
-_LONGEST = 300  # characters of a refusal: it may quote what the client sent
+_LONGEST = 300  # largest number of characters of a refusal, because it may quote the client
 
 
 class GoalError(ArmtreeError):
@@ -22,7 +22,7 @@ class GoalError(ArmtreeError):
 
 
 class UnknownGoal(GoalError):
-    """No goal has that identity, or its result is forgotten."""
+    """No known goal has that identity. Results are kept for a limited time."""
 
     code = "goal.unknown"
     http_status = 404
@@ -102,7 +102,7 @@ class NotExecuting(GoalError):
 
 
 class GoalUnderWay(GoalError):
-    """A dry run needs an arm that does not move."""
+    """A dry run is not possible while a goal is under way."""
 
     code = "goal.under_way"
     hint = "wait for the end of the goal"
@@ -155,7 +155,7 @@ class ExecutorBlocked(GoalError):
     Args:
         identity: Identity of the goal.
         task: Number of its task.
-        node: Path of the blocked node; empty if it is not known.
+        node: Path of the blocked node; empty if unknown.
     """
 
     code = "server.held"
@@ -170,7 +170,7 @@ class ExecutorBlocked(GoalError):
 
 
 class ServerRestarted(GoalError):
-    """The server ended before the goal did."""
+    """The server ended before the goal ended."""
 
     code = "server.restarted"
     exit_status = 13
@@ -244,7 +244,7 @@ class TooFewFiles(ServerError):
     Args:
         limit: Its limit.
         least: Limit with which the server can start.
-        enough: Limit with which it can serve as many clients as it ever does.
+        enough: Limit with which it can serve its largest number of clients.
     """
 
     code = "server.files"
@@ -261,9 +261,9 @@ class RequestError(ArmtreeError):
     """The server rejected a request. Root of the errors of requests.
 
     Args:
-        message: What is wrong.
-        hint: What to do about it; default: the hint of the class.
-        status: HTTP status of the answer; default: that of the class.
+        message: The mistake in words.
+        hint: Advice for the user. Default: the hint of the class.
+        status: HTTP status of the answer. Default: the status of the class.
     """
 
     code = "request"
@@ -299,7 +299,7 @@ class BadMethod(RequestError):
 
 
 class Forbidden(RequestError):
-    """The request comes from another site, or is sent to another name."""
+    """The request comes from another site, or it names another server."""
 
     code = "request.forbidden"
     http_status = 403
@@ -329,7 +329,7 @@ class Unauthorized(RequestError):
 
 
 class WrongCode(RequestError):
-    """The code of a link to the page is unknown, or was used."""
+    """The code of a link to the page is unknown or already used."""
 
     code = "request.code"
     http_status = 401
@@ -368,16 +368,16 @@ class PoseUnconfirmed(HardwareError):
 
     def __init__(self, message: str) -> None:
         super().__init__(message)
-        self.hint = self.hint  # the message names no option, so the command line adds the hint
+        self.hint = self.hint  # the message names no option; the command line adds the hint
 
 
 class RecordingBehind(WriteRefused):
-    """Recording was too slow for too long, so no more frames were sent. The arm stays active.
+    """The recording was too slow, so the motion ended. The arm stays active.
 
     Args:
         port: Name of the port.
         most: Longest time that a frame waits for the recording of the previous frame [s].
-        cause: The likely cause, and what to do.
+        cause: The likely cause, with advice.
     """
 
     code = "log.behind"
@@ -407,7 +407,7 @@ class UsageError(ArmtreeError):
 
 
 class FileUnusable(ArmtreeError):
-    """A file cannot be read or written, or what it contains is wrong."""
+    """A file cannot be read or written, or its content is wrong."""
 
     code = "file"
     exit_status = 3
@@ -438,7 +438,7 @@ class ClientError(ArmtreeError):
 
 
 class ServerUnreachable(ClientError, ConnectionError):
-    """No server answers. It never did, or it stopped."""
+    """No server answers."""
 
     code = "server.unreachable"
     hint = "`armtree serve` starts one; --server URL or ARMTREE_SERVER says where it is"
@@ -464,7 +464,7 @@ class WrongAnswer(ClientError):
 
     Args:
         url: URL of the request.
-        why: What is wrong with the answer.
+        why: The mistake in the answer, in words.
     """
 
     code = "server.wrong_answer"
@@ -481,15 +481,15 @@ class Refused(ClientError):
     """The server refuses a request.
 
     Args:
-        cause: Why it refuses.
+        cause: The cause of the refusal.
 
     Attributes:
         code: Stable name of the cause.
-        node: Path of the node that it concerns; empty for none.
-        joint: Name of the joint that it concerns; empty for none.
+        node: Path of the node that it concerns; empty if it concerns no node.
+        joint: Name of the joint that it concerns; empty if it concerns no joint.
         value: The wrong value [rad], [m] or [s].
         limit: Limit of the value, in the same unit.
-        hint: What to do about it.
+        hint: Advice for the user.
         cause: All of these as one value, as in an outcome.
     """
 
@@ -502,14 +502,14 @@ class Refused(ClientError):
 
 
 class GoalFailed(ClientError):
-    """A goal was canceled or aborted; raised with and without a server.
+    """A goal was canceled or aborted.
 
     Args:
         outcome: Outcome of the goal.
 
     Attributes:
         outcome: The same.
-        cause: Why it failed.
+        cause: The cause of the failure.
     """
 
     def __init__(self, outcome: Outcome) -> None:

@@ -82,13 +82,13 @@ class Executive:
         library: The tasks.
         pool: The planners.
         clock: Time source.
-        operator: Answers the questions of tasks; default: none does.
-        leader: Arm that is moved by hand, for tasks that follow it; default: none.
+        operator: Answers the questions of tasks. Default: no operator.
+        leader: Hand-guided arm, for tasks that follow it. Default: none.
 
     Attributes:
         setup, robot, library, clock: The same.
         start_pose: Finds the start pose of an activation.
-        port: Name of the port; empty for none.
+        port: Name of the port; empty if there is no port.
     """
 
     def __init__(
@@ -107,7 +107,7 @@ class Executive:
         self._pool, self._subscribers = pool, EventSubscribers()
         self._progress: logs.Feedback | None = None
         self._breakpoints = set[str]()
-        self._planned_worlds: tuple[World, ...] = ()  # of the last dry run
+        self._planned_worlds: tuple[World, ...] = ()  # meshes of the last dry run
         self._recordings = Recordings(
             setup.recordings,
             robot,
@@ -178,7 +178,7 @@ class Executive:
         return next((task for task in numbers if self._executor.validate(task, arguments)), None)
 
     def close(self) -> None:
-        """Accept no more goals, cancel all, wait for their ends, and shut the arm down.
+        """Accept no more goals, cancel all goals, wait for their ends, and shut the arm down.
 
         Raises:
             LogError: A recording could not be finished.
@@ -205,10 +205,10 @@ class Executive:
             task: Task number, or a move.
             arguments: Values of the task's parameters, by name. Text is read as in a task file.
             identity: 32 hexadecimal digits; empty for a new identity.
-            strict: True to refuse a goal for an unknown task, with wrong arguments, or for a task
-                whose files have mistakes. Otherwise the goal is accepted, and aborted. An invalid
-                move is always refused.
-            client: Name of the program that sends it, for its recording; empty if unknown.
+            strict: True to refuse a goal for an unknown task, for a task with mistakes in its
+                files, or with wrong arguments. If False, such a goal is accepted and aborted. An
+                invalid move is always refused.
+            client: Name of the sending program, for the recording; empty if unknown.
         """
         if isinstance(task, Move):
             return self._accept(MOVE, {}, identity, client, *self._read_move(task))
@@ -224,18 +224,18 @@ class Executive:
         identity: str,
         client: str = "",
     ) -> Acceptance:
-        """Send a goal strictly, and wait until it is recorded.
+        """Send a goal with `strict`, and wait until it is recorded.
 
-        A server that starts after this one then knows the goal.
+        A later server then knows the goal.
         """
         acceptance = self.send(task, arguments, identity, strict=True, client=client)
         self._recordings.wait()
         return acceptance
 
     def cancel(self, identity: str = "", stamp_ns: int = 0) -> CancelResult:
-        """Cancel goals, and stop the arm if the goal under way is one of them. Returns at once.
+        """Cancel goals. Stop the arm if the current goal is one of them. Returns at once.
 
-        Without arguments, all goals are canceled, and the arm is stopped in any case.
+        Without arguments, it cancels all goals and always stops the arm.
 
         Args:
             identity: Identity of a goal to cancel; empty for none.
@@ -244,7 +244,7 @@ class Executive:
         return self._stopper.cancel(identity, stamp_ns)
 
     def result(self, identity: str, timeout: float | None = None) -> Outcome:
-        """Wait for the outcome of a goal. Any number of threads may wait, also after the end.
+        """Wait for the outcome of a goal and return it. Any number of threads may wait.
 
         Args:
             identity: Identity of the goal.
@@ -265,11 +265,11 @@ class Executive:
         return self._queue.find(identity).status
 
     def goals(self, newest: int | None = None) -> tuple[GoalStatus, ...]:
-        """Return all goals that are known, or the newest ones, in order of acceptance."""
+        """Return all known goals, or only the newest ones, in the order of acceptance."""
         return self._queue.all(newest)
 
     def pause(self, identity: str) -> None:
-        """Stop the arm and keep the goal. The timeouts of its task are paused, too.
+        """Stop the arm and keep the goal. The timeouts of its task also pause.
 
         Raises:
             UnknownGoal: No goal has that identity, or it is forgotten.
@@ -295,7 +295,7 @@ class Executive:
     def step(self, identity: str) -> None:
         """Resume a paused goal, and pause it again before the next skill starts.
 
-        Raises: As `resume`.
+        Raises the errors of `resume`.
         """
         self.resume(identity, step=True)
 
@@ -335,27 +335,29 @@ class Executive:
             raise TransitionRefused(f"there is no transition {transition}; there are {known}")
         if transition == "activate":
             self._recordings.check_space()
-            self._recordings.wait()  # the board boots next, and may move the arm
+            self._recordings.wait()  # the board boots next and may move the arm
             self.start_pose.activate(self._arm, self._pool.start, pose)
             return self._arm.state
         if transition in ("deactivate", "shutdown") and self._arm.state is State.ACTIVE:
-            # First, or the goal would report the stop as its cause.
+            # This comes first; else the goal would report the stop as its cause.
             self._interrupt(NotActive(_LEAVES))
         getattr(self._arm, transition)()
         return self._arm.state
 
     def dry_run(self, task: int, arguments: Mapping[str, str | Located]) -> "DryRun":
-        """Check a task and plan its motions from where the arm is. Nothing moves.
+        """Check a task and plan its motions from the position of the arm. Nothing moves.
 
         Args:
             task: Task number.
             arguments: Values of the task's parameters, by name. Text is read as in a task file.
 
         Raises:
-            GoalUnderWay: Where the arm will be is not known.
-            TreeError: There is no such task, or it is wrong.
+            GoalUnderWay: A goal is under way, so the start of the task is unknown.
+            TreeError: There is no such task, or its files have mistakes.
         """
-        from .preview.dry_run import dry_run  # a run checks no file, and starts sooner
+        from .preview.dry_run import (
+            dry_run,
+        )  # a run does not load this module, so that it starts sooner
 
         if goal := self._queue.current:
             raise GoalUnderWay(goal.identity)
@@ -367,7 +369,7 @@ class Executive:
         return found
 
     def world_mesh(self, name: str) -> bytes | None:
-        """Return a mesh of a body around the arm, or in the last dry run; None if there is none.
+        """Return a mesh of a body around the arm, or in the last dry run; None if unknown.
 
         Args:
             name: Its name in the record of a plan.
@@ -396,11 +398,11 @@ class Executive:
         self._arm.switch_torque(on)
 
     def subscribe(self, callback: Callable[[Event], None]) -> Callable[[], None]:
-        """Subscribe to all events: what is recorded, and every change of a goal.
+        """Subscribe to all events: records, and changes of goals.
 
         Args:
-            callback: Called from any thread. It must be quick, and wait for no other thread. If it
-                raises an exception, it is removed.
+            callback: Callback for every event, from any thread. It must be quick and must not wait
+                for other threads. An exception removes it.
 
         Returns:
             Function that removes the callback.
@@ -431,44 +433,44 @@ class Executive:
         )
 
     def where(self) -> Where:
-        """Return where the arm is."""
+        """Return the position of the arm."""
         commanded = self._commanded()
         measured = self._arm.measured if commanded else None
         return Where.of(self.robot, self._arm.state, commanded, measured)
 
     def record(self, record: logs.Record) -> None:
-        """Record something from outside, such as a line of the log."""
+        """Record a record from outside, such as a line of the log."""
         self._recordings.record(record)
 
     def finish_recording(self) -> None:
         """Finish the recording of the last goal.
 
         Raises:
-            LogError: Something is missing from it.
+            LogError: Records are missing from the recording.
         """
         self._recordings.close()
 
     def _read_move(self, move: Move) -> tuple[Exception | None, str]:
-        """Return why a move is invalid, or None; and its text."""
+        """Return the error of a move, or None, and the text of the move."""
         try:
             read = read_move(move, self.robot, self.library.latest.poses()[0])
             if read.point and not move.relative:
                 self._check_reach(read.point)
             return None, move_text(move, read)
         except (SkillError, TreeError, Unreachable) as error:
-            vars(error).update(heading="", hint="")  # the message says all that there is to say
+            vars(error).update(heading="", hint="")  # the message is complete without the cause
             return error, ""
 
     def _check_reach(self, point: Vector) -> None:
-        """Check that the tool can reach a point, whatever is around the arm.
+        """Check that the tool can reach a point in an empty world.
 
         Raises:
-            Unreachable: It cannot.
+            Unreachable: The tool cannot reach the point.
         """
         boot = {joint.name: joint.boot for joint in self.robot.actuated}
         start = Positions(self._commanded() or boot)
         query = tool_query(self.robot, {"point": point, "start": start})
-        self._pool.start()  # a single user's planners start with the first motion
+        self._pool.start()  # planners of a single user start with the first motion
         answer = self._pool.ask(replace(query, timeout=self.setup.planning_timeout))
         if isinstance(answer, Unreachable):
             raise answer
@@ -526,4 +528,4 @@ class Executive:
 
 
 def _no_run(*_: float) -> None:
-    """Wake no run; every run has its own context."""
+    """Do nothing, because every run has its own context."""

@@ -1,4 +1,4 @@
-"""Checks JSON against a schema, with errors that say which key is wrong and what it must be."""
+"""Checks JSON against a schema. Errors name the wrong key and its valid values."""
 
 from collections.abc import Callable
 from typing import Any
@@ -24,9 +24,9 @@ def checked(check: Checker, value: Any, whole: str) -> Any:
     """Return a value that a schema accepts.
 
     Args:
-        check: What `checker` returned.
+        check: The result of `checker`.
         value: The value.
-        whole: What an error calls the whole value, such as `the body`.
+        whole: Name of the whole value in errors, such as `the body`.
 
     Raises:
         Mismatch: The value is wrong.

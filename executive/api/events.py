@@ -1,4 +1,4 @@
-"""What the executive reports: events as they happen, and its status at one moment.
+"""Reports of the executive: events as they happen, and its status at one moment.
 
 `--json`, the server and its clients use the same JSON for both.
 """
@@ -75,19 +75,19 @@ class Status:
     """Status of the executive at one moment.
 
     Attributes:
-        arm: State of the hardware; it equals its name, such as `active`.
+        arm: State of the hardware. It equals its name, such as `active`.
         fault: Fault that took the arm out of *active*; None after the next activation.
         port: Serial port of the board; empty if there is none.
         commanded: Last commanded position by joint [rad]; None if the arm is not active.
         measured: Measured position by joint [rad]; None if the arm is not active, or its board
             measures none.
         goal: Goal under way; None if there is none.
-        percentage: Progress of that goal [%]; None while it is unknown.
-        phase: What the goal does, such as `planning`.
+        percentage: Progress of that goal [%]; None if unknown.
+        phase: Phase of the goal, such as `planning`.
         node: Name of the running node.
         attempt: Number of the attempt, from 1.
         waiting: Identities of the goals in the queue.
-        policy: What happens to a second goal.
+        policy: Policy for a second goal.
         paused: True if the goal under way is paused.
         breakpoints: Paths of the nodes with a breakpoint.
         uptime: Time since the start [s].
@@ -117,7 +117,7 @@ class Status:
 
     @classmethod
     def from_json(cls, plain: Mapping[str, Any]) -> "Status":
-        """Return the status from what `to_json` returned.
+        """Return the status from the result of `to_json`.
 
         Raises:
             KeyError: A key is missing.
@@ -137,7 +137,7 @@ class Status:
 
 @dataclass(frozen=True, slots=True)
 class Where:
-    """Where the arm is, and what a view needs to draw it. `Where()` knows nothing.
+    """The position of the arm, and data to draw it. `Where()` is empty.
 
     Attributes:
         arm: State of the hardware.
@@ -179,13 +179,13 @@ class Where:
         commanded: Mapping[str, float] | None,
         measured: "Measurement | None" = None,
     ) -> "Where":
-        """Return where a robot is.
+        """Return the `Where` of a robot.
 
         Args:
             robot: The robot.
             arm: State of the hardware.
-            commanded: Last commanded position by joint [rad]; None if it is not known.
-            measured: Last measurement; None if there is none.
+            commanded: Last commanded position by joint [rad]; None if unknown.
+            measured: Last measurement, or None.
         """
         names = [joint.name for joint in robot.actuated]
         values = dataclasses.astuple(measured) if measured else ()
@@ -216,14 +216,14 @@ class Where:
         return "" if self.width is None else f"{1e3 * self.width:.1f} mm"
 
     def to_json(self) -> dict[str, Any]:
-        """Return it as a JSON object."""
+        """Return the position as a JSON object."""
         plain = dataclasses.asdict(self)
         plain["boot_wait_s"] = plain.pop("boot_wait")
         return plain
 
     @classmethod
     def from_json(cls, plain: Mapping[str, Any]) -> "Where":
-        """Return it from what `to_json` returned.
+        """Return the position from the result of `to_json`.
 
         Raises:
             KeyError: A key is missing.
@@ -259,10 +259,10 @@ def event_to_json(event: Event) -> dict[str, Any]:
 
 
 def event_from_json(plain: Mapping[str, Any]) -> Event:
-    """Return an event from what `event_to_json` returned.
+    """Return an event from the result of `event_to_json`.
 
     Raises:
-        KeyError: It is not an event, or an event of another version.
+        KeyError: The object is not an event, or it is an event of another version.
     """
     if plain["event"] == STATUS:
         return GoalStatus.from_json(plain)

@@ -1,4 +1,4 @@
-"""A move: a goal that is given in words, without a task file."""
+"""A move: a goal in words, without a task file."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from logs import MOVE
 
 HOME = "home"  # the word for the home of the robot
-LEADER = "leader"  # the word for the arm that is moved by hand: follow it until a person ends that
+LEADER = "leader"  # the word for a hand-guided arm: follow it until a person ends this
 
 
 @dataclass(frozen=True, slots=True)
@@ -14,7 +14,7 @@ class Move:
     """A request to move.
 
     Attributes:
-        words: The target; see `read_words`. The word `home` is a pose, too: see `poses_with_home`.
+        words: The target; see `read_words`. The word `home` is also a pose; see `poses_with_home`.
         relative: True if all words are changes: distances of joints, or x y z from the tool.
         speed: Share of the robot's speed, `MIN_SPEED` to 1. The motion takes 1 / speed times as
             long.
@@ -32,12 +32,12 @@ class Move:
         relative: bool,
         speed: float,
     ) -> "Move":
-        """Return a move whose target may be given as numbers.
+        """Return a move. Its target may have numbers.
 
         Args:
             to: Words, or x, y, z of the tool [m]. A text may hold several words.
             joints: Targets of joints by name, as texts or numbers [rad].
-            relative: True if all of it are changes.
+            relative: True if all targets are changes.
             speed: Share of the robot's speed.
         """
         words = " ".join(map(str, to)).split()

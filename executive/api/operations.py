@@ -1,7 +1,7 @@
 """Every operation of the HTTP interface, one row each.
 
-The routes, the checks of a request, the OpenAPI document and the requests of the clients are made
-from these rows. The method of `Endpoints` with the name of a row answers it.
+These rows define the routes, the checks of a request, the OpenAPI document and the requests of the
+clients. The method of `Endpoints` with the name of a row answers it.
 """
 
 from collections.abc import Mapping
@@ -18,7 +18,7 @@ from .schemas import Component, Schema
 
 
 class Access(Enum):
-    """Who may call an operation."""
+    """Access to an operation."""
 
     READ = "any program on this machine; from other machines only with the token"
     CHANGE = "only with the token"
@@ -32,16 +32,16 @@ class Operation:
 
     Attributes:
         method: HTTP method.
-        access: Who may call it.
+        access: Callers of the operation.
         path: Path of its URL, with path parameters in braces.
         name: Name of the method that answers, and `operationId` of the OpenAPI document.
         summary: One sentence for the documentation.
         answer: Schema of the answer; None if the answer is not JSON.
         parameters: Schema of every path and query parameter, by name.
         body: Schema of the JSON body; None if a body is ignored.
-        errors: Codes of errors, or their families, that it may answer besides `request.*`.
-        status: HTTP status of a good answer.
-        media: Media type of a good answer.
+        errors: Codes or families of errors in its answers, besides `request.*`.
+        status: HTTP status of a successful answer.
+        media: Media type of a successful answer.
         streams: True if its request or its answer lasts as long as the client stays.
         names_client: True if its method also receives the client: the User-Agent of the request.
     """
@@ -77,7 +77,7 @@ class Operation:
     def split(
         self, arguments: Mapping[str, Any]
     ) -> tuple[str, dict[str, Any], dict[str, Any] | None]:
-        """Put arguments where the operation expects them; those that are None are left out.
+        """Divide arguments into path, query and body. Arguments with None are left out.
 
         Returns:
             The path, the query, and the JSON body, or None if the operation takes no body.

@@ -1,4 +1,4 @@
-"""Reports about a goal: its state, the cause of a failure, its outcome, the answers.
+"""Reports about a goal: its state, the cause of a failure, its outcome, and answers.
 
 Only this file converts these values to and from JSON, and an outcome to and from a record. The
 numbers of `GoalState` and `CancelCode` are those of ROS 2.
@@ -18,7 +18,7 @@ from .codes import OK
 
 T = TypeVar("T")
 
-# Attributes of errors that hold the wrong value, and those that hold its limit.
+# Attributes of errors with the wrong value, and attributes with its limit.
 _VALUES = ("value", "distance")
 _LIMITS = ("limit", "margin", "timeout")
 
@@ -45,16 +45,16 @@ class CancelCode(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Cause:
-    """Why a goal, or a request, failed.
+    """Cause of the failure of a goal or a request.
 
     Attributes:
         code: Stable name.
         message: Description for people.
         node: Path of the failed node in the tree; empty if the cause is outside the tree.
-        joint: Name of the joint; empty if the cause concerns none.
+        joint: Name of the joint; empty if the cause concerns no joint.
         value: Wrong value: a position [rad], a distance [m] or a time [s].
         limit: Limit of the value, in the same unit.
-        hint: What to do next.
+        hint: Advice for the user.
     """
 
     code: str
@@ -80,7 +80,7 @@ class Cause:
 
     @classmethod
     def from_json(cls, plain: Mapping[str, Any]) -> "Cause":
-        """Return the cause from what `to_json` returned.
+        """Return the cause from the result of `to_json`.
 
         Raises:
             KeyError: A key is missing.
@@ -90,7 +90,7 @@ class Cause:
 
 @dataclass(frozen=True, slots=True)
 class Ending:
-    """How a goal, or a job of a fleet, ended.
+    """The end of a goal, or of a job of a fleet.
 
     Attributes:
         state: SUCCEEDED, ABORTED or CANCELED.
@@ -99,7 +99,7 @@ class Ending:
         frames: Number of frames sent.
         duration: Time from acceptance to the end [s].
         recording: Path of the recording; empty if there is none.
-        cause: Why it failed; None if it succeeded.
+        cause: Cause of a failure; None if it succeeded.
     """
 
     state: GoalState
@@ -127,7 +127,7 @@ class Ending:
 
     @classmethod
     def from_json(cls, plain: Mapping[str, Any]) -> Self:
-        """Return the ending from what `to_json` returned.
+        """Return the ending from the result of `to_json`.
 
         Raises:
             KeyError: A key is missing.
@@ -143,7 +143,7 @@ class Ending:
 
 @dataclass(frozen=True, slots=True)
 class Outcome(Ending):
-    """How a goal ended.
+    """The end of a goal.
 
     Attributes:
         task: Task number.
@@ -183,7 +183,7 @@ class Outcome(Ending):
 
         Args:
             identity: Identity of the goal.
-            time: When the goal ended [s].
+            time: Time of the end of the goal [s].
         """
         values = asdict(self.cause or Cause(OK, "")) | asdict(self)
         values |= {"time": time, "goal_id": identity}
@@ -192,7 +192,7 @@ class Outcome(Ending):
 
     @classmethod
     def from_record(cls, record: logs.Result, recording: str) -> "Outcome":
-        """Return the outcome that was recorded.
+        """Return a recorded outcome.
 
         Args:
             record: Record of the end of the goal.
@@ -212,7 +212,7 @@ class GoalStatus:
         task: Task number.
         state: State of the goal.
         stamp_ns: Time of acceptance, UTC [ns since 1970].
-        outcome: How the goal ended; None until then.
+        outcome: The outcome; None before the end.
     """
 
     identity: str
@@ -233,7 +233,7 @@ class GoalStatus:
 
     @classmethod
     def from_json(cls, plain: Mapping[str, Any]) -> "GoalStatus":
-        """Return the status from what `to_json` returned.
+        """Return the status from the result of `to_json`.
 
         Raises:
             KeyError: A key is missing.
@@ -249,12 +249,12 @@ class GoalStatus:
 
 @dataclass(frozen=True, slots=True)
 class Acceptance:
-    """The answer to a goal that was sent.
+    """The answer to a request for a goal.
 
     Attributes:
         identity: Identity of the goal, 32 hexadecimal digits.
         stamp_ns: Time of acceptance, UTC [ns since 1970]; 0 if the goal was refused.
-        cause: Why the goal was refused; None if it was accepted.
+        cause: Cause of a refusal; None if the goal was accepted.
     """
 
     identity: str
@@ -287,7 +287,7 @@ class CancelResult:
 
     Attributes:
         code: Return code, as in ROS 2.
-        goals: Identities of the goals that it cancels.
+        goals: Identities of the canceled goals.
     """
 
     code: CancelCode
@@ -299,7 +299,7 @@ class CancelResult:
 
     @classmethod
     def from_json(cls, plain: Mapping[str, Any]) -> "CancelResult":
-        """Return the answer from what `to_json` returned.
+        """Return the answer from the result of `to_json`.
 
         Raises:
             KeyError: A key is missing.
@@ -308,10 +308,10 @@ class CancelResult:
 
 
 def cause_of(error: Exception, node: str = "", message: str = "") -> Cause:
-    """Return the cause that an error holds, else one that describes it.
+    """Return the cause that an error contains, or else a new cause that describes the error.
 
     Args:
-        error: What failed; its joint, value and limit are kept.
+        error: The error. The cause keeps its joint, value and limit.
         node: Path of the node that failed; default: the node that the error names.
         message: Description for people; default: the message of the error.
     """
@@ -331,7 +331,7 @@ def cause_of(error: Exception, node: str = "", message: str = "") -> Cause:
 
 
 def from_fields(kind: type[T], values: Mapping[str, Any]) -> T:
-    """Return a dataclass from the values of its fields; other values are ignored.
+    """Return a dataclass from the values of its fields. Other values are ignored.
 
     Raises:
         KeyError: The value of a field is missing.
@@ -340,14 +340,14 @@ def from_fields(kind: type[T], values: Mapping[str, Any]) -> T:
 
 
 def _number(error: Exception, names: tuple[str, ...]) -> float | None:
-    """Return the first of these attributes that the error has, if it is a finite number."""
+    """Return the first of several attributes of an error that is present, if it is finite."""
     value = next((getattr(error, name) for name in names if hasattr(error, name)), None)
     fits = isinstance(value, (int, float)) and abs(value) <= sys.float_info.max
     return float(value) if fits and value is not None else None
 
 
 def _limit(error: Exception) -> float | None:
-    """Return the limit that the value exceeds; of two limits the nearer one."""
+    """Return the limit that the value exceeds. If there are two limits, return the nearer one."""
     value = _number(error, _VALUES)
     lower, upper = _number(error, ("lower",)), _number(error, ("upper",))
     if value is None or lower is None or upper is None:

@@ -1,4 +1,4 @@
-"""JSON Schemas of what the server accepts and answers."""
+"""JSON Schemas of the requests and answers of the server."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
@@ -12,7 +12,7 @@ from .outcome import CancelCode, Cause, GoalState, Outcome
 
 Schema = Mapping[str, Any]
 
-MAX_LISTED = 150  # goals in one answer
+MAX_LISTED = 150  # largest number of goals in one answer
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,12 +77,12 @@ def number(least: float, most: float) -> dict[str, Any]:
 
 
 def choice(values: Iterable[Any], kind: str = "string") -> dict[str, Any]:
-    """Return the schema of one of some values."""
+    """Return the schema of a choice of some values."""
     return {"type": kind, "enum": list(values)}
 
 
 def text(pattern: str, most: int, title: str = "", **limits: int) -> dict[str, Any]:
-    """Return the schema of a text that matches a pattern and has at most so many characters."""
+    """Return the schema of a text with a pattern and a largest number of characters."""
     schema = {"type": "string", "pattern": pattern, "maxLength": most, **limits}
     return {"title": title, **schema} if title else schema
 

@@ -1,4 +1,4 @@
-"""JSON from outside. Texts that different readers understand differently are refused."""
+"""JSON from other programs. Ambiguous texts are refused."""
 
 import json
 import math
@@ -12,8 +12,8 @@ class NotJson(ValueError):
     """The text is not JSON, or it is ambiguous.
 
     Attributes:
-        why: What is wrong, without the place.
-        line, column: The place, from 1; 0 if this is not known.
+        why: The mistake in words, without the place.
+        line, column: The place, from 1; 0 if unknown.
     """
 
     def __init__(self, cause: str | ValueError) -> None:
@@ -27,8 +27,8 @@ def parse(data: bytes | str) -> Any:
     """Read JSON in UTF-8.
 
     Raises:
-        NotJson: The text is not JSON, is nested too deep, or has a duplicate key, a number that is
-            not finite, or half a surrogate pair.
+        NotJson: The text is not JSON, it is nested too deep, or it has a duplicate key, a number
+            that is not finite, or half a surrogate pair.
     """
     try:
         text = data.decode() if isinstance(data, bytes) else data
@@ -36,7 +36,9 @@ def parse(data: bytes | str) -> Any:
             text, object_pairs_hook=_unique, parse_constant=_no_constant, parse_float=_finite
         )
         if "\\u" in text:
-            json.dumps(value, ensure_ascii=False).encode()  # raises for half a surrogate pair
+            json.dumps(
+                value, ensure_ascii=False
+            ).encode()  # raises an error for half a surrogate pair
     except RecursionError as error:
         raise NotJson("it is nested too deep") from error
     except ValueError as error:
@@ -48,7 +50,7 @@ def parse_object(data: bytes | str) -> dict[str, Any]:
     """Read a JSON object in UTF-8.
 
     Raises:
-        NotJson: As of `parse`, or the text is another value.
+        NotJson: `parse` failed, or the value is not an object.
     """
     value = parse(data)
     if not isinstance(value, dict):

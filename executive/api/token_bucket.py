@@ -1,4 +1,4 @@
-"""A limit on how often something may happen."""
+"""A limit on the rate of events: a token bucket."""
 
 from collections.abc import Callable
 
@@ -9,7 +9,7 @@ class TokenBucket:
     Args:
         rate: Allowed rate [1/s].
         burst: Allowed number at once.
-        now: Returns the time [s].
+        now: Callback that returns the time [s].
     """
 
     def __init__(self, rate: float, burst: float, now: Callable[[], float]) -> None:
@@ -17,7 +17,7 @@ class TokenBucket:
         self._tokens, self._updated = burst, now()
 
     def take(self) -> bool:
-        """Take a token; return False if there is none."""
+        """Take a token. Return False if there is none."""
         now = self._now()
         self._tokens = min(self._burst, self._tokens + (now - self._updated) * self._rate)
         self._updated = now

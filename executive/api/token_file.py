@@ -15,9 +15,9 @@ from urllib.parse import urlsplit
 
 from .strict_json import parse_object
 
-HTTP_PORT = 80  # clients leave it out
+HTTP_PORT = 80  # clients omit this port
 SERVER, FLEET = "server", "fleet"  # kinds of files: of `armtree serve`, of `armtree fleet up`
-_MOST = 4096  # characters of a file that are read
+_MOST = 4096  # largest number of characters to read
 
 # For both ends of a connection: a machine that disappeared is noticed within 30 s.
 KEEPALIVE = (
@@ -30,7 +30,7 @@ KEEPALIVE = (
 
 @dataclass(frozen=True, slots=True)
 class ServerInfo:
-    """How to reach a server: the content of its file.
+    """URL and token of a server: the content of its file.
 
     Attributes:
         url: URL at which clients on this machine connect, such as http://127.0.0.1:8765.
@@ -44,7 +44,7 @@ class ServerInfo:
 
     @property
     def is_running(self) -> bool:
-        """True if its process exists. A process of another user has only got its number."""
+        """True if its process exists. A process of another user with this number does not count."""
         try:
             return Path("/proc", str(self.pid)).stat().st_uid == os.getuid()
         except OSError:
@@ -52,9 +52,9 @@ class ServerInfo:
 
 
 def loopback(url: str) -> str:
-    """Return a URL with an address in place of `localhost`, unless TLS checks that name.
+    """Return a URL with an address in place of `localhost`, unless TLS checks this name.
 
-    That name may also mean ::1, where another user's program may listen.
+    The name may also mean ::1, and another user's program may listen there.
     """
     parts = urlsplit(url)
     if parts.hostname != "localhost" or parts.scheme in ("https", "tls"):
@@ -65,7 +65,7 @@ def loopback(url: str) -> str:
 
 def new_token() -> str:
     """Return a random token of 256 bits."""
-    import secrets  # slow to import, and only a server needs it
+    import secrets  # slow to import; only a server needs it
 
     return secrets.token_urlsafe(32)
 
@@ -89,7 +89,7 @@ def write(port: int, info: ServerInfo, kind: str = SERVER) -> None:
     for other in folder.glob(f"{kind}-*.json"):
         if (left := _read(other)) and not left.is_running:
             other.unlink(missing_ok=True)
-    handle, name = tempfile.mkstemp(dir=folder)  # creates it with mode 0600
+    handle, name = tempfile.mkstemp(dir=folder)  # creates the file with mode 0600
     with os.fdopen(handle, "w") as stream:
         json.dump(asdict(info), stream)
     os.replace(name, file_of(port, kind))
@@ -118,7 +118,9 @@ def running() -> list[ServerInfo]:
 
 def _read(file: Path) -> ServerInfo | None:
     try:
-        handle = os.open(file, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)  # may be a pipe
+        handle = os.open(
+            file, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK
+        )  # the file may be a pipe
         with os.fdopen(handle) as stream:
             found = os.fstat(handle)
             is_own = found.st_uid == os.getuid() and stat.S_ISREG(found.st_mode)

@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from hardware import Robot
     from hardware.bring_up.calibrating import Calibrator, Change, Row
 
-_PERIOD = 0.05  # between readings of the servos [s]
-_SEARCHED = range(30)  # ids of a servo that is alone on the bus
+_PERIOD = 0.05  # time between readings of the servos [s]
+_SEARCHED = range(30)  # ids to search for a servo that is alone on the bus
 
 
 @command()
@@ -107,13 +107,13 @@ def calibrate(
 
 
 def _confirm(question: str) -> None:
-    """Ask a question; anything but yes ends the command."""
+    """Ask a question. Any answer except yes ends the command."""
     if ask(f"{question} [y/N]:").lower() not in {"y", "yes"}:
         raise click.Abort
 
 
 def _sweep(calibrator: "Calibrator") -> None:
-    """Show how far the joints are turned, until a person presses Enter."""
+    """Show the ranges of the joints until a person presses Enter."""
     note = ""
     with key_by_key() as keyboard, FullScreen(sys.stdout) as screen:
         if keyboard is None:
@@ -151,7 +151,7 @@ def _table(rows: "Sequence[Row]") -> Iterator[str]:
 def _finish(
     arm: "Robot", calibrator: "Calibrator", kept: Mapping[str, Mapping[str, int]], how: str
 ) -> None:
-    """Show the changes and ask; then write the file, and after it the servos."""
+    """Show the changes and ask. Then write the file, and after it the servos."""
     from hardware.description.calibration import write_calibration
 
     joints, changes = calibrator.joints(kept), calibrator.changes(kept)
@@ -159,7 +159,7 @@ def _finish(
     replaces = ", which is replaced" if calibrator.path.exists() else ""
     _confirm(f"Write {_values(changes)} to the servos, and the file {calibrator.path}{replaces}?")
     made = f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC, {how}"
-    # First the file: it has the values that were there, which --restore writes back.
+    # The file comes first: it has the old values, which --restore writes back.
     write_calibration(calibrator.path, arm.name, made, joints)
     calibrator.write(changes)
     echo(f"{calibrator.path} is written; the servos hold the same values, as read back")

@@ -18,7 +18,7 @@ from click.shell_completion import (
 from .support.command_group import COMPLETION_VARIABLE, command
 from .terminal.streams import echo
 
-# How a shell loads the script, and where the script names the program; an alias has no name there.
+# Command with which a shell loads the script, and the place of the program's name in the script.
 _LOAD = {"bash": 'eval "$({})"', "zsh": 'eval "$({})"', "fish": "{} | source"}
 _FILES = {"bash": "~/.bashrc", "zsh": "~/.zshrc", "fish": "~/.config/fish/config.fish"}
 _CALLS = {
@@ -31,16 +31,16 @@ _ZSH_BEGIN = "(( $+functions[compdef] )) || { autoload -Uz compinit && compinit 
 
 
 class _Bash(BashComplete):
-    """Completes a word with a colon. Bash itself breaks it there, and replaces what follows."""
+    """Completes a word with a colon. Bash breaks the word at the colon and replaces the rest."""
 
     source_template = BashComplete.source_template.replace(
         'COMP_WORDS="${COMP_WORDS[*]}" COMP_CWORD=$COMP_CWORD',
         'COMP_LINE="${COMP_LINE:0:$COMP_POINT}" COMP_WORDBREAKS="$COMP_WORDBREAKS"',
     )
-    _kept = ""  # the part of the word that Bash keeps
+    _kept = ""  # the part of the word before the colon, which Bash keeps
 
     def get_completion_args(self) -> tuple[list[str], str]:
-        """Return the words before the one at the cursor, and that word so far."""
+        """Return the words before the cursor, and the word at the cursor so far."""
         line, breaks = os.environ["COMP_LINE"], os.environ["COMP_WORDBREAKS"]
         words = split_arg_string(line)
         word = "" if line[-1:].isspace() else words.pop()

@@ -38,7 +38,7 @@ def config(context: click.Context, as_json: bool) -> None:
       recording_timeout = 2.0
     """  # noqa: D301
     _, wrong = read_files(context)
-    context.resilient_parsing = True  # what is wrong is reported after the table
+    context.resilient_parsing = True  # mistakes are reported after the table
     rows = {name: find_setting(context, name) for name in SETTINGS}
     for name, (value, source) in rows.items():
         shown = value if value is None or isinstance(value, int | float) else str(value)

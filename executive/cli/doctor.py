@@ -93,7 +93,7 @@ def doctor(
 
 
 def _write_report(path: Path, checks: "list[Check]", ports: "list[SerialPort]") -> None:
-    """Write what was found to a JSON file. Raises OSError."""
+    """Write the results to a JSON file. Raises OSError if this fails."""
     from executive.recording.versions import versions
 
     found = {
@@ -109,7 +109,7 @@ def _write_report(path: Path, checks: "list[Check]", ports: "list[SerialPort]") 
 
 
 def _given(context: click.Context, *names: str) -> Iterator[str]:
-    """Yield the options that were given on the command line, with their values."""
+    """Yield the options on the command line, with their values."""
     for name in names:
         if context.get_parameter_source(name) is ParameterSource.COMMANDLINE:
             yield from (f"--{name}", str(context.params[name]))

@@ -50,7 +50,7 @@ def jog(server: str | None, speed: float, **options: Any) -> None:
 
 
 def saving(robot: "Robot", folder: Path) -> "dict[str, tuple[Command, Act]]":
-    """Return the command that saves a pose of the arm to a folder of tasks, by its key."""
+    """Return the command that saves a pose to a folder of tasks, by its key."""
     from trees.export.saved_poses import PoseExists, save_pose
 
     from .terminal.jog_model import Command

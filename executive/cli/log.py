@@ -232,7 +232,7 @@ def plot(recordings: tuple[Path, ...], output: Path | None, as_json: bool) -> No
 
 
 def _scenes(recording: Path) -> "tuple[list[Scene], str]":
-    """Return the scenes of a recording, and why they cannot be drawn, or ""."""
+    """Return the scenes of a recording, and the error if they cannot be drawn, or ""."""
     from executive.preview.motion_drawing import scenes_of
     from hardware import DescriptionError
     from logs import LogError
@@ -311,7 +311,7 @@ def prune(folder: Path, days: float | None, mb: float | None, dry_run: bool, as_
 
     if days is None and mb is None:
         raise click.UsageError("give --days, --mb or both")
-    _recordings_in(folder)  # warns if the name of the folder is misspelt
+    _recordings_in(folder)  # warns of a misspelt folder
     clock = RealClock()
     utc = utc_ns(clock) / 1e9
     for path in delete_old(folder, Rule(days, mb), utc, dry_run):

@@ -69,13 +69,15 @@ def main() -> None:
     if COMPLETION_VARIABLE in os.environ:
         from . import completion  # noqa: F401  adds to what click does for Bash
 
-        discard(sys.stderr)  # a shell would print it into the line that is being typed
+        discard(sys.stderr)  # a shell would print it into the edited line
     try:
         cli.main(prog_name="armtree", standalone_mode=False, obj=wanted)
     except (click.Abort, KeyboardInterrupt):
         sys.exit(INTERRUPTED_EXIT)
     except SystemExit:
-        if sys.stdout is not output:  # click replaces it if its reader has ended, and exits with 1
+        if (
+            sys.stdout is not output
+        ):  # click replaces the stream if its reader has ended, and exits with 1
             sys.exit(READER_ENDED_EXIT)
         raise
     except Exception as error:

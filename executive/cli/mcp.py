@@ -65,8 +65,8 @@ def mcp(port: int | None, allow_move: bool, robot: Path | None, server: str) -> 
     elif sys.stdin.isatty():
         echo(_TERMINAL, err=True)
     for number in (signal.SIGINT, signal.SIGTERM):
-        # A thread that reads standard input never ends by itself. The server of the arm sees that
-        # the connections end, and cancels the goals.
+        # A thread that reads standard input never ends by itself. The server of the arm detects the
+        # end of the connections, and cancels the goals.
         signal.signal(number, lambda *_: end_process(INTERRUPTED_EXIT))
     asyncio.run(serve_http(make, server, listener) if listener else serve_stdio(make()))
 

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 def _moving(function: Callable[..., "Move"]) -> Callable[..., None]:
-    """Add the options of a move to a command; execute the move that it returns."""
+    """Add the options of a move to a command. Execute the move that the command returns."""
 
     @speed_option
     @option("server")
@@ -54,7 +54,7 @@ def _moving(function: Callable[..., "Move"]) -> Callable[..., None]:
 def _execute(
     move: "Move", server: str | None, options: dict[str, Any], as_json: bool, verbose: bool
 ) -> int:
-    """Execute a move on a server, or on an arm of this command; return the exit status."""
+    """Execute a move on a server, or on an arm of this command. Return the exit status."""
     if server is None:
         from executive.setup import Setup
 
@@ -74,7 +74,7 @@ def _execute(
     return exit_status(outcome.code)
 
 
-@command(context_settings={"ignore_unknown_options": True})  # -0.1 is a number
+@command(context_settings={"ignore_unknown_options": True})  # -0.1 is a number, not an option
 @target_argument("target", complete_pose)
 @click.option(
     "--by", "relative", is_flag=True, help="TARGET is a change: of joints, or of the tool's x y z."
@@ -158,7 +158,7 @@ def pose_of(robot: "Robot", where: "Where", joints: "Iterable[Joint]") -> dict[s
 
     Raises:
         NotActive: The arm is not active.
-        Refusal: It is another arm than the robot.
+        Refusal: The pose is of another arm than the robot's.
     """
     from hardware import NotActive
 

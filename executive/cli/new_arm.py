@@ -108,7 +108,7 @@ def new_arm(
         links = click.Choice(robot.links)
         link = click.prompt("Link of the tool", robot.tool.link, type=links, show_choices=False)
         robot = replace(robot, tool=replace(robot.tool, link=link))
-    taken = output.stem in shipped_robots()  # whose tasks and poses are for its joints
+    taken = output.stem in shipped_robots()  # tasks and poses of this robot are for its joints
     robot = replace(robot, name=f"my_{output.stem}" if taken else output.stem)
     echo("Loading the shapes, and checking 10,000 configurations ...", err=True)
     allowed = find_allowed_pairs(robot, guess_gripper_poses(robot))
@@ -127,7 +127,7 @@ def new_arm(
 
 
 def _report(robot: "Robot", allowed: "AllowedPairs", saved: Path | None) -> list[str]:
-    """Return lines that say what was guessed and found."""
+    """Return lines about the guesses and results."""
     from hardware.description.neighbours import advice_for_missing_shapes
 
     reasons, nearest = Counter(allowed.reasons.values()), allowed.nearest

@@ -18,7 +18,7 @@ from .support.options import (
 from .terminal.streams import echo
 
 
-@command(context_settings={"ignore_unknown_options": True})  # -0.1 is a number
+@command(context_settings={"ignore_unknown_options": True})  # -0.1 is a number, not an option
 @target_argument("goal", complete_goal)
 @robot_option
 @trees_option

@@ -139,7 +139,7 @@ def rm(name: str, robot: Path | None, trees: Path) -> None:
 
 
 def _words(robot: "Robot", positions: Mapping[str, float]) -> str:
-    """Return positions in words, and say which joints are not of this robot."""
+    """Return positions in words, with a note for joints that this robot does not have."""
     known = {joint.name: joint for joint in robot.joints}
     return ", ".join(
         f"{name} {known[name].words(q, 4)}"

@@ -138,7 +138,7 @@ def _verify(given: Iterable[Path], jobs: int | None, as_json: bool) -> None:
         _sum_up(len(paths) - written, written, wrong)
     if written == len(paths):
         sys.exit(RecordingInUse.exit_status)
-    # The highest status counts: differs, then incomplete, then unreadable.
+    # The most severe status counts: differs, then incomplete, then unreadable.
     sys.exit(max((exit_status(code) for _, code in wrong), default=0))
 
 

@@ -25,7 +25,7 @@ _goal_argument = click.argument("goal_id", metavar="[GOAL]", default="", callbac
 
 
 def _with_client(function: Callable[..., None]) -> Callable[..., None]:
-    """Add --json and --server to a command; call it with the client and `as_json`."""
+    """Add --json and --server to a command. Call it with the client and `as_json`."""
 
     @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
     @option("server", default=local_server)
@@ -182,7 +182,7 @@ def arm(client: "Client", as_json: bool, transition: str, pose: str | None) -> N
 
 
 def _goal_command(change: str, meaning: str) -> click.Command:
-    """Return a command that calls a method of the client with a goal, or with the running one."""
+    """Return a command that calls a method of the client with a goal or the running goal."""
 
     @command(change, help=meaning)
     @_goal_argument

@@ -26,7 +26,7 @@ from .terminal.streams import echo, fit
 if TYPE_CHECKING:
     from trees import Declaration
 
-_MOST_RECORDINGS = 200  # that `armtree tasks` opens, so that it does not take long
+_MOST_RECORDINGS = 200  # largest number of recordings that `armtree tasks` opens, to be quick
 
 _output_option = click.option(
     "-o", "--output", metavar="FILE", type=PATH, help="File to write. Default: standard output."
@@ -110,7 +110,7 @@ def _outcome(time: str, path: Path) -> str:
         for message in read(path, ["/result"]):
             return f"{message.fields()['state']} {when}"
     except LogError:
-        pass  # reported as not complete
+        pass  # reported as incomplete
     return f"unknown, {path.name} is not complete"
 
 

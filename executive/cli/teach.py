@@ -110,13 +110,14 @@ def teach(number: int, name: str, server: str | None, speed: float, **options: A
 def summary(
     task: "TaughtTask", server: str | None, url: str | None, given: "Mapping[str, object]"
 ) -> str:
-    """Return what was taught, and the command that runs it: on the server, if that has the arm.
+    """Return a summary of the task, and the command that runs it on the same arm.
 
     Args:
         task: The task.
         server: URL of the server, if the command names it.
         url: URL of the server that has the arm; None for an arm of this command.
-        given: Options that the task needs on an arm of this command; those with None are left out.
+        given: Options that the task needs on an arm of this command. Options with None are left
+            out.
     """
     if not task.steps:
         return "No step was taken, so there is no new task"
@@ -130,13 +131,13 @@ def summary(
 
 
 class _Teaching:
-    """The keys that make steps."""
+    """The commands of keys that make steps."""
 
     def __init__(self, task: "TaughtTask") -> None:
         self._task = task
 
     def take(self, where: "Where", _text: str) -> str:
-        """Take the pose of the arm as a step: the measured one, if the driver measures it."""
+        """Take the pose of the arm as a step: the measured pose, if the driver measures it."""
         from hardware import NotActive
 
         if not (positions := where.measured or where.commanded):
@@ -158,7 +159,7 @@ class _Teaching:
 
 
 class _ServersHand:
-    """The keys for the arm of a server, which no person moves by hand."""
+    """The commands of keys for the arm of a server. No person moves it by hand."""
 
     def switch_torque(self, _where: "Where", _text: str) -> str:
         """Return the instructions for the next step."""
@@ -168,14 +169,14 @@ class _ServersHand:
 
 
 class _Hand:
-    """The keys for an arm that a person moves by hand."""
+    """The commands of keys for a hand-guided arm."""
 
     def __init__(self, arm: "OwnArm", task: "TaughtTask") -> None:
         self._arm, self._task = arm, task
         self._recording = False
 
     def switch_torque(self, _where: "Where", _text: str) -> str:
-        """Hold the arm; or let it go, which a person must confirm."""
+        """Hold the arm, or release it after a person's confirmation."""
         from .terminal.jog_screen import Question
 
         if not self._arm.by_hand:
@@ -191,7 +192,7 @@ class _Hand:
         return "Move the arm by hand. t takes a pose, r starts and ends a path, f holds the arm"
 
     def record(self, _where: "Where", _text: str) -> str:
-        """Start a path; or end it, and take it as a step."""
+        """Start a path, or end it and take it as a step."""
         if not self._arm.by_hand:
             return "f switches the torque off, so that you can move the arm; then r records it"
         self._recording = not self._recording

@@ -33,7 +33,7 @@ class AsyncClient:
         url: URL; default ARMTREE_SERVER, then the server on this machine (ARMTREE_TCP_PORT).
         token: Token; default ARMTREE_TOKEN, then the file that the server wrote for this user.
         clock: Time source for the deadlines of answers; default: real time.
-        name: What the client calls itself, in ASCII. Recordings of its goals contain the name.
+        name: Name of the client, in ASCII. Recordings of its goals contain it.
 
     Every method raises ServerUnreachable if no server answers, WrongAnswer if another program
     answers, and Refused if the server refuses the request.
@@ -46,7 +46,7 @@ class AsyncClient:
         clock: Clock | None = None,
         name: str = "",
     ) -> None:
-        from httpcore import AsyncConnectionPool  # slow to import, and `--help` does not need it
+        from httpcore import AsyncConnectionPool  # slow to import; `--help` does not need it
 
         self._address = transport.Address.find(url, token, name)
         self.url: str = self._address.url
@@ -75,7 +75,7 @@ class AsyncClient:
             The outcome of a goal that succeeded.
 
         Raises:
-            GoalFailed: The goal did not succeed; `outcome` says why.
+            GoalFailed: The goal did not succeed. `outcome` has the cause.
         """
         return await self._run(partial(self.send, task, arguments), deadman)
 
@@ -94,20 +94,20 @@ class AsyncClient:
                 of the tool [m].
             relative: True if the target is a change: distances of joints, or x, y, z from the tool.
             speed: Share of the robot's speed, 0.01 to 1.
-            deadman: As of `run`.
+            deadman: True to cancel the goal if this program dies or stops answering.
             joints: Targets of joints, such as `joint_1="70 deg"`, or a number [rad].
 
         Returns:
             The outcome of a goal that succeeded.
 
         Raises:
-            GoalFailed: The goal did not succeed; `outcome` says why.
+            GoalFailed: The goal did not succeed. `outcome` has the cause.
         """
         move = Move.of(to, joints, relative, speed)
         return await self._run(partial(self.send_move, move), deadman)
 
     async def home(self, speed: float = 1.0) -> Outcome:
-        """Move to the home of the robot, as `move` does: the pose `home`, or the robot file's."""
+        """Move to the home of the robot: the pose `home`, or the home in the robot file."""
         return await self.move(HOME, speed=speed)
 
     async def send_move(self, move: Move, goal_id: str = "", deadman: bool = False) -> str:
@@ -115,8 +115,8 @@ class AsyncClient:
 
         Args:
             move: The move.
-            goal_id: As of `send`.
-            deadman: As of `send`.
+            goal_id: 32 hexadecimal digits; empty to let the server choose.
+            deadman: True to cancel the goal when its hold ends; see `hold`.
 
         Returns:
             The id of the goal.
@@ -161,12 +161,12 @@ class AsyncClient:
     async def plan(
         self, task: int | str, arguments: Mapping[str, Any] | None = None, timeout: float = 60.0
     ) -> PlannedTask:
-        """Check a task and plan its motions from where the arm is. Nothing moves.
+        """Check a task and plan its motions from the position of the arm. Nothing moves.
 
         Args:
             task: Number or name of the task.
             arguments: Values of the task's parameters, by name.
-            timeout: Longest time that planning may take [s].
+            timeout: Longest time for planning [s].
         """
         return await self._call(
             "plan",
@@ -202,7 +202,7 @@ class AsyncClient:
         return await self._call("goal", GoalStatus.from_json, goal_id=goal_id)
 
     async def goals(self) -> tuple[GoalStatus, ...]:
-        """Return all known goals. The server forgets ended ones after some time."""
+        """Return all known goals. The server forgets ended goals after some time."""
 
         def to_page(answer: Any) -> tuple[GoalStatus, ...]:
             return tuple(map(GoalStatus.from_json, answer["goals"]))
@@ -215,7 +215,7 @@ class AsyncClient:
         return found
 
     async def cancel(self, goal_id: str = "", stamp_ns: int = 0) -> CancelResult:
-        """Cancel goals: one, all accepted until a time, both, or all if neither is given.
+        """Cancel one goal, all goals accepted until a time, both, or all goals if neither is given.
 
         Args:
             goal_id: Id of the goal.
@@ -269,7 +269,7 @@ class AsyncClient:
             words: One of the choices, or an unambiguous abbreviation.
 
         Returns:
-            The answer that counts, which is the first one.
+            The first answer, which counts.
         """
         return await self._call(
             "answer", lambda answer: str(answer["answer"]), question_id=question_id, answer=words
@@ -305,11 +305,11 @@ class AsyncClient:
         return await self._call("link", lambda answer: str(answer["url"]))
 
     async def where(self) -> Where:
-        """Return where the arm is."""
+        """Return the position of the arm."""
         return await self._call("where", Where.from_json)
 
     async def robot(self) -> Mapping[str, Any]:
-        """Return the description of the robot, as `GET /api/robot` answers it."""
+        """Return the description of the robot, in the form of `GET /api/robot`."""
         return await self._call("robot", dict)
 
     async def tasks(self) -> tuple[Task, ...]:
@@ -319,13 +319,13 @@ class AsyncClient:
     async def recordings(
         self, search: str = "", task: int | None = None, state: str = "", limit: int | None = None
     ) -> tuple[Mapping[str, Any], ...]:
-        """Return recordings, the newest first, as `GET /api/recordings` lists them.
+        """Return recordings, newest first, in the form of `GET /api/recordings`.
 
         Args:
-            search: Text to find; empty for all.
+            search: Text to find; empty for all recordings.
             task: Number of a task; None for all.
             state: SUCCEEDED, CANCELED, ABORTED or UNFINISHED; empty for all.
-            limit: Most recordings; None for the limit of the server.
+            limit: Largest number of recordings; None for the limit of the server.
         """
         return await self._call(
             "recordings",
@@ -366,9 +366,10 @@ class AsyncClient:
 
     @asynccontextmanager
     async def hold(self, goal_id: str) -> AsyncIterator[None]:
-        """Hold a goal, which must be sent within a second; it is canceled when this context ends.
+        """Hold a goal. Send it within a second. The end of this context cancels it.
 
-        It is also canceled if this program dies, or if its machine cannot be reached for a second.
+        The goal is also canceled if this program dies, or if its machine is unreachable for a
+        second.
         """
         path, _, _ = OPERATIONS["hold"].split({"goal_id": goal_id})
 
@@ -386,7 +387,7 @@ class AsyncClient:
 
         Args:
             send: `send` or `send_move`, without the identity of the goal.
-            deadman: As of `run`.
+            deadman: True to cancel the goal if this program dies or stops answering.
         """
         goal_id = uuid.uuid4().hex
         async with self.hold(goal_id) if deadman else nullcontext():
@@ -413,7 +414,7 @@ class AsyncClient:
             name: Name of its row in `operations`.
             read: Converts the JSON of the answer.
             extra_time: Time that the answer may take beyond `ANSWER_TIMEOUT` [s].
-            arguments: Parameters, and keys of the body; None is left out.
+            arguments: Parameters, and keys of the body. Values None are left out.
         """
         operation = OPERATIONS[name]
         path, query, body = operation.split(arguments)

@@ -1,4 +1,4 @@
-"""Goals that live no longer than this process, and its connection to the server."""
+"""Held goals: they end with this process, and with its connection to the server."""
 
 import asyncio
 import uuid
@@ -9,7 +9,7 @@ from executive.errors import ClientError, Refused, TooMuch
 
 from .asynchronous import AsyncClient
 
-MOST_HELD = 4  # goals at a time; each takes three of the streams that the server has for all
+MOST_HELD = 4  # largest number of held goals; each needs three of the server's streams
 
 Connect = Callable[[], AsyncClient]
 Send = Callable[[AsyncClient, str], Awaitable[str]]
@@ -19,22 +19,22 @@ class HeldGoals:
     """The goals of this process. They are canceled if it ends, or can no longer reach the server.
 
     Attributes:
-        tasks: Task that holds each goal, by id.
+        tasks: asyncio task that holds each goal, by id.
     """
 
     def __init__(self) -> None:
         self.tasks: dict[str, asyncio.Task[None]] = {}
 
     async def send(self, connect: Connect, send: Send, goal_id: str = "") -> str:
-        """Send a goal, and hold it until it ends; return its id.
+        """Send a goal, and hold it until it ends. Return its id.
 
         Args:
-            connect: Returns a client of the server.
-            send: Sends the goal with an id, and with `deadman`.
+            connect: Callback that returns a client of the server.
+            send: Callback that sends the goal with an id and with `deadman`.
             goal_id: 32 hexadecimal digits; empty for random ones.
 
         Raises:
-            ClientError: The server refuses it, or too many goals are held.
+            ClientError: The server refuses the goal, or too many goals are held.
         """
         if len(self.tasks) >= MOST_HELD:
             words = f"{MOST_HELD} goals of this process are under way, which is the limit"
@@ -56,11 +56,11 @@ class HeldGoals:
         self.tasks[goal_id] = asyncio.create_task(hold())
         try:
             return await accepted
-        except asyncio.CancelledError:  # also in the moment of the acceptance
+        except asyncio.CancelledError:  # also at the moment of the acceptance
             self.release(goal_id)
             raise
 
     def release(self, goal_id: str) -> None:
-        """Stop to hold a goal, so that the server cancels it."""
+        """Stop holding a goal, so that the server cancels it."""
         if holding := self.tasks.get(goal_id):
             holding.cancel()

@@ -1,4 +1,4 @@
-"""What a server sends: bounded, and checked before it is used. Another program may answer."""
+"""Responses of a server. They are bounded and checked, because another program may answer."""
 
 from collections.abc import Iterator
 from functools import cache
@@ -13,7 +13,7 @@ from executive.errors import Refused, WrongAnswer
 from hardware import Clock
 from logs.records.field_types import has_type
 
-MAX_BYTES = 4 * 1024 * 1024  # of an answer, or of an event
+MAX_BYTES = 4 * 1024 * 1024  # largest size of an answer or of an event
 
 
 class ResponseBody:
@@ -51,7 +51,7 @@ class ResponseBody:
 
         Raises:
             Refused: The answer is an error.
-            WrongAnswer: It is not what the operation answers.
+            WrongAnswer: It is not an answer of this operation.
         """
         try:
             value = strict_json.parse(bytes(self._data))
@@ -79,7 +79,7 @@ class EventReader:
         """Add a piece of the stream, and yield the events that it completes.
 
         Raises:
-            WrongAnswer: It is not a stream of armtree's events.
+            WrongAnswer: The stream has other events than armtree's.
         """
         complete, newline, rest = piece.rpartition(b"\n")
         lines = list[bytes]()
@@ -112,7 +112,7 @@ def _checker(name: str) -> Any:
 
 
 def _fits_schema(name: str, value: Any) -> bool:
-    """Return True if a value fits the answer of an operation; for an empty name, an error."""
+    """Return True if a value fits an operation's answer; without a name, an error."""
     import fastjsonschema
 
     try:

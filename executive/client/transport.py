@@ -19,7 +19,7 @@ ANSWER_TIMEOUT = 10.0  # longest time for an answer that does not wait for anyth
 SILENCE_TIMEOUT = 45.0  # longest silence of an event stream [s]; the server sends every 15 s
 POLL_PERIOD = 15.0  # longest time to wait for a result in one request [s]
 BEAT_PERIOD = 0.2  # time between two bytes that hold a goal [s]
-# The connections of a client. The server closes those that are idle for longer.
+# Limits of connections of a client. The server closes connections that are idle for longer.
 POOL: dict[str, Any] = {
     "max_connections": 100,
     "keepalive_expiry": 5.0,
@@ -30,7 +30,7 @@ _STEPS = ("connect", "read", "write", "pool")
 
 @dataclass(frozen=True, slots=True)
 class Address:
-    """A server, and what every request to it carries.
+    """A server, and the headers of every request to it.
 
     Attributes:
         url: URL without a slash at its end.
@@ -49,8 +49,8 @@ class Address:
         Args:
             url: URL; default ARMTREE_SERVER, then the server on this machine.
             token: Token; default ARMTREE_TOKEN, then the token file of the server.
-            client: What this client calls itself; empty for no name.
-            trusted: False for a URL that another program has named; it does not get ARMTREE_TOKEN.
+            client: Name of this client; empty for no name.
+            trusted: False for a URL from another program. Then ARMTREE_TOKEN is not sent.
 
         Raises:
             ServerUnreachable: The URL is invalid.
@@ -63,7 +63,7 @@ class Address:
         headers = {"authorization": f"Bearer {token}"} if token else {}
         if client:
             headers["user-agent"] = client
-        headers["accept-encoding"] = "identity"  # a small answer must not unpack to a huge one
+        headers["accept-encoding"] = "identity"  # a small answer must not unpack to a huge answer
         headers["host"] = urlsplit(url).netloc.rpartition("@")[2]
         return cls(url, headers)
 
@@ -98,7 +98,7 @@ class Address:
 
 
 def _own_server(url: str) -> token_file.ServerInfo | None:
-    """Return the server of this user that a URL means: its exact address, or `localhost`.
+    """Return the server of this user for a URL: an exact address, or `localhost`.
 
     Another user's program may listen at other addresses of this machine, such as ::1.
     """
@@ -116,11 +116,11 @@ def _own_server(url: str) -> token_file.ServerInfo | None:
 
 @contextmanager
 def transport_errors(url: str, silence: float = 0.0) -> Iterator[None]:
-    """Turn httpcore's errors inside this context into ServerUnreachable.
+    """Convert httpcore's errors inside this context to ServerUnreachable.
 
     Args:
         url: URL of the server.
-        silence: Longest silence of the stream that is read [s]; 0 if none is read.
+        silence: Longest silence of the stream [s]; 0 if there is no stream.
 
     Raises:
         ServerUnreachable: The server could not be reached.
@@ -146,7 +146,7 @@ def transport_errors(url: str, silence: float = 0.0) -> Iterator[None]:
 
 
 def poll_times(timeout: float | None) -> Iterator[float]:
-    """Split a wait into requests of `POLL_PERIOD`, so that a server that hangs is noticed.
+    """Divide a wait into requests of `POLL_PERIOD`, to notice a server that hangs.
 
     Args:
         timeout: Longest time to wait [s]; None for no limit.
@@ -163,10 +163,10 @@ def poll_times(timeout: float | None) -> Iterator[float]:
 
 @contextmanager
 def posted(post: Callable[[Iterator[bytes]], object]) -> Iterator[None]:
-    """Send a body as long as the context lasts, on a thread.
+    """Send a body during this context, on a thread.
 
     Args:
-        post: Sends a request with the given body.
+        post: Callback that sends a request with the given body.
     """
     released = threading.Event()
 
@@ -187,10 +187,10 @@ def posted(post: Callable[[Iterator[bytes]], object]) -> Iterator[None]:
 async def async_posted(
     post: Callable[[AsyncIterator[bytes]], Awaitable[object]],
 ) -> AsyncIterator[None]:
-    """Send a body as long as the context lasts, in a task.
+    """Send a body during this context, in a task.
 
     Args:
-        post: Sends a request with the given body.
+        post: Callback that sends a request with the given body.
     """
     import asyncio  # slow to import
 

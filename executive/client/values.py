@@ -17,9 +17,9 @@ class Task:
         description: One sentence.
         source: `shipped`, or the path of its file.
         parameters: Types of its parameters, by name.
-        inputs: What a form needs to know of each parameter, by name, as in `GET /api/tasks`.
-        wrong: What is wrong with its file; empty if it is valid.
-        retry_safe: True if it may run again after a run whose end is not known.
+        inputs: Properties of each parameter for a form, by name, as in `GET /api/tasks`.
+        wrong: Mistakes of its file, as a text; empty if it is valid.
+        retry_safe: True if it may run again after a run with an unknown end.
     """
 
     number: int
@@ -67,7 +67,7 @@ class PlannedTask:
     """A task that was checked and planned, without a motion of the arm.
 
     Attributes:
-        events: The events that a run would have; the last one has the outcome.
+        events: The events of a run. The last one has the outcome.
         unknown: A message for each motion that is known only in a run.
     """
 
@@ -76,5 +76,5 @@ class PlannedTask:
 
     @classmethod
     def from_json(cls, plain: Mapping[str, Any]) -> "PlannedTask":
-        """Return it from the server's JSON."""
+        """Return the planned task from the server's JSON."""
         return cls(tuple(map(event_from_json, plain["events"])), tuple(plain["unknown"]))

@@ -33,7 +33,7 @@ def configured(ctx: click.Context) -> Mapping[str, Configured]:
         BadConfiguration: A file is wrong.
     """
     found, wrong = read_files(ctx)
-    if wrong and not ctx.resilient_parsing:  # a shell completes it
+    if wrong and not ctx.resilient_parsing:  # a shell completes the command line
         from executive.errors import BadConfiguration  # slow to import
 
         raise BadConfiguration("\n".join(wrong))
@@ -41,7 +41,7 @@ def configured(ctx: click.Context) -> Mapping[str, Configured]:
 
 
 def read_files(ctx: click.Context) -> tuple[Mapping[str, Configured], Sequence[str]]:
-    """Return the values of the files, by name of the setting; and what is wrong in the files."""
+    """Return the values of the files by name of the setting, and the mistakes in the files."""
     if __name__ not in ctx.meta:
         values, wrong = dict[str, Configured](), list[str]()
         for path in reversed(files()):
@@ -54,7 +54,7 @@ def read_files(ctx: click.Context) -> tuple[Mapping[str, Configured], Sequence[s
 
 
 def files() -> list[Path]:
-    """Return the files of settings that exist; the first one counts most."""
+    """Return the existing files of settings. The first one has precedence."""
     return [path for path in (*_upwards(), user_file()) if path.exists()]
 
 
@@ -77,10 +77,10 @@ def _upwards() -> Iterator[Path]:
 
 
 def _read(path: Path) -> tuple[dict[str, Configured], list[str]]:
-    """Return the values of a file that are right, and what is wrong in it."""
+    """Return the valid values of a file, and its mistakes."""
     from hardware import DescriptionError
     from hardware.spelling import there_are
-    from hardware.toml_table import TomlTable  # only where there is a file
+    from hardware.toml_table import TomlTable  # imported only if there is a file
 
     values, wrong = dict[str, Configured](), list[str]()
     try:
@@ -100,9 +100,9 @@ def _read(path: Path) -> tuple[dict[str, Configured], list[str]]:
 
 
 def _check_owner(path: Path) -> None:
-    """Reject a file that another user has put into a folder for all, such as the one above theirs.
+    """Reject a file of another user, who may have put it into a shared folder above this one.
 
-    Its skills would run as this user.
+    Skills that it names would run as this user.
     """
     from hardware import DescriptionError
 

@@ -19,18 +19,18 @@ SETTINGS_SECTION = "Settings, also in armtree.toml, or ARMTREE_SEED and so on"
 
 
 class SettingOption(click.Option):
-    """The option of a setting. If neither it nor its variable is given, the files count."""
+    """The option of a setting. Without it and its environment variable, the files count."""
 
     section = SETTINGS_SECTION
 
     def get_help_extra(self, ctx: click.Context) -> Any:
-        """Return what follows the help text: the default. An error names the range."""
+        """Return the default, which follows the help text. Errors name the range."""
         return {"default": extra} if (extra := super().get_help_extra(ctx).get("default")) else {}
 
     def consume_value(
         self, ctx: click.Context, opts: Mapping[str, Any]
     ) -> tuple[Any, ParameterSource]:
-        """Return the value, and where it comes from."""
+        """Return the value and its source."""
         value, source = super().consume_value(ctx, opts)
         (flag, *_) = self.opts
         if source in (ParameterSource.COMMANDLINE, ParameterSource.ENVIRONMENT):
@@ -60,7 +60,7 @@ def _arguments(name: str) -> dict[str, Any]:
     return {
         "type": row.type,
         "envvar": environment_name(name),
-        "show_envvar": True,  # in errors
+        "show_envvar": True,  # name in errors
         "help": row.help,
         "metavar": row.metavar,
         "default": row.default,
@@ -69,7 +69,7 @@ def _arguments(name: str) -> dict[str, Any]:
 
 
 def find_setting(ctx: click.Context, name: str) -> tuple[Any, str]:
-    """Return the value of a setting that no option gives, and where it comes from.
+    """Return the value of a setting without an option, and its source.
 
     Raises:
         UsageError: The value of the environment is wrong.

@@ -24,8 +24,8 @@ class Setting:
     Attributes:
         type: Type of its value.
         help: Meaning, for `--help`.
-        default: Default, or a function that returns it; None for none.
-        metavar: Stands for its value in `--help`; None for the name of its type.
+        default: Default, or a function that returns it; None for no default.
+        metavar: Word for its value in `--help`; None for the name of its type.
     """
 
     type: "click.ParamType[Any]"

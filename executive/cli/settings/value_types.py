@@ -11,14 +11,14 @@ PATH = click.Path(path_type=Path)
 
 
 class Finite(click.FloatRange):
-    """A number in a range. NaN, which no comparison excludes, and infinity are rejected."""
+    """A finite number in a range. NaN and infinity are rejected."""
 
     name = "number"
 
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> float:
-        """Return the number; raise a usage error for anything else."""
+        """Return the number. Raise a usage error for any other text."""
         number: float = super().convert(value, param, ctx)
         if not math.isfinite(number):
             self.fail(f"{value} is not a finite number", param, ctx)
@@ -37,7 +37,7 @@ class Url(click.types.StringParamType):
     name = "url"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
-        """Return the URL; raise a usage error for anything else."""
+        """Return the URL. Raise a usage error for any other text."""
         if not str(value).startswith(("http://", "https://")):
             why = f"{value!r} is not the URL of a server, such as http://arm:8765"
             self.fail(why, param, ctx)
@@ -50,7 +50,7 @@ class FleetUrl(click.types.StringParamType):
     name = "url"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
-        """Return the URL; raise a usage error for anything else."""
+        """Return the URL. Raise a usage error for any other text."""
         try:
             parts = urlsplit(str(value))
             valid = parts.scheme in ("nats", "tls") and parts.hostname and parts.port != 0

@@ -1,1 +1,1 @@
-"""What several commands share: options, signals, errors, and the work behind a command."""
+"""Shared parts of commands: options, signals, errors, and the work behind a command."""

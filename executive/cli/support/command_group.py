@@ -1,4 +1,4 @@
-"""A group of commands: help by section, and the options that every command takes."""
+"""A group of commands: help by section, and options of every command."""
 
 import logging
 import sys
@@ -15,12 +15,14 @@ from hardware.spelling import did_you_mean, suggestion
 
 _OWN, _COMMON = "Options", "Options of every command"
 _SECTIONS = (_OWN, SETTINGS_SECTION, _COMMON)
-COMPLETION_VARIABLE = "_ARMTREE_COMPLETE"  # the environment variable with which a shell asks
+COMPLETION_VARIABLE = (
+    "_ARMTREE_COMPLETE"  # environment variable of a shell's request for completions
+)
 
 
 @dataclass
 class Diagnostics:
-    """What a command prints beside its result.
+    """Additional output of a command, besides its result.
 
     Attributes:
         verbose: True to print the log to standard error.
@@ -32,7 +34,7 @@ class Diagnostics:
 
 
 def diagnostics() -> Diagnostics:
-    """Return what the current command prints beside its result."""
+    """Return the additional output of the current command."""
     return click.get_current_context().ensure_object(Diagnostics)
 
 
@@ -64,7 +66,7 @@ _EVERYWHERE = (
 
 
 class Command(click.Command):
-    """A command. Its help lists its own options, then its settings, then those of every command."""
+    """A command. Its help lists its own options, its settings, and the options of every command."""
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the options, by section."""
@@ -80,12 +82,12 @@ class Command(click.Command):
 
 
 def command(*arguments: Any, **settings: Any) -> Callable[[Callable[..., Any]], Command]:
-    """Return a decorator that makes a `Command`, as `click.command` does."""
+    """Return a decorator that makes a `Command`, like `click.command`."""
     return click.command(*arguments, cls=Command, **settings)
 
 
 class CommandGroup(click.Group):
-    """A group of commands. Each of them takes --verbose and --debug, before and after its name.
+    """A group of commands. Every command accepts --verbose and --debug, before and after its name.
 
     Args:
         sections: Commands by the title of their section in the help: the module and function of
@@ -138,11 +140,11 @@ class CommandGroup(click.Group):
         try:
             return super().resolve_command(ctx, args)
         except click.UsageError as error:
-            names = self.list_commands(ctx)  # click knows only those that are imported
+            names = self.list_commands(ctx)  # click knows only imported commands
             if args[0] in names or args[0].startswith("-"):
                 raise
             near = suggestion(args[0], names)
-            if ctx.parent and "show" in names:  # such as `armtree log latest`
+            if ctx.parent and "show" in names:  # for example, `armtree log latest`
                 near = near or did_you_mean(f"{ctx.command_path} show {args[0]}")
             why = f"No such command {args[0]!r}{near}"
             raise click.UsageError(why, ctx) from error

@@ -1,4 +1,4 @@
-"""Errors on the terminal, and the exit status that follows from them."""
+"""Errors on the terminal, and the exit status for each."""
 
 import errno
 import io
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class Refusal(click.ClickException):
-    """A command that cannot be executed here and now, although it is spelt correctly."""
+    """A correct command that cannot be executed in this situation."""
 
 
 def print_error(error: Exception) -> int:
@@ -80,7 +80,7 @@ def plain_mistake(mistake: "Mistake") -> dict[str, Any]:
 def for_each(recordings: Iterable[Path], act: Callable[[Path], int]) -> int:
     """Call a function with each recording. Return the highest exit status.
 
-    An error of one recording is printed, and does not affect the others.
+    An error of one recording is printed. The other recordings are not affected.
     """
     from logs import LogError
 
@@ -94,7 +94,7 @@ def for_each(recordings: Iterable[Path], act: Callable[[Path], int]) -> int:
 
 
 def print_incomplete(*recordings: Path) -> int:
-    """Print which recordings lack the end of their run. Return the exit status.
+    """Print the recordings without the end of their run. Return the exit status.
 
     Raises:
         RecordingError: A recording cannot be read.

@@ -18,7 +18,7 @@ T = TypeVar("T")
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 CANCELING = "Canceling: the arm stops. Another Ctrl-C ends this command at once."
-_END = 0  # no signal has this number
+_END = 0  # not the number of a signal
 _LAST_WORDS = (
     "Ended at once: no result is printed, and the board may still execute two frames. The next run "
     "completes the recording."
@@ -26,13 +26,13 @@ _LAST_WORDS = (
 
 
 class Interrupts:
-    """The first signal cancels the run, the second exits the process at once. Ctrl-Z suspends it.
+    """The first signal cancels the run. The second one ends the process. Ctrl-Z suspends it.
 
-    A thread reads the signals from a pipe, and another one cancels. So the second signal counts
-    even if the cancel or the main thread does not return.
+    One thread reads the signals from a pipe, and another one cancels. Therefore the second signal
+    works even if the cancel or the main thread does not return.
 
     Args:
-        last: What is printed at the second signal.
+        last: Text to print at the second signal.
     """
 
     def __init__(self, last: str = _LAST_WORDS) -> None:
@@ -64,7 +64,7 @@ class Interrupts:
         os.close(self._writer)
 
     def on_cancel(self, cancel: Callable[[], None]) -> None:
-        """Call a function, on another thread, at the first signal, or now if it has arrived."""
+        """Call a function on another thread at the first signal, even if it has arrived."""
         with self._lock:
             self._cancel = cancel
             if self._canceled:

@@ -1,4 +1,4 @@
-"""Arguments that name a task, a recording, a port or a node, and how a shell completes them."""
+"""Arguments that name a task, a recording, a port or a node, and their shell completion."""
 
 import re
 from collections.abc import Callable, Iterable, Iterator
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from trees import Library
 
 _LARGEST = 2**31 - 1
-_SHOWN = 50  # recordings that are offered
+_SHOWN = 50  # largest number of offered recordings
 
 Complete = Callable[[click.Context, click.Parameter, str], list[CompletionItem]]
 
@@ -25,10 +25,10 @@ Complete = Callable[[click.Context, click.Parameter, str], list[CompletionItem]]
 def completing(names: Callable[[click.Context, str], Iterable[tuple[str, str]]]) -> Complete:
     """Return a function that completes a word.
 
-    An error offers nothing: a shell would print it into the line that is being typed.
+    After an error there are no completions, because a shell would print the error into the line.
 
     Args:
-        names: Returns the names, each with its description, for a context and a word so far.
+        names: Callback that returns the names with descriptions, for a context and a word so far.
     """
 
     @wraps(names)
@@ -45,7 +45,7 @@ def completing(names: Callable[[click.Context, str], Iterable[tuple[str, str]]])
 
 
 def check_goal_id(context: click.Context, parameter: click.Parameter, value: str) -> str:
-    """Return the id of a goal; raise a usage error for anything else."""
+    """Return the id of a goal. Raise a usage error for any other text."""
     if value and not re.fullmatch("[0-9a-f]{32}", value):
         raise click.BadParameter(
             f"{value!r} is not the id of a goal, which has 32 digits, 0 to 9 and a to f"
@@ -68,7 +68,7 @@ def load_library(trees: Path | None, robot: Path | None) -> "tuple[Robot, Librar
 
 
 def first_motion(robot: "Robot") -> list[str]:
-    """Return a command that works without a task: the first joint moves by a little."""
+    """Return a command that works without a task: it moves the first joint a little."""
     joint = robot.actuated[0]
     step, unit = (0.005, "5mm") if joint.unit == "m" else (0.0873, "5deg")
     sign = "" if joint.boot + step <= joint.upper else "-"
@@ -76,7 +76,7 @@ def first_motion(robot: "Robot") -> list[str]:
 
 
 def _chosen(context: click.Context) -> "tuple[Robot, Library]":
-    """Return the library of the options before the word, or of the settings."""
+    """Return the library for the options before the word, or for the settings."""
     trees, robot = (
         context.params.get(name) or find_setting(context, name)[0] for name in ("trees", "robot")
     )
@@ -121,7 +121,7 @@ def complete_goal(context: click.Context, _word: str) -> Iterator[tuple[str, str
 
 @completing
 def complete_node(context: click.Context, word: str) -> Iterator[tuple[str, str]]:
-    """Complete the path of a node: first the name of its task, then what is in that task."""
+    """Complete the path of a node: first the name of its task, then the nodes of that task."""
     robot, library = _chosen(context)
     name, slash, _ = word.partition("/")
     if not slash:
@@ -135,7 +135,7 @@ def complete_node(context: click.Context, word: str) -> Iterator[tuple[str, str]
 
 
 def recordings_folder(context: click.Context) -> Path:
-    """Return the folder of the setting, or this one if that is missing and this has recordings."""
+    """Return the folder of the setting. If missing, the working directory if it has recordings."""
     folder: Path = find_setting(context, "recordings")[0]
     here = Path()
     return here if not folder.is_dir() and any(here.glob("*.mcap")) else folder
@@ -187,7 +187,7 @@ class TaskName(click.ParamType):  # type: ignore[type-arg]  # generic since clic
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> int | str:
-        """Return the number as an integer, or the name; raise a usage error for neither."""
+        """Return the number as an integer, or the name. Raise a usage error for any other text."""
         text = str(value)
         if text.isdecimal() and len(text) < 20 and int(text) <= _LARGEST:
             return int(text)
@@ -204,7 +204,7 @@ class TaskName(click.ParamType):  # type: ignore[type-arg]  # generic since clic
 
 
 class RecordingName(click.Path):
-    """A recording: a file, `latest`, `latest:TASK`, or the beginning of the name of one."""
+    """A recording: a file, `latest`, `latest:TASK`, or the beginning of a recording's name."""
 
     def __init__(self) -> None:
         super().__init__(path_type=Path)
@@ -213,7 +213,7 @@ class RecordingName(click.Path):
         """Return the path of the recording.
 
         Raises:
-            NoSuchRecording: No recording has the name, or several do.
+            NoSuchRecording: No recording has the name, or several recordings match it.
         """
         from logs import find_recording
 

@@ -27,7 +27,7 @@ class Drawing(click.Path):
         super().__init__(path_type=Path)
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
-        """Return the path; raise a usage error if it cannot be written."""
+        """Return the path. Raise a usage error if it cannot be written."""
         path = Path(value)
         if path.suffix and path.suffix.lower()[1:] not in self.FORMATS:
             there = ", ".join(f".{each}" for each in self.FORMATS)
@@ -64,7 +64,7 @@ pose_option = click.option(
 
 
 def _existing(context: click.Context, _option: click.Parameter, folder: Path | None) -> Path | None:
-    """Return the folder of tasks. If a file of settings names one that is missing, note that."""
+    """Return the folder of tasks. Print a note if a file of settings names a missing folder."""
     by_file = context.get_parameter_source("trees") is ParameterSource.DEFAULT_MAP
     if folder is None or not by_file or folder.is_dir() or context.resilient_parsing:
         return folder
@@ -100,7 +100,7 @@ set_option = click.option(
 def _words_of_goal(
     context: click.Context, _argument: click.Parameter, words: tuple[str, ...]
 ) -> tuple[str, ...]:
-    """Reject what looks like an option, but is not a negative number."""
+    """Reject words that look like an option, except negative numbers."""
     for word in words:
         if word.startswith("-") and not _NUMBER.match(word):
             options = [name for option in context.command.params for name in option.opts]
@@ -110,11 +110,11 @@ def _words_of_goal(
 
 
 def target_argument(name: str, complete: Complete) -> Callable[[F], F]:
-    """Return a decorator that adds the words of a target; a negative number is not an option.
+    """Return a decorator that adds the words of a target. A negative number is not an option.
 
     Args:
         name: Name of the parameter.
-        complete: Completes a word.
+        complete: Callback that completes a word.
     """
     return click.argument(
         name,
@@ -127,8 +127,8 @@ def target_argument(name: str, complete: Complete) -> Callable[[F], F]:
 
 
 def _load(context: click.Context, _option: click.Parameter, folder: Path | None) -> None:
-    """Load the skills before the command runs; warn of broken ones."""
-    if context.resilient_parsing:  # a shell completes it
+    """Load the skills before the command runs. Warn of broken skills."""
+    if context.resilient_parsing:  # a shell completes the command line
         return
     from skills.user_skills import load_skills
     from trees.nodes.kind import reserved_names

@@ -6,19 +6,22 @@ from contextlib import suppress
 from pathlib import Path
 from typing import NoReturn
 
-NICE = -10  # niceness that is asked for
+NICE = -10  # niceness that the process requests
 # Longest time that a busy thread keeps the interpreter from the streamer and from a stop [s].
 _SWITCH = 0.0005
-_GROUP = Path("/proc/self/autogroup")  # niceness of the session, if Linux schedules by sessions
+_GROUP = Path(
+    "/proc/self/autogroup"
+)  # file with the niceness of the session, if Linux schedules by sessions
 
-end_process = os._exit  # ends it at once, from any thread
+end_process = os._exit  # ends the process at once, from any thread
 _OWN = os.getpid()
 
 
 def forbid_exit() -> None:
     """Make `os._exit` raise SystemExit in this process. Forked processes can still end.
 
-    A skill cannot end this process then: its goal would have no result, and the exit status 0.
+    A skill then cannot end this process. Otherwise its goal would have no result, and the exit
+    status would be 0.
     """
     os._exit = _refuse_exit
 
@@ -30,14 +33,14 @@ def _refuse_exit(status: int) -> NoReturn:
 
 
 def raise_priority() -> None:
-    """Run before other programs, if the operating system allows it, as it does for root.
+    """Raise the priority of this process, if the operating system allows it, as for root.
 
     Frames and stops are then on time on a busy computer. A niceness that the user chose remains.
-    Call it before threads start, because they inherit it.
+    Call this function before threads start, because they inherit the priority.
     """
     sys.setswitchinterval(_SWITCH)
     if os.getpriority(os.PRIO_PROCESS, 0) == 0:
         with suppress(OSError):
             os.setpriority(os.PRIO_PROCESS, 0, NICE)
-            if os.getsid(0) == os.getpid():  # otherwise the session is of other programs, too
+            if os.getsid(0) == os.getpid():  # otherwise the session also has other programs
                 _GROUP.write_text(str(NICE))

@@ -32,10 +32,10 @@ from .interrupts import Interrupts
 from .log_handler import recorded_log
 from .process import raise_priority
 
-# Errors of a command of a key; they do not end the jog.
+# Errors of a key's command that do not end the jog.
 _SHOWN = (HardwareError, TreeError, click.ClickException)
-# Events after which the arm is elsewhere, or in another state. The last setpoints of a motion may
-# give no other frame than before, so its end is one of them.
+# Events after which the arm has moved or changed its state. The end of a motion is one of them,
+# because its last setpoints may not change the frame.
 _CHANGES = (Sent, Transition, GoalStatus)
 _KINDS = (STATUS, EVENTS[Sent], EVENTS[Transition])
 
@@ -60,10 +60,10 @@ class OwnArm:
         self._executive.cancel()
 
     def where(self) -> Where:
-        """Return where the arm is. The pose is measured while the arm is moved by hand.
+        """Return the position of the arm. It is measured while a person moves the arm.
 
         Raises:
-            NotActive: The arm failed while it was moved by hand. Only the next call raises this.
+            NotActive: The arm failed while a person moved it. Only the next call raises this.
         """
         where = self._executive.where()
         if not self.by_hand:
@@ -96,7 +96,7 @@ class OwnArm:
         self.by_hand, self._path = not on, None
 
     def start_path(self) -> None:
-        """Start to keep what is measured, from now on."""
+        """Start to store measurements."""
         self._path = [self.where().measured or {}]
 
     def end_path(self) -> Sequence[Mapping[str, float]]:
@@ -106,7 +106,7 @@ class OwnArm:
 
 
 class _ServerArm:
-    """The arm of a server. It is never moved by hand."""
+    """The arm of a server. No person moves it by hand."""
 
     by_hand = False
 
@@ -127,7 +127,7 @@ class _ServerArm:
         self._client.stop()
 
     def where(self) -> Where:
-        """Return where the arm is."""
+        """Return the position of the arm."""
         return self._client.where()
 
     def watch(self, changed: Callable[[], None]) -> None:
@@ -146,15 +146,15 @@ def run_jog(
     title: str = "armtree jog",
     steps: Callable[[], Sequence[str]] | None = None,
 ) -> int:
-    """Jog an arm until a key or a signal ends it; print where it is then.
+    """Jog an arm until a key or a signal ends it. Then print its position.
 
     Args:
         server: URL of the server; None for an arm of this command.
         options: Fields of a `Setup`.
         speed: Share of the robot's speed.
-        commands: Returns further commands for the arm, by key, each with its function.
+        commands: Callback that returns further commands for the arm with their functions, by key.
         title: Title of the screen.
-        steps: Returns the steps that were taken, for people; None for a jog that takes none.
+        steps: Callback that returns the taken steps, for people; None for a jog without steps.
 
     Returns:
         The exit status.
@@ -166,7 +166,7 @@ def run_jog(
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
         raise Refusal("a jog needs a terminal; `armtree move --by joint_1=5deg` does without")
     raise_priority()
-    # Keys that are typed while the arm stops and the recording is closed are not for the shell.
+    # The shell must not get keys that are typed while the arm stops and the recording is closed.
     with (
         Interrupts() as interrupts,
         key_by_key() as keys,
@@ -188,7 +188,7 @@ def run_jog(
 
 @contextmanager
 def _arm(server: str | None, options: Mapping[str, Any]) -> Iterator[tuple[str, JogArm, str]]:
-    """Open the arm. Yield a line that says which one it is, the arm, and what to know first."""
+    """Open the arm. Yield its name in words, the arm, and the first message."""
     if server:
         with Client(server) as client:
             note = (
@@ -204,7 +204,7 @@ def _arm(server: str | None, options: Mapping[str, Any]) -> Iterator[tuple[str, 
 
 
 def _hold(arm: JogArm) -> str:
-    """Hold an arm that is moved by hand where it is. Return why it cannot, or ""."""
+    """Hold a hand-guided arm at its position. Return the error, or ""."""
     if isinstance(arm, OwnArm) and arm.by_hand:
         try:
             arm.switch_torque(on=True)

@@ -30,12 +30,12 @@ logger = logging.getLogger(__name__)
 
 
 def serve(setup: Setup, listen: ListenOptions, fleet: FleetPlace | None = None) -> None:
-    """Run the server until a signal arrives; then stop the arm, cancel the goals and exit.
+    """Run the server until a signal arrives. Then stop the arm, cancel the goals and exit.
 
     Args:
         setup: The set-up of the arm.
-        listen: Where the server listens.
-        fleet: Fleet that the arm joins; None for none.
+        listen: Address and clients of the server.
+        fleet: Fleet that the arm joins, or None.
 
     Raises:
         HardwareError: The robot file is wrong or names no driver, or the start pose is unconfirmed.
@@ -54,7 +54,7 @@ def serve(setup: Setup, listen: ListenOptions, fleet: FleetPlace | None = None) 
     ):
         logger.info("Token for requests that change something: %s", server.token)
         logger.info("The page, to open once: %s", server.sign_in.link())
-        with recorded_log(executive):  # everything but the token and the link
+        with recorded_log(executive):  # everything except the token and the link
             logger.info("%s", port_line(executive))
             _announce(server, executive, listen)
             executive.start()
@@ -73,7 +73,7 @@ def view_recordings(path: Path, show: Callable[[str], None]) -> None:
 
     Args:
         path: A recording, or a folder of recordings.
-        show: Shows the link to the page.
+        show: Callback that shows the link to the page.
 
     Raises:
         ServerError: The server cannot listen.
@@ -96,7 +96,7 @@ def _leave(executive: Executive, interrupts: Interrupts) -> None:
 
 
 def prepare(executive: Executive) -> None:
-    """Configure the arm, and activate it if the set-up says so. Errors are logged."""
+    """Configure the arm, and activate it if the set-up demands it. Errors are logged."""
     try:
         executive.arm_to("configure")
         if executive.setup.activate:
@@ -104,8 +104,8 @@ def prepare(executive: Executive) -> None:
     except (PoseUnconfirmed, TransitionRefused, LogError) as error:
         logger.error("%s", error)
     except HardwareError as error:
-        logger.debug("%s", error)  # the arm has logged it
-    # Objects that exist by now stay. Each garbage collection of them would delay the streamer, and
+        logger.debug("%s", error)  # the arm has logged the error
+    # The present objects stay alive. Each garbage collection of them would delay the streamer, and
     # a stop, by 30 ms.
     gc.freeze()
 

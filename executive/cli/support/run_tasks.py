@@ -51,13 +51,13 @@ def execute(
         settings: Parameters of the tasks, each as NAME=VALUE.
         as_json: True to print JSON.
         verbose: True if the log is printed, so that lines are printed instead of a live picture.
-        known: True if a server may have these tasks, too.
+        known: True if a server may also have these tasks.
 
     Returns:
-        The outcomes of the tasks that ran, at least one.
+        The outcomes of the executed tasks, at least one.
 
     Raises:
-        Refusal: A server holds the arm, and the user has not asked for another one by --port.
+        Refusal: A server holds the arm, and the user has not chosen another arm with --port.
     """
     raise_priority()
     with Interrupts() as interrupts, view_for(as_json, verbose) as view, ExitStack() as stack:
@@ -106,7 +106,7 @@ def _show(view: View, event: Event) -> None:
 
 
 def _report(view: View, executive: Executive, settings: Sequence[str], outcome: Outcome) -> None:
-    """Report an outcome; if a server has the arm, with the command that sends the task to it."""
+    """Report an outcome. If a server has the arm, add the command that sends the task to it."""
     cause = outcome.cause
     if cause and cause.code == PortBusy.code and (server := _server_with(executive.port)):
         hint = _held_by(server, executive, outcome.task, settings) or cause.hint
@@ -122,7 +122,7 @@ def _held_by(
     Returns:
         The message; empty if the server does not answer, or holds another robot.
     """
-    from executive.client.synchronous import Client  # only where a server runs
+    from executive.client.synchronous import Client  # imported only if a server runs
 
     from .server_requests import holds
 

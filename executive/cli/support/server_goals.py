@@ -1,4 +1,4 @@
-"""Goals and events of a server, shown as those of `armtree run` are."""
+"""Goals and events of a server, shown like those of `armtree run`."""
 
 import logging
 import uuid
@@ -33,15 +33,15 @@ def send_and_wait(
     as_json: bool,
     verbose: bool,
 ) -> Outcome:
-    """Run a task or a move on a server, and show it as `armtree run` does. Ctrl-C cancels it.
+    """Run a task or a move on a server, and show it like `armtree run`. Ctrl-C cancels it.
 
     Args:
         client: Client of the server.
         task: Number or name of the task, or a move.
         settings: Values of its parameters, each as NAME=VALUE.
         deadman: True to cancel the goal if this process dies.
-        as_json: True to print JSON. A rejected goal is then an outcome, as in `armtree run`; a
-            rejected move always is.
+        as_json: True to print JSON. A rejected goal is then an outcome, as in `armtree run`. A
+            rejected move is always an outcome.
         verbose: True if the log is printed, so that lines are printed instead of a live picture.
 
     Raises:
@@ -80,7 +80,7 @@ def send_and_wait(
 
 
 def parameters(settings: Sequence[str]) -> dict[str, str]:
-    """Return the values of parameters as texts. The server reads them as `armtree run` does.
+    """Return the values of parameters as texts. The server reads them like `armtree run`.
 
     Raises:
         FileError: A setting is invalid.
@@ -90,18 +90,18 @@ def parameters(settings: Sequence[str]) -> dict[str, str]:
 
 
 def activate(client: Client, pose: str | None, verbose: bool) -> str:
-    """Activate the arm of a server, and show how long its board still boots.
+    """Activate the arm of a server, and show the remaining boot time of its board.
 
     Args:
         client: Client of the server.
-        pose: Confirmed start pose; None for none.
+        pose: Confirmed start pose, or None.
         verbose: True if the log is printed.
 
     Returns:
         The new state.
 
     Raises:
-        ClientError: The server cannot be reached, or rejects it.
+        ClientError: The server cannot be reached, or it rejects the request.
     """
     with view_for(False, verbose) as view:
         view.put(where := client.where())
@@ -114,7 +114,7 @@ def watch(client: Client, as_json: bool, verbose: bool) -> None:
 
     Raises:
         ClientError: The server cannot be reached.
-        ServerClosing: It has ended.
+        ServerClosing: The server has ended.
     """
     with view_for(as_json, verbose) as view, client.events() as events:
         view.put(client.where())

@@ -1,4 +1,4 @@
-"""Short requests of the client commands to a server, and how their answers are printed."""
+"""Short requests of client commands to a server, and the output of their answers."""
 
 import dataclasses
 import json
@@ -33,12 +33,11 @@ _NO_QUESTION = "there is no open question"
 def find_server(server: str | None) -> str | None:
     """Return the URL of the server that holds the arm, or None for an arm of this command.
 
-    It is the server that the command names, else the one that runs on this machine, unless the
-    command names a port, or a robot without a driver that this server does not hold.
+    It is the server that the command names, else the server on this machine. The result is None if
+    the command names a port, or a robot without a driver that this server does not hold.
 
     Raises:
-        Refusal: Several servers run on this machine, or the server holds another robot than the
-            one that the user names.
+        Refusal: Several servers run on this machine, or the server does not hold the named robot.
         ClientError: The user names a robot, and the server does not answer.
     """
     context, named = click.get_current_context(), server
@@ -50,30 +49,30 @@ def find_server(server: str | None) -> str | None:
             raise Refusal(f"several servers run; give --server URL: {', '.join(found)}")
         server = found[0] if found else None
     if server and (given := context.params.get("robot")):
-        from hardware import load_robot  # a stop does not need it
+        from hardware import load_robot  # a stop does not need this import
 
         with Client(server) as client:
             robot = load_robot(given)
             if not (named or robot.has_driver or holds(client.robot(), robot)):
-                return None  # it moves on the port virtual only
+                return None  # without a driver it moves on the port virtual only
             check_robot(client, given)
     return server
 
 
 def check_robot(client: Client, given: Path | None) -> None:
-    """Reject a server that holds another robot than the one that the user names.
+    """Reject a server that does not hold the robot that the user names.
 
     Args:
         client: Client of the server.
-        given: Robot file of an option or setting; None if the user names none.
+        given: Robot file of an option or setting; None if there is none.
 
     Raises:
-        Refusal: It holds another robot.
+        Refusal: The server holds another robot.
         ClientError: The server does not answer.
     """
     if given is None:
         return
-    from hardware import load_robot  # a stop does not need it
+    from hardware import load_robot  # a stop does not need this import
 
     context = click.get_current_context()
     held, robot = client.robot(), load_robot(given)
@@ -93,13 +92,13 @@ def check_robot(client: Client, given: Path | None) -> None:
 
 
 def holds(held: Mapping[str, Any], robot: "Robot") -> bool:
-    """Return whether the robot of a server, as `Client.robot` describes it, is this one."""
+    """Return True if a description of `Client.robot` is of this robot."""
     joints = {joint["name"] for joint in held["joints"]}
     return held["name"] == robot.name and joints >= {joint.name for joint in robot.joints}
 
 
 def stop_all(urls: Sequence[str], as_json: bool) -> int:
-    """Stop the arms of servers, all at the same time, and print what became of each.
+    """Stop the arms of servers at the same time, and print the result of each.
 
     Args:
         urls: URLs of the servers; empty for the one at the port of the settings.
@@ -164,7 +163,7 @@ def answer_question(client: Client, words: Sequence[str], as_json: bool) -> str:
 
 
 def status_lines(status: Status, where: Where) -> Iterator[str]:
-    """Yield the state of a server, and where its arm is, line by line."""
+    """Yield the state of a server and the position of its arm, line by line."""
     yield f"Arm       {status.arm}, port {status.port or 'none'}"
     if fault := status.fault:
         yield f"Fault     {fault}"

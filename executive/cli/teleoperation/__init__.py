@@ -1,1 +1,1 @@
-"""An arm that follows another one, which a person moves: leader, screen and run."""
+"""An arm that follows a hand-guided arm: leader, screen and run."""

@@ -1,4 +1,4 @@
-"""Has an arm of this command follow another one, which a person moves."""
+"""Makes an arm of this command follow a hand-guided arm."""
 
 import sys
 from collections.abc import Mapping
@@ -24,11 +24,11 @@ from .servo_leader import HandGuidedArm
 def run_teleop(
     port: str, leader_robot: Path | None, speed: float, options: Mapping[str, Any]
 ) -> int:
-    """Follow the arm at a port until a key or a signal ends it; print where both arms are then.
+    """Follow the arm at a port until a key or a signal. Then print the position of the arm.
 
     Args:
         port: Port of the leader.
-        leader_robot: Robot file of the leader; None for that of the arm.
+        leader_robot: Robot file of the leader; None for the robot file of the arm.
         speed: Share of the robot's speed.
         options: Fields of a `Setup`.
 

@@ -1,4 +1,4 @@
-"""The full-screen view of an arm that follows another one, which a person moves by hand."""
+"""The full-screen view of an arm that follows a hand-guided arm."""
 
 import math
 import threading
@@ -20,12 +20,12 @@ from hardware import DISPLAY_UNITS, HardwareError, State
 from skills import Blocked
 
 _REDRAW = 0.1  # [s]
-_NEAR = math.radians(2)  # so near, an arm follows without a planned move first [rad], [m]
-_NAMED = 16  # least columns of a name
+_NEAR = math.radians(2)  # largest distance to follow without a planned move first [rad], [m]
+_NAMED = 16  # smallest number of columns of a name
 
 
 class Phase(Enum):
-    """What the arm does. The value is for people."""
+    """Phase of the arm. The value is for people."""
 
     ASKS = "waits for you"
     HOLDS = "holds"
@@ -38,7 +38,7 @@ class Follower(JogArm, Protocol):
     """The arm that follows."""
 
     def fault(self) -> Cause | None:
-        """Return the fault that took it out of *active*; None after the next activation."""
+        """Return the fault that ended *active*; None after the next activation."""
 
 
 class HandGuided(Protocol):
@@ -51,21 +51,21 @@ class HandGuided(Protocol):
         """Switch the torque off."""
 
     def where(self) -> tuple[float, ...]:
-        """Return its measured positions [rad]. Raises a `HardwareError` if it is lost."""
+        """Return its measured positions [rad]. Raises a `HardwareError` if the leader is lost."""
 
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """What is shown.
+    """The content of the view.
 
     Attributes:
-        phase: What the arm does.
+        phase: Phase of the arm.
         leader: Measured position of the leader by joint [rad]; None if it is lost.
-        where: Where the arm is.
-        blocked: Why it does not follow; None if it does.
+        where: Position of the arm.
+        blocked: Reason that the arm does not follow; None if it follows.
         message: Last message of the arm, for people.
         failed: True if the message is an error.
-        lost: Why the leader is lost; empty if it is not.
+        lost: Reason that the leader is lost; empty if it is not lost.
     """
 
     phase: Phase
@@ -85,7 +85,7 @@ class View:
         """
         blocked = self.phase is Phase.FOLLOWS and self.blocked
         said = wrap(f"Blocked: {blocked.contact}" if blocked else self.message, width)
-        if self.lost not in self.message:  # the error of a goal that followed it
+        if self.lost not in self.message:  # the error of a goal that followed the leader
             said += wrap(f"Leader: {self.lost}", width)
         wrong = bool(blocked or self.failed or self.lost)
         body = list(self._joints())
@@ -118,7 +118,7 @@ class View:
             case Phase.ASKS:
                 return "y release the leader   q leave"
             case Phase.HOLDS | Phase.LOST if self.failed and self.where.arm is State.UNCONFIGURED:
-                return "q leave, then start armtree teleop again"  # a person leaves the error
+                return "q leave, then start armtree teleop again"  # only a person ends the error
             case Phase.LOST:
                 return "q leave"
             case Phase.HOLDS:
@@ -128,7 +128,7 @@ class View:
 
 
 class TeleopScreen(KeyScreen):
-    """Has an arm follow a leader, until a key or a signal ends it.
+    """Makes an arm follow a leader, until a key or a signal ends this.
 
     Args:
         arm: The arm that follows.
@@ -139,14 +139,14 @@ class TeleopScreen(KeyScreen):
     def __init__(self, arm: Follower, leader: HandGuided, speed: float) -> None:
         super().__init__(_REDRAW)
         self._arm, self._leader, self._speed = arm, leader, speed
-        self._lock = threading.Lock()  # held to change the view
+        self._lock = threading.Lock()  # held while the view changes
         question = "The leader loses its torque and falls unless you hold it. Do you hold it? y/n"
         self._view = View(Phase.ASKS, None, arm.where(), message=question)
         self._worker = ThreadPoolExecutor(1, "teleop")
         self._following: Future[None] | None = None
 
     def run(self, keys: int) -> Where:
-        """Follow until a key or `leave` ends it; return where the arm is then.
+        """Follow until a key or `leave`. Then return the position of the arm.
 
         Args:
             keys: File handle of the keyboard, which is read key by key.
@@ -164,7 +164,7 @@ class TeleopScreen(KeyScreen):
         return self._view.lines(width, rows)
 
     def press(self, key: str) -> None:
-        """Do what a key asks for."""
+        """Execute the command of a key."""
         phase = self._view.phase
         if key == "q" or (key == "n" and phase is Phase.ASKS):
             self.end()
@@ -185,7 +185,7 @@ class TeleopScreen(KeyScreen):
 
     def _start(self) -> None:
         if self._following:
-            self._following.result()  # it clears what is set here
+            self._following.result()  # the method clears the values that are set here
         self._show(Phase.APPROACHES, "")
         self._leader.following = True
         self._following = self._worker.submit(self._follow)
@@ -197,21 +197,21 @@ class TeleopScreen(KeyScreen):
             self._arm.stop()
 
     def _follow(self) -> None:
-        """Move to where the leader is, and follow it. Show how that ends."""
+        """Move to the position of the leader, and follow it. Show the end of this."""
         try:
             outcome = self._approach()
             if (outcome is None or outcome.code == OK) and self._leader.following:
                 self._show(Phase.FOLLOWS, "")
                 outcome = self._arm.move(Move((LEADER,), speed=self._speed), _nothing)
             self._show(Phase.HOLDS, *_words(outcome))
-        except HardwareError as error:  # of the leader
+        except HardwareError as error:  # positions of the leader
             self._lose(error)
         finally:
             self._leader.following = False
             self.wake()
 
     def _approach(self) -> Outcome | None:
-        """Move to where the leader is, if that is far. Return the outcome; None without a move."""
+        """Move to the leader's position if it is far. Return the outcome; None without a move."""
         where = self._arm.where()
         target = dict(zip(where.units, self._leader.where(), strict=True))
         there = where.commanded
@@ -221,13 +221,13 @@ class TeleopScreen(KeyScreen):
         return self._arm.move(Move(words, speed=self._speed), self._accepted)
 
     def _accepted(self) -> None:
-        if not self._leader.following:  # stopped before there was anything to stop
+        if not self._leader.following:  # the stop came before the move
             self._arm.stop()
 
     def update(self) -> None:
-        """Take where both arms are into the view."""
+        """Update the positions of both arms in the view."""
         if self._following and self._following.done():
-            self._following.result()  # raises what nothing expects
+            self._following.result()  # raises an unexpected error
         where, blocked, leader = self._arm.where(), self._leader.blocked, None
         try:
             leader = dict(zip(where.units, self._leader.where(), strict=True))
@@ -240,7 +240,7 @@ class TeleopScreen(KeyScreen):
                 self._view = replace(self._view, message=cause_words(fault), failed=True)
 
     def _lose(self, error: HardwareError) -> None:
-        """Show that the leader is lost, and do not move on to where it was."""
+        """Show that the leader is lost, and do not move to its last position."""
         if self._view.phase is Phase.APPROACHES:
             self.stop()
         with self._lock:
@@ -256,7 +256,7 @@ def _nothing() -> None:
 
 
 def _words(outcome: Outcome | None) -> tuple[str, bool]:
-    """Return the message for the end of a goal, and whether it is an error."""
+    """Return the message for the end of a goal, and True if it is an error."""
     ended = outcome and outcome.code != GoalCanceled.code
     return outcome_words(outcome) if outcome and ended else ("", False)
 

@@ -1,4 +1,4 @@
-"""An arm whose servos have no torque, so that a person moves it."""
+"""A hand-guided arm: its servos have no torque, so that a person can move it."""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -19,7 +19,7 @@ from skills import Blocked
 
 
 class HandGuidedArm:
-    """The leader of another arm. Its positions are measured; it is never commanded to move.
+    """The leader of another arm. Its positions are measured. It is never commanded to move.
 
     Args:
         robot: The robot. Its board must be able to measure, and to switch its torque.
@@ -27,10 +27,10 @@ class HandGuidedArm:
 
     Attributes:
         following: False to end the following.
-        blocked: Why the other arm does not follow; None if it does.
+        blocked: Reason that the other arm does not follow; None if it follows.
 
     Raises:
-        NotAble: The board cannot do that.
+        NotAble: The board cannot measure or switch its torque.
     """
 
     def __init__(self, robot: Robot, link: Link) -> None:
@@ -42,7 +42,7 @@ class HandGuidedArm:
         self._arm = Arm(robot, link, RealClock(), self._note)
 
     def open(self) -> None:
-        """Open the port. The arm holds where it is.
+        """Open the port. The arm holds its position.
 
         Raises:
             HardwareError: The port or the board failed, or the arm is outside its limits.
@@ -59,7 +59,7 @@ class HandGuidedArm:
         self._arm.switch_torque(on=False)
 
     def close(self) -> bool:
-        """Hold where the arm is, and close the port. Return whether it holds."""
+        """Hold the position of the arm, and close the port. Return True if the arm holds."""
         held = False
         with suppress(HardwareError):
             self._arm.switch_torque(on=True)
@@ -69,28 +69,28 @@ class HandGuidedArm:
         return held
 
     def on_change(self, changed: Callable[[], None]) -> None:
-        """Call a function, from any thread, when the arm was measured or has failed."""
+        """Call a function, from any thread, after each measurement or failure of the arm."""
         self._changed = changed
 
     def where(self) -> tuple[float, ...]:
         """Return its measured positions, one per actuated joint [rad].
 
         Raises:
-            HardwareError: It is lost.
+            HardwareError: The arm is lost.
         """
         if failure := self._arm.failure:
             raise failure
         self._arm.check_active()
         measured = self._arm.measured
-        assert measured  # before it was active
+        assert measured  # the arm failed before it was active
         return measured.position
 
     def positions(self) -> tuple[float, ...] | None:
-        """Return its measured positions [rad]; None if the following ends. Raises as `where`."""
+        """Return its measured positions [rad]; None ends the following. Raises as `where` does."""
         return self.where() if self.following else None
 
     def show(self, blocked: Blocked | None) -> None:
-        """Keep why the other arm does not follow."""
+        """Store the reason that the other arm does not follow."""
         self.blocked = blocked
         self._changed()
 

@@ -1,1 +1,1 @@
-"""The terminal: standard streams, questions to the operator, and how a run is shown."""
+"""The terminal: standard streams, questions to the operator, and views of a run."""

@@ -1,4 +1,4 @@
-"""The alternate screen of a terminal. The earlier content returns when it is left."""
+"""The alternate screen of a terminal. The earlier content returns at its end."""
 
 import os
 import signal
@@ -11,19 +11,19 @@ from .keyboard import restore_keyboard, suspended_keyboard
 from .streams import LastingStream
 
 _SHOW_CURSOR = "\x1b[?25h"
-_ENTER = "\x1b[?1049h\x1b[?25l"  # another screen, without a cursor
-_EXIT = f"\x1b[H\x1b[J{_SHOW_CURSOR}\x1b[?1049l"  # cleared, for terminals that have only one
+_ENTER = "\x1b[?1049h\x1b[?25l"  # switch to the alternate screen, without a cursor
+_EXIT = f"\x1b[H\x1b[J{_SHOW_CURSOR}\x1b[?1049l"  # clear it, for terminals with only one screen
 
 _left = threading.Event()  # not set while the screen is shown
 _left.set()
-_lock = threading.RLock()  # nothing is drawn while the process is being suspended
+_lock = threading.RLock()  # blocks drawing while the process is being suspended
 
 
 class FullScreen:
     """Draws lines on the alternate screen, as a context.
 
-    Each line replaces the previous one, so nothing flickers. The rest of the screen is cleared,
-    also after keys were pressed or the terminal has another size.
+    Each line replaces the previous one, so the screen does not flicker. The rest of the screen is
+    cleared, also after typed keys or a change of the terminal's size.
 
     Args:
         stream: The terminal.
@@ -42,7 +42,7 @@ class FullScreen:
         _left.set()
 
     def draw(self, lines: Iterable[str]) -> None:
-        """Draw lines. None may be wider than the terminal, and they must fit its height."""
+        """Draw lines. They must fit the width and height of the terminal."""
         with _lock:
             if not _left.is_set():
                 self._write("\x1b[H" + "\x1b[K\r\n".join(lines) + "\x1b[K\x1b[J")
@@ -53,9 +53,10 @@ class FullScreen:
 
 
 def suspend(*_signal: object) -> None:
-    """Suspend this process, as Ctrl-Z asks: the shell has screen and keyboard until it continues.
+    """Suspend this process, for Ctrl-Z. The shell has screen and keyboard until it continues.
 
-    If it continues in the background, the screen stays the shell's. Call from the main thread.
+    If the process continues in the background, the shell keeps the screen. Call from the main
+    thread.
     """
     with _lock, suspended_keyboard():
         shown = not _left.is_set()
@@ -63,7 +64,7 @@ def suspend(*_signal: object) -> None:
             _left.set()
             os.write(1, _EXIT.encode())
         handler = signal.signal(signal.SIGTSTP, signal.SIG_DFL)
-        os.kill(os.getpid(), signal.SIGTSTP)  # without a shell to continue it, nothing happens
+        os.kill(os.getpid(), signal.SIGTSTP)  # without a shell that can continue it, do nothing
         signal.signal(signal.SIGTSTP, handler)
         if shown and os.tcgetpgrp(1) == os.getpgrp():
             os.write(1, _ENTER.encode())
@@ -71,9 +72,9 @@ def suspend(*_signal: object) -> None:
 
 
 def last_words(text: str) -> None:
-    """Leave screen and keyboard, and print a text to standard error, before the process is ended.
+    """Leave screen and keyboard, and print a text to standard error, before the process ends.
 
-    A terminal that does not take it within 0.2 s is left.
+    Gives up after 0.2 s if the terminal does not accept the text.
     """
 
     def write() -> None:
@@ -85,5 +86,7 @@ def last_words(text: str) -> None:
 
     thread = threading.Thread(target=write, daemon=True)
     thread.start()
-    for _ in range(10):  # a stall of the whole host ends one wait, and gives the thread no time
+    for _ in range(
+        10
+    ):  # several waits: a stall of the whole host ends one wait without giving the thread time
         thread.join(0.02)

@@ -1,4 +1,4 @@
-"""A jog as a state machine: keys become small moves. It knows neither terminal nor arm."""
+"""A jog as a state machine: keys become small moves. It is independent of terminal and arm."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -12,21 +12,21 @@ from hardware.printable import plural
 
 from .keyboard import DELETE, DOWN, ENTER, ESCAPE, LEFT, RIGHT, UP, key_name
 
-STEPS = (0.1, 0.5, 1.0, 2.0, 5.0, 10.0)  # size of a step [deg], or [mm]
+STEPS = (0.1, 0.5, 1.0, 2.0, 5.0, 10.0)  # sizes of a step [deg] or [mm]
 _POSES = {"h": HOME, "o": "open", "c": "closed"}
 _TOOL = "xyz"
-_UP, _DOWN = "tool up", "tool down"  # z of the tool
-_MESSAGE = 4  # the share of the lines that a message has at most is 1 in this number
-_LISTED = 34  # least columns of the axes, if a list is beside them
-_NAMED = 16  # least columns of a name
-_STEP = 24  # least columns of a step
+_UP, _DOWN = "tool up", "tool down"  # column of the tool's z
+_MESSAGE = 4  # a message has at most 1 / this number of the lines
+_LISTED = 34  # smallest number of columns of the axes beside a list
+_NAMED = 16  # smallest number of columns of a name
+_STEP = 24  # smallest number of columns of a step
 _ABOUT = "Of the keys pressed during a move, the last one waits; letters act when the arm is still"
-_HARD = "\xa0"  # a space at which no line is broken
+_HARD = "\xa0"  # no-break space
 
 
 @dataclass(frozen=True, slots=True)
 class Axis:
-    """What an arrow key moves: a joint, or the tool along x, y or z.
+    """Axis of the arrow keys: a joint, or the tool along x, y or z.
 
     Attributes:
         name: Name of the joint, or `tool x`.
@@ -97,7 +97,7 @@ class Call:
 
     Attributes:
         key: The key.
-        text: What was typed for it.
+        text: Text that was typed for the command.
     """
 
     key: str
@@ -106,7 +106,7 @@ class Call:
 
 @dataclass(frozen=True, slots=True)
 class Yes:
-    """Action: do what the question was about."""
+    """Action: execute the action of the question."""
 
 
 Action = Go | Stop | Leave | Call | Yes
@@ -114,10 +114,10 @@ Action = Go | Stop | Leave | Call | Yes
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """A command of a key besides those that move.
+    """A command of a key that does not move the arm.
 
     Attributes:
-        title: What it does, for the help, such as `save pose`.
+        title: Action of the command, for the help, such as `save pose`.
         prompt: Question that a text answers; empty for a command without a text.
     """
 
@@ -130,21 +130,21 @@ class Jog:
     """The state of a jog. Every method returns a new state.
 
     Attributes:
-        axes: What can be moved.
+        axes: Axes that can be moved.
         commands: Further commands, by key.
         speed: Share of the robot's speed.
         selected: Index of the axis that the arrows move.
         step: Index of the size of a step in `STEPS`.
-        moving: The move under way; None for none.
-        waiting: The move that follows; None for none. Only the last key pressed during a move
-            counts, so that the arm stops soon after a key is released.
-        calling: The command that follows when the arm is still; None for none.
-        dropped: Number of keys pressed during a move that do not count. It is kept until the first
-            key after the move.
-        lost: True if nothing is known of the arm any more. Keys then do nothing; q leaves.
-        prompt: Key of the command whose text is typed; empty for none.
-        typed: What was typed for it.
-        question: Question that y or n answers; empty for none.
+        moving: The move under way, or None.
+        waiting: The next move, or None. Only the last key pressed during a move counts, so that the
+            arm stops soon after a key is released.
+        calling: The command to execute when the arm is still, or None.
+        dropped: Number of ignored keys during a move. It is kept until the first key after the
+            move.
+        lost: True if the arm is lost. Then only q has an effect: it leaves.
+        prompt: Key of the command whose text is being typed, or empty.
+        typed: Text that was typed so far.
+        question: Question that y or n answers, or empty.
         message: Last message, for people.
         failed: True if the message is an error.
     """
@@ -172,7 +172,7 @@ class Jog:
         """Return the first state.
 
         Args:
-            where: Where the arm is.
+            where: Position of the arm.
             commands: Further commands, by key.
             speed: Share of the robot's speed.
             message: First message.
@@ -183,11 +183,11 @@ class Jog:
 
     @property
     def axis(self) -> Axis:
-        """What the arrows move."""
+        """The axis that the arrows move."""
         return self.axes[self.selected]
 
     def press(self, key: str) -> tuple["Jog", Action | None]:
-        """Return the state after a key, and what to do."""
+        """Return the state after a key, and the actions."""
         if self.lost:
             return self, Leave() if key == "q" else None
         if key == " ":
@@ -211,7 +211,7 @@ class Jog:
         return state.said(f"{key_name(key)} is not a key of jog; ? shows help", failed=True), None
 
     def _stopped(self) -> "Jog":
-        """Return the state after a stop. A prompt stays: the rest of its text moves no arm."""
+        """Return the state after a stop. A prompt stays, because its text moves no arm."""
         stopped, said = (
             replace(self, waiting=None, calling=None, dropped=0),
             f"Stopped{self._undone}",
@@ -221,12 +221,12 @@ class Jog:
         return stopped._closed().said(said)
 
     def ended(self, message: str, failed: bool) -> tuple["Jog", Action | None]:
-        """Return the state after the end of the move under way, and what to do.
+        """Return the state after the end of the current move, and the actions.
 
         Args:
-            message: How it ended, for people; empty if it succeeded. If it did not, the move and
-                the command that wait are dropped.
-            failed: True if it failed.
+            message: Words for the end of a failed move; empty if it succeeded. A failure drops the
+                waiting move and command.
+            failed: True if the move failed.
         """
         state = replace(self, moving=None, waiting=None)
         if message:
@@ -240,13 +240,13 @@ class Jog:
         """Return the state after the arm is lost.
 
         Args:
-            why: Why nothing is known of it any more, for people.
+            why: Reason of the loss, for people.
         """
         state = replace(self, lost=True, moving=None, waiting=None, calling=None, dropped=0)
         return state._closed().said(why, failed=True)
 
     def ask(self, question: str) -> "Jog":
-        """Return the state with a question that y or n answers. No other key but space counts."""
+        """Return the state with a question for y or n. Of other keys, only space counts."""
         return replace(self, question=question).said("")
 
     def said(self, message: str, failed: bool = False) -> "Jog":
@@ -256,15 +256,15 @@ class Jog:
     def lines(
         self, where: Where, width: int, rows: int, title: str, steps: Sequence[str] | None = None
     ) -> Iterator[tuple[str, bool]]:
-        """Return the lines of the screen, each with whether it belongs to an error.
+        """Return the lines of the screen, each with True if it belongs to an error.
 
         Args:
-            where: Where the arm is.
+            where: Position of the arm.
             width: Number of columns.
-            rows: Number of lines. With few, only the axes around the selected one are shown, and
-                the last steps.
-            title: What the screen is, such as `armtree jog`.
-            steps: Steps that were taken, for people; None for a jog that takes none.
+            rows: Number of lines. On a low screen, only the axes around the selected one and the
+                last steps are shown.
+            title: Title of the screen, such as `armtree jog`.
+            steps: Taken steps, for people; None for a jog without steps.
         """
         said = wrap(self.message, width)
         shown = [*wrap(self._typing, width), *wrap(self._next, width), *said]
@@ -291,21 +291,21 @@ class Jog:
             yield f"{mark} {key:>2} {axis.name:<{longest}}{axis.shown(where)}"
 
     def _state(self, where: Where, width: int) -> list[str]:
-        """Return the size of a step, the width of the gripper, and what moves."""
+        """Return the line with the size of a step, the gripper's width and the current move."""
         size = f"step {STEPS[self.step]:g} {self.axis.people_unit}   speed {self.speed:g}"
         size += f"   width {where.width_words}" if where.width_words else ""
         return [*wrap(size, width), f"moving {self.moving.words}" if self.moving else ""]
 
     @property
     def _typing(self) -> str:
-        """The prompt or question that is open."""
+        """The open prompt or question."""
         if self.question:
             return f"{self.question} y/n"
         return f"{self.commands[self.prompt].prompt}: {self.typed}_" if self.prompt else ""
 
     @property
     def _next(self) -> str:
-        """What follows the move under way, and how many keys do not count."""
+        """The line with the next move or command, and the number of ignored keys."""
         words = []
         if self.waiting:
             words.append(f"1 key waits: {self.waiting.words}")
@@ -317,13 +317,13 @@ class Jog:
 
     @property
     def _called(self) -> str:
-        """The command that follows, for people."""
+        """The next command, for people."""
         assert self.calling
         return f"{self.commands[self.calling.key].title} {self.calling.text}".rstrip()
 
     @property
     def _undone(self) -> str:
-        """What to say if the command that follows is dropped."""
+        """The message if the next command is dropped."""
         return f"; not done: {self._called}" if self.calling else ""
 
     def _help(self, width: int) -> list[str]:
@@ -338,7 +338,7 @@ class Jog:
         return [line.replace(_HARD, " ") for line in wrap("   ".join(words), width)]
 
     def _chosen(self, key: str) -> int | None:
-        """Return the axis that a key chooses; None if it chooses none."""
+        """Return the axis that a key chooses, or None."""
         joints = len(self.axes) - len(_TOOL)
         if key in (UP, DOWN):
             return (self.selected + (1 if key == DOWN else -1)) % len(self.axes)
@@ -348,7 +348,7 @@ class Jog:
         return number - 1 if 0 < number <= joints else None
 
     def _go(self, key: str) -> Go | None:
-        """Return the move of a key; None if it moves nothing."""
+        """Return the move of a key, or None."""
         if key in (LEFT, RIGHT):
             amount = STEPS[self.step] if key == RIGHT else -STEPS[self.step]
             move = Move(self.axis.words(amount), relative=True, speed=self.speed)
@@ -357,10 +357,10 @@ class Jog:
         return Go(Move((pose,), speed=self.speed), f"to {pose}") if pose else None
 
     def _pressed(self, go: Go) -> tuple["Jog", Action | None]:
-        """Return the state after the key of a move, which starts, waits or is dropped."""
+        """Return the state after the key of a move. The move starts, waits or is dropped."""
         if not self.moving:
             return self._started(go)
-        if self.calling:  # its pose must not change any more
+        if self.calling:  # the pose for a waiting command must not change any more
             return replace(self, dropped=self.dropped + 1).said(""), None
         dropped = self.dropped + bool(self.waiting)
         return replace(self, waiting=go, dropped=dropped).said(""), None
@@ -376,7 +376,7 @@ class Jog:
         return self._when_still(Call(key, ""))
 
     def _when_still(self, call: Call) -> tuple["Jog", Action | None]:
-        """Return the state after a command, which waits until nothing moves, and what to do."""
+        """Return the state after a command, and the actions. The command waits for a still arm."""
         state = self.said("")
         return (replace(state, calling=call), None) if self.moving else (state, call)
 
@@ -406,7 +406,7 @@ class Jog:
 
 
 def _last(steps: Sequence[str], most: int, width: int) -> list[str]:
-    """Return the last steps with their numbers, in at most that many lines."""
+    """Return the last steps with their numbers, in at most this number of lines."""
     if not steps:
         return ["no step yet; t takes one"]
     numbered = [f"{number} {step}" for number, step in enumerate(steps, 1)][-most:]

@@ -23,40 +23,40 @@ class JogArm(Protocol):
 
     @property
     def by_hand(self) -> bool:
-        """Whether the servos have no torque, so that a person moves the arm."""
+        """True if the servos have no torque, so that a person can move the arm."""
 
     def move(self, move: Move, accepted: Callable[[], None]) -> Outcome:
-        """Move, and wait for the end. Return the outcome of a move that is refused, too.
+        """Move, and wait for the end. Also returns the outcome of a refused move.
 
         Args:
             move: The move.
-            accepted: Called when the move is accepted, so that a stop counts from then on.
+            accepted: Callback when the move is accepted. A stop works from then on.
         """
 
     def stop(self) -> None:
         """Stop the arm at once."""
 
     def where(self) -> Where:
-        """Return where the arm is."""
+        """Return the position of the arm."""
 
     def watch(self, changed: Callable[[], None]) -> None:
-        """Call a function whenever the arm has moved or its state has changed.
+        """Call a function after each motion or change of state of the arm.
 
-        May return at once, or last as long as the arm is open.
+        It may return at once, or at the end of the arm.
         """
 
 
-# A command of a key: receives where the arm is and what was typed, returns a message. An exception
-# is shown as its message.
+# Function of a key's command: receives the position of the arm and the typed text, and returns a
+# message. The screen shows the message of an exception.
 Act = Callable[[Where, str], str]
 
 
 class Question(Exception):
-    """Raised by a command to ask first.
+    """Exception of a command that needs an answer first.
 
     Args:
         text: The question, which y or n answers.
-        then: Called for y; returns a message.
+        then: Callback for y. It returns a message.
     """
 
     def __init__(self, text: str, then: Callable[[], str]) -> None:
@@ -69,8 +69,8 @@ class _Ended:
     """A move has ended.
 
     Attributes:
-        outcome: How it ended.
-        where: Where the arm is then.
+        outcome: The outcome of the move.
+        where: Position of the arm after the move.
     """
 
     outcome: Outcome
@@ -88,9 +88,9 @@ class JogScreen(KeyScreen):
         commands: Further commands, by key, each with its function.
         speed: Share of the robot's speed.
         note: First message.
-        title: What the screen is, such as `armtree jog`.
-        steps: Returns the steps that were taken, for people; None for a jog that takes none.
-        known: Errors of a command that are shown; any other ends the jog.
+        title: Title of the screen, such as `armtree jog`.
+        steps: Callback that returns the taken steps, for people; None for a jog without steps.
+        known: Errors of a command that are shown. Any other error ends the jog.
     """
 
     def __init__(
@@ -118,13 +118,13 @@ class JogScreen(KeyScreen):
         self._asked: Callable[[], str] | None = None
 
     def run(self, keys: int) -> Where:
-        """Jog until a key or `leave` ends it; return where the arm is then.
+        """Jog until a key or `leave`. Then return the position of the arm.
 
         Args:
             keys: File handle of the keyboard, which is read key by key.
 
         Raises:
-            ClientError: The server is gone. It was shown until a key or `leave` ended the jog.
+            ClientError: The server is gone. The error is raised after the end of the jog.
         """
         for each in (self._watch, self._follow):
             threading.Thread(target=each, name="jog positions", daemon=True).start()
@@ -146,7 +146,7 @@ class JogScreen(KeyScreen):
             self._post(error)
 
     def _follow(self) -> None:
-        """Look where the arm is after every change. Changes during a look need only one more."""
+        """Read the position of the arm after every change. Changes during a read cause one more."""
         while self._changed.wait() and not self._ended.is_set():
             self._changed.clear()
             try:
@@ -155,12 +155,12 @@ class JogScreen(KeyScreen):
                 self._post(error)
 
     def _look(self, event: Callable[[Where], _Event]) -> None:
-        """Post where the arm is. Two threads look, and the later look is posted later."""
+        """Post the position of the arm. Two threads read it; the later value is posted later."""
         with self._looking:
             self._post(event(self._arm.where()))
 
     def update(self) -> None:
-        """Take where the arm is, and how moves have ended, into the view."""
+        """Update the position of the arm and the ends of moves in the view."""
         while not self._events.empty():
             self._take(self._events.get())
 
@@ -170,14 +170,14 @@ class JogScreen(KeyScreen):
         self._do(action)
 
     def lines(self, width: int, rows: int) -> Iterator[tuple[str, bool]]:
-        """Return the lines of the screen, each with whether it belongs to an error."""
+        """Return the lines of the screen, each with True if it belongs to an error."""
         steps = self._steps() if self._steps else None
         title = f"{self._title}   torque off" if self._arm.by_hand else self._title
         return self._jog.lines(self._where, width, rows, title, steps)
 
     def _take(self, event: _Event) -> None:
         match event:
-            case Refused() | NotActive():  # a look or a stop; a move has an outcome
+            case Refused() | NotActive():  # the error of a read or stop; a move has an outcome
                 self._jog = self._jog.said(str(event), failed=True)
             case ClientError():
                 gone = isinstance(event, ServerUnreachable)
@@ -208,7 +208,7 @@ class JogScreen(KeyScreen):
                 self._act(self._asked)
 
     def _act(self, act: Callable[[], str]) -> None:
-        """Call a command, and show what it says or asks."""
+        """Call a command, and show its message or question."""
         try:
             self._jog = self._jog.said(act())
         except Question as question:
@@ -218,7 +218,7 @@ class JogScreen(KeyScreen):
 
     def _move(self, move: Move, stops: int) -> None:
         def accepted() -> None:
-            if self._stops > stops:  # stopped before there was anything to stop
+            if self._stops > stops:  # the stop came before the move
                 self.stop()
 
         try:
@@ -241,7 +241,7 @@ class JogScreen(KeyScreen):
 
 
 def outcome_words(outcome: Outcome) -> tuple[str, bool]:
-    """Return the message for the end of a move, and whether it is an error."""
+    """Return the message for the end of a move, and True if it is an error."""
     if outcome.code == OK:
         return "", False
     if outcome.code == GoalCanceled.code or outcome.cause is None:

@@ -19,7 +19,7 @@ _RED, _PLAIN = "\x1b[31m", "\x1b[0m"
 
 
 class KeyScreen(ABC):
-    """Draws lines and reads keys, until it is ended or the terminal is closed.
+    """Draws lines and reads keys, until `end` or until the terminal is closed.
 
     Args:
         every: Longest time between two drawings [s]; None to draw only after a key or `wake`.
@@ -37,11 +37,11 @@ class KeyScreen(ABC):
 
     @abstractmethod
     def update(self) -> None:
-        """Take what has happened into the view. Called before every drawing."""
+        """Update the view with recent events. Called before every drawing."""
 
     @abstractmethod
     def lines(self, width: int, rows: int) -> Iterable[tuple[str, bool]]:
-        """Return the lines of the screen, each with whether it belongs to an error.
+        """Return the lines of the screen, each with True if it belongs to an error.
 
         Args:
             width: Number of columns.
@@ -50,7 +50,7 @@ class KeyScreen(ABC):
 
     @abstractmethod
     def press(self, key: str) -> None:
-        """Do what a key asks for."""
+        """Execute the command of a key."""
 
     @abstractmethod
     def stop(self) -> None:
@@ -58,7 +58,7 @@ class KeyScreen(ABC):
 
     def wake(self) -> None:
         """Draw the screen again. Any thread may call."""
-        with suppress(BlockingIOError):  # it will be drawn anyway
+        with suppress(BlockingIOError):  # a drawing is already due
             os.write(self._writer, b"\0")
 
     def end(self) -> None:
@@ -90,7 +90,7 @@ class KeyScreen(ABC):
                     self.press(key)
 
     def _pressed(self, keys: int) -> list[str]:
-        """Wait for keys, for `wake`, or until it is time to draw; return the pressed keys."""
+        """Wait for keys, for `wake`, or for the time to draw. Return the pressed keys."""
         ready, _, _ = select.select([keys, self._reader], [], [], self._every)
         if self._reader in ready:
             os.read(self._reader, 4096)

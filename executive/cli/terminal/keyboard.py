@@ -1,4 +1,4 @@
-"""The keyboard: a line that answers a question, or key by key."""
+"""The keyboard: reads a line that answers a question, or key by key."""
 
 import contextlib
 import os
@@ -18,17 +18,17 @@ from .streams import echo
 LEFT, RIGHT, UP, DOWN = "\x1b[D", "\x1b[C", "\x1b[A", "\x1b[B"
 ENTER, ESCAPE, DELETE = "\n", "\x1b", "\x7f"
 
-# An arrow in either of a terminal's two modes, another key that sends several characters, or one.
+# Patterns of keys: an arrow in either mode of a terminal, another sequence, or one character.
 _KEY = re.compile("\x1b[O\\[][0-9;]*[A-Za-z~]|.", re.DOTALL)
-_before: dict[int, list[Any]] = {}  # attributes of the terminals that are read key by key
+_before: dict[int, list[Any]] = {}  # original attributes of terminals that are read key by key
 _NAMES = {ENTER: "Enter", ESCAPE: "Escape", DELETE: "Backspace", "\t": "Tab"}
 _SAME = {"\r": ENTER, "\x08": DELETE}
 
 
 def ask(question: str) -> str:
-    """Print a question and return the line that is typed.
+    """Print a question and return the typed line.
 
-    `input` may lose a Ctrl-C that arrives just before it begins to read.
+    It does not use `input`, which may lose a Ctrl-C that arrives just before it reads.
 
     Raises:
         KeyboardInterrupt: Ctrl-C, at any moment.
@@ -64,7 +64,7 @@ def key_name(key: str) -> str:
 def key_by_key() -> Iterator[int | None]:
     """Read the keyboard key by key. Yield its file handle, or None if there is no terminal.
 
-    Keys that were not read are dropped at the end, so that no shell takes them for a command.
+    Unread keys are dropped at the end, so that a shell does not execute them.
     """
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
         yield None
@@ -90,10 +90,11 @@ def suspended_keyboard() -> Iterator[None]:
 
 
 def restore_keyboard(when: int = termios.TCSANOW) -> None:
-    """End `key_by_key`, before this process is ended without its end.
+    """End `key_by_key` before this process ends abruptly.
 
     Args:
-        when: When it ends; default: at once, even if the terminal takes no output.
+        when: Time of the change, as in `termios`. Default: at once, even if the terminal blocks
+            output.
     """
     for handle, before in _before.items():
         with contextlib.suppress(termios.error):  # the terminal is closed

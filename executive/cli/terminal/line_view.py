@@ -18,7 +18,7 @@ class _Lines(View):
     """Prints lines.
 
     Args:
-        line: Returns the line for an item, or "" for none.
+        line: Callback that returns the line for an item, or "" for no line.
     """
 
     def __init__(self, line: Callable[[Item], str]) -> None:
@@ -44,17 +44,17 @@ def _json_line(item: Item) -> str:
 
 
 class _TextLine:
-    """Returns the line for a goal, an ended node with a message, a question or an outcome.
+    """Converts a goal, an ended node with a message, a question or an outcome to a line.
 
     Args:
-        verbose: True to return one for each frame, too.
+        verbose: True to also return a line for each frame.
     """
 
     def __init__(self, verbose: bool) -> None:
         self._verbose, self._state = verbose, RunState()
 
     def __call__(self, item: Item) -> str:
-        """Return the line for an item, or "" for none."""
+        """Return the line for an item, or "" for no line."""
         match item:
             case str():
                 return item
@@ -93,7 +93,8 @@ def view_for(as_json: bool, verbose: bool, now: Callable[[], float] | None = Non
         as_json: True for JSON.
         verbose: True if the log is printed, so that lines are printed instead of a live picture.
             They include the frames.
-        now: Time source of the events [s]; default: the machine's clock, compared with their times.
+        now: Time source of the events [s]. Default: the machine's clock, synchronised with their
+            times.
     """
     if as_json:
         return _Lines(_json_line)

@@ -1,4 +1,4 @@
-"""Shows a recorded run: in real time, faster, or controlled by keys."""
+"""Shows a recorded run in real time, faster, or under control of keys."""
 
 import contextlib
 import os
@@ -28,10 +28,10 @@ class Player:
     Args:
         recording: The recording.
         view: Shows the records.
-        speed: 2 for twice as fast.
+        speed: Factor of the speed; 2 is twice as fast.
 
     Attributes:
-        speed: 2 for twice as fast.
+        speed: Factor of the speed; 2 is twice as fast.
         at: Current time within the recording [s since the first record].
     """
 
@@ -60,7 +60,7 @@ class Player:
         return (self._next.time - self._zero - self.at) / self.speed
 
     def show_until(self, at: float) -> None:
-        """Show all records until a time [s since the first record], which may be in the past."""
+        """Show all records up to a time [s since the first record]. The time may be in the past."""
         if at < self.at:
             self._records = self._recording.records()
             self._next = next(self._records, None)
@@ -80,7 +80,7 @@ def play(path: Path, speed: float, at: float | None, as_json: bool, verbose: boo
 
     Args:
         path: Path of the recording.
-        speed: 2 for twice as fast.
+        speed: Factor of the speed; 2 is twice as fast.
         at: Show only this moment [s since the first record]; None to play the recording.
         as_json: True to print JSON.
         verbose: True to print lines instead of a live picture.
@@ -91,7 +91,7 @@ def play(path: Path, speed: float, at: float | None, as_json: bool, verbose: boo
     recording = Recording(path)
     with view_for(as_json, verbose, lambda: player.now) as view, key_by_key() as keys:
         player = Player(recording, view, speed)
-        with contextlib.suppress(HardwareError, LogError):  # without its robot, no bars are drawn
+        with contextlib.suppress(HardwareError, LogError):  # without the robot, no bars are drawn
             view.put(Where.of(restore_robot(recording), State.UNCONFIGURED, None))
         if keys is not None:
             view.put(_KEYS)
@@ -117,7 +117,7 @@ def _play(player: Player, keys: int | None) -> None:
 
 
 def _pressed(keys: int | None, seconds: float | None) -> list[str]:
-    """Return the pressed keys; wait at most for a time [s], or forever."""
+    """Return the pressed keys. Wait at most for a time [s], or forever."""
     handles = [] if keys is None else [keys]
     ready, _, _ = select.select(handles, [], [], seconds)
     return keys_in(os.read(keys, 4096)) if ready and keys is not None else []

@@ -20,7 +20,7 @@ class Terminal:
     constructor must run on the main thread.
 
     Args:
-        prompt: Asks the operator; an empty text when no answer is expected any more.
+        prompt: Callback that shows a question. An empty text removes it.
     """
 
     def __init__(self, prompt: Callable[[str], None]) -> None:
@@ -30,11 +30,11 @@ class Terminal:
         self._lines: deque[str] = deque()
         self._reader: threading.Thread | None = None
         self._ended = False
-        # Reading from the background of a shell would stop the process, and so the arm.
+        # Reading in the background of a shell would suspend the process, and stop the arm.
         signal.signal(signal.SIGTTIN, signal.SIG_IGN)
 
     def ask(self, question: Question) -> None:
-        """Show a question when those before it are answered."""
+        """Show a question when the earlier ones are answered."""
         with self._lock:
             self._open.append(question)
             first = len(self._open) == 1
@@ -82,7 +82,11 @@ class Terminal:
         for path in ("", _TERMINAL):
             try:
                 self._read_lines(os.open(path, os.O_RDONLY) if path else sys.stdin.fileno())
-            except (OSError, ValueError, AttributeError):  # it is missing, closed or not readable
+            except (
+                OSError,
+                ValueError,
+                AttributeError,
+            ):  # standard input is missing, closed or not readable
                 continue
         with self._lock:
             self._ended = True
@@ -98,13 +102,13 @@ class Terminal:
 
     def _add(self, lines: list[bytes], typed: bool) -> None:
         with self._lock:
-            if self._open or not typed:  # what is typed between questions is not an answer
+            if self._open or not typed:  # text that is typed between questions is not an answer
                 self._lines += [line.decode(errors="replace").strip() for line in lines]
         self._answer()
 
 
 def _discard_input() -> None:
-    """Discard what was typed before the first question."""
+    """Discard the text that was typed before the first question."""
     if sys.stdin and sys.stdin.isatty() and _in_foreground(sys.stdin.fileno()):
         termios.tcflush(sys.stdin, termios.TCIFLUSH)
 
@@ -114,4 +118,4 @@ def _in_foreground(handle: int) -> bool:
     try:
         return os.tcgetpgrp(handle) == os.getpgrp()
     except OSError:
-        return True  # not our controlling terminal, so no shell uses it
+        return True  # not the controlling terminal, so no shell uses it

@@ -1,4 +1,4 @@
-"""Standard streams: closed ones, those whose reader has ended, and texts from outside."""
+"""Standard streams: handles closed streams and ended readers, and prints texts from outside."""
 
 import json
 import logging
@@ -11,20 +11,20 @@ import click
 
 from hardware.printable import printable
 
-_HARD = "\xa0"  # a space at which no line is broken
+_HARD = "\xa0"  # no-break space
 _UNIT = re.compile(r"(?<=\d) (?=(?:deg|mm|s|ms|kB)\b)")
 _STYLE = re.compile("\x1b\\[[0-9;]*m")
 _WORD = re.compile(r"([ \t]*)([^ \t]+)")
 _GUIDE = re.compile("[ │├└─]*")
-_BELOW = str.maketrans("├└─", "│  ")  # guides of a tree in the line below
-_COLUMNS = 80  # of a terminal that does not know its own
+_BELOW = str.maketrans("├└─", "│  ")  # guides of a tree in the next line
+_COLUMNS = 80  # width of a terminal that does not report it
 _STREAMS = (("stdin", "r"), ("stdout", "w"), ("stderr", "w"))
 
 
 def open_closed_streams() -> None:
-    """Connect standard streams that the caller has closed to nothing.
+    """Connect closed standard streams to the null device.
 
-    Otherwise the next file that is opened, such as a serial port, would get the number of one.
+    Otherwise the next opened file, such as a serial port, would get the number of such a stream.
     """
     while (handle := os.open(os.devnull, os.O_RDWR)) < len(_STREAMS):
         os.set_inheritable(handle, True)
@@ -35,7 +35,7 @@ def open_closed_streams() -> None:
 
 
 def discard(stream: TextIO) -> None:
-    """Discard what is buffered in a stream, and what will be written to it."""
+    """Discard the buffered text of a stream, and all later text."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, stream.fileno())
     os.close(nowhere)
@@ -50,8 +50,8 @@ def is_screen(stream: TextIO) -> bool:
 def fold(text: str, width: int) -> str:
     """Return a text with its lines broken at spaces, but not between a number and its unit.
 
-    Lines that continue another are indented, and keep the guides of a tree. A word that is too
-    long, such as a path, stays whole. Styles have no width.
+    Continuation lines are indented, and keep the guides of a tree. A word that is too long, such as
+    a path, stays whole. Styles have no width.
 
     Args:
         text: The text.
@@ -84,7 +84,7 @@ def fit(text: str, stream: TextIO) -> str:
         return text
     try:
         columns = os.get_terminal_size(stream.fileno()).columns
-    except OSError:  # it was just closed
+    except OSError:  # the stream was just closed
         return text
     return fold(text, columns or _COLUMNS)
 
@@ -109,7 +109,7 @@ def echo_result(as_json: bool, row: Any, text: object) -> None:
 
 
 class LogFormatter(logging.Formatter):
-    """Formats lines of the log. What follows a line break in a message is indented."""
+    """Formats lines of the log. Continuation lines of a message are indented."""
 
     def format(self, record: logging.LogRecord) -> str:
         """Return the lines of a record."""
@@ -117,7 +117,7 @@ class LogFormatter(logging.Formatter):
 
 
 class LastingStream:
-    """A stream that discards its text when its reader has ended or its terminal is closed.
+    """A stream that discards its text after its reader has ended or its terminal is closed.
 
     Args:
         stream: The stream.
@@ -134,7 +134,7 @@ class LastingStream:
             discard(self._stream)
 
     def flush(self) -> None:
-        """Write what is buffered."""
+        """Write the buffered text."""
         try:
             self._stream.flush()
         except OSError:

@@ -1,4 +1,4 @@
-"""A view of a run: it shows on its own thread."""
+"""A view of a run. It shows items on its own thread."""
 
 import threading
 from abc import ABC, abstractmethod
@@ -14,26 +14,26 @@ from hardware import RealClock
 
 @dataclass(frozen=True, slots=True)
 class Prompt:
-    """What the operator is asked at this terminal.
+    """A question to the operator at this terminal.
 
     Attributes:
-        text: The question; empty when no answer is expected any more.
+        text: The question; empty if no answer is expected any more.
     """
 
     text: str
 
 
-# A line of text, an event, the arm whose goals are shown, the outcome of one, or a question to the
-# operator at this terminal.
+# A line of text, an event, the arm of the shown goals, an outcome, or a question to the operator at
+# this terminal.
 Item = logs.Record | QuestionStatus | Outcome | Where | Prompt | str
 
 
 class View(ABC):
     """Shows a run. Any thread may call `put`, which does not block.
 
-    Items are shown in the order of their arrival, by a thread of the view, so that a slow terminal
-    or a closed pipe cannot block the arm. An exception while showing is raised at the end of the
-    context; nothing more is shown then.
+    A thread of the view shows items in the order of their arrival, so that a slow terminal or a
+    closed pipe cannot block the arm. After an exception while showing, no more items are shown. The
+    exception is raised at the end of the context.
 
     Args:
         period: Time between two calls of `refresh` [s]; None to call it never.

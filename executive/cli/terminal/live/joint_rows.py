@@ -11,8 +11,8 @@ from hardware.printable import printable
 
 _GAP = 3  # columns between two joints
 _NARROWEST, _WIDEST = 8, 32  # columns of a bar
-_MEASURED = 10  # columns of a measured position: -100.0 deg
-_AT_REST = 1e-9  # a smaller distance to the target is none [rad]
+_MEASURED = 10  # columns of a measured position such as -100.0 deg
+_AT_REST = 1e-9  # smaller distances to the target count as 0 [rad]
 
 
 def joint_rows(
@@ -25,17 +25,17 @@ def joint_rows(
 ) -> list[Text]:
     """Return the rows of the joints of an arm.
 
-    They are set in several columns, and lose their bars, if there are more joints than rows.
-    Joints that do not fit are counted in the last place; those that move come first.
+    If there are more joints than rows, the joints have several columns and no bars. Moving joints
+    come first. The last place has the number of joints that do not fit.
 
     Args:
-        where: The arm; a joint that it does not have has no bar.
+        where: The arm. A joint that it does not have gets no bar.
         positions: Commanded position by joint [rad].
         targets: Position at the end of the motion by joint [rad].
         width: Columns of the terminal.
         most: Largest number of rows, at least 1.
-        measured: Measured position by joint [rad]; None or empty if nothing is measured. If there
-            is, the words say which one is which.
+        measured: Measured position by joint [rad]; None or empty if not measured. With measured
+            positions, words distinguish them from commanded ones.
     """
     if not positions:
         return []
@@ -78,7 +78,7 @@ class _Cell:
         return abs(self._target - self._position) > _AT_REST
 
     def text(self, name_width: int, words_width: int, bar: int) -> Text:
-        """Return name, position and bar, each in a width."""
+        """Return name, position and bar, each in its width."""
         words = f"{self.name:<{name_width}} {self.words:>{words_width}}"
         text = Text(words, style="" if self.moves else "dim")
         if bar >= _NARROWEST and self._known:

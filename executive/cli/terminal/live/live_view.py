@@ -30,19 +30,19 @@ _STYLES = {
     logs.HALTED: ("■", "yellow", ""),
 }
 _OUTCOMES = {GoalState.SUCCEEDED: "green", GoalState.CANCELED: "yellow", GoalState.ABORTED: "red"}
-_PERIOD = 0.1  # between two pictures [s]
-_BAR = 30  # most columns of the progress bar
+_PERIOD = 0.1  # time between two pictures [s]
+_BAR = 30  # largest number of columns of the progress bar
 
 
 class LiveView(View):
-    """Draws the running goal on the alternate screen; then prints how it ended on the other one.
+    """Draws the running goal on the alternate screen. Then prints its end on the normal one.
 
-    The alternate screen is left while the operator is asked something, who types the answer.
+    It leaves the alternate screen while the operator types an answer.
 
     Args:
         console: Console to draw on. Default: standard output.
-        now: Returns the time [s]. Default: the machine's monotonic clock. Events may be of another
-            clock: their times are compared with it.
+        now: Callback that returns the time [s]. Default: the machine's monotonic clock,
+            synchronised with the times of events.
     """
 
     def __init__(
@@ -53,13 +53,13 @@ class LiveView(View):
         self._now = now or RealClock().now
         self._screen: FullScreen | None = None
         self._state = RunState()
-        self._ahead = -float("inf")  # of the clock of the events [s]
-        self._last = ""  # what was said last
-        self._said: list[str] = []  # while the alternate screen is shown
+        self._ahead = -float("inf")  # offset of the clock of the events [s]
+        self._last = ""  # the last text
+        self._said: list[str] = []  # open while the alternate screen is shown
         self._running = self._asks = False
 
     def show(self, item: Item) -> None:
-        """Take an event into the picture, or show a text."""
+        """Update the picture with an event, or show a text."""
         match item:
             case str():
                 self._say(item)
@@ -106,7 +106,7 @@ class LiveView(View):
         self._running = False
 
     def picture(self) -> "Picture":
-        """Return the run at this moment."""
+        """Return the picture of the run at this moment."""
         return Picture(self._state, self._now() + self._ahead)
 
     def _take(self, record: logs.Record) -> None:
@@ -128,7 +128,7 @@ class LiveView(View):
         self._print(text, outcome.state.name, _OUTCOMES[outcome.state])
 
     def _leave(self) -> None:
-        """Leave the alternate screen, and print what was said there."""
+        """Leave the alternate screen, and print the texts that it showed."""
         screen, self._screen = self._screen, None
         if screen:
             screen.__exit__()
@@ -164,7 +164,7 @@ class Picture:
     joints: bool = True
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
-        """Yield its rows: at most the height of the options, or one less than the console has."""
+        """Yield its rows: at most the height of the options, or one row less than the console."""
         state, width = self.state, options.max_width
         rows = max(3, options.height or console.height - 1) - 2
         for_joints = max(1, rows // 3, rows - max(1, len(state.nodes)))
@@ -194,12 +194,12 @@ class Picture:
         return _line(("━" * full, "cyan"), ("─" * (bar - full), "dim"), f"  {after}")
 
     def _booted(self) -> float | None:
-        """Return for how long the board has been booting [s]; None if it is not booting."""
+        """Return the boot time of the board so far [s]; None if it is not booting."""
         began = self.state.activated
         return None if began is None else max(0.0, self.now - began)
 
     def _times(self) -> Iterator[str]:
-        """Yield the elapsed time, and the time that is left."""
+        """Yield the elapsed time and the remaining time."""
         state, end = self.state, self.state.motion_end
         if state.began is not None:
             yield f"{_seconds((state.ended or self.now) - state.began)} elapsed"

@@ -1,4 +1,4 @@
-"""What the live view shows of a run, gathered from its events."""
+"""The state of a run for the live view, from its events."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -11,24 +11,24 @@ from hardware.printable import printable
 
 @dataclass(slots=True)
 class RunState:
-    """A run as it is at one moment. Times are those of the events [s].
+    """The state of a run at one moment. Times are on the clock of the events [s].
 
     Attributes:
-        where: The arm before the run: its joints, and how long its board boots.
+        where: The arm before the run: its joints, and the boot time of its board.
         goal_id: Identity of the goal.
         title: Number and name of the task.
         has_nodes: False for a move, whose nodes are not shown: its outcome describes them.
         arm: State of the arm's lifecycle.
-        activated: When the arm began to activate; None if it does not.
-        began: When the goal started; None before.
-        ended: When it ended; None before.
-        percentage: Share of the frames that are done [%]; None if unknown.
-        phase: What the goal does.
+        activated: Begin of the activation; None if the arm is not activating.
+        began: Start of the goal; None before.
+        ended: End of the goal; None before.
+        percentage: Share of executed frames [%]; None if unknown.
+        phase: Phase of the goal.
         nodes: The nodes of the tree by path, parents first.
         positions: Commanded position by joint [rad].
-        measured: Measured position by joint [rad]; empty if nothing is measured.
+        measured: Measured position by joint [rad]; empty if not measured.
         targets: Position at the end of the current motion by joint [rad].
-        motion_end: When the current motion ends; None if nothing moves.
+        motion_end: End of the current motion; None if nothing moves.
     """
 
     where: Where = field(default_factory=Where)
@@ -50,7 +50,7 @@ class RunState:
     _sent: int = 0
 
     def begun(self, goal: logs.Goal) -> "RunState":
-        """Return the state at the begin of the next goal of the same arm."""
+        """Return the state at the start of the next goal of the same arm."""
         title = printable(logs.goal_title(goal.task, goal.name))
         return RunState(
             self.where,
@@ -65,7 +65,7 @@ class RunState:
         )
 
     def update(self, record: logs.Record) -> None:
-        """Take an event of the run."""
+        """Update the state with an event of the run."""
         match record:
             case logs.NodeStatus() if self.has_nodes:
                 self._node(record)
@@ -86,7 +86,7 @@ class RunState:
                 self.end(record.time, record.state)
 
     def end(self, time: float, state: str) -> None:
-        """Take the end of the run, and its state such as `CANCELED`."""
+        """Update the state with the end of the run, such as `CANCELED`."""
         self.ended = self.ended or time
         self.phase, self.motion_end = state.lower(), None
         self.percentage = 100 if state == "SUCCEEDED" else self.percentage
@@ -115,12 +115,12 @@ class RunState:
         self._finish()
 
     def _finish(self) -> None:
-        """After the last frame, the arm moves to the end of the motion: both are the same frame."""
+        """Set the positions to the end of the motion, which the last frame also encodes."""
         if self._sent == len(self._due):
             self.positions = self.targets
 
     def stopped(self, outcome: Outcome) -> str:
-        """Return the pose in which a failed goal stopped; empty if it sent no frame."""
+        """Return the pose at the stop of a failed goal; empty if it sent no frame."""
         if outcome.success or not outcome.frames or not self.positions:
             return ""
         sent, due = self._sent, len(self._due)

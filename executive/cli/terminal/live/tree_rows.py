@@ -1,4 +1,4 @@
-"""The tree of a run as rows of text, folded to a number of rows."""
+"""The tree of a run as rows of text, folded to a given number of rows."""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -11,8 +11,9 @@ _AT_WORK = ("RUNNING", logs.HALTED)
 _ALL = 1 << 30
 _COUNTS = {"SUCCESS": "done", "FAILURE": "failed", logs.HALTED: "stopped", "INVALID": "to come"}
 
-# How much is folded, from nothing to most: levels shown below a node that is not at work, and
-# siblings shown on each side of one that is, where -1 means not even how many they are.
+# Degrees of folding, from none to most: number of levels shown below an inactive node, and of
+# siblings shown on each side of an active one. With -1, even the count of hidden siblings is left
+# out.
 _FOLDS = (
     (_ALL, _ALL),
     (2, _ALL),
@@ -28,9 +29,9 @@ class Row:
     Attributes:
         guide: Lines that lead to the node.
         status: Status of the node, `HALTED` if it was stopped; empty for a row of hidden nodes.
-        name: Name of the node, or what is hidden.
-        message: Its feedback message, or how many nodes are folded below it.
-        at_work: True if it runs, was stopped, or failed and with it the node above.
+        name: Name of the node, or words for hidden nodes.
+        message: Its feedback message, or the number of nodes folded below it.
+        at_work: True if it runs, was stopped, or failed together with the node above.
     """
 
     guide: str
@@ -54,8 +55,8 @@ class _Branch:
 def tree_rows(nodes: Mapping[str, logs.NodeStatus], most: int) -> list[Row]:
     """Return the rows of a tree.
 
-    A tree with too many rows is folded: first what is not at work, then its siblings. If that is
-    not enough, the rows around the running node remain.
+    A tree with too many rows is folded: first nodes that are not at work, then their siblings. If
+    this is not enough, only the rows around the running node remain.
 
     Args:
         nodes: The nodes by path, parents first.
@@ -77,7 +78,7 @@ def _branches(nodes: Mapping[str, logs.NodeStatus]) -> _Branch:
         above = branches.get(path.rpartition("/")[0])
         if above:
             above.children.append(branch)
-            # The failure of a child matters if its parent failed by it.
+            # The failure of a child matters if it caused the failure of its parent.
             failed = node.status == above.node.status == "FAILURE" and above.at_work
             branch.at_work = node.status in _AT_WORK or failed
         elif root is None:
@@ -104,7 +105,7 @@ def _rows(
         near: Siblings to show on each side of a node at work.
         first: Guide of its first row.
         rest: Guide of the rows below.
-        place: Which of the children above it is, if they are not drawn.
+        place: Number of the child in its parent, if the siblings are not drawn.
         left: Levels to show below it.
     """
     node = branch.node
@@ -138,9 +139,9 @@ def _place(child: _Branch, children: Sequence[_Branch]) -> str:
 
 
 def _parts(children: Sequence[_Branch], near: int) -> Iterator[_Branch | str]:
-    """Yield the children near active ones, and a summary for each gap between them.
+    """Yield the children near active ones, with a summary for each gap.
 
-    If `near` is negative, yield only the active ones, or the last one that started.
+    If `near` is negative, yield only the active children, or the last child that started.
     """
     at_work = [k for k, child in enumerate(children) if child.at_work]
     started = [k for k, child in enumerate(children) if child.node.status != "INVALID"]
@@ -160,7 +161,7 @@ def _parts(children: Sequence[_Branch], near: int) -> Iterator[_Branch | str]:
 
 
 def _hidden(branches: Sequence[_Branch]) -> Iterator[_Branch | str]:
-    """Yield a summary of hidden siblings. A single one is yielded itself."""
+    """Yield a summary of hidden siblings. A single sibling is not hidden."""
     if len(branches) == 1:
         yield branches[0]
     elif branches:
@@ -169,7 +170,7 @@ def _hidden(branches: Sequence[_Branch]) -> Iterator[_Branch | str]:
 
 
 def _window(rows: Sequence[Row], most: int) -> list[Row]:
-    """Return the rows around the last one at work."""
+    """Return the rows around the last active row."""
     middle = max(k for k, row in enumerate(rows) if row.at_work)
     if most < 4:
         return list(rows[middle : middle + 1])
