@@ -41,22 +41,22 @@ T = TypeVar("T")
 
 logger = logging.getLogger(__name__)
 
-NATS_PORT = 4222  # of a URL without a port
+NATS_PORT = 4222  # port for a URL without one
 _MEMBERS, _RECORDS, ALIVE = "fleet_members", "fleet_jobs", "fleet_alive"
 _BUCKETS: Mapping[type, str] = {Member: _MEMBERS, JobRecord: _RECORDS, Presence: ALIVE}
 JOBS = "fleet_jobs_queue"  # stream of the jobs that no arm has claimed
-ALIVE_SECONDS = 10.0  # an arm that is silent for this time is gone
-_CLAIM_SECONDS = 30.0  # a job that was delivered and not claimed is delivered again [s]
+ALIVE_SECONDS = 10.0  # silence after which an arm counts as gone
+_CLAIM_SECONDS = 30.0  # time until an unclaimed job is delivered again [s]
 _REPEAT_SECONDS = 3600.0  # a repeated message id is refused for this time [s]
 _KEEP_SECONDS = 7 * 86400.0  # records of jobs are kept for this time [s]
 _QUEUE_BYTES = 2**30
 _CONNECT_SECONDS, _ANSWER_SECONDS = 2.0, 5.0
 _RETRY_SECONDS = 1.0
-_MOST_TOLD = 8  # errors of a connection that are remembered
-_WAITING = 20_000  # arms of a pool that wait for a job
-_BATCH = 500  # values that are read with one request
+_MOST_TOLD = 8  # number of errors kept for each connection
+_WAITING = 20_000  # largest number of waiting arms of a pool
+_BATCH = 500  # number of values read with one request
 
-# What NATS and its libraries raise if the server is gone, slow, or starts again.
+# Exceptions of NATS and its libraries if the server is gone, slow, or restarting.
 GONE = (nats.errors.Error, OSError, asyncio.TimeoutError)
 
 
@@ -75,14 +75,14 @@ def control_subject(request: str, arm: str = "") -> str:
 
     Args:
         request: `stop`, `resume` or `cancel`.
-        arm: POOL.NAME, or POOL for all of a pool; empty for all arms.
+        arm: POOL.NAME, or POOL for all arms of a pool; empty for all arms.
     """
     return f"fleet.{request}{f'.{arm}' if arm else ''}"
 
 
 @dataclass(frozen=True, slots=True)
 class Fleet:
-    """A fleet, as its NATS server stores it.
+    """The data of a fleet on its NATS server.
 
     Attributes:
         url: URL of the NATS server.
@@ -90,7 +90,7 @@ class Fleet:
         stream: JetStream of the server.
         members: Bucket of `Member`, by arm.
         alive: Bucket of `Presence`, by arm; entries expire.
-        jobs: Bucket of `JobRecord`, by identity. To create a record is to claim the job.
+        jobs: Bucket of `JobRecord`, by identity. Creating a record claims the job.
     """
 
     url: str
@@ -106,14 +106,14 @@ class Fleet:
         return {key: value for key, value in found.items() if value is not None}
 
     async def changes(self, kind: type[T], after: int = 0) -> tuple[dict[str, T | None], int]:
-        """Return the values of a type that changed, by key, and the last revision.
+        """Return the changed values of a type by key, and the last revision.
 
         Args:
             kind: The type.
-            after: Revision after which they changed.
+            after: Revision; only later changes are returned.
 
         Returns:
-            The values, None for those that were deleted, and the `after` of the next call.
+            The values, with None for deleted ones, and the `after` of the next call.
         """
         bucket, found, more = _BUCKETS[kind], dict[str, T | None](), True
         prefix = f"$KV.{bucket}."
@@ -167,17 +167,17 @@ class Fleet:
         return from_bytes(Job, found.data)
 
     async def lateness(self, message: Msg, job: Job) -> float:
-        """Return how long after its latest start a job was received [s]; negative before it.
+        """Return the delay of a job after its latest start [s]; negative before it.
 
-        Both times are of the clock of the NATS server.
+        Both times are on the clock of the NATS server.
 
         Args:
             message: Message of the job.
             job: The job.
 
         Raises:
-            nats.errors.Error: The NATS server does not say its time, as after a start without its
-                disk.
+            nats.errors.Error: An answer of the NATS server has no time, such as after a start
+                without its disk.
         """
         if job.start_within_s is None:
             return -math.inf
@@ -192,7 +192,7 @@ class Fleet:
     async def pools(self) -> set[str]:
         """Return the names of all pools that an arm has ever joined."""
         found, names = set[str](), [""]
-        while names:  # an answer has a limited number
+        while names:  # an answer has a limited number of names
             infos = await self.stream.consumers_info(JOBS, offset=len(found))
             names = [info.name or "" for info in infos]
             found.update(names)
@@ -230,13 +230,13 @@ async def open_fleet(
     Args:
         url: URL of the NATS server.
         name: Name of this program, which the server shows.
-        lasting: True to wait for the server, and to reconnect for ever; False to fail at once.
-        changed: Called with False if the connection is lost, and True when it is back.
-        credentials: Options of nats-py that let this program in; default: those of the user.
+        lasting: True to wait for the server and always reconnect; False to fail at once.
+        changed: Callback with False when the connection is lost, and with True when it is back.
+        credentials: Options of nats-py for the login of this program. Default: the user's.
 
     Raises:
-        FleetUnreachable: No server answers, or it does not answer any more.
-        FleetRefused: The server refuses the credentials, or what this program wants to do.
+        FleetUnreachable: No server answers, or the server stopped answering.
+        FleetRefused: The server refuses the credentials, or an action of this program.
     """
     url, connection = token_file.loopback(url), Nats()
     watch = _Watch(url, connection, lasting, changed)
@@ -249,8 +249,8 @@ async def open_fleet(
         "closed_cb": watch.closed,
         "connect_timeout": _CONNECT_SECONDS,
         "reconnect_time_wait": 0.5,
-        "ping_interval": ALIVE_SECONDS,  # a network that drops everything is noticed after two
-        "max_reconnect_attempts": -1 if lasting else 1,  # it takes 0 for no limit
+        "ping_interval": ALIVE_SECONDS,  # two missing answers mean a dead network
+        "max_reconnect_attempts": -1 if lasting else 1,  # the library treats 0 as no limit
         "allow_reconnect": lasting,
     }
     try:
@@ -269,13 +269,13 @@ async def open_fleet(
 
 
 class _Watch:
-    """What nats-py says of a connection.
+    """Events of a connection from nats-py.
 
     Args:
         url: URL of the NATS server.
         connection: The connection.
-        lasting: True if it reconnects for ever.
-        changed: As of `open_fleet`.
+        lasting: True if it always reconnects.
+        changed: Callback as in `open_fleet`.
 
     Attributes:
         closing: True if the connection may end.
@@ -304,20 +304,20 @@ class _Watch:
         self._told.append(error)
 
     async def disconnected(self) -> None:
-        """Say that the connection is lost."""
+        """Report that the connection is lost."""
         if self._changed and not self.closing:
             await self._changed(False)
 
     async def reconnected(self) -> None:
-        """Say that the connection is back, once what the fleet stores exists."""
+        """Report that the connection is back, after its stream and buckets exist."""
         self._told.clear()
         self._logged = None
-        await _open(self._connection, self._url, self._lasting)  # a restart loses memory
+        await _open(self._connection, self._url, self._lasting)  # a restart loses buckets in memory
         if self._changed:
             await self._changed(True)
 
     async def closed(self) -> None:
-        """Cancel the user of a connection that will not come back: what it waits for neither."""
+        """Cancel the user of a closed connection, because its answers will never come."""
         if self._user and not self.closing:
             self._canceled = True
             self._told.append(ConnectionError("the connection was lost"))
@@ -328,17 +328,17 @@ class _Watch:
         return bool(self._canceled and self._user and self._user.uncancel() == 0)
 
     def why(self, error: BaseException) -> FleetError:
-        """Return the error of this project for one of nats-py."""
+        """Return the error of armtree for an error of nats-py."""
         return _why(self._url, error, [*self._told])
 
 
 def _why(url: str, error: BaseException, told: Sequence[Exception]) -> FleetError:
-    """Return the error of this project for one of nats-py.
+    """Return the error of armtree for an error of nats-py.
 
     Args:
         url: URL of the fleet.
         error: The error.
-        told: What the NATS server said before, such as a refusal.
+        told: Earlier message of the NATS server, such as a refusal.
     """
     words = [str(each) for each in (error, *told)]
     if any(re.search("authorization|permissions", each, re.IGNORECASE) for each in words):
@@ -348,12 +348,12 @@ def _why(url: str, error: BaseException, told: Sequence[Exception]) -> FleetErro
 
 
 async def _open(connection: Nats, url: str, lasting: bool) -> Fleet:
-    """Return the fleet of a connection, and make what it stores unless it exists."""
+    """Return the fleet of a connection. Make its stream and buckets unless they exist."""
     stream = connection.jetstream(timeout=_ANSWER_SECONDS)
     while True:
         try:
             try:
-                # The only bucket in memory, and the last one that is made.
+                # The only bucket in memory. It is made last.
                 await stream.stream_info(f"KV_{ALIVE}")
             except NotFoundError:
                 await _make(stream)
@@ -394,13 +394,13 @@ async def _make(stream: JetStreamContext) -> None:
 
 
 def _credentials(url: str) -> dict[str, Any]:
-    """Return the options that let this program in, and check the server's certificate."""
+    """Return the options for the login and for the check of the server's certificate."""
     found: dict[str, Any] = {}
     parts = urlsplit(url)
     if key := os.environ.get("ARMTREE_FLEET_NKEY"):
         found["nkeys_seed"] = str(Path(key).expanduser())
     elif not parts.username:
-        # Read for each attempt: the server may start later than this program.
+        # Read for each attempt, because the server may start later than this program.
         found["token"] = lambda: os.environ.get("ARMTREE_FLEET_TOKEN") or _own_token(url)
     if parts.scheme == "tls":
         found["tls"] = ssl.create_default_context(cafile=os.environ.get("ARMTREE_FLEET_CA"))

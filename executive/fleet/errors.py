@@ -29,7 +29,7 @@ class FleetUnreachable(FleetError, ConnectionError):
 
 
 class FleetRefused(FleetError):
-    """The NATS server refuses the token or the key, or what its role may not do."""
+    """The NATS server refuses the token, the key, or an action of this role."""
 
     code = "fleet.refused"
     hint = "set ARMTREE_FLEET_TOKEN, or ARMTREE_FLEET_NKEY to the file of a key that it knows"
@@ -83,7 +83,7 @@ def check_name(kind: str, name: str) -> str:
     """Return the name of an arm or a pool, which becomes a token of a NATS subject.
 
     Args:
-        kind: What it names, for the message.
+        kind: Word for the named thing, for the message.
         name: The name.
 
     Raises:
@@ -135,7 +135,7 @@ class DuplicateJob(FleetError):
 
 
 class UnknownJob(FleetError):
-    """No job has that id, or it is forgotten."""
+    """No known job has that id."""
 
     code = "fleet.unknown_job"
     exit_status = 4

@@ -1,4 +1,4 @@
-"""What a person does with a fleet: send, cancel, stop, resume, list."""
+"""The client of a fleet for a person: send, cancel, stop, resume, list."""
 
 import asyncio
 import json
@@ -42,11 +42,11 @@ _FOREVER = "2200-01-01T00:00:00Z"
 
 @dataclass(frozen=True, slots=True)
 class ArmRow:
-    """An arm, as a list shows it.
+    """An arm in a list.
 
     Attributes:
-        member: What its worker stored when it joined.
-        presence: What it last said; None if it is gone.
+        member: Entry of its worker.
+        presence: Its last report; None if it is gone.
     """
 
     member: Member
@@ -58,7 +58,7 @@ class ArmRow:
         return self.presence.state if self.presence else "gone"
 
     def to_json(self) -> dict[str, Any]:
-        """Return it as a JSON object."""
+        """Return the arm as a JSON object."""
         known = self.presence or Presence("", self.state)
         return {
             "arm": self.member.arm,
@@ -79,8 +79,8 @@ class Confirmation:
 
     Attributes:
         arm: POOL.NAME.
-        error: Why it failed; empty if it is done.
-        goals: Goals that it concerned.
+        error: Error of the request; empty if it is done.
+        goals: Goals that the request concerned.
         seconds: Time from the request to the answer [s].
     """
 
@@ -110,7 +110,7 @@ class FleetClient:
         priority: str = "normal",
         start_within: float | None = None,
     ) -> Job:
-        """Send a job. It is on disk when this returns.
+        """Send a job. Returns when the job is on disk.
 
         Args:
             task: Number or name of the task.
@@ -131,7 +131,7 @@ class FleetClient:
         from_bytes(Job, to_bytes(job))
         if not await self._is_served(pool):
             raise PoolNotServed(pool)
-        # The queue knows the ids of an hour, and the records those of a week.
+        # The queue knows the ids of an hour, and the records know the ids of a week.
         if identity and await self._fleet.get(JobRecord, identity):
             raise DuplicateJob(identity)
         if await publish(self._fleet, job):
@@ -152,13 +152,13 @@ class FleetClient:
         return True
 
     async def arms(self) -> list[ArmRow]:
-        """Return the arms of the fleet, those that are gone too, by name."""
+        """Return the arms of the fleet by name, also arms that are gone."""
         members = await self._fleet.values(Member)
         alive = await self._fleet.values(Presence)
         return [ArmRow(members[arm], alive.get(arm)) for arm in sorted(members)]
 
     async def records(self) -> list[JobRecord]:
-        """Return the records of claimed and ended jobs, in the order in which they were sent."""
+        """Return the records of claimed and ended jobs, in the order of sending."""
         found = await self._fleet.values(JobRecord)
         return sorted(found.values(), key=lambda record: record.job.sent_ns)
 
@@ -198,12 +198,12 @@ class FleetClient:
             return found[0]
         if job := await self._fleet.queued(identity):
             return job
-        if found := await self._fleet.get(JobRecord, identity):  # it was claimed meanwhile
+        if found := await self._fleet.get(JobRecord, identity):  # an arm has claimed it meanwhile
             return found[0]
         raise UnknownJob(identity)
 
     async def wait(self, identity: str) -> AsyncIterator[JobRecord]:
-        """Yield the record of a job when it is claimed, and when it ended."""
+        """Yield the record of a job when it is claimed, and when it has ended."""
         watcher = await self._fleet.jobs.watch(identity, ignore_deletes=True)
         try:
             async for entry in watcher:
@@ -216,7 +216,7 @@ class FleetClient:
             await watcher.stop()  # type: ignore[no-untyped-call]
 
     async def cancel(self, identity: str) -> JobRecord:
-        """Cancel a job: a queued one ends at once, a running one when its arm has stopped.
+        """Cancel a job. A queued job ends at once, a running job when its arm has stopped.
 
         Raises:
             UnknownJob: No job has that id.
@@ -248,32 +248,32 @@ class FleetClient:
         if found and found[0].result is None:
             result = failed(GoalCanceled(), GoalState.CANCELED)
             ended = replace(found[0], result=result, ended_ns=utc_ns(self._clock))
-            with suppress(KeyWrongLastSequenceError):  # its arm, or another one, has come first
+            with suppress(KeyWrongLastSequenceError):  # an arm has changed the record first
                 await self._fleet.jobs.update(identity, to_bytes(ended), last=found[1])
 
     async def stop(self, whom: Sequence[str] = ()) -> list[Confirmation]:
         """Stop arms, and hold the queues of their pools until `resume`.
 
         Args:
-            whom: Pools, and arms as POOL.NAME; none for all arms.
+            whom: Pools, and arms as POOL.NAME; empty for all arms.
 
         Raises:
-            NotConfirmed: Some arms did not confirm; the error names them.
+            NotConfirmed: Some arms did not confirm. The error names them.
         """
         asked = asyncio.create_task(self.request("stop", whom))
-        await asyncio.sleep(0)  # the stop leaves first
+        await asyncio.sleep(0)  # the stop is sent first
         await self._hold_queues(whom, hold=True)
         return await asked
 
     async def resume(self, whom: Sequence[str] = ()) -> list[Confirmation]:
-        """Let arms that a stop has held take jobs again.
+        """Allow jobs again for arms that a stop holds.
 
         Args:
-            whom: As of `stop`.
+            whom: Pools, and arms as POOL.NAME; empty for all arms.
 
         Raises:
-            NotConfirmed: Some arms did not confirm; the error names them.
-            FleetError: The queue of a pool is held, so that its arms would get no jobs.
+            NotConfirmed: Some arms did not confirm. The error names them.
+            FleetError: The queue of a pool is held, so its arms would get no jobs.
         """
         await self._hold_queues(whom, hold=False)
         confirmed = await self.request("resume", whom)
@@ -288,7 +288,7 @@ class FleetClient:
         """Remove an arm that is gone from the list.
 
         Raises:
-            FleetError: It is not gone, or not a member.
+            FleetError: The arm is not gone, or it is not a member.
         """
         row = next((row for row in await self.arms() if row.member.arm == arm), None)
         if row is None or row.presence:
@@ -303,11 +303,11 @@ class FleetClient:
 
         Args:
             request: `stop`, `resume` or `cancel`.
-            whom: Pools, and arms as POOL.NAME; none for all arms.
-            body: What the request says.
+            whom: Pools, and arms as POOL.NAME; empty for all arms.
+            body: Content of the request.
 
         Raises:
-            NotConfirmed: Some arms did not answer in time, or failed; the error names them.
+            NotConfirmed: Some arms did not answer in time, or failed. The error names them.
         """
         connection, whom = self._fleet.nats, tuple(whom)
         begin, inbox = self._clock.now(), connection.new_inbox()
@@ -316,7 +316,9 @@ class FleetClient:
 
         async def note(message: Any) -> None:
             took = self._clock.now() - begin
-            with suppress(strict_json.NotJson, KeyError, TypeError):  # then it is not confirmed
+            with suppress(
+                strict_json.NotJson, KeyError, TypeError
+            ):  # the arm then has not confirmed
                 answer = strict_json.parse_object(message.data)
                 arm, goals = str(answer["arm"]), tuple(map(str, answer.get("goals", ())))
                 found[arm] = Confirmation(arm, str(answer["error"]), goals, took)
@@ -363,9 +365,9 @@ def _names(whom: str, arm: str) -> bool:
 
 
 async def publish(fleet: Fleet, job: Job) -> bool:
-    """Publish a job; return True if its attempt was published before.
+    """Publish a job. Return True if this attempt was published before.
 
-    It is on disk when this returns.
+    Returns when the job is on disk.
     """
     repeated = await fleet.stream.publish(
         job_subject(job.pool, job.priority, job.identity),

@@ -1,4 +1,4 @@
-"""Requests the jobs of a pool from the NATS server, one at a time, the highest priority first."""
+"""Requests the jobs of a pool from the NATS server, one at a time, highest priority first."""
 
 import asyncio
 import json
@@ -11,15 +11,15 @@ from nats.aio.subscription import Subscription
 from .connection import JOBS, Fleet, consumer_of
 from .values import PRIORITIES
 
-_PULL_SECONDS = 20.0  # longest time that a request waits at the NATS server
+_PULL_SECONDS = 20.0  # longest time of a waiting request at the NATS server
 _ANSWER_SECONDS = 1.0  # longest time for the answer that no job is queued
 
 
 class JobRequests:
     """The requests of one arm.
 
-    Requests that wait together share an inbox that takes one message: a job, or that there is none.
-    The NATS server itself ends it with that message, and keeps what else it had for the inbox.
+    Waiting requests share an inbox that accepts one message: a job, or "no job". The NATS server
+    then closes the inbox, and keeps its other messages.
 
     Args:
         fleet: The fleet.
@@ -29,32 +29,34 @@ class JobRequests:
     def __init__(self, fleet: Fleet, pool: str) -> None:
         self._fleet, self._pool = fleet, pool
         self._inbox: Subscription | None = None
-        self._answer: asyncio.Future[Msg]  # the message of the inbox
+        self._answer: asyncio.Future[Msg]  # future message of the inbox
         self._forgotten = asyncio.Event()
 
     async def next(self) -> Msg | None:
-        """Return the queued job of the highest priority; None if none comes for a while."""
+        """Return the queued job of the highest priority; None if no job comes for a while."""
         for priority in PRIORITIES[:-1]:
             if found := await self._ask([priority], _ANSWER_SECONDS, no_wait=True):
                 return found
         begin = (loop := asyncio.get_running_loop()).time()
         longest = _PULL_SECONDS + _ANSWER_SECONDS
         found = await self._ask(PRIORITIES, longest, expires=round(_PULL_SECONDS * 1e9))
-        if self._inbox and not self._forgotten.is_set():  # all that waited there has expired
+        if self._inbox and not self._forgotten.is_set():  # all requests there have expired
             await self._inbox.unsubscribe()
             self._inbox = None
-        if not found and loop.time() - begin < _ANSWER_SECONDS:  # the NATS server refuses
+        if (
+            not found and loop.time() - begin < _ANSWER_SECONDS
+        ):  # the NATS server refuses the request
             await asyncio.sleep(_ANSWER_SECONDS)
         return found
 
     def repeat(self) -> None:
-        """Make `next` return: the NATS server has forgotten the requests."""
+        """Make `next` return, because the NATS server has forgotten the requests."""
         self._forgotten.set()
 
     async def _ask(self, priorities: Sequence[str], seconds: float, **how: Any) -> Msg | None:
-        """Return the first job that is sent for a request per priority; None for none.
+        """Request a job of each priority. Return the first job, or None.
 
-        An inbox that got no message is kept: what comes late answers the next requests, too.
+        An inbox without a message is kept. A late message in it answers the next requests.
 
         Args:
             priorities: The priorities.
@@ -81,4 +83,4 @@ class JobRequests:
         if not self._answer.done():
             return None
         message, self._inbox = self._answer.result(), None
-        return message if message.reply else None  # what can be acknowledged is a job
+        return message if message.reply else None  # only a job can be acknowledged

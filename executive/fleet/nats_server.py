@@ -1,4 +1,4 @@
-"""The NATS server of a fleet: its configuration, its process, and who may connect."""
+"""The NATS server of a fleet: its configuration, its process, and its users."""
 
 import json
 import os
@@ -20,11 +20,11 @@ from hardware import Clock, read_file
 from .errors import FleetMissing, FleetUnsafe, NotStarted
 
 _START_SECONDS = 10.0
-_OWN_KEY = "supervisor.nkey"  # in the data folder; new at each start
+_OWN_KEY = "supervisor.nkey"  # file in the data folder; new at each start
 _MOST = 2**20  # largest file of keys [bytes]
-_LAST_LINES = 3  # of its log, in an error
+_LAST_LINES = 3  # number of characters of its log in an error
 
-# What an arm may not send: jobs, requests to other arms, and changes of what is stored of others.
+# Subjects that an arm must not use: jobs, requests to other arms, and changes of others' data.
 _NOT_FOR_ARMS = (
     "fleet.job.>",
     "fleet.stop.>",
@@ -43,16 +43,16 @@ _NOT_FOR_ARMS = (
 
 @dataclass(frozen=True, slots=True)
 class NatsOptions:
-    """Where a NATS server listens, where it stores, and who may connect.
+    """Options of a NATS server: address, data folder and users.
 
     Attributes:
         data: Folder for jobs and their records.
         address: IP address of the interface.
         port: TCP port.
-        certificate: TLS certificate of the server; None for none.
+        certificate: TLS certificate of the server, or None.
         key: Private key of the certificate.
-        nkeys: File with the public keys that may connect: lines of a role, `operator` or `arm`, and
-            a key; None to let in who has the token, which this user's programs find.
+        nkeys: File with the public keys that may connect: lines with a role (`operator` or `arm`)
+            and a key. None to accept the token instead; programs of this user find it.
     """
 
     data: Path
@@ -75,7 +75,7 @@ class NatsOptions:
         Raises:
             FleetUnsafe: Other machines could connect without encryption or without keys.
             FleetMissing: There is no nats-server.
-            NotStarted: Another program listens there.
+            NotStarted: Another program listens at this address.
         """
         local = self.address in ("127.0.0.1", "::1", "localhost")
         if not local and not (self.certificate and self.key and self.nkeys):
@@ -116,7 +116,7 @@ def own_credentials(options: NatsOptions) -> dict[str, Any]:
     if options.nkeys:
         found = {"nkeys_seed": str(options.data / _OWN_KEY)}
     if options.certificate:
-        # It connects to this machine, whatever name the certificate is for.
+        # The connection is to this machine, so the name in the certificate does not count.
         context = ssl.create_default_context(cafile=options.certificate)
         context.check_hostname = False
         context.verify_flags |= ssl.VERIFY_X509_PARTIAL_CHAIN
@@ -126,10 +126,10 @@ def own_credentials(options: NatsOptions) -> dict[str, Any]:
 
 @contextmanager
 def nats_server(options: NatsOptions, clock: Clock) -> Iterator["subprocess.Popen[bytes]"]:
-    """Run nats-server as long as the context lasts. What is stored stays.
+    """Run nats-server during the context. Stored data remains.
 
     Args:
-        options: Where it listens, and who may connect.
+        options: Its address, data folder and users.
         clock: Time source.
 
     Raises:
@@ -167,7 +167,7 @@ def nats_server(options: NatsOptions, clock: Clock) -> Iterator["subprocess.Pope
 
 
 def _program() -> str:
-    """Return the path of nats-server: beside this Python, or in the search path."""
+    """Return the path of nats-server: in the folder of this Python, or in the search path."""
     beside = Path(sys.executable).with_name("nats-server")
     found = str(beside) if beside.is_file() else shutil.which("nats-server")
     if not found:
@@ -180,7 +180,7 @@ def _configuration(options: NatsOptions, token: str) -> dict[str, Any]:
         "host": options.address,
         "port": options.port,
         "server_name": "armtree-fleet",
-        # A job is acknowledged when it is on disk. The default is one fsync every two minutes.
+        # A job is acknowledged when it is on disk. By default, NATS syncs only every two minutes.
         "jetstream": {"store_dir": str(options.data.resolve()), "sync_interval": "always"},
         "max_connections": 65_536,
     }

@@ -48,7 +48,7 @@ def run(url: str, act: Callable[[FleetClient], Coroutine[Any, Any, None]]) -> No
     """Connect to a fleet, and call a function with its client.
 
     Raises:
-        FleetError: The fleet cannot be reached, or refuses.
+        FleetError: The fleet cannot be reached, or it refuses the request.
     """
 
     async def main() -> None:
@@ -62,11 +62,11 @@ def up(options: NatsOptions, http_port: int) -> None:
     """Run nats-server, the supervisor and the page until a signal arrives.
 
     Args:
-        options: Where nats-server listens, and who may connect.
+        options: Address, data folder and users of nats-server.
         http_port: TCP port of the page; 0 for any free one.
 
     Raises:
-        FleetError: It cannot start, or nats-server ended.
+        FleetError: nats-server cannot start, or it ended.
     """
 
     async def main() -> None:
@@ -97,7 +97,7 @@ def supervise(url: str, http_port: int) -> None:
 
     Args:
         url: URL of the NATS server.
-        http_port: As of `up`.
+        http_port: TCP port of the page; 0 for any free one.
 
     Raises:
         FleetError: Another program listens on that port.
@@ -143,8 +143,8 @@ def join(server: str, url: str, pool: str, name: str, page: str, child: bool) ->
         url: URL of the fleet.
         pool: Name of the pool.
         name: Name of the arm.
-        page: URL of its page, for other machines; empty for `server`.
-        child: True to end when standard input ends, too.
+        page: URL of the arm's page for other machines; empty for `server`.
+        child: True to also end when standard input ends.
 
     Raises:
         BadName: A name is malformed.
@@ -212,16 +212,17 @@ async def fetch_recording(
         client: The fleet.
         identity: Id of the job.
         folder: Folder for the file.
-        server: URL of that server, which gets ARMTREE_TOKEN; None for the one that the arm has
-            named, which does not: an arm must not get the token of another one.
+        server: URL of the server; it gets ARMTREE_TOKEN. None for the URL that the arm has named.
+            That server does not get the token, because an arm must not get the token of another
+            one.
 
     Returns:
         The path of the file.
 
     Raises:
         UnknownJob: No job has that id.
-        FleetError: It has no recording, the server refuses, or the file exists.
-        ClientError: The server of its arm does not answer.
+        FleetError: The job has no recording, the server refuses the request, or the file exists.
+        ClientError: The server of the arm does not answer.
     """
     found = await client.job(identity)
     result = found.result if isinstance(found, JobRecord) else None

@@ -1,4 +1,4 @@
-"""Gives up the jobs of arms that died: the one place that decides that an arm is lost."""
+"""Ends the jobs of lost arms. Only this module decides that an arm is lost."""
 
 import asyncio
 import logging
@@ -17,18 +17,18 @@ from .values import JobRecord, Presence, failed, to_bytes
 
 logger = logging.getLogger(__name__)
 
-LOST_SECONDS = 1.5 * ALIVE_SECONDS  # a claimed job whose arm is silent for this time is given up
+LOST_SECONDS = 1.5 * ALIVE_SECONDS  # silence of an arm after which its claimed job is given up
 MOST_ATTEMPTS = 3
 _SWEEP_SECONDS = 5.0
 
 
 class Supervisor:
-    """Ends the claimed jobs of lost arms, or sends them again if their task says that it is safe.
+    """Ends the claimed jobs of lost arms, or sends them again if their task is `retry: safe`.
 
-    Several may run at once; each change is made once.
+    Several supervisors may run at once. Each change is made once.
 
     Args:
-        fleet: The fleet, connected for ever.
+        fleet: The fleet, with a connection that always reconnects.
         clock: Time source.
 
     Attributes:
@@ -37,13 +37,13 @@ class Supervisor:
 
     def __init__(self, fleet: Fleet, clock: Clock) -> None:
         self._fleet, self._clock = fleet, clock
-        self._silent: dict[str, float] = {}  # since when, by job [s]
+        self._silent: dict[str, float] = {}  # begin of the silence, by job [s]
         self._claimed: dict[str, JobRecord] = {}
-        self._revision = 0  # of the last record that was read
+        self._revision = 0  # revision of the last record that was read
         self.ended = Counter[tuple[str, str, str]]()
 
     async def run(self) -> None:
-        """Supervise for ever."""
+        """Supervise until canceled."""
         while True:
             try:
                 async for record in self.sweep():
@@ -58,7 +58,7 @@ class Supervisor:
             await asyncio.sleep(_SWEEP_SECONDS)
 
     def reconnected(self) -> None:
-        """Give all arms the time to reconnect as well, and read all records again."""
+        """Give all arms time to reconnect, and read all records again."""
         self._silent.clear()
         self._claimed.clear()
         self.ended.clear()
@@ -66,17 +66,17 @@ class Supervisor:
 
     @property
     def claimed(self) -> int:
-        """Number of jobs that an arm has claimed, and that have not ended."""
+        """Number of claimed jobs that have not ended."""
         return len(self._claimed)
 
     async def sweep(self) -> AsyncIterator[JobRecord]:
-        """Check all claimed jobs once; yield those that end here or are sent again."""
+        """Check all claimed jobs once. Yield the jobs that end here or are sent again."""
         changed, self._revision = await self._fleet.changes(JobRecord, self._revision)
         for identity, record in changed.items():
             self._claimed.pop(identity, None)
             if record and record.result is None:
                 self._claimed[identity] = record
-            elif record and record.result and not record.late:  # a late one was counted before
+            elif record and record.result and not record.late:  # a late result was counted before
                 self.ended[record.job.pool, record.state, record.result.code] += 1
         alive = await self._fleet.values(Presence)
         now = self._clock.now()
@@ -95,7 +95,7 @@ class Supervisor:
     async def _give_up(self, record: JobRecord, silence: float) -> JobRecord | None:
         job = record.job
         if record.retry_safe and job.attempt < MOST_ATTEMPTS:
-            # Its worker replaces this record. A repeat of this message is refused.
+            # The next worker replaces this record. The server refuses a repetition of this message.
             again = replace(job, attempt=job.attempt + 1)
             return None if await publish(self._fleet, again) else replace(record, job=again)
         found = await self._fleet.get(JobRecord, job.identity)
@@ -112,5 +112,5 @@ class Supervisor:
 
 
 def _has(presence: Presence | None, record: JobRecord) -> bool:
-    """Return True if an arm says that it has a job."""
+    """Return True if an arm reports that it has a job."""
     return bool(presence and presence.job == record.job.identity)

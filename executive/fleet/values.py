@@ -1,4 +1,4 @@
-"""What a fleet stores, as values: a job, its record, an arm. Only this file knows their JSON."""
+"""The stored values of a fleet: a job, its record, an arm. Only this file knows their JSON."""
 
 import json
 import re
@@ -28,7 +28,7 @@ class Job:
         pool: Name of the pool.
         task: Number or name of the task.
         arguments: Values of the task's parameters, by name.
-        sent_ns: When it was sent, UTC [ns since 1970].
+        sent_ns: Time of sending, UTC [ns since 1970].
         priority: One of `PRIORITIES`.
         start_within_s: Longest time until its start [s], by the clock of the NATS server; None for
             no limit.
@@ -47,17 +47,17 @@ class Job:
 
 @dataclass(frozen=True, slots=True)
 class JobRecord:
-    """What is known of a job that is not queued any more.
+    """The record of a job that is not queued any more.
 
     Attributes:
         job: The job.
         arm: Arm that claimed it, as POOL.NAME; empty if it ended unclaimed.
         url: URL of the server of that arm.
         worker: Identity of the process that claimed it.
-        claimed_ns: When it was claimed, UTC [ns since 1970].
+        claimed_ns: Time of the claim, UTC [ns since 1970].
         retry_safe: True if its task may run again after its arm was lost.
-        result: How it ended; None until then.
-        ended_ns: When it ended, UTC [ns since 1970]; 0 until then.
+        result: The result; None before the end.
+        ended_ns: Time of the end, UTC [ns since 1970]; 0 before the end.
         late: True if the arm reported the result after it had been given up.
     """
 
@@ -79,14 +79,14 @@ class JobRecord:
 
 @dataclass(frozen=True, slots=True)
 class Member:
-    """An arm that has joined a fleet, until its worker leaves it in order.
+    """An arm of a fleet, from its joining until its worker leaves.
 
     Attributes:
         arm: POOL.NAME.
         url: URL of its server.
         host: Name of its machine.
         worker: Identity of its worker process.
-        joined_ns: When it joined, UTC [ns since 1970].
+        joined_ns: Time of joining, UTC [ns since 1970].
     """
 
     arm: str
@@ -98,13 +98,13 @@ class Member:
 
 @dataclass(frozen=True, slots=True)
 class Presence:
-    """What an arm last said of itself; it expires.
+    """The last report of an arm. It expires.
 
     Attributes:
         worker: Identity of its worker process.
         state: `ready`, `busy`, `held`, `unreachable`, or the state of the hardware.
-        job: Identity of its job; empty for none.
-        last: Code of the last outcome; empty for none.
+        job: Identity of its job; empty if it has no job.
+        last: Code of the last outcome; empty before the first.
         done: Number of jobs that ended since it joined.
     """
 
@@ -116,7 +116,7 @@ class Presence:
 
 
 def failed(error: Exception, state: GoalState = GoalState.ABORTED) -> Ending:
-    """Return the end of a job that failed before an arm reported an outcome."""
+    """Return the result of a job that failed before an arm reported an outcome."""
     cause = cause_of(error)
     return Ending(state, cause.code, cause.message, cause=cause)
 
@@ -127,17 +127,17 @@ def to_bytes(value: Any) -> bytes:
 
 
 def to_json(value: Any) -> dict[str, Any]:
-    """Return a value of this file as a JSON object, with values of this file in it."""
+    """Return a value of this file as a JSON object, also nested values."""
     if isinstance(value, Ending):
         return value.to_json()
     return {each.name: getattr(value, each.name) for each in fields(value)}
 
 
 def from_bytes(kind: type[T], data: bytes | None) -> T:
-    """Return a value of this file from JSON; keys of later versions are ignored.
+    """Return a value of this file from JSON. Keys of later versions are ignored.
 
     Raises:
-        BadJob: It is another value.
+        BadJob: The JSON is not such a value.
     """
     try:
         found: T = _value(kind, strict_json.parse(data or b""))

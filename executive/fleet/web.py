@@ -42,7 +42,7 @@ def listen(port: int) -> socket.socket:
         port: TCP port; 0 for any free one.
 
     Raises:
-        NotStarted: Another program listens there.
+        NotStarted: Another program listens on this port.
     """
     try:
         return socket.create_server((ADDRESS, port))
@@ -54,12 +54,12 @@ def listen(port: int) -> socket.socket:
 
 
 async def serve(client: FleetClient, supervisor: Supervisor, listener: socket.socket) -> None:
-    """Serve the page until this is canceled.
+    """Serve the page until canceled.
 
     Args:
         client: Reads arms and queue.
-        supervisor: Has counted the jobs.
-        listener: What `listen` returned; it stays open.
+        supervisor: Supervisor, which counts the jobs.
+        listener: Socket from `listen`. It stays open.
     """
     logging.getLogger("uvicorn.error").setLevel(logging.ERROR)
     app = make_app(client, supervisor)
@@ -70,7 +70,7 @@ async def serve(client: FleetClient, supervisor: Supervisor, listener: socket.so
 
 
 class _Server(uvicorn.Server):
-    """uvicorn in a program that handles signals itself."""
+    """uvicorn without signal handlers, because this program handles signals."""
 
     @contextmanager
     def capture_signals(self) -> Iterator[None]:
@@ -106,7 +106,7 @@ def make_app(client: FleetClient, supervisor: Supervisor) -> Starlette:
     routes += [Route("/arms", arms), Route("/metrics", metrics)]
     return Starlette(
         routes=routes,
-        # Pages of other sites cannot read it under another name of this machine.
+        # Pages of other sites must not read it under another name of this machine.
         middleware=[Middleware(TrustedHostMiddleware, allowed_hosts=[ADDRESS, "localhost"])],
         exception_handlers=dict.fromkeys(GONE, gone),
     )

@@ -1,4 +1,4 @@
-"""The worker of an arm: takes the jobs of a pool, and runs them as a client of the arm's server."""
+"""The worker of an arm: runs the jobs of a pool as a client of the arm's server."""
 
 import asyncio
 import json
@@ -33,9 +33,9 @@ logger = logging.getLogger(__name__)
 BEAT_SECONDS = 3.0  # time between two presences
 _SPREAD = 0.3, 1.0  # delay of a presence after a change [s]
 _LAST_SECONDS = 3.0  # longest time for the last result after `end`
-_PAUSE_SECONDS = 1.0  # before what failed is tried again
-_ATTEMPTS = 10  # to reach the server of the arm for a result
-# The arm has refused, so nothing has moved: another arm may do it.
+_PAUSE_SECONDS = 1.0  # delay before a failed step is repeated
+_ATTEMPTS = 10  # longest time to reach the server of the arm for a result
+# Codes of refusals before any motion, so that another arm may run the job.
 _NOT_NOW = (GoalBusy.code, QueueFull.code)
 
 READY, BUSY_ARM, HELD, UNREACHABLE = "ready", "busy", "held", "unreachable"
@@ -53,7 +53,7 @@ class ArmServer(Protocol):
         """Return the tasks."""
 
     def hold(self, goal_id: str) -> AbstractAsyncContextManager[None]:
-        """Hold a goal; it is canceled, or refused, when this process pauses or dies."""
+        """Hold a goal. The server cancels or refuses it if this process pauses or dies."""
 
     async def send(
         self, task: int | str, arguments: Any = None, goal_id: str = "", deadman: bool = False
@@ -77,12 +77,12 @@ class Worker:
     """Joins an arm to a fleet.
 
     Args:
-        fleet: The fleet, connected for ever.
+        fleet: The fleet, with a connection that always reconnects.
         server: The server of the arm.
         pool: Name of its pool.
         name: Name of the arm in the pool.
         clock: Time source.
-        page: URL of the server for other machines; empty for that of `server`.
+        page: URL of the server for other machines; empty for the URL of `server`.
     """
 
     def __init__(
@@ -99,13 +99,13 @@ class Worker:
         self.arm = f"{pool}.{name}"
         self._me = uuid.uuid4().hex
         self._presence = Presence(self._me, UNREACHABLE)
-        self._held = ""  # why it takes no job; empty if it does
-        self._canceled: set[str] = set()  # jobs whose cancel the fleet asked for
-        self._revision = 0  # of the stored presence; 0 if it is not stored
-        self._joined = False  # whether the NATS server knows the member and its pool
+        self._held = ""  # reason that it takes no job; empty if it takes jobs
+        self._canceled: set[str] = set()  # jobs that the fleet has canceled
+        self._revision = 0  # revision of the stored presence; 0 if it is not stored
+        self._joined = False  # True if the NATS server knows the member and its pool
         self._changed, self._free = asyncio.Event(), asyncio.Event()
         self._idle, self._ending = asyncio.Event(), asyncio.Event()
-        self._sending = asyncio.Lock()  # from the claim of a job until its arm has accepted it
+        self._sending = asyncio.Lock()  # held from the claim of a job until its arm has accepted it
         self._requests = JobRequests(fleet, pool)
         self._idle.set()
 
@@ -129,13 +129,13 @@ class Worker:
                 async with asyncio.timeout(_LAST_SECONDS):
                     await self._idle.wait()
             for task in done:
-                task.result()  # raises NameTaken, and what only a bug raises
+                task.result()  # raises NameTaken, and errors of bugs
         finally:
             await end_all(recovering, *tasks)
             await self._leave()
 
     def end(self) -> None:
-        """Take no more jobs; make `run` return when the result of the last one is stored."""
+        """Take no more jobs. `run` returns when the result of the last job is stored."""
         self._held = "ending"
         self._ending.set()
 
@@ -145,7 +145,7 @@ class Worker:
         self._requests.repeat()
 
     async def _join(self) -> None:
-        """Store presence and member; the name of a worker that died is free after a while."""
+        """Store presence and member. The name of a dead worker is free after a while."""
         end = self._clock.now() + ALIVE_SECONDS + 2 * _PAUSE_SECONDS
         while True:
             try:
@@ -177,7 +177,7 @@ class Worker:
                 raise NameTaken(self.arm, member[0].url if member else "unknown") from None
             if found:  # an answer was lost
                 self._revision = found[1]
-            else:  # it expired, or the NATS server has started again, perhaps without its disk
+            else:  # it expired, or the NATS server restarted, perhaps without its disk
                 self._joined = False
             await self._say()
         if not self._joined:
@@ -187,7 +187,7 @@ class Worker:
             self._joined = True
 
     async def _stored(self, kind: type[T]) -> tuple[T, int] | None:
-        """Return what is stored of this arm, and its revision; a malformed value is removed."""
+        """Return a stored value of this arm, and its revision. Remove a malformed value."""
         try:
             return await self._fleet.get(kind, self.arm)
         except BadJob as error:
@@ -197,13 +197,13 @@ class Worker:
             return None
 
     async def _leave(self) -> None:
-        if self._revision:  # the name is not another worker's
+        if self._revision:  # no other worker has the name
             with suppress(*GONE):
                 await self._fleet.members.purge(self.arm)
                 await self._fleet.alive.purge(self.arm)
 
     async def _beat(self) -> None:
-        """Say what the arm does, every few seconds and at every change."""
+        """Report the state of the arm every few seconds and at every change."""
         while True:
             await self._look()
             self._changed.clear()
@@ -212,11 +212,12 @@ class Worker:
             with suppress(TimeoutError):
                 async with asyncio.timeout(BEAT_SECONDS):
                     await self._changed.wait()
-                # Short jobs change it often, and a stop changes that of all arms at once.
+                # The delay limits the traffic: short jobs change the state often, and a stop
+                # changes all arms at once.
                 await asyncio.sleep(random.uniform(*_SPREAD))
 
     async def _look(self) -> bool:
-        """Ask the server what the arm does; return True if it can take a job."""
+        """Read the state of the arm from its server. Return True if it can take a job."""
         try:
             status = await self._server.status()
             state = BUSY_ARM if status.goal or self._presence.job else status.arm.value
@@ -236,7 +237,7 @@ class Worker:
             try:
                 if message := await self._requests.next():
                     await self._take(message)
-            except GONE as error:  # what is not claimed is delivered again
+            except GONE as error:  # an unclaimed job is delivered again
                 logger.debug("Fleet: %r", error)
                 await asyncio.sleep(_PAUSE_SECONDS)
 
@@ -252,8 +253,8 @@ class Worker:
         if not ready:
             await message.nak(_PAUSE_SECONDS)
             return
-        # The hold fences the job. If this process pauses or dies for a second, the server cancels
-        # the goal, or refuses it if it comes later.
+        # The hold protects the job. If this process pauses or dies for a second, the server cancels
+        # the goal, or refuses a later one.
         async with self._server.hold(job.identity):
             async with self._sending:
                 record, revision = await self._claim(message, job, safe)
@@ -278,19 +279,19 @@ class Worker:
             await message.ack()
 
     async def _send(self, job: Job) -> Ending | None:
-        """Send a claimed job to the arm; return None if it accepts it, else why it did not run."""
+        """Send a claimed job to the arm. Return None if the arm accepts it, else the failure."""
         if self._held:
             return failed(GoalBusy(f"{self.arm} is held: {self._held}"))
         try:
             await self._server.send(job.task, job.arguments, job.identity, deadman=True)
         except ServerUnreachable:
-            return None  # it may have accepted it; `_result` finds out
+            return None  # the arm may have accepted it; `_result` finds out
         except ClientError as error:
             return failed(error)
         return None
 
     async def _release(self, identity: str, revision: int) -> None:
-        """Give a job back that the arm refused, however long the NATS server is gone."""
+        """Give back a refused job. Wait as long as the NATS server is gone."""
         while True:
             try:
                 await self._fleet.jobs.delete(identity, last=revision)
@@ -301,7 +302,7 @@ class Worker:
                 await asyncio.sleep(_PAUSE_SECONDS)
 
     async def _result(self, identity: str) -> Ending:
-        """Wait for the end of a goal, also if its server cannot be reached for a moment."""
+        """Wait for the end of a goal, also if its server is unreachable for a moment."""
         for attempt in range(_ATTEMPTS):
             try:
                 outcome = await self._server.result(identity)
@@ -331,9 +332,10 @@ class Worker:
         )
 
     async def _claim(self, message: Msg, job: Job, safe: bool) -> tuple[JobRecord, int]:
-        """Create the record of a job, however long the NATS server is gone.
+        """Create the record of a job. Wait as long as the NATS server is gone.
 
-        It may be stored though its answer is lost. To end then would leave a claim without a run.
+        The record may be stored even if the answer is lost. Giving up then would leave a claim
+        without a run.
 
         Args:
             message: Message of the job.
@@ -341,8 +343,8 @@ class Worker:
             safe: True if its task may run again after its arm was lost.
 
         Returns:
-            The record, which has a result if the job comes too late, and its revision; 0 if another
-            arm was first.
+            The record and its revision. The record has a result if the job comes too late. The
+            revision is 0 if another arm was first.
         """
         while True:
             try:
@@ -359,7 +361,7 @@ class Worker:
     async def _create(self, record: JobRecord) -> int:
         """Create the record of a job. Return its revision, or 0 if another arm was first.
 
-        A second attempt replaces the record of an arm that was lost.
+        A second attempt replaces the record of a lost arm.
         """
         identity = record.job.identity
         try:
@@ -373,7 +375,7 @@ class Worker:
         if found is None or found[0].result:
             return 0
         earlier, revision = found
-        mine = earlier.worker == self._me and earlier.job == record.job  # its answer was lost
+        mine = earlier.worker == self._me and earlier.job == record.job  # the answer was lost
         if not (mine or record.job.attempt > earlier.job.attempt):
             return 0
         try:
@@ -382,9 +384,11 @@ class Worker:
             return 0
 
     async def _store(self, record: JobRecord, revision: int, result: Ending) -> None:
-        """Store the result of a job, however long the NATS server is gone."""
+        """Store the result of a job. Wait as long as the NATS server is gone."""
         identity, told = record.job.identity, False
-        result = Ending.from_json(result.to_json())  # as it is read: without the task, and rounded
+        result = Ending.from_json(
+            result.to_json()
+        )  # in its stored form: without the task, and rounded
         mine = replace(record, result=result, ended_ns=utc_ns(self._clock))
         while True:
             try:
@@ -402,7 +406,7 @@ class Worker:
                         await self._fleet.jobs.create(identity, to_bytes(mine))
                         return
                     if found[0].worker != self._me or found[0] == mine:
-                        return  # another arm has it now, or the first answer was lost
+                        return  # another arm has the job now, or the first answer was lost
                     mine, revision = replace(mine, late=True), found[1]
             except GONE as error:
                 if not told:
@@ -411,10 +415,10 @@ class Worker:
                 await asyncio.sleep(_PAUSE_SECONDS)
 
     async def _recover(self) -> None:
-        """Store the results of jobs that an earlier worker of this arm had claimed."""
+        """Store the results of jobs of an earlier worker of this arm."""
         try:
             for goal in await self._server.goals():
-                with suppress(BadJob):  # a malformed record is not one of this arm
+                with suppress(BadJob):  # a malformed record is not of this arm
                     await self._recover_goal(goal.identity)
         except (ClientError, FleetError) as error:
             logger.warning("Fleet: the results of earlier jobs cannot be read: %s", error)
@@ -474,7 +478,7 @@ class Worker:
             raise ValueError("a cancel needs the id of a job; a stop cancels all")
         self._canceled.add(identity)
         async with self._sending:
-            pass  # then the arm knows it
+            pass  # afterwards the arm knows the job
         return (await self._server.cancel(identity)).to_json()
 
     def _set_job(self, identity: str) -> None:

@@ -1,4 +1,4 @@
-"""The worker of `armtree serve --fleet`: a process of its own, and a client of the server."""
+"""The worker of `armtree serve --fleet`: its own process, and a client of the server."""
 
 import logging
 import os
@@ -47,9 +47,9 @@ class FleetPlace:
 
 @contextmanager
 def worker_of(place: FleetPlace, server: str, token: str, page: str) -> Iterator[None]:
-    """Run the worker of a server as long as the context lasts. It also ends if this process dies.
+    """Run the worker of a server during the context. It also ends if this process dies.
 
-    Nothing in this process waits for the fleet.
+    This process never waits for the fleet.
 
     Args:
         place: Place of the arm in the fleet.
@@ -75,7 +75,7 @@ def worker_of(place: FleetPlace, server: str, token: str, page: str) -> Iterator
         stdin=subprocess.PIPE,
         stdout=subprocess.DEVNULL,
         env={**os.environ, "ARMTREE_TOKEN": token},
-        start_new_session=True,  # Ctrl-C is for this process, which ends it in order
+        start_new_session=True,  # Ctrl-C is for this process, which then ends the worker in order
     )
     ended = False
 

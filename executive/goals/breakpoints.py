@@ -15,7 +15,7 @@ from .mailbox import Mailbox
 if TYPE_CHECKING:
     from trees.live_library import LiveLibrary
 
-_SHOWN = 20  # nodes in a message
+_SHOWN = 20  # largest number of nodes in a message
 
 
 def check_node(library: "LiveLibrary", path: str) -> None:

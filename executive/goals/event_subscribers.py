@@ -1,4 +1,4 @@
-"""Passes events of the executive to everyone who subscribed."""
+"""Passes events of the executive to its subscribers."""
 
 import logging
 import threading
@@ -30,12 +30,12 @@ class EventSubscribers:
         return partial(self._remove, subscriber)
 
     def publish(self, event: Event) -> None:
-        """Pass an event to all subscribers; one that raises an exception is removed."""
+        """Pass an event to all subscribers. A subscriber that raises an exception is removed."""
         for subscriber in self._subscribers:
             try:
                 subscriber(event)
-            except Exception:  # users' code, which must not stop the arm's threads
-                self._remove(subscriber)  # first, because the log is an event, too
+            except Exception:  # users' code must not stop the arm's threads
+                self._remove(subscriber)  # remove first, because the log line is also an event
                 logger.exception("a subscriber of events failed, and was removed")
 
     def _remove(self, subscriber: Subscriber) -> None:

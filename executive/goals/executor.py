@@ -1,4 +1,4 @@
-"""The executor thread: it alone builds, ticks, stops and discards the trees of goals."""
+"""The executor thread: the only thread that builds, ticks, stops and discards trees."""
 
 import dataclasses
 import logging
@@ -38,13 +38,13 @@ _KNOWN = (HardwareError, SkillError, MotionError, TreeError, GoalError, logs.Log
 
 @dataclass
 class _Attempt:
-    """A goal that is executed.
+    """The execution of a goal.
 
     Attributes:
         goal: The goal.
         task: Its task file; None if it cannot be read.
         tree: Its tree; None if it could not be built.
-        error: First error outside the tree; None for none.
+        error: First error outside the tree, or None.
         warning: Warning about the task files; empty for none.
     """
 
@@ -96,7 +96,7 @@ class GoalExecutor:
         self._thread = self._clock.spawn(self._execute_all, "executor")
 
     def join(self) -> None:
-        """Wait until the last goal has ended; call it after the queue is closed."""
+        """Wait until the last goal has ended. Call this after the queue is closed."""
         if self._thread is None:
             return
         with self._queue.signal:
@@ -111,7 +111,7 @@ class GoalExecutor:
         Returns:
             The error, or None.
         """
-        identity = uuid.uuid4().hex  # its tree shares no keys with that of any goal
+        identity = uuid.uuid4().hex  # its tree shares no keys with the tree of a goal
         attempt = _Attempt(Goal(identity, task, arguments, 0.0, 0, Mailbox(self._clock)))
         self._try(attempt, self._build)
         self._discard(attempt)
@@ -123,10 +123,10 @@ class GoalExecutor:
         """Validate the task number, its files and the arguments of a goal. Any thread may call.
 
         Returns:
-            The error, or None. Other errors are the outcome of the goal, and are recorded.
+            The error, or None. Other errors become the recorded outcome of the goal.
         """
         if self._queue.blocked:
-            return None  # the queue refuses the goal, and validation might block, too
+            return None  # the queue refuses the goal, and validation might also block
         error = self.validate(task, arguments)
         return error if isinstance(error, (UnknownTask, BadArguments, FileError)) else None
 
@@ -146,7 +146,7 @@ class GoalExecutor:
         goal = attempt.goal
         with self._stopper.skill_code(goal):
             self._try(attempt, self._build)
-        if goal.outcome is None:  # otherwise the build took too long, and the goal was aborted
+        if goal.outcome is None:  # if False, the build took too long and the goal was aborted
             self._try(attempt, self._open)
             if attempt.error is None:
                 self._try(attempt, self._run)
@@ -164,7 +164,7 @@ class GoalExecutor:
             if attempt.error:
                 logger.error("%s", error)
             attempt.error = attempt.error or error
-        except Exception as error:  # a bug must end the goal, too
+        except Exception as error:  # also a bug must end the goal
             logger.exception("a bug in armtree")
             attempt.error = attempt.error or error
 
@@ -199,7 +199,7 @@ class GoalExecutor:
         if attempt.task:
             name = attempt.task.description if goal.text else attempt.task.name
         self._recordings.open(goal.status, name, self._context.seed, attempt.tree)
-        # After that, so that the lines are in its recording and follow its first event.
+        # Log after that, so that the lines are in the recording after its first event.
         sender = f" from {goal.client}" if goal.client else ""
         logger.info("Executing the goal for %s (%s)%s", *goal.name, sender)
         if attempt.warning:
@@ -219,12 +219,12 @@ class GoalExecutor:
             raise
 
     def _prepare_arm(self, goal: Goal) -> None:
-        """Check that the arm is active; for a single user, activate it."""
+        """Check that the arm is active. For a single user, activate it."""
         if goal.mailbox.canceled:
             raise ActivationStopped("canceled before the arm moved")
         if self._single_user:
             self._activate()
-        self._arm.check_active()  # first, because it finds a fault that is still being reported
+        self._arm.check_active()  # first, because it also detects a fault that is being reported
         if goal.mailbox.fault:
             raise goal.mailbox.fault
 
@@ -235,7 +235,7 @@ class GoalExecutor:
         if self._arm.state is State.UNCONFIGURED:
             self._arm.configure()
         if self._arm.state is State.INACTIVE:
-            self._recordings.flush()  # the board boots next, and may move the arm
+            self._recordings.flush()  # the board boots next and may move the arm
             # The planners load NumPy, and their processes start, while the board boots.
             self._start_pose.activate(self._arm, self._pool.start)
 

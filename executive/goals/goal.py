@@ -1,4 +1,4 @@
-"""A goal and its state machine, the one of ROS 2 actions, as a table."""
+"""A goal, and the state machine of ROS 2 actions as a table."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -33,11 +33,11 @@ class Goal:
         stamp_ns: The same time, UTC [ns since 1970].
         mailbox: Mailbox of the run.
         state: State of the goal.
-        outcome: How the goal ended; None until then.
+        outcome: The outcome; None before the end.
         ended: Time of the end [s].
         text: Text of a move; empty for a task.
         client: Name of the program that sent it; empty if unknown.
-        stops: Number of pending stops of the arm; the goal does not end before they are done.
+        stops: Number of pending stops of the arm. The goal ends after all of them.
     """
 
     identity: str
@@ -60,7 +60,7 @@ class Goal:
 
     @property
     def cancelable(self) -> bool:
-        """True if the goal can be canceled, which is possible once."""
+        """True if the goal can be canceled. A goal can be canceled only once."""
         return GoalState.CANCELING in NEXT[self.state]
 
     @property

@@ -11,7 +11,7 @@ from executive.recording.recordings import is_server_recording
 
 
 class _RecordedGoal:
-    """What recordings contain about one goal.
+    """Recorded facts about one goal.
 
     Attributes:
         stamp_ns: Time of acceptance, UTC [ns since 1970].
@@ -29,12 +29,12 @@ class _RecordedGoal:
 
     @property
     def outcome(self) -> Outcome:
-        """The recorded outcome. If there is none, the server ended before the goal did."""
+        """The recorded outcome. If it is missing, the outcome is that the server ended first."""
         path = str(self.own.path) if self.own else ""
         if self.result:
             return Outcome.from_record(self.result, path)
         count, duration = 0, 0.0
-        with suppress(logs.LogError):  # keep what was read before the error
+        with suppress(logs.LogError):  # keep the records before the error
             for frame in self.own.frames() if self.own else ():
                 count, duration = count + 1, max(0.0, frame.time - self.record.time)
         cause, task = cause_of(ServerRestarted()), self.record.task
@@ -42,7 +42,7 @@ class _RecordedGoal:
 
 
 def load_goal_history(folder: Path, since: float) -> Iterator[tuple[str, int, Outcome]]:
-    """Yield the goals of earlier servers, and all goals whose end is missing.
+    """Yield the goals of earlier servers, and all goals without an end.
 
     Args:
         folder: Folder of recordings.
@@ -53,7 +53,7 @@ def load_goal_history(folder: Path, since: float) -> Iterator[tuple[str, int, Ou
     """
     goals: dict[str, _RecordedGoal] = {}
     for recording in logs.closed_recordings(folder, since):
-        with suppress(logs.LogError):  # keep what was read before the error
+        with suppress(logs.LogError):  # keep the records before the error
             _read(recording, goals)
     for identity, goal in sorted(goals.items(), key=lambda item: item[1].stamp_ns):
         if goal.served or goal.result is None:

@@ -7,7 +7,7 @@ from hardware import Clock
 
 
 class Mailbox:
-    """Requests for one run, and the time of the run, which stops while the run is paused.
+    """Requests for one run, and the time of the run. The time stops during a pause.
 
     Any thread may post. Only the executor thread waits.
 
@@ -18,7 +18,7 @@ class Mailbox:
         canceled: True after a cancel.
         paused: True while a pause is requested.
         stepping: True if the run pauses before the next node starts.
-        fault: First error outside the tree; None for none.
+        fault: First error outside the tree, or None.
         paused_time: Total time of the pauses so far [s].
     """
 
@@ -27,11 +27,11 @@ class Mailbox:
         self._signal = clock.signal()
         self._woken = self.canceled = self.paused = self.stepping = False
         self.fault: Exception | None = None
-        self._deadline = math.inf  # in the time of the run [s]
+        self._deadline = math.inf  # requested tick, in the time of the run [s]
         self.paused_time = 0.0
 
     def wake_at(self, time: float) -> None:
-        """Request a tick at a time of the run [s]; only from the executor thread.
+        """Request a tick at a time of the run [s]. Only for the executor thread.
 
         The request is valid until the next tick.
         """
@@ -56,7 +56,7 @@ class Mailbox:
             self._signal.notify()
 
     def resume(self, step: bool = False) -> bool:
-        """Resume a paused run; a run that steps continues without a pause.
+        """Resume a paused run. A run that steps continues without a pause.
 
         Args:
             step: True to pause again before the next node starts.
@@ -68,23 +68,23 @@ class Mailbox:
             if not (self.paused or (self.stepping and not step)):
                 return False
             self.paused, self.stepping = False, step
-            self._woken = True  # a node at a breakpoint needs a tick, also before the pause began
+            self._woken = True  # a node at a breakpoint needs a tick, also before the pause begins
             self._signal.notify()
             return True
 
     def fail(self, error: Exception) -> None:
-        """Report an error outside the tree; the first one counts."""
+        """Report an error outside the tree. Only the first error counts."""
         with self._signal:
             self.fault = self.fault or error
             self._signal.notify()
 
     @property
     def stopping(self) -> bool:
-        """True if the run must end before its tree does."""
+        """True if the run must end before its tree ends."""
         return self.canceled or self.fault is not None
 
     def wait(self) -> None:
-        """Wait for a post, or for the earliest time that was requested."""
+        """Wait for a post, or for the earliest requested time."""
         with self._signal:
             while not (self._woken or self.paused or self.stopping or self._due):
                 until = None if self._deadline == math.inf else self._deadline + self.paused_time
@@ -94,7 +94,7 @@ class Mailbox:
                 self._deadline = math.inf
 
     def wait_for_resume(self) -> None:
-        """Wait until the run is resumed, or must end."""
+        """Wait until the run is resumed or must end."""
         since = self._clock.now()
         with self._signal:
             while self.paused and not self.stopping:
@@ -106,10 +106,10 @@ class Mailbox:
         return self._clock.now() - self.paused_time >= self._deadline
 
     def wait_until(self, condition: Callable[[], bool], timeout: float) -> bool:
-        """Wait until a condition is true. Returns False after the timeout.
+        """Wait until a condition is true. Return False after the timeout.
 
         Args:
-            condition: Checked after every post.
+            condition: Callback that is checked after every post.
             timeout: Longest time to wait [s].
         """
         until = self._clock.now() + timeout

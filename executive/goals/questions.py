@@ -1,4 +1,4 @@
-"""Questions of tasks to the operator, which any client may answer."""
+"""Questions of tasks to the operator. Any client may answer them."""
 
 import threading
 import uuid
@@ -21,8 +21,8 @@ class Questions:
         clock: Time source.
 
     Attributes:
-        changed: Callback for every question that opens or closes. It must be quick, and is called
-            from any thread. Default: `ignore`.
+        changed: Callback for every question that opens or closes, from any thread. It must be
+            quick. Default: `ignore`.
     """
 
     def __init__(self, clock: Clock) -> None:
@@ -47,13 +47,13 @@ class Questions:
             self.changed(self._status(identity, question, is_open=False))
 
     def open(self) -> tuple[QuestionStatus, ...]:
-        """Return the open questions, the oldest first."""
+        """Return the open questions, oldest first."""
         with self._lock:
             waiting = [item for item in self._open.items() if item[1].answered is None]
         return tuple(self._status(*item) for item in waiting)
 
     def answer(self, identity: str, words: str) -> str:
-        """Answer a question; the first answer counts.
+        """Answer a question. The first answer counts.
 
         Args:
             identity: Identity of the question, 8 hexadecimal digits.

@@ -1,4 +1,4 @@
-"""The queue of goals: accepted, waiting, under way, and ended ones until they are forgotten."""
+"""The queue of goals: accepted, waiting, under way, and recently ended goals."""
 
 import math
 import re
@@ -39,28 +39,28 @@ from .mailbox import Mailbox
 
 _IDENTITY = re.compile("[0-9a-f]{32}")
 WAITING = 100  # longest queue of goals
-KEPT = 1000  # number of ended goals that are kept, so that the memory of a server is bounded
-NO_GOAL = "0" * 32  # identity that names no goal in a cancel, as in ROS 2
+KEPT = 1000  # number of ended goals to keep, which bounds the memory of a server
+NO_GOAL = "0" * 32  # identity for no goal in a cancel, as in ROS 2
 
 
 class GoalQueue:
-    """All goals that are known: accepted, waiting, under way and ended. Any thread may call.
+    """All known goals: accepted, waiting, under way and ended. Any thread may call.
 
-    Its answers are those of a ROS 2 action server.
+    It answers like a ROS 2 action server.
 
     Args:
         clock: Time source.
-        policy: What happens to a second goal.
-        keep: How long an ended goal is kept [s], unless `KEPT` others have ended after it. A
-            negative value means without limit.
-        changed: Callback for every change, in order and from any thread. It must be quick, and
-            wait for no other thread.
+        policy: Policy for a second goal.
+        keep: Time for which an ended goal is kept [s], unless `KEPT` others have ended after it.
+            Negative for no limit.
+        changed: Callback for every change, in order and from any thread. It must be quick and must
+            not wait for other threads.
 
     Attributes:
-        keep: How long an ended goal is kept [s].
-        policy: What happens to a second goal.
-        running: The goal under way; None if there is none.
-        signal: Lock of the goals; notified of every change.
+        keep: Time for which an ended goal is kept [s].
+        policy: Policy for a second goal.
+        running: The goal under way, or None.
+        signal: Lock of the goals. It is notified of every change.
     """
 
     def __init__(
@@ -90,13 +90,13 @@ class GoalQueue:
             task: Task number; `MOVE` for a move.
             arguments: Values of the task's parameters.
             identity: 32 hexadecimal digits; empty for a new identity.
-            invalid: Why the goal can never be executed; None if that is not known.
+            invalid: Error of a goal that can never be executed, or None.
             text: Text of a move; empty for a task.
-            client: Name of the program that sends it; empty if unknown.
+            client: Name of the sending program; empty if unknown.
 
         Returns:
-            The answer; and the goal that it preempts, or None. The caller stops the arm for the
-            preempted goal, and then calls `stopped`.
+            The answer, and the preempted goal or None. The caller must stop the arm for the
+            preempted goal and then call `stopped`.
         """
         with self.signal:
             self._forget()
@@ -124,15 +124,15 @@ class GoalQueue:
             self._end(goal, outcome)
 
     def cancel(self, identity: str, stamp_ns: int) -> tuple[CancelResult, list[Goal], Goal | None]:
-        """Cancel goals: those that a parameter names, or all if none does.
+        """Cancel the goals that the parameters name, or all goals if they name none.
 
         Args:
             identity: Identity of a goal; empty or `NO_GOAL` for none.
             stamp_ns: Latest time of acceptance [ns since 1970]; 0 for none.
 
         Returns:
-            The answer; the canceled goals; and the goal under way if it is one of them. The caller
-            stops the arm for that goal, and then calls `stopped`.
+            The answer, the canceled goals, and the goal under way if it is one of them. The caller
+            must stop the arm for that goal and then call `stopped`.
         """
         with self.signal:
             self._forget()
@@ -155,13 +155,13 @@ class GoalQueue:
             return result, canceled, self.running if self.running in canceled else None
 
     def stopped(self, goal: Goal) -> None:
-        """Note that a stop of the arm for a goal is done."""
+        """Report that a stop of the arm for a goal is done."""
         with self.signal:
             goal.stops -= 1
             self.signal.notify()
 
     def take(self) -> Goal | None:
-        """Wait for the next goal, and begin to execute it; None after `close`."""
+        """Wait for the next goal and begin to execute it. Return None after `close`."""
         with self.signal:
             while not self._waiting and not self._closed:
                 self.signal.wait(None)
@@ -177,7 +177,7 @@ class GoalQueue:
             self._wait_for_stops(goal)
 
     def finish(self, goal: Goal, outcome: Outcome) -> None:
-        """End the goal under way, so that the next one may begin."""
+        """End the goal under way. The next one may then begin."""
         with self.signal:
             self._wait_for_stops(goal)  # a late stop would hit the next goal
             self.running = None
@@ -185,7 +185,7 @@ class GoalQueue:
                 self._end(goal, outcome)
 
     def abort_blocked(self, goal: Goal, outcome: Outcome) -> bool:
-        """End a goal that blocks the executor, and all that wait; False if it has ended."""
+        """End a goal that blocks the executor, and all waiting goals. False if it has ended."""
         with self.signal:
             if goal.outcome:
                 return False
@@ -194,7 +194,7 @@ class GoalQueue:
             return True
 
     def ended_in(self, goal: Goal, timeout: float | None) -> bool:
-        """Wait for the end of a goal; False if it does not end in time.
+        """Wait for the end of a goal. Return False if it does not end in time.
 
         Args:
             goal: The goal.
@@ -237,25 +237,25 @@ class GoalQueue:
 
     @property
     def blocked(self) -> bool:
-        """True while a goal that has ended blocks the executor."""
+        """True while an ended goal blocks the executor."""
         running = self.running
         return running is not None and running.outcome is not None
 
     @property
     def current(self) -> Goal | None:
-        """The goal that runs, or is the next to run; None if there is none."""
+        """The running goal or the next one, or None."""
         with self.signal:
             return self.running or next(iter(self._waiting), None)
 
     @property
     def waiting(self) -> tuple[str, ...]:
-        """Identities of the goals behind the current one, the next one first."""
+        """Identities of the goals behind the current one, next goal first."""
         with self.signal:
             waiting = islice(self._waiting, 0 if self.running else 1, None)
             return tuple(goal.identity for goal in waiting)
 
     def all(self, newest: int | None = None) -> tuple[GoalStatus, ...]:
-        """Return all goals that are known, or the newest ones, in order of acceptance."""
+        """Return all known goals, or only the newest ones, in the order of acceptance."""
         with self.signal:
             self._forget()
             goals = [*islice(reversed(self._goals.values()), newest)]
@@ -281,7 +281,7 @@ class GoalQueue:
         busy = self.current
         if busy and self.blocked:
             return _blocked(busy)
-        if invalid:  # checked first, because waiting would not help
+        if invalid:  # first, because waiting would not help
             return invalid
         if busy and self.policy is Policy.REJECT:
             return GoalBusy(f"goal {busy.identity} for {goal_title(busy.task)} is under way")
@@ -291,7 +291,7 @@ class GoalQueue:
         return None
 
     def _preempt(self, identity: str) -> Goal | None:
-        """Make room for a goal; return the goal under way, if there is one."""
+        """Make room for a goal. Return the goal under way, or None."""
         error = GoalPreempted(identity)
         self._abort_waiting(error)
         if running := self.running:
@@ -327,7 +327,7 @@ class GoalQueue:
 
     def _end(self, goal: Goal, outcome: Outcome) -> None:
         goal.outcome, goal.ended = outcome, self._clock.now()
-        goal.arguments, goal.text = {}, ""  # frees memory: a sender may send large ones
+        goal.arguments, goal.text = {}, ""  # frees memory, because arguments may be large
         self._ended.append(goal)
         self._enter(goal, outcome.state)
         self.signal.notify()
@@ -337,12 +337,12 @@ class GoalQueue:
         self._changed(goal.status)
 
     def _stamp(self, now: float) -> int:
-        """Return the time of acceptance, different for every goal [ns since 1970]."""
+        """Return a unique time of acceptance [ns since 1970]."""
         self._last_ns = max(utc_ns(self._clock, now), self._last_ns + 1)
         return self._last_ns
 
     def _forget(self) -> None:
-        """Forget goals that were kept long enough, and the oldest of too many."""
+        """Forget expired goals, and the oldest goals if there are too many."""
         since = self._clock.now() - self.keep
         while self._ended and (len(self._ended) > KEPT or self._ended[0].ended <= since):
             del self._goals[self._ended.popleft().identity]

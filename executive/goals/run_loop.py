@@ -37,7 +37,9 @@ class _Node:
     def update(self) -> bool:
         """Update the status; return True if the change must be recorded."""
         starts, before = self.start_count, self.status
-        if isinstance(self.node, Skill) and not self.node.condition:  # it starts at every tick
+        if (
+            isinstance(self.node, Skill) and not self.node.condition
+        ):  # a condition starts at every tick
             self.start_count = self.node.start_count
         self.status = self.node.status
         if before not in _ENDED:
@@ -54,7 +56,7 @@ class Run:
         goal: The goal, with its mailbox.
         tree: The tree.
         arm: The arm.
-        stopper: Waits for a stopped tree.
+        stopper: Waits for the end of a stopped tree.
         clock: Time source.
         record: Receives every change of the tree and of its progress.
     """
@@ -98,7 +100,9 @@ class Run:
             if mailbox.stopping:
                 break
             self._guard(self._pause if mailbox.paused else self._tick)
-        if root.status is not Status.SUCCESS and mailbox.stopping:  # it may fail due to the stop
+        if (
+            root.status is not Status.SUCCESS and mailbox.stopping
+        ):  # the skill may fail due to the stop
             root.stop(Status.INVALID)
             self._arm.stop()
             self._guard(self._record_changes)
@@ -127,7 +131,7 @@ class Run:
             self._mailbox.fail(error)
 
     def _note(self, error: SkillBroken) -> None:
-        """Keep the exception of a skill, with its node."""
+        """Store the exception of a skill, with its node."""
         raised = (each for each in self._nodes if getattr(each.node, "broken", None) is error)
         error.node = next(raised).path
         self._broken = self._broken or error
@@ -141,7 +145,7 @@ class Run:
         self._mailbox.wait_for_resume()
 
     def _busy(self) -> str:
-        """Return the names of the skills that have not ended; empty for none."""
+        """Return the names of the skills that have not ended."""
         return ", ".join(skill.name for skill in self._tree.skills if self._is_busy(skill))
 
     def _is_busy(self, skill: Skill) -> bool:
@@ -152,11 +156,11 @@ class Run:
             return False
 
     def _record_changes(self, paused: bool = False) -> None:
-        """Record what has changed since the last tick."""
+        """Record the changes since the last tick."""
         now, running = self._clock.now(), Status.RUNNING
         for each in self._nodes:
             node = each.node
-            if node.status is running is each.status:  # a fast way out for most of a large tree
+            if node.status is running is each.status:  # fast for most nodes of a large tree
                 continue
             if each.update():
                 status, message = node.status.name, node.feedback_message
@@ -172,7 +176,7 @@ def decide_outcome(
 
     Args:
         tree: The tree; None if it could not be built.
-        error: Error outside the tree; None for none.
+        error: Error outside the tree, or None.
         canceled: True if the goal was canceled.
 
     Returns:
@@ -188,7 +192,7 @@ def decide_outcome(
 
 
 def _of_tree(root: Behaviour) -> Cause:
-    """Return the cause of the first failed skill, with the messages of all of them."""
+    """Return the cause of the first failed skill, with the messages of all failed skills."""
     failed = list(_failed(root))
     if not failed:
         return cause_of(TaskFailed(f"{root.name} failed by its own tree"))
@@ -199,7 +203,7 @@ def _of_tree(root: Behaviour) -> Cause:
 
 
 def _failed(node: Behaviour) -> Iterator[tuple[Behaviour, Exception]]:
-    """Yield the failed skills. A failure that a fallback handled is not one of them."""
+    """Yield the failed skills, except for failures that a fallback handled."""
     if node.status is not Status.FAILURE:
         return
     failure: Exception | None = getattr(node, "failure", None)
@@ -214,10 +218,10 @@ class ProgressPoint(NamedTuple):
     """Progress of a run.
 
     Attributes:
-        percentage: Frames that arrived over frames scheduled [%]; None while none are scheduled.
+        percentage: Arrived frames / scheduled frames [%]; None before the first schedule.
         phase: planning, executing, asking, waiting, paused or succeeded.
         node: Name of the running skill.
-        attempt: Number of the attempt, from 1; a retry starts another one.
+        attempt: Number of the attempt, from 1. A retry starts another one.
     """
 
     percentage: int | None
@@ -227,7 +231,7 @@ class ProgressPoint(NamedTuple):
 
 
 class Progress:
-    """Progress of one tree: frames that arrived over frames scheduled.
+    """Progress of one tree: arrived frames / scheduled frames.
 
     Args:
         tree: The tree.
@@ -235,15 +239,15 @@ class Progress:
 
     def __init__(self, tree: Tree) -> None:
         self._tree = tree
-        # Skills that measure their progress, also before they start.
+        # Skills that measure their progress, also before their start.
         self._moving = [s for s in tree.skills if type(s).progress is not Skill.progress]
         self._failed = dict.fromkeys(
             loops_in(tree.root), 0
-        )  # failed attempts of each at the last step
+        )  # failed attempts of each loop at the last step
         self._last = ProgressPoint(None, "", "", 1)
 
     def step(self, paused: bool = False) -> ProgressPoint | None:
-        """Progress now; None if nothing has changed."""
+        """Return the current progress; None if it has not changed."""
         skills = reversed(self._tree.skills)
         running = next((skill for skill in skills if skill.status is Status.RUNNING), None)
         if running is None and not paused:
@@ -258,13 +262,13 @@ class Progress:
         return self._last if self._last != last else None
 
     def done(self) -> ProgressPoint:
-        """Progress of success."""
+        """Return the progress of a successful run."""
         return ProgressPoint(100, "succeeded", self._tree.root.name, self._last.attempt)
 
     def _attempt(self) -> int:
         """Return the number of the attempt.
 
-        It only grows, also if an outer loop restarts the retries.
+        The number only grows, also if an outer loop restarts the retries.
         """
         more = 0
         for loop, failed in self._failed.items():

@@ -1,4 +1,4 @@
-"""The start pose of an activation: that of the robot file, or the one that a person confirms."""
+"""The start pose of an activation: the pose in the robot file, or a confirmed pose."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ import logs
 from executive.errors import PoseUnconfirmed
 from hardware import VIRTUAL, Arm, Robot
 
-_SEARCHED = 50  # newest recordings
+_SEARCHED = 50  # number of newest recordings to read
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,7 +17,7 @@ class LastCommand:
 
     Attributes:
         positions: One value per actuated joint [rad].
-        source: What commanded it: a recording, or this program.
+        source: Source of the command: a recording, or this program.
     """
 
     positions: tuple[float, ...]
@@ -38,7 +38,7 @@ class StartPose:
     def __init__(self, robot: Robot, port: str, recordings: Path, confirmed: str | None) -> None:
         self._robot, self._port, self._recordings = robot, port, recordings
         self._confirmed = confirmed
-        self._last: LastCommand | None = None  # by this program
+        self._last: LastCommand | None = None  # last pose that this program commanded
 
     def find(self, confirmed: str | None = None) -> tuple[float, ...]:
         """Return the start pose of an activation, one value per actuated joint [rad].
@@ -81,23 +81,24 @@ class StartPose:
 
         Args:
             arm: The arm.
-            meanwhile: Called while the board boots; see `Arm.activate`.
+            meanwhile: Callback while the board boots; see `Arm.activate`.
             confirmed: Pose that a person confirms now.
 
         Raises:
-            PoseUnconfirmed: As `find`.
+            PoseUnconfirmed: Opening the port does not reset the board, and no valid pose is
+                confirmed.
             HardwareError: The activation failed.
         """
         arm.activate(self.find(confirmed), meanwhile)
         self.note(arm.commanded)
 
     def note(self, positions: tuple[float, ...]) -> None:
-        """Note a commanded pose [rad]; an earlier confirmation is void."""
+        """Store a commanded pose [rad]. An earlier confirmation becomes void."""
         self._confirmed, self._last = None, LastCommand(positions, "by this program")
 
 
 def last_command(robot: Robot, recordings: Path) -> LastCommand | None:
-    """Return the last pose that a recording of this arm holds; None if there is none."""
+    """Return the last pose in the recordings of this arm, or None."""
     names = tuple(joint.name for joint in robot.actuated)
     files = sorted(recordings.glob("*.mcap"), key=lambda path: path.name, reverse=True)
     for path in files[:_SEARCHED]:
@@ -113,13 +114,13 @@ def last_command(robot: Robot, recordings: Path) -> LastCommand | None:
 def _last_pose(
     robot: Robot, names: tuple[str, ...], recording: logs.Recording
 ) -> tuple[float, ...] | None:
-    """Return the positions at the end of the last motion, or of the last frame of a stopped one.
+    """Return the positions at the end of the last motion, or at the last frame before a stop.
 
-    The end of a motion may differ from the positions of its last frame, but is the same frame.
+    The end of a motion encodes to its last frame, but its positions may differ slightly.
     """
     last: tuple[float, ...] | None = None
     end: tuple[float, ...] = ()
-    left = -1  # frames of the motion that are not sent yet
+    left = -1  # unsent frames of the motion
     for record in recording.records(logs.Schedule, logs.Sent):
         match record:
             case logs.Schedule() if tuple(record.start) == names and record.samples:
@@ -134,7 +135,7 @@ def _last_pose(
 
 
 def _possible(robot: Robot, positions: tuple[float, ...]) -> bool:
-    """Return whether all positions are within the limits; another program may write anything."""
+    """Return True if all positions are within the limits. Other programs may write any values."""
     pairs = zip(robot.actuated, positions, strict=True)
     return all(joint.lower <= q <= joint.upper for joint, q in pairs)
 

@@ -22,8 +22,8 @@ from .queue import GoalQueue
 
 logger = logging.getLogger(__name__)
 
-STOP_TIMEOUT = 0.25  # longest time from a stop to the end of everything the tree started [s]
-VALIDATION_TIMEOUT = 5.0  # longest time validation may continue after that [s]; nothing moves yet
+STOP_TIMEOUT = 0.25  # longest time from a stop to the end of all work of the tree [s]
+VALIDATION_TIMEOUT = 5.0  # longest further time for validation, during which nothing moves [s]
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +33,7 @@ class _SkillCode:
     Attributes:
         goal: The goal.
         thread: Identity of the thread.
-        root: Root of the tree that is ticked; None while the tree is built.
+        root: Root of the ticked tree; None while the tree is built.
     """
 
     goal: Goal
@@ -42,7 +42,7 @@ class _SkillCode:
 
     @property
     def node(self) -> str:
-        """Path of the node whose code the thread is in; empty if it is in none."""
+        """Path of the node whose code the thread executes; empty if there is none."""
         known = {id(node): path for node, path in paths(self.root)} if self.root else {}
         frame = sys._current_frames().get(self.thread)
         while frame:
@@ -73,11 +73,11 @@ class GoalStopper:
 
     @property
     def _deadline(self) -> float:
-        """Longest time from a stop to the end of everything the tree started [s]."""
+        """Longest time from a stop to the end of all work of the tree [s]."""
         return STOP_TIMEOUT + self._arm.robot.brake
 
     def cancel(self, identity: str = "", stamp_ns: int = 0) -> CancelResult:
-        """Cancel goals, as `GoalQueue.cancel`. Without arguments, stop the arm in any case."""
+        """Cancel goals like `GoalQueue.cancel`. Without arguments, always stop the arm."""
         result, canceled, running = self._queue.cancel(identity, stamp_ns)
         if not (identity or stamp_ns or running):
             self._arm.stop()
@@ -85,7 +85,7 @@ class GoalStopper:
         return result
 
     def close(self) -> None:
-        """Accept no more goals, and cancel all."""
+        """Accept no more goals, and cancel all goals."""
         self._queue.close()
         *_, running = self._queue.cancel("", 0)
         self.stop(running)
@@ -114,11 +114,11 @@ class GoalStopper:
 
     @contextmanager
     def skill_code(self, goal: Goal, root: Behaviour | None = None) -> Iterator[None]:
-        """Mark that this thread runs the code of skills, which may not return.
+        """Mark that this thread runs the code of skills. The code may never return.
 
         Args:
             goal: The goal.
-            root: Root of the tree that is ticked; None while the tree is built.
+            root: Root of the ticked tree; None while the tree is built.
         """
         self._code = _SkillCode(goal, threading.get_ident(), root)
         try:
@@ -127,14 +127,14 @@ class GoalStopper:
             self._code = None
 
     def wait_for_tree(self, goal: Goal, busy: Callable[[], str]) -> None:
-        """Wait until everything that a tree started has ended.
+        """Wait until all work of a tree has ended.
 
         Args:
             goal: The goal of the tree.
-            busy: Returns the names of the skills that are still busy; empty for none.
+            busy: Callback that returns the names of the busy skills.
 
         Raises:
-            CancelTimeout: It did not end before the deadline; the arm is in error processing.
+            CancelTimeout: The work did not end before the deadline. The arm is in error processing.
         """
         if not goal.mailbox.wait_until(lambda: not busy(), self._deadline):
             raise self._time_out(busy())
@@ -143,9 +143,9 @@ class GoalStopper:
         """End the goal under way, when no stop of the arm is pending for it.
 
         Args:
-            goal: The goal; it may have been aborted already.
+            goal: The goal. It may already be aborted.
             state: Final state.
-            cause: Why the goal failed; None if it succeeded.
+            cause: Cause of a failure; None if the goal succeeded.
         """
         self._queue.wait_for_stops(goal)
         self._queue.finish(goal, goal.outcome or self._report(goal, state, cause))
@@ -172,13 +172,13 @@ class GoalStopper:
         return code is not None and code.goal is goal and code.root is None
 
     def _time_out(self, what: str, words: str = "") -> CancelTimeout:
-        """Take the arm out of *active* because something missed the deadline."""
+        """Take the arm out of *active* after a missed deadline."""
         late = CancelTimeout(f"{what} did not stop within {self._deadline * 1000:.0f} ms{words}")
         self._arm.fault(late)
         return late
 
     def _abort(self, goal: Goal, cause: Cause, recorded: bool) -> None:
-        """End a goal that blocks the executor; record it if it has a recording."""
+        """End a goal that blocks the executor. Record the end if the goal has a recording."""
         outcome = self._outcome(
             goal, GoalState.ABORTED, cause, self._recordings.frames, self._recordings.path
         )

@@ -1,4 +1,4 @@
-"""The words of a goal, as `armtree move` and `armtree plan` take them: joints, poses, a point."""
+"""The words of a goal for `armtree move` and `armtree plan`: joints, poses, a point."""
 
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -28,7 +28,7 @@ Poses = Mapping[str, Mapping[str, float]]
 
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?[a-z]*", re.IGNORECASE)
 
-TASK = "the number or name of a task"  # what the words of a goal may be, too
+TASK = "the number or name of a task"  # further meaning of the words of a goal
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,13 +62,14 @@ def read_words(
             written as in task files.
         robot: Description of the robot.
         poses: The poses.
-        also: What else the words may be, for messages.
-        quoted: True if the words are the value of an option, and so in quotes.
+        also: Further meaning of the words, for messages.
+        quoted: True if the words are the value of an option, which is in quotes.
 
     Raises:
         BadTarget: The words cannot be read.
-        OutOfBounds: A change is larger than the range of its joint, or the gripper does not open
-            so far. A number without a unit is out of bounds, but not if it is in degrees or mm.
+        OutOfBounds: A change is larger than the range of its joint, or the gripper cannot reach the
+            width. Or a number without a unit is out of bounds, although it would be valid in
+            degrees or mm.
     """
     units = {joint.name: joint.unit for joint in robot.actuated}
     _check_spelling(words, units, quoted)
@@ -134,7 +135,7 @@ def _at_width(robot: Robot, text: str) -> Mapping[str, float]:
 def _ask_unit(
     check: Callable[[float], object], name: str, unit: str, text: str, value: float
 ) -> None:
-    """Suggest a smaller unit if a number without a unit passes a check only in that unit."""
+    """Suggest a smaller unit if a number without a unit is valid only in that unit."""
     if not (error := _error(check, value)):
         return
     for near, factor in in_smaller_units(parse_value(text, name).value, unit):
@@ -152,10 +153,10 @@ def _error(check: Callable[[float], object], value: float) -> Exception | None:
 
 
 def read_value(name: str, text: str, wanted: Declaration) -> Any:
-    """Return a value that is written as in a task file.
+    """Return the value of a text in the form of a task file.
 
     Args:
-        name: What has the value, for messages.
+        name: Name of the value, for messages.
         text: The value.
         wanted: Its type.
 
@@ -180,7 +181,7 @@ def _check_spelling(words: Sequence[str], units: Mapping[str, str], quoted: bool
     Args:
         words: The words.
         units: Unit of each actuated joint, by name.
-        quoted: True if the words are in quotes already.
+        quoted: True if the words are already in quotes.
     """
     if any("," in word for word in words):
         text, decimals = " ".join(words), all(re.search(r"\d,\d", word) for word in words)
@@ -209,7 +210,7 @@ def _check_spelling(words: Sequence[str], units: Mapping[str, str], quoted: bool
 def _no_pose(
     word: str, words: Sequence[str], poses: Poses, also: Sequence[str], quoted: bool
 ) -> str:
-    """Return the message for a word, one of several, that is not a pose."""
+    """Return the message for one of several words that is not a pose."""
     if TASK in also and word.isdecimal():
         why = f"{word!r} is the number of a task, which must be the only word"
         return f"{why}; plan one task at a time, or give x y z of the tool"

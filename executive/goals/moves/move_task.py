@@ -1,4 +1,4 @@
-"""From a move to a task: its words become the text of a subtree file."""
+"""Makes a task from a move: its words become the text of a subtree file."""
 
 import json
 from collections.abc import Mapping
@@ -14,7 +14,7 @@ from trees.reading.grammar import Draft, draft_subtree
 
 from .goal_words import Poses, Words, read_words
 
-FILE = Path("move.yaml")  # in the recording of a move
+FILE = Path("move.yaml")  # name of the file in the recording of a move
 
 _EXAMPLE = "`armtree move joint_1=70deg`"
 
@@ -28,10 +28,10 @@ def read_move(move: Move, robot: Robot, poses: Poses) -> Words:
         poses: Poses of the library.
 
     Raises:
-        BadTarget: The words cannot be read, or name no target; or a point is much too far.
+        BadTarget: The words cannot be read, they name no target, or a point is much too far.
         OutOfBounds: A target is outside the limits.
     """
-    if not MIN_SPEED <= move.speed <= 1.0:  # False for NaN
+    if not MIN_SPEED <= move.speed <= 1.0:  # NaN fails this comparison
         why = f"speed {move.speed:g} is not between {MIN_SPEED:g} and 1"
         raise BadTarget(f"{why}; it is a share of the limits of the robot file")
     if not move.words:
@@ -54,7 +54,7 @@ def move_text(move: Move, read: Words) -> str:
 
     Args:
         move: The move.
-        read: The words, as `read_move` returns them.
+        read: The result of `read_move`.
     """
     tree = _tree(read, move.relative, move.speed)
     description = f"{'by ' * move.relative}{' '.join(move.words)}"
@@ -64,7 +64,7 @@ def move_text(move: Move, read: Words) -> str:
 
 
 def draft_move(text: str) -> Draft:
-    """Return the task of a text that `move_text` returned.
+    """Return the task of a text from `move_text`.
 
     Raises:
         FileError: The text is not YAML.
@@ -76,7 +76,7 @@ def draft_move(text: str) -> Draft:
 def poses_with_home(robot: Robot, poses: Poses) -> Mapping[str, Mapping[str, float]]:
     """Return the poses with the pose `home`, if none of them has that name.
 
-    It is what the robot file names as its home, or else the boot pose.
+    The pose is the home in the robot file, or else the boot pose.
 
     Raises:
         BadTarget: The robot file names poses that do not exist.
@@ -97,7 +97,7 @@ def poses_with_home(robot: Robot, poses: Poses) -> Mapping[str, Mapping[str, flo
 
 
 def _changes(words: tuple[str, ...], poses: Poses) -> tuple[str, ...]:
-    """Return words as changes of joints; x, y, z stay as they are."""
+    """Return words as changes of joints. The words x y z stay unchanged."""
     if wrong := next((word for word in words if word in poses), None):
         raise BadTarget(f"{wrong} is a pose, not a change; give JOINT=CHANGE or x y z")
     changed = (word.replace("=", "+=", 1) if "+=" not in word else word for word in words)

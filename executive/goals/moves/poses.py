@@ -1,4 +1,4 @@
-"""Poses: their list, and saving where the arm is."""
+"""Poses: lists them, and saves the position of the arm as one."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -13,7 +13,7 @@ from trees.export.saved_poses import remove_pose, save_pose
 
 from .move_task import poses_with_home
 
-ALL = "all"  # stands for all groups
+ALL = "all"  # word for all groups
 
 
 def listed_poses(robot: Robot, library: Library) -> Iterator[tuple[str, Mapping[str, float], str]]:
@@ -37,8 +37,8 @@ def save_where(
 
     Args:
         robot: The robot.
-        where: Where it is.
-        folder: Folder of the user's files; None if there is none.
+        where: Position of the arm.
+        folder: Folder of the user's files, or None.
         name: Name of the pose.
         group: A group of the robot, or `all`.
         replace: True to replace a pose of that name.
@@ -48,7 +48,7 @@ def save_where(
 
     Raises:
         BadTarget: The robot has no such group.
-        NotActive: Where the arm is, is not known.
+        NotActive: The position of the arm is unknown.
         FileError: There is no folder, the name is in use or invalid, or the file cannot be written.
     """
     if group not in (*robot.groups, ALL):
@@ -63,15 +63,15 @@ def save_where(
 
 
 def remove_own(robot: Robot, folder: Path | None, name: str) -> Path:
-    """Remove a pose from the user's files; return the file.
+    """Remove a pose from the user's files. Return the file.
 
     Args:
         robot: The robot.
-        folder: Folder of the user's files; None if there is none.
+        folder: Folder of the user's files, or None.
         name: Name of the pose.
 
     Raises:
-        FileError: There is no folder, no file of it has the pose, or it cannot be written.
+        FileError: There is no folder, no file in it has the pose, or the file cannot be written.
     """
     return remove_pose(robot, _own(folder), name)
 
