@@ -1,4 +1,4 @@
-"""From a set-up to an executive: for the command line, the server, tests and users."""
+"""Sessions: make an executive from a set-up, for the command line, the server, tests and users."""
 
 import logging
 from collections.abc import Callable, Iterator
@@ -37,26 +37,25 @@ def open_executive(
     subscriber: Callable[[Event], None] | None = None,
     report: Callable[[str], None] = logger.warning,
 ) -> Iterator[Executive]:
-    """Make the executive of a set-up; close it and its planners at the end.
+    """Make the executive of a set-up. Close it and its planners at the end of the context.
 
-    Recordings that a crash left incomplete are recovered, and old ones deleted, first. The caller
-    starts the executive.
+    It first recovers incomplete recordings, and deletes old ones. The caller starts the executive.
 
     Args:
         setup: The set-up.
-        clock: Time source; default: real time.
-        link: Link to the board; default: that of the set-up's port.
-        pool: Planners; they stay open. Default: planners of its own.
-        operator: Answers the questions of tasks; default: none does.
-        leader: Arm that is moved by hand, for tasks that follow it; default: none.
+        clock: Time source. Default: real time.
+        link: Link to the board. Default: the link of the set-up's port.
+        pool: Planners, which stay open. Default: its own planners.
+        operator: Answers the questions of tasks. Default: no operator.
+        leader: Hand-guided arm, for tasks that follow it. Default: none.
         subscriber: Callback for every event, from any thread.
-        report: Receives what was done to earlier recordings, one line each.
+        report: Callback for a line about each recovered or deleted recording.
 
     Raises:
-        HardwareError: The robot file is wrong, names no driver, or the start pose is not confirmed;
-            for a single user also: the port does not exist, or may not be used.
+        HardwareError: The robot file is wrong or names no driver, or the start pose is not
+            confirmed. For a single user also: the port does not exist or is not permitted.
         TreeError: The folder of tasks cannot be read.
-        LogError: At the end: a recording could not be finished.
+        LogError: A recording could not be finished at the end.
     """
     robot, clock = setup.load_robot(), clock or RealClock()
     library = _library(setup, robot)
@@ -78,7 +77,7 @@ def open_executive(
             executive.record(line)
         with closing(executive):
             if setup.single_user or setup.activate or setup.pose:
-                executive.start_pose.find()  # rejected before the port is opened
+                executive.start_pose.find()  # checked before the port is opened
             if setup.single_user and port != VIRTUAL:
                 from hardware import SerialLink  # slow to import
 
@@ -88,7 +87,7 @@ def open_executive(
 
 
 def _switch_on(link: Link, stack: ExitStack) -> None:
-    """Start the process of a virtual board: it takes 0.1 s, which the next goal need not wait."""
+    """Start the process of a virtual board now, so that the next goal need not wait."""
     from hardware.drivers.virtual.board_process import VirtualLink  # slow to import
 
     if isinstance(link, VirtualLink):
@@ -99,7 +98,7 @@ def _switch_on(link: Link, stack: ExitStack) -> None:
 def _library(setup: Setup, robot: Robot) -> "Library | LiveLibrary":
     if not setup.reload:
         return Library(setup.trees, robot.name)
-    from trees.live_library import LiveLibrary  # slow to import: it checks whole files
+    from trees.live_library import LiveLibrary  # slow to import
 
     return LiveLibrary(setup.trees, robot)
 
@@ -108,7 +107,7 @@ def load_own_skills(folder: Path | None) -> None:
     """Load the skills of a folder and of installed packages.
 
     Raises:
-        ValueError: One of them is broken.
+        ValueError: A skill is broken.
     """
     if broken := load_skills(folder, reserved_names()):
         raise ValueError("; ".join(broken))
@@ -128,7 +127,7 @@ def port_line(executive: Executive) -> str:
 
 
 def _tidy(setup: Setup, clock: Clock) -> Iterator[logs.LogLine]:
-    """Recover the recordings that a crash left incomplete, and delete old ones."""
+    """Recover incomplete recordings, and delete old ones."""
     for made in logs.recover_all(setup.recordings):
         yield _log_line(clock, _recovered(made))
     utc = utc_ns(clock) / 1e9

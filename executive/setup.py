@@ -12,28 +12,29 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Setup:
-    """A robot, its tasks and how they are run. The settings have the same defaults.
+    """The set-up: a robot, its tasks, and the options of runs. The settings have the same defaults.
 
     Attributes:
         robot: Robot file, or a robot; None for the shipped Arduinobot.
-        port: Serial port, or `virtual`; empty for none, None for the port of the robot file.
+        port: Serial port, or `virtual`; empty for no port; None for the port of the robot file.
         trees: Folder with task files of your own; None for the shipped tasks only.
-        reload: True if each goal takes the latest valid task files, False if they are read once.
+        reload: True if each goal uses the latest valid task files; False if they are read once.
         recordings: Folder for recordings.
         recording_timeout: Longest time that a frame waits for the recording of the previous frame
-            [s]; then the motion ends.
+            [s]. Then the motion ends.
         keep_days: Age at which a recording is deleted [days]; None for never.
-        keep_mb: Size of all recordings [MB]; beyond it the oldest are deleted. None for no limit.
+        keep_mb: Largest size of all recordings [MB]. Beyond it, the oldest are deleted. None for no
+            limit.
         seed: Seed of planning.
         workers: Number of planner processes.
-        planning_timeout: Longest time a planner may take [s].
-        policy: What happens to a second goal.
-        result_timeout: How long the result of an ended goal is kept [s]; see `GoalQueue`.
-        single_user: True if only one caller sends goals. A goal then activates the arm, and what
-            follows it belongs to its recording until `Executive.finish_recording`.
-        activate: True to activate the arm at once, False to let a goal or a client activate it.
+        planning_timeout: Longest time of a planner [s].
+        policy: Policy for a second goal.
+        result_timeout: Time for which the result of an ended goal is kept [s]; see `GoalQueue`.
+        single_user: True if only one caller sends goals. A goal then activates the arm, and its
+            recording continues until `Executive.finish_recording`.
+        activate: True to activate the arm at once; False if a goal or a client activates it.
         pose: Position of the arm, confirmed by a person: `boot`, `last` for the last commanded
-            position, or None; needed if opening the port does not reset the board.
+            position, or None. Needed if opening the port does not reset the board.
     """
 
     robot: "Path | Robot | None" = None

@@ -18,7 +18,7 @@ from .api.outcome import GoalState, Outcome, cause_of
 from .errors import GoalCanceled, ResultTimeout, UnknownGoal
 from .executive import Executive
 
-_SLICE = 0.5  # longest single wait for an outcome, so that Ctrl-C is noticed [s]
+_SLICE = 0.5  # longest single wait for an outcome, to notice Ctrl-C [s]
 _NO_ARGUMENTS: Mapping[str, Any] = MappingProxyType({})
 
 
@@ -33,7 +33,7 @@ class TaskRunner:
         self._executive, self._stopped = executive, False
 
     def stop(self) -> None:
-        """Stop the arm; cancel the task that runs and those that follow. Any thread may call."""
+        """Stop the arm, and cancel the running and the remaining tasks. Any thread may call."""
         self._stopped = True
         self._executive.cancel()
 
@@ -48,14 +48,14 @@ class TaskRunner:
         Args:
             task: Number or name of the task, or a move.
             arguments: Values of its parameters, by name.
-            accepted: Called when the goal is accepted.
+            accepted: Callback when the goal is accepted.
 
         Returns:
-            The outcome, also that of a goal that was rejected.
+            The outcome, also of a rejected goal.
 
         Raises:
             UnknownTask: No task has that number or name.
-            TypeError: A value is of a type that no parameter has.
+            TypeError: A value has a type that no parameter accepts.
             KeyboardInterrupt: Ctrl-C was pressed. The goal has ended, and the arm has stopped.
         """
         number = task if isinstance(task, Move) else self._executive.library.number(task)
@@ -75,15 +75,15 @@ class TaskRunner:
         arguments: Mapping[str, str | Located],
         report: Callable[[Outcome], None],
     ) -> list[Outcome]:
-        """Start the executive, run tasks until one fails, then close the executive.
+        """Start the executive, run tasks until one fails, and close the executive.
 
-        Every task is validated first, as far as this is possible without the arm. The arm shuts
-        down before the last recording ends, so that the recording shows it.
+        Every task is first validated, as far as possible without the arm. The arm shuts down before
+        the last recording ends, so that the recording shows the shutdown.
 
         Args:
             tasks: Numbers of the tasks, or moves.
             arguments: Values of the parameters, by name.
-            report: Receives each outcome when its recording is complete.
+            report: Callback for each outcome, after its recording is complete.
 
         Returns:
             The outcomes of the tasks that began or were rejected.
@@ -118,15 +118,15 @@ class TaskRunner:
         if answer.cause:
             return Outcome.of(number_of(task), GoalState.ABORTED, answer.cause)
         accepted()
-        if self._stopped:  # before the goal was sent
+        if self._stopped:  # Ctrl-C came before the goal was sent
             self._executive.cancel(answer.identity)
         while True:
-            # A Ctrl-C just before the wait does not end the wait: the next slice raises it.
+            # A Ctrl-C just before the wait does not end the wait. The next wait raises it.
             with suppress(ResultTimeout):
                 return self._executive.result(answer.identity, _SLICE)
 
     def _finish(self, outcome: Outcome) -> Outcome:
-        """Finish the recording of a goal; return its outcome, with what is wrong with the file."""
+        """Finish the recording of a goal. Return its outcome, with an error of the file."""
         try:
             self._executive.finish_recording()
         except logs.LogError as error:
@@ -141,7 +141,7 @@ class TaskRunner:
 
 
 def _text(name: str, value: object) -> str:
-    """Return an argument as text, as it is written in a task file."""
+    """Return an argument as text for a task file."""
     try:
         return value if isinstance(value, str) else json.dumps(value)
     except TypeError as error:

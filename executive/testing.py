@@ -26,7 +26,7 @@ from .task_runner import TaskRunner
 
 
 class SharedPool(Pool):
-    """Planners that several executives use in turn. Only the first `start` starts them."""
+    """Planners for several executives, one after the other. Only the first `start` starts them."""
 
     _started = False
 
@@ -44,7 +44,7 @@ class _Script:
         self._answers = answers
 
     def ask(self, question: Question) -> None:
-        """Give the next answer, if any is left."""
+        """Give the next answer, if there is one."""
         if self._answers:
             words = self._answers.pop(0)
             assert question.answer(words), f"{words} is not an answer to: {question}"
@@ -54,7 +54,7 @@ class _Script:
 
 
 class SimulatedArm:
-    """An arm on the virtual board. Its time jumps whenever every thread waits.
+    """An arm on the virtual board, in simulated time, which jumps when all threads wait.
 
     Args:
         trees: Folder with task files of your own; None for the shipped tasks only.
@@ -62,8 +62,8 @@ class SimulatedArm:
         robot: Robot file; None for the shipped robot.
 
     Attributes:
-        answers: Answers of the operator, one per question; further questions stay unanswered.
-        records: Everything that was recorded, in order.
+        answers: Answers of the operator, one per question. Further questions stay unanswered.
+        records: All records, in order.
         clock: The simulated clock.
 
     Raises:
@@ -143,5 +143,5 @@ class SimulatedArm:
 
     @property
     def frames(self) -> list[str]:
-        """The frames that were sent, as text; binary frames in hexadecimal digits."""
+        """The sent frames as text; binary frames in hexadecimal digits."""
         return [record.text for record in self.records if isinstance(record, logs.Sent)]

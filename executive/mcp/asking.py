@@ -1,7 +1,7 @@
-"""Questions to the person behind a client, which the protocol calls elicitation.
+"""Questions to the person behind a client ("elicitation" in the protocol).
 
-Until 2025-11-25 the server asks in the middle of a call. From 2026-07-28 on a call ends with the
-question, and the client repeats the call with the answer.
+In protocol version 2025-11-25 and earlier, the server asks during a call. From version 2026-07-28
+on, a call ends with the question, and the client repeats the call with the answer.
 """
 
 import json
@@ -27,7 +27,7 @@ class MustRepeat(Exception):
     """The client must repeat the call with an answer.
 
     Attributes:
-        result: What the call returns until then.
+        result: Result of the present call.
     """
 
     def __init__(self, result: InputRequiredResult) -> None:
@@ -61,7 +61,7 @@ class Person:
 
     @property
     def state(self) -> Mapping[str, Any]:
-        """What `ask` got as `state` before the call was repeated; empty for a first call.
+        """The `state` that `ask` received before the call was repeated; empty for a first call.
 
         The SDK encrypts it, so a client cannot forge it.
         """
@@ -70,7 +70,7 @@ class Person:
 
     @property
     def answer(self) -> str | None:
-        """The answer that a repeated call brings; None if the person gave none."""
+        """The answer in a repeated call; None if the person gave no answer."""
         return _words((self.params.input_responses or {}).get(_KEY))
 
     async def ask(self, text: str, choices: Sequence[str], state: Mapping[str, Any]) -> str | None:
@@ -79,10 +79,10 @@ class Person:
         Args:
             text: The question.
             choices: Possible answers; empty for any text.
-            state: What a repeated call needs to continue.
+            state: State for the repeated call.
 
         Returns:
-            The answer, or None if the person gives none.
+            The answer, or None if the person gives no answer.
 
         Raises:
             MustRepeat: The client must repeat the call with the answer.

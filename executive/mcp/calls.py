@@ -1,4 +1,4 @@
-"""Answers calls of tools, as a client of the server of the arm."""
+"""Answers calls of tools. It is a client of the arm's server."""
 
 import asyncio
 import base64
@@ -36,7 +36,7 @@ _YES, _NO = "yes, activate it", "no"
 
 
 class NotDone(Exception):
-    """The goal of a call did not succeed; the message says why."""
+    """The goal of a call did not succeed. The message has the cause."""
 
 
 class Calls:
@@ -44,10 +44,10 @@ class Calls:
 
     Args:
         client: Client of the server.
-        connect: Returns another client, for a goal that outlives the call.
+        connect: Callback that returns another client, for a goal that outlives the call.
         held: The goals of this process.
         person: The person behind the client.
-        robot: Robot of the drawings; None for none.
+        robot: Robot for drawings, or None.
     """
 
     def __init__(
@@ -84,7 +84,7 @@ class Calls:
     async def plan_task(
         self, task: int | str, arguments: Mapping[str, Any] | None = None
     ) -> Content:
-        from .picture import picture  # its planner and matplotlib take seconds to import
+        from .picture import picture  # slow to import: the planner and matplotlib take seconds
 
         planned = await self._client.plan(task, arguments)
         held = await self._client.robot()
@@ -201,7 +201,7 @@ class Calls:
         return words
 
     async def _goal(self, goal_id: str) -> GoalStatus:
-        """Return a goal, or the one under way."""
+        """Return a goal by id, or the goal under way."""
         if goal_id:
             return await self._client.goal(goal_id)
         if found := (await self._client.status()).goal:
@@ -234,7 +234,7 @@ def _lines(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _plan_words(planned: PlannedTask) -> str:
-    """Return how a planned task would end, or why it would not."""
+    """Return words for the predicted end of a planned task."""
     end = planned.events[-1]
     assert isinstance(end, GoalStatus)
     assert end.outcome

@@ -18,12 +18,12 @@ async def follow(client: AsyncClient, goal_id: str, person: Person, wait: float)
     Args:
         client: Client of the server.
         goal_id: Id of the goal.
-        person: Who is asked.
+        person: Person who answers questions.
         wait: Longest time to wait for the end of the goal [s].
 
     Returns:
-        Its state when it has ended, when the time is over, or when it asks a question that the
-        client cannot show to a person.
+        Its state at its end, at the end of the time, or at a question that the client cannot show
+        to a person.
 
     Raises:
         MustRepeat: The client must repeat the call with the answer to a question.
@@ -51,12 +51,12 @@ async def follow(client: AsyncClient, goal_id: str, person: Person, wait: float)
 
 
 class _Run:
-    """What happens while a goal runs.
+    """The run of a goal, followed by its events.
 
     Args:
         client: Client of the server.
         goal_id: Id of the goal.
-        person: Who is asked.
+        person: Person who answers questions.
     """
 
     def __init__(self, client: AsyncClient, goal_id: str, person: Person) -> None:
@@ -66,7 +66,7 @@ class _Run:
         self._asking: dict[str, asyncio.Task[None]] = {}
 
     async def take(self, event: Event) -> bool:
-        """Take an event; return False for a question that the client cannot show."""
+        """Process an event. Return False for a question that the client cannot show."""
         match event:
             case logs.Goal():
                 self._ours = event.goal_id == self._goal_id
@@ -77,7 +77,7 @@ class _Run:
         return True
 
     async def _report(self, feedback: logs.Feedback) -> None:
-        """Report progress, which may only grow."""
+        """Report progress. It never decreases."""
         if (percentage := feedback.percentage or 0) > self._percentage:
             self._percentage = percentage
             message = " ".join(filter(None, (feedback.phase, feedback.node)))
@@ -107,10 +107,10 @@ class _Run:
         text = f"The task asks: {question.text}"
         words = await self._person.ask(text, question.choices, state)
         if words is not None:
-            with suppress(ClientError):  # another person was quicker
+            with suppress(ClientError):  # another person has answered first
                 await self._client.answer(question.question_id, words)
 
     def close(self) -> None:
-        """Ask no longer."""
+        """Withdraw open questions."""
         for task in self._asking.values():
             task.cancel()

@@ -43,9 +43,9 @@ logger = logging.getLogger(__name__)
 
 NAME = "armtree"
 RATE, BURST = 5.0, 20.0  # calls per second and at once; stops are not counted
-_NO_TOKEN = "none"  # an empty one would be replaced by that of the user
-_MAX_ARGUMENTS = 48 * 1024  # bytes; the server of the arm takes a little more
-_MAX_BODY = 256 * 1024  # bytes of a request over HTTP
+_NO_TOKEN = "none"  # not empty, because an empty token is replaced by the user's
+_MAX_ARGUMENTS = 48 * 1024  # largest arguments [bytes]; the arm's server accepts a little more
+_MAX_BODY = 256 * 1024  # largest request over HTTP [bytes]
 _MAX_SESSIONS = 16
 _INSTRUCTIONS = (
     "Tools of a real robot arm. Check or plan a task before you run it. run_task, resume and "
@@ -60,7 +60,7 @@ class Tools:
 
     Args:
         url: URL of the server of the arm.
-        robot: Robot of the drawings; None for none.
+        robot: Robot for drawings, or None.
         allow_move: True to offer `move`.
     """
 
@@ -79,7 +79,7 @@ class Tools:
     async def call(
         self, context: _Context, params: CallToolRequestParams
     ) -> CallToolResult | InputRequiredResult:
-        """Answer a call. Every error is words for the model."""
+        """Answer a call. Errors become words for the model."""
         try:
             return await self._answer(context, params)
         except MustRepeat as question:
@@ -90,7 +90,7 @@ class Tools:
             return CallToolResult(content=[TextContent(text=str(error))], is_error=True)
         except Mismatch as error:
             return _refusal(BadRequest(str(error), "correct the arguments"))
-        except Exception:  # the outermost place of a call
+        except Exception:  # catches every error of a call
             logger.exception("a bug in armtree")
             return _refusal(InternalError("the log has more"))
 
@@ -120,7 +120,7 @@ def make_server(url: str, robot: Robot | None = None, allow_move: bool = False) 
 
     Args:
         url: URL of the server of the arm.
-        robot: Robot of the drawings; None for none.
+        robot: Robot for drawings, or None.
         allow_move: True to offer `move`.
     """
     tools = Tools(url, robot, allow_move)
@@ -131,7 +131,7 @@ def make_server(url: str, robot: Robot | None = None, allow_move: bool = False) 
         on_list_tools=tools.list,
         on_call_tool=tools.call,
     )
-    # Encrypts what a client must send back with the answer to a question.
+    # Encrypts the state that a client must send back with the answer to a question.
     server.middleware.append(
         RequestStateBoundary(RequestStateSecurity.ephemeral(), default_audience=NAME)
     )
@@ -151,7 +151,7 @@ def listen(port: int) -> socket.socket:
         port: TCP port; 0 for any.
 
     Raises:
-        AddressInUse: Another program listens there.
+        AddressInUse: Another program listens on this port.
     """
     try:
         return socket.create_server((ADDRESS, port))
@@ -163,14 +163,14 @@ def listen(port: int) -> socket.socket:
 async def serve_http(make: Callable[[], Server[Any]], url: str, listener: socket.socket) -> None:
     """Serve clients of this machine over HTTP, until a signal comes.
 
-    A client sends the token of the server of the arm as `Authorization: Bearer TOKEN`; without it,
-    it can do what any program on this machine can: read and stop. Clients with the token of this
-    user have a server of their own, so that others cannot use up its sessions or its calls.
+    A client sends the token of the arm's server as `Authorization: Bearer TOKEN`. Without the
+    token, it can only read and stop, like any program on this machine. Clients with the token of
+    this user have their own server, so that others cannot use up its sessions or calls.
 
     Args:
-        make: Makes a server.
+        make: Callback that makes a server.
         url: URL of the server of the arm.
-        listener: What `listen` returned.
+        listener: Socket from `listen`.
     """
     import uvicorn
     from starlette.applications import Starlette
@@ -205,10 +205,10 @@ async def serve_http(make: Callable[[], Server[Any]], url: str, listener: socket
 
 
 def _as_json(arguments: Mapping[str, Any] | None) -> Any:
-    """Return arguments as the server of the arm would read them.
+    """Return arguments in the form in which the arm's server reads them.
 
     Raises:
-        Mismatch: They are not JSON, nested too deeply, or too large.
+        Mismatch: The arguments are not JSON, nested too deeply, or too large.
     """
     try:
         text = json.dumps(arguments or {}, ensure_ascii=False, allow_nan=False).encode()
@@ -242,9 +242,9 @@ def _refusal(error: ArmtreeError) -> CallToolResult:
 
 
 def _token(context: _Context) -> str | None:
-    """Return the token that a client sent over HTTP; None for a client that started this process.
+    """Return the token of a client over HTTP; None for a client that started this process.
 
-    Such a client runs as the user, whose own token is used.
+    Such a client runs as this user, and uses the user's token.
     """
     headers = getattr(context.request, "headers", None)
     if headers is None:

@@ -13,11 +13,11 @@ from logs.records.records import RunRecord
 from logs.views.run_figure import draw
 from logs.views.timeline import timeline_of
 
-_DPI = 140  # models scale larger pictures down
+_DPI = 140  # largest size, because models scale larger pictures down
 
 
 def picture(events: Sequence[Event], robot: Robot | None) -> bytes:
-    """Return a picture of what a run would do, a PNG.
+    """Return a picture of a planned run, as PNG.
 
     Args:
         events: Events of the planned task.

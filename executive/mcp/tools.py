@@ -1,4 +1,4 @@
-"""Every tool of `armtree mcp`, one row each. The method of `Calls` with its name answers a call."""
+"""The tools of `armtree mcp`, one row each. The method of `Calls` with its name answers calls."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -14,12 +14,12 @@ class Tool:
 
     Attributes:
         name: Name of the tool, and of the method that answers.
-        description: What a language model reads of it.
+        description: Description for language models.
         properties: Schema of every argument, by name.
         required: Arguments that must be given.
-        reads: True if it changes nothing.
+        reads: True if it only reads.
         moves: True if the arm may move, so that clients ask a person before they call it.
-        repeatable: True if a second call with the same arguments changes nothing more.
+        repeatable: True if a second call with the same arguments has no further effect.
         limited: True if the rate limit applies.
     """
 
@@ -41,7 +41,7 @@ class Tool:
 _read = partial(Tool, reads=True)
 _move = partial(Tool, moves=True, repeatable=False)
 
-WAIT = 50.0  # default of `wait_s`: clients often give a call 60 s
+WAIT = 50.0  # default of `wait_s`, because clients often limit a call to 60 s
 
 _TASK = {"task": s.TASK_OR_NAME}
 _CALL = {**_TASK, "arguments": {**s.ARGUMENTS, "description": "Values, as describe_task says."}}

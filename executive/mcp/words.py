@@ -1,4 +1,4 @@
-"""What tools answer: words for the model, and JSON of tasks and runs."""
+"""The answers of tools: words for the model, and JSON of tasks and runs."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -68,7 +68,7 @@ def goal_words(
 
 
 def run_lines(row: Mapping[str, Any], window: Mapping[str, Any]) -> Iterator[str]:
-    """Explain how a recorded run ended, line by line.
+    """Explain the end of a recorded run, line by line.
 
     Args:
         row: Its row in the list of recordings.

@@ -1,6 +1,6 @@
-"""A dry run: a task is checked and its motions are planned, and nothing moves.
+"""A dry run: checks a task and plans its motions. Nothing moves.
 
-It has the events that a run would have, so every view of a run shows it.
+It has the events of a run, so every view of a run can show it.
 """
 
 import uuid
@@ -24,11 +24,11 @@ from .task_motions import task_motions
 
 @dataclass(frozen=True)
 class DryRun:
-    """What a dry run has found.
+    """The result of a dry run.
 
     Attributes:
-        events: Events of the run, with times since its begin [s]: its goal, its plans, schedules
-            and frames, and how it ends.
+        events: Events of the run, with times since its begin [s]: goal, plans, schedules, frames
+            and result.
         unknown: A message for each motion that is known only in a run.
         worlds: The world during each motion.
     """
@@ -45,7 +45,7 @@ def dry_run(
     arguments: Mapping[str, Located],
     start: tuple[float, ...],
 ) -> DryRun:
-    """Check a task and plan its motions. Blocks until all is planned, or a motion is refused.
+    """Check a task and plan its motions. Blocks until all are planned or one is refused.
 
     Args:
         context: Robot, planners, their seed and timeout, and the world before the task.
@@ -85,11 +85,11 @@ def dry_run(
 
 
 def _play(context: Context, query: Query, begin: float, events: list[Event]) -> float:
-    """Plan a motion, check its frames, and add its events; return when it ends [s].
+    """Plan a motion, check its frames, and add its events. Return the time of its end [s].
 
     Raises:
         MotionError: There is no such motion, or its frames would collide.
-        HardwareError: It cannot be compiled to frames.
+        HardwareError: The motion cannot be compiled to frames.
     """
     robot, start = context.robot, tuple(query.start)
     query = replace(query, timeout=context.timeout)

@@ -18,15 +18,15 @@ from .task_motions import Motion
 from .world_file import check_world, read_world
 
 _STEP = 0.005  # time between two points of the curves [s]
-_MOST_POINTS = 20_000  # most points of the curves, for a motion that takes hours
+_MOST_POINTS = 20_000  # largest number of points of the curves, for motions of hours
 
 
 class Explanation:
     """Plans and draws each motion of a request, and explains it.
 
     Args:
-        request: What to plan.
-        world: JSON file with a list of bodies, as `World.plain` writes them; None for no bodies.
+        request: The motions to plan.
+        world: JSON file with a list of bodies, in the form of `World.plain`; None for no bodies.
         output: PNG, SVG or PDF file to write. Further motions are written to files beside it, with
             a number in their names.
 
@@ -46,7 +46,7 @@ class Explanation:
             self._motions, self._unknown = request.motions(self._planner, self._bodies)
 
     def lines(self) -> Iterator[str]:
-        """Plan and draw each motion; yield the explanation line by line.
+        """Plan and draw each motion. Yield the explanation line by line.
 
         Raises:
             MotionError: A motion cannot be planned.
@@ -67,7 +67,7 @@ class Explanation:
             yield str(picture)
 
     def to_json(self) -> dict[str, Any]:
-        """Plan and draw each motion; return all of them [rad, m, s].
+        """Plan and draw each motion. Return all motions as JSON objects [rad, m, s].
 
         Raises:
             MotionError: A motion cannot be planned.

@@ -19,7 +19,7 @@ from skills.motion import World
 from skills.motion.collision.link_outlines import convex_outlines
 from skills.motion.collision.planning_scene import PlanningScene
 
-POSES = 14  # drawn poses of one motion
+POSES = 14  # largest number of drawn poses of a motion
 _MOST_POSES = 4 * POSES
 
 
@@ -54,7 +54,7 @@ class _Motion:
     commanded: list[dict[str, float]] = field(default_factory=list)
 
     def add(self, plan: Plan) -> None:
-        """Add the plan of a group. It has the valid start positions of its own joints."""
+        """Add the plan of a group. Its start positions are valid for its own joints."""
         own = {name: q for name, q in plan.start.items() if name in plan.joints}
         self.start = plan.start | self.start | own
 
@@ -82,7 +82,7 @@ def scenes_in(records: Iterable[object], robot: Robot) -> list[Scene]:
     """Return one scene per world, also without bodies. Bodies with a mesh are not drawn.
 
     Args:
-        records: Events of a run; only goals, plans and sent frames matter.
+        records: Events of a run. Only goals, plans and sent frames are used.
         robot: Description of the robot.
 
     Raises:
@@ -96,7 +96,7 @@ def scenes_in(records: Iterable[object], robot: Robot) -> list[Scene]:
 
 @dataclass
 class _InWorld:
-    """The motions in one world, by number; and its bodies as they were recorded."""
+    """The motions in one world, by number, and the recorded bodies."""
 
     world: Sequence[Mapping[str, Any]]
     motions: dict[int, _Motion] = field(default_factory=dict)

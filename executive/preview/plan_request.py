@@ -1,4 +1,4 @@
-"""What the arguments of `armtree plan` mean: joints, a pose, a point for the tool, or a task."""
+"""The arguments of `armtree plan`: joints, a pose, a point for the tool, or a task."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -38,9 +38,9 @@ class PlanRequest:
             all motions that are known before a run. Joints that are not named stay at the start.
         group: Group that moves; None for the group of the named joints, else the arm.
         seed: Seed of the planner.
-        start: Start, in the form of `words`, but not a task. Joints that are not named are in
-            the start pose of the robot file.
-        via: Waypoints, each as `start`. Joints that are not named stay as at the start.
+        start: Start, in the form of `words`, but not a task. Other joints are in the start pose of
+            the robot file.
+        via: Waypoints, each in the form of `start`. Other joints stay at the start.
         tool: Further inputs for a point of the tool: values of TOOL_PORTS, by port.
     """
 
@@ -54,9 +54,9 @@ class PlanRequest:
     tool: Mapping[str, str] = field(default_factory=dict)
 
     def motions(self, planner: Planner, world: World) -> tuple[list[Motion], list[str]]:
-        """Return the motions to plan; each starts at the end of the previous one.
+        """Return the motions to plan. Each one starts at the end of the previous one.
 
-        Also return a message for each motion of a task whose goal is known only in a run.
+        Also returns a message for each motion of a task whose goal is known only in a run.
 
         Raises:
             BadTarget, OutOfBounds: Goal or start cannot be read, or are invalid.
@@ -120,7 +120,7 @@ class PlanRequest:
         return tuple(target.values())
 
     def _group_of(self, named: Mapping[str, float]) -> str:
-        """Return the group that all named joints belong to."""
+        """Return the group of all named joints."""
         for group, members in self.robot.groups.items():
             if named.keys() <= set(members):
                 return group
@@ -149,10 +149,10 @@ class _Reader:
         """Return the positions of the joints that the words name.
 
         Args:
-            words: As in PlanRequest.
+            words: The words, as in PlanRequest.
             start: Position of every actuated joint.
             tool: Further inputs for a point of the tool.
-            goal: True if the words are the goal, False if they are the value of an option.
+            goal: True if the words are the goal; False if they are the value of an option.
         """
         also = [TASK] if goal else []
         read = read_words(words, self.robot, self.poses, also, quoted=not goal)

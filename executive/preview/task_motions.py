@@ -12,7 +12,7 @@ from trees.compile.node_paths import paths
 
 
 class Solver(Protocol):
-    """What a prediction asks of a planner. Both may raise a MotionError."""
+    """Interface to the planner of a prediction. Both methods may raise a MotionError."""
 
     def carry(self, request: Carry) -> Body:
         """Return a body at the same pose, attached to another link."""
@@ -29,9 +29,9 @@ class Motion:
 
     Attributes:
         query: The planning query.
-        left_out: Bodies that are missing in its world, because their place is known only in a run.
+        left_out: Bodies that are left out of its world, because their pose is known only in a run.
         assumed_start: True if the start is known only in a run. The query then starts at the end of
-            the motion before it.
+            the previous motion.
         node: Path of the node with the target; empty if no task has it.
     """
 
@@ -50,7 +50,7 @@ def task_motions(
     seed: int,
     wanted: str | None = None,
 ) -> tuple[list[Motion], list[str]]:
-    """Return the motions of a task, group by group. As in a run, the gripper moves after the arm.
+    """Return the motions of a task, by group. As in a run, the gripper moves after the arm.
 
     Args:
         tree: The checked task.
@@ -59,11 +59,11 @@ def task_motions(
         position: Configuration before the task [rad].
         world: World before the task.
         seed: Seed of the planner.
-        wanted: Group whose motions are returned; None for those of all groups.
+        wanted: Group of the returned motions; None for all groups.
 
     Returns:
-        The motions, without those of groups that are at their target already, unless there is no
-        other; and a message for each motion whose target is known only in a run.
+        The motions, and a message for each motion whose target is known only in a run. Groups that
+        are already at their target are left out if another group moves.
 
     Raises:
         FileError: A skill refuses an input.

@@ -29,7 +29,7 @@ def read_world(file: Path) -> World:
         lines = data.decode(errors="replace").splitlines() if error.line else []
         place = Place(file, error.line, error.column, lines=lines)
         raise BadWorldFile([Mistake(place, f"is not JSON: {error.why}")]) from error
-    except ValueError as error:  # of the path
+    except ValueError as error:  # an error of the path
         raise BadWorldFile.at(file, str(error)) from error
 
 

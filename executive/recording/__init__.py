@@ -1,1 +1,1 @@
-"""Recordings of goals: what is recorded, with everything that verification needs."""
+"""Recordings of goals, with all data for verification."""

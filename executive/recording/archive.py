@@ -1,7 +1,7 @@
 """The robot and the world of a run: saved in a recording as notes and files, and restored.
 
-The attachments hold the robot's files and all meshes; notes hold values that are in no file. A
-recording restores both without any file of the machine it was made on.
+Attachments have the robot's files and all meshes. Notes have values that are not in a file. A
+recording restores both without other files.
 """
 
 import json
@@ -23,9 +23,9 @@ from logs import Attachment, Recording, RecordingError, pack
 from skills.motion import World
 
 _NOTE = "robot"
-_making = threading.Lock()  # a cache may make a value twice
-MAX_MESHES = 2**26  # most bytes of the meshes of a robot in one recording
-_MAX_RATE = 1000.0  # of frames; a motion of ten minutes has 600,000 [Hz]
+_making = threading.Lock()  # a cache may compute a value twice
+MAX_MESHES = 2**26  # largest total size of the meshes of a robot in a recording [bytes]
+_MAX_RATE = 1000.0  # largest rate of frames [Hz]; a motion of ten minutes then has 600,000
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +36,7 @@ class RobotMeshes:
         names: Name of the attachment by the name in the URDF.
         files: Attachments by name. The meshes that only a viewer needs are left out if they would
             exceed `MAX_MESHES`.
-        left_out: Why the meshes of collision shapes are left out; empty if they are not.
+        left_out: Reason that meshes of collision shapes are left out; empty if they are attached.
     """
 
     names: Mapping[str, str]
@@ -45,10 +45,10 @@ class RobotMeshes:
 
 
 def archive_meshes(robot: Robot) -> RobotMeshes:
-    """Return the meshes that the URDF of a robot names, each once. Missing ones are left out."""
+    """Return the meshes in the URDF of a robot, each once. Missing meshes are left out."""
     names, files, size = dict[str, str](), dict[str, Attachment](), 0
     for name, collides in robot.description.meshes().items():
-        with suppress(UrdfError, OSError):  # the planner reports it
+        with suppress(UrdfError, OSError):  # the planner reports the error
             path = robot.mesh(name)
             data = read_file(path, MAX_MESH_BYTES)
             attached = _mesh_name(path, data)
@@ -71,7 +71,7 @@ def _mesh_name(path: Path, data: bytes) -> str:
 
 
 def robot_note(robot: Robot, meshes: RobotMeshes) -> dict[str, str]:
-    """Return which attachments describe the robot, and the firmware's values."""
+    """Return the note that names the robot's attachments and the firmware's values."""
     figures = {name: _plain(value) for name, value in _figures(robot).items()}
     files = {"calibration": robot.calibration.name} if robot.calibration else {}
     return files | {
@@ -85,10 +85,10 @@ def robot_note(robot: Robot, meshes: RobotMeshes) -> dict[str, str]:
 
 
 def restore_robot(recording: Recording) -> Robot:
-    """Return the robot as it was recorded.
+    """Return the recorded robot.
 
     Raises:
-        RecordingError: The recording does not hold it.
+        RecordingError: The recording does not contain the robot.
         DescriptionError: The recorded description is invalid.
     """
     try:
@@ -110,12 +110,12 @@ def restore_robot(recording: Recording) -> Robot:
 
 
 def extract_robot(recording: Recording, folder: Path) -> list[Path]:
-    """Write the robot file, the URDF and the meshes of a recording to a folder; return the files.
+    """Write the robot file, URDF and meshes of a recording to a folder. Return the files.
 
     The URDF names the meshes beside it, so viewers find them.
 
     Raises:
-        RecordingError: The recording does not hold the robot.
+        RecordingError: The recording does not contain the robot.
         OSError: A file cannot be written.
     """
     robot, meshes = restore_robot(recording), _attached_meshes(recording)
@@ -149,7 +149,7 @@ def _attached_meshes(recording: Recording) -> dict[str, str]:
 
 
 def robot_files_changed(recording: Recording) -> bool:
-    """Return whether the attached robot files differ from those the run used."""
+    """Return True if the attached robot files differ from the files of the run."""
     note = recording.notes[_NOTE]
     return note.get("sha256") != _digest(*(recording.files[name] for name in _robot_files(note)))
 
@@ -160,7 +160,7 @@ def _robot_files(note: Mapping[str, str]) -> list[str]:
 
 
 def _figures(robot: Robot) -> dict[str, Any]:
-    """Return the values of the firmware that may differ from those of the present armtree."""
+    """Return the values of the firmware that may differ between versions of armtree."""
     figures = asdict(robot.firmware)
     del figures["abilities"], figures["bauds"], figures["words"]
     return figures
@@ -184,11 +184,11 @@ def archive_world(world: World) -> tuple[tuple[dict[str, Any], ...], Mapping[str
 
 
 def restore_world(bodies: Iterable[Mapping[str, Any]], files: Mapping[str, bytes]) -> World:
-    """Return a world as it was recorded.
+    """Return a recorded world.
 
     Args:
         bodies: The recorded bodies.
-        files: Attachments of the recording, by name; they hold the meshes.
+        files: Attachments of the recording with the meshes, by name.
 
     Raises:
         BadWorld: The recorded world is invalid.
@@ -203,7 +203,7 @@ def _with_mesh(body: Mapping[str, Any], files: Mapping[str, bytes]) -> Mapping[s
 
 
 def _restored_mesh(name: str, files: Mapping[str, bytes]) -> Path | None:
-    """Return a file with the content of an attachment, or None if there is none of that name."""
+    """Return a file with the content of an attachment, or None if there is no such attachment."""
     if name not in files:
         return None
     path = _restored_files() / Path(name).name
@@ -212,7 +212,7 @@ def _restored_mesh(name: str, files: Mapping[str, bytes]) -> Path | None:
 
 
 def _write(path: Path, data: bytes) -> None:
-    """Write a file at once: other threads may restore it, and read it, at the same time."""
+    """Write a file atomically, because other threads may restore or read it at the same time."""
     with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as part:
         part.write(data)
     Path(part.name).replace(path)
@@ -222,7 +222,7 @@ def _write(path: Path, data: bytes) -> None:
 def _load(
     files: tuple[tuple[str, bytes], ...], firmware: str, meshes: tuple[tuple[str, Path], ...]
 ) -> Robot:
-    named = (str(path).encode() for _, path in meshes)  # the name holds a digest
+    named = (str(path).encode() for _, path in meshes)  # the name contains a digest
     folder = _restored_files() / _digest(*(data for _, data in files), *named)
     folder.mkdir(exist_ok=True)
     for name, data in files:
@@ -234,7 +234,7 @@ def _load(
 
 
 def _firmware_values(robot: Robot, recorded: str) -> dict[str, Any]:
-    """Return the recorded values of the firmware; values of a newer armtree are ignored.
+    """Return the recorded values of the firmware. Values of a newer armtree are ignored.
 
     Raises:
         ValueError: A value has the wrong type, or is out of range.
@@ -256,14 +256,14 @@ def _same_type(value: Any, known: Any) -> bool:
 
 
 def _in_range(name: str, value: Any) -> bool:
-    """Return whether a value is a text, or a number that costs no memory and no time."""
+    """Return True if a value is a text, or a number small enough to be harmless."""
     if isinstance(value, str):
         return True
     return 0 < value <= _MAX_RATE if name == "rate" else bool(value >= 0)
 
 
 def _restored_files() -> Path:
-    """Folder for restored files; it is deleted when this process ends."""
+    """Folder for restored files. It is deleted at the end of this process."""
     with _making:
         return Path(_folder().name)
 

@@ -6,31 +6,31 @@ from collections.abc import Callable
 
 from hardware import ArmEvent, BytesReceived, CommandSent, FrameSent, Measured, Measurement
 
-# A smaller change of a resting arm is noise: [rad], [C], [V].
+# Largest change of a resting arm that counts as noise: [rad], [C], [V].
 _CHANGES = {"position": math.radians(0.5), "temperature": 1.0, "voltage": 0.5}
-_LONGEST = 10.0  # a resting arm is recorded at least this often [s]
+_LONGEST = 10.0  # longest time between records of a resting arm [s]
 
 
 class Exchanges:
-    """Drops the exchanges with a board that measures the same as before.
+    """Drops exchanges with a board whose measurement has not changed.
 
-    A resting arm is polled several times a second, and measures the same each time. An
-    exchange is a request, the bytes of its answers, and the measurement. It is recorded as a whole
-    if a frame was sent before it, if the measurement has changed, if 10 s have passed, or if the
-    answer is not complete. Everything else is recorded at once. Thread-safe.
+    A resting arm is polled several times a second, usually with equal measurements. An exchange is
+    a request, the bytes of its answers, and the measurement. It is recorded as a whole if a frame
+    was sent before it, if the measurement has changed, if 10 s have passed, or if the answer is
+    incomplete. All other events are recorded at once. Thread-safe.
 
     Args:
-        record: Records an event.
+        record: Callback that records an event.
     """
 
     def __init__(self, record: Callable[[ArmEvent], None]) -> None:
         self._record = record
         self._held: list[ArmEvent] = []  # the exchange so far
-        self._last: Measured | None = None  # last one recorded; None if the next one is recorded
+        self._last: Measured | None = None  # last recorded measurement; None to record the next one
         self._lock = threading.RLock()
 
     def restart(self) -> None:
-        """Record the next exchange: a new recording begins."""
+        """Record the next exchange, because a new recording begins."""
         with self._lock:
             self._last = None
 
@@ -39,7 +39,7 @@ class Exchanges:
         with self._lock:
             match event:
                 case CommandSent(request=True):
-                    self._release()  # the answer to the request before was not complete
+                    self._release()  # the answer to the previous request was incomplete
                     self._held.append(event)
                 case BytesReceived():
                     self._held.append(event)

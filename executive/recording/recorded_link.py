@@ -10,15 +10,15 @@ from .recordings import Recordings
 
 logger = logging.getLogger(__name__)
 
-# A longer wait for the recording is reported, at most once in this time [s].
+# Longest wait for the recording without a report, and shortest time between two reports [s].
 _REPORTED, _AT_MOST_EVERY = 0.05, 1.0
 
-# Longest time that a stop waits for the recording of the frame before it.
+# Longest time that a stop waits for the recording of the previous frame.
 _HOLD_WAITS = 0.002  # [s]
 
 
 class RecordedLink:
-    """A link whose frames wait for the recording of the frames before them.
+    """A link. Each frame waits for the recording of the earlier frames.
 
     Args:
         link: Link to the board.
@@ -30,8 +30,8 @@ class RecordedLink:
     def __init__(self, link: Link, recordings: Recordings, clock: Clock, timeout: float) -> None:
         self._link, self._recordings, self._clock = link, recordings, clock
         self._timeout = timeout
-        self._since: float | None = None  # when the next frame began to wait [s]
-        self._quiet_until = 0.0  # when the next report is due [s]
+        self._since: float | None = None  # begin of the wait of the next frame [s]
+        self._quiet_until = 0.0  # time of the next report [s]
 
     @property
     def port(self) -> str:
@@ -43,17 +43,17 @@ class RecordedLink:
         self._link.open()
 
     def ready(self, timeout: float) -> bool:
-        """Return whether every frame was recorded, so that the next one may be sent.
+        """Return True if every frame was recorded. Then the next one may be sent.
 
         Args:
-            timeout: Longest time to wait for that now [s].
+            timeout: Longest time to wait in this call [s].
 
         Raises:
-            RecordingBehind: It took longer than the time that a frame waits.
+            RecordingBehind: The total wait of the frame is too long.
         """
         begin = self._clock.now()
         if self._since is None:
-            self._recordings.write_time()  # until now
+            self._recordings.write_time()  # the wait until now
         recorded = self._recordings.caught_up(timeout)
         if recorded and self._since is None:
             return True
@@ -68,7 +68,7 @@ class RecordedLink:
         return recorded
 
     def write(self, data: bytes) -> None:
-        """Send bytes. A stop comes at any time; other frames come when the link is `ready`.
+        """Send bytes. A stop may come at any time. Other frames come when the link is `ready`.
 
         Raises:
             LinkError: The link failed.
@@ -84,7 +84,7 @@ class RecordedLink:
         """Close the link.
 
         Args:
-            discard: True to discard bytes that are not sent yet.
+            discard: True to discard unsent bytes.
         """
         self._link.close(discard)
 

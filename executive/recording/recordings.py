@@ -1,4 +1,4 @@
-"""Recordings of goals: opens and finishes them, and writes what happens into the open one."""
+"""Recordings of goals: opens and finishes them, and writes records to the open one."""
 
 import errno
 import logging
@@ -23,33 +23,33 @@ from .versions import versions
 
 logger = logging.getLogger(__name__)
 
-_SERVER = "server"  # in the name of a server's own recording
+_SERVER = "server"  # word in the name of a server's own recording
 
-# Most recordings that may be unfinished, because each has open files; then the next goal waits.
+# Largest number of unfinished recordings, because each has open files. The next goal then waits.
 _UNFINISHED = 64
-_AT_ONCE = 4  # recordings finished in parallel; each mostly waits for the disk
+_AT_ONCE = 4  # number of recordings finished in parallel; each mostly waits for the disk
 
-_EARLY = 1000  # most log lines kept until a recording is opened
+_EARLY = 1000  # largest number of log lines kept until a recording is opened
 
 
 def is_server_recording(recording: Path) -> bool:
-    """Return whether a recording is a server's own, by its name."""
+    """Return True if a recording is a server's own, by its name."""
     return recording.stem.endswith(f"-{_SERVER}")
 
 
 class Recordings:
-    """One recording per goal; each record goes to the open recording and to the subscriber.
+    """Makes one recording per goal. Each record goes to the open recording and the subscriber.
 
-    A server has one more recording, of what happens between goals: it is open while no goal runs.
-    Log lines from before the first recording are written at its start.
+    A server has one more recording for events between goals. It is open while no goal runs. Log
+    lines from before the first recording are written at its start.
 
     Args:
         folder: Folder for recordings.
         robot: The robot.
         clock: Time source.
-        watch: Callback for every record; called from any thread, must be fast.
-        failed: Callback for a recording error; called from another thread.
-        configuration: Settings that affect a run, by name; noted in every recording.
+        watch: Callback for every record, from any thread. It must be fast.
+        failed: Callback for a recording error, from another thread.
+        configuration: Settings that affect a run, by name. Every recording contains them.
 
     Attributes:
         path: Path of the open recording; empty if none is open.
@@ -77,7 +77,9 @@ class Recordings:
         self._meshes: set[str] = set()  # names of the meshes in the open recording
         self._exchanges = Exchanges(self._record_arm_event)
         self._early = deque[logs.LogLine](maxlen=_EARLY)
-        self._counting = threading.RLock()  # held to count frames, and to change the recorder
+        self._counting = (
+            threading.RLock()
+        )  # lock for the count of frames and changes of the recorder
         self._state = State.UNCONFIGURED.value  # state of the arm's lifecycle
         self.path = ""
         self.frames = 0
@@ -86,7 +88,7 @@ class Recordings:
         """Open the server's own recording.
 
         Raises:
-            LogError: It cannot be created.
+            LogError: The recording cannot be created.
         """
         self._compaction = shared_process()
         self._recorder = self._server = recorder = self._create(_SERVER)
@@ -97,12 +99,12 @@ class Recordings:
 
         Args:
             goal: Status of the goal.
-            name: Name of its task; of a move, what it is.
+            name: Name of its task, or words of a move.
             seed: Seed of the planners.
             tree: The goal's tree, whose files are attached; None if it could not be built.
 
         Raises:
-            LogError: It cannot be created.
+            LogError: The recording cannot be created.
         """
         recorder = self._create("move" if goal.task == logs.MOVE else goal.task)
         with self._counting:
@@ -138,16 +140,16 @@ class Recordings:
         logs.check_space(self._folder)
 
     def flush(self) -> None:
-        """Wait until everything in the open recording was written to the operating system.
+        """Wait until all records of the open recording were written to the operating system.
 
         Raises:
-            LogError: It cannot be recorded.
+            LogError: A record cannot be written.
         """
         if self._recorder:
             self._recorder.flush()
 
     def goal_ended(self) -> None:
-        """Finish the recording of a goal in the background; reopen the server's own."""
+        """Finish the recording of a goal in the background. Reopen the server's own recording."""
         with self._counting:
             recorder, self._recorder, self.path = self._recorder, self._server, ""
             self.frames = 0
@@ -162,7 +164,7 @@ class Recordings:
         """Finish the open recordings.
 
         Raises:
-            LogError: Something is missing from one of them.
+            LogError: A recording is incomplete.
         """
         recorders = [self._recorder, self._server]
         self._recorder, self._server, self.path, self.frames = None, None, "", 0
@@ -178,7 +180,7 @@ class Recordings:
         except logs.LogError as error:
             logger.error("%s", error)
             self._errors.append(error)
-        except Exception:  # the outermost frame of this thread
+        except Exception:  # catches every error of this thread
             logger.exception("a bug in armtree")
 
     def record(self, record: logs.Record) -> None:
@@ -197,8 +199,8 @@ class Recordings:
 
         Args:
             identity: Identity of the goal.
-            make: Returns the outcome, given the number of frames recorded before it, and the path
-                of the recording.
+            make: Callback that returns the outcome, from the number of frames before it and the
+                path of the recording.
         """
         with self._counting:  # a stop may repeat a frame at any time
             outcome = make(self.frames, self.path)
@@ -209,21 +211,21 @@ class Recordings:
         return outcome
 
     def caught_up(self, timeout: float) -> bool:
-        """Return whether every recorded frame was written to the operating system.
+        """Return True if every recorded frame was written to the operating system.
 
         Args:
-            timeout: Longest time to wait for it [s].
+            timeout: Longest time to wait for this [s].
         """
         recorder = self._recorder
         return recorder is None or recorder.caught_up(timeout)
 
     def write_time(self) -> float:
-        """Return the time that writes took since the last call [s], also one so far."""
+        """Return the duration of writes since the last call [s], including an unfinished write."""
         recorders = {self._recorder, self._server} - {None}
         return max((each.write_time() for each in recorders if each), default=0.0)
 
     def on_arm_event(self, event: ArmEvent) -> None:
-        """Record an event of the arm. Exchanges with a board that measures may come later."""
+        """Record an event of the arm. Exchanges with a measuring board may be recorded later."""
         if self._robot.can(Ability.MEASURE):
             self._exchanges.take(event)
         else:
@@ -250,7 +252,7 @@ class Recordings:
             yield self._early.popleft()
 
     def _setup(self, tree: Tree | None) -> list[logs.Item]:
-        """Return everything that a recording needs to be viewed and verified by itself."""
+        """Return all items that a recording needs for viewing and verification."""
         urdf, files, notes = self._robot_items
         task = tree.files if tree else {}
         return [
@@ -265,7 +267,7 @@ class Recordings:
 
     @cached_property
     def _robot_meshes(self) -> RobotMeshes:
-        """The meshes of the robot, which are read once."""
+        """The meshes of the robot. They are read once."""
         meshes = archive_meshes(self._robot)
         if meshes.left_out:
             logger.warning("%s", meshes.left_out)
@@ -273,7 +275,7 @@ class Recordings:
 
     @cached_property
     def _robot_items(self) -> tuple[str, list[logs.Attachment], list[logs.Note]]:
-        """Return the URDF, the robot's files and the notes, which are read once."""
+        """Return the URDF, the robot's files and the notes. They are read once."""
         robot = self._robot
         files = [
             logs.Attachment(path.name, "text/plain", path.read_bytes()) for path in robot.files

@@ -1,4 +1,4 @@
-"""Versions of the code that plans and frames depend on."""
+"""Versions of all code that affects plans and frames."""
 
 import hashlib
 import platform
@@ -25,7 +25,7 @@ _SCHEDULING = (
 
 @cache
 def versions() -> dict[str, str]:
-    """Return versions by name; for our own code, digests of the files that affect the result.
+    """Return versions by name. For armtree's own code, returns digests of the relevant files.
 
     Two installations with equal entries give equal plans and frames for equal queries.
     """

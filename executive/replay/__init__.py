@@ -1,1 +1,1 @@
-"""Verification of recordings, sending one again, and the tree of a recorded run."""
+"""Replay: verification of recordings, sending frames again, and the tree of a recorded run."""

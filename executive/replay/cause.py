@@ -1,4 +1,4 @@
-"""Finds the source of a difference: contradictions in a recording, and new versions."""
+"""Finds the source of a difference: a contradiction in a recording, or a new version."""
 
 import json
 from collections.abc import Collection, Iterator, Sequence
@@ -16,18 +16,20 @@ from trees.nodes import KINDS
 
 from .recorded_run import RecordedRun
 
-# Entries of `versions` that affect plans.
+# Entries of `versions` that can affect plans.
 PLANNING = ("planner", "numpy", "pin", "coal", "python", "machine", "system")
 
 
 def source(recording: Recording, entries: Collection[str]) -> str:
-    """Return the source of a difference that no contradiction explains, in words.
+    """Return in words the source of a difference without a contradiction.
 
     Args:
         recording: The recording.
         entries: Entries of `versions` that could be the source.
     """
-    if (part := recording.changed) and part != f"note {DIGESTS}":  # missing digests name no part
+    if (
+        part := recording.changed
+    ) and part != f"note {DIGESTS}":  # missing digests do not name a part
         return f"the recording: {part} was changed or removed after the run"
     if new := changes(recording, entries):
         return f"version: {new}"
@@ -42,7 +44,7 @@ def changes(recording: Recording, entries: Collection[str]) -> str:
 
 
 def contradiction(run: RecordedRun) -> str:
-    """Return the first contradiction within a recording, in words; empty if there is none."""
+    """Return the first contradiction within a recording in words; empty if there is none."""
     if robot_files_changed(run.recording):
         return "description: the robot's files differ from those of the run"
     goals = [record for record in run.records if isinstance(record, Goal)]
@@ -74,7 +76,7 @@ def _seed(plan: Plan, goals: Sequence[Goal]) -> str:
 
 
 def _task(plan: Plan, targets: dict[str, set[float]]) -> str:
-    # A goal of wrong length is recorded, too.
+    # A goal of wrong length is also recorded.
     for joint, value in zip(plan.joints, plan.goal, strict=False):
         if joint in targets and value not in targets[joint]:
             spelled = ", ".join(f"{target:g}" for target in sorted(targets[joint]))
@@ -83,7 +85,7 @@ def _task(plan: Plan, targets: dict[str, set[float]]) -> str:
 
 
 def _targets(recording: Recording) -> dict[str, set[float]]:
-    """Return the values that the task gives each joint; empty if it computes a goal."""
+    """Return the values of each joint in the task; empty if the task computes a goal."""
     leaves, kinds = _skills(recording), known_skills()
     planners = {name for name, kind in kinds.items() if kind.plans_goal}
     copiers = {name for name, kind in kinds.items() if kind.copies_targets}
@@ -93,7 +95,9 @@ def _targets(recording: Recording) -> dict[str, set[float]]:
         if skill in planners or not goals & set(map(str, ports.values())):
             continue
         spelled = [value for value in ports.values() if isinstance(value, dict)]
-        if skill not in copiers or len(spelled) < len(ports) - 1:  # all but the goal it writes
+        if (
+            skill not in copiers or len(spelled) < len(ports) - 1
+        ):  # all inputs except the goal that it writes
             return {}
         for joint, value in chain.from_iterable(group.items() for group in spelled):
             if isinstance(value, float):
@@ -102,9 +106,9 @@ def _targets(recording: Recording) -> dict[str, set[float]]:
 
 
 def _skills(recording: Recording) -> list[tuple[str, dict[str, Any]]]:
-    """Return all skills of the resolved task, each with its ports; empty if it cannot be read.
+    """Return all skills of the resolved task with their ports; empty if it cannot be read.
 
-    Any program may have written the file: it may be nested deeper than Python's stack.
+    Any program may have written the file, so it may be nested too deep for Python's stack.
     """
     try:
         tree = json.loads(recording.files.get(RESOLVED, b"{}"), parse_int=float)

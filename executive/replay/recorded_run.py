@@ -1,4 +1,4 @@
-"""A recorded run, as every check of it sees it: its records, read once, and its robot."""
+"""A recorded run for all checks: its robot, and its records, which are read once."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,8 +16,8 @@ class RecordedRun:
 
     Attributes:
         recording: The recording.
-        records: Its records that a check compares, in file order.
-        robot: The robot as it was recorded.
+        records: Its records for checks, in file order.
+        robot: The recorded robot.
     """
 
     recording: Recording
@@ -28,10 +28,10 @@ class RecordedRun:
     def planner(self) -> Planner:
         """The planner for the robot. A run without a plan may lack the meshes for it.
 
-        It is made once: the folder of the robot's files is named by their content.
+        It is made once, because the folder of the robot's files is named by their content.
 
         Raises:
-            ModelUnusable: The robot cannot be planned for.
+            ModelUnusable: The robot is unusable for planning.
         """
         key = str(self.robot.path)
         if key not in _planners:
@@ -44,7 +44,7 @@ class RecordedRun:
 
     @cached_property
     def joints_difference(self) -> str:
-        """The first plan or schedule that is not for the joints of the robot, in words."""
+        """Error of the first plan or schedule for other joints than the robot's, or ""."""
         robot = self.robot
         actuated = {joint.name for joint in robot.actuated}
         for record in self.records:

@@ -12,7 +12,7 @@ def tree_of(path: Path) -> Entry:
     """Return the tree of a run.
 
     Args:
-        path: The recording; it may be cut off.
+        path: The recording. It may be cut off.
 
     Raises:
         RecordingError: The recording cannot be read, or holds no tree.

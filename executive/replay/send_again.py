@@ -21,7 +21,7 @@ from skills.merged_motion import MergedMotion
 from skills.streamed_motion import StreamedMotion
 
 _ROUNDING = 1e-6  # [rad]
-_FIRST_NUMBER = 1000  # a replay of task 1 is task 1001
+_FIRST_NUMBER = 1000  # offset of task numbers: a replay of task 1 is task 1001
 
 _TASK = """\
 task: {number}
@@ -63,7 +63,7 @@ def write_replay_task(recording: Path, speed: float, robot: Robot, folder: Path)
 
     Args:
         recording: Path of the recording.
-        speed: 1 for the recorded times, less for slower.
+        speed: Factor of the speed; 1 for the recorded times, at most 1.
         robot: Robot that runs the task.
         folder: Folder to write the task file to.
 
@@ -94,7 +94,7 @@ def write_replay_task(recording: Path, speed: float, robot: Robot, folder: Path)
 def _start_of(recording: Recording) -> tuple[int, dict[str, float]]:
     """Return the number of the recorded task, and the start of its first motion [rad].
 
-    Reads all frames, so that a file that cannot be read is refused before the run.
+    Reads all frames, to refuse an unreadable file before the run.
     """
     number, start = 0, None
     for record in recording.records(RecordedGoal, RecordedSchedule, RecordedFrame):
@@ -112,7 +112,7 @@ def _start_of(recording: Recording) -> tuple[int, dict[str, float]]:
 def _setpoints(path: Path, robot_file: Path) -> tuple[Setpoint, ...]:
     """Return the frames of a recording without holds, encoded for this robot.
 
-    Each has its scheduled time, counted from the first frame [s]. Pauses between schedules stay.
+    Each frame has its scheduled time from the first frame [s]. Pauses between schedules remain.
 
     Raises:
         NotReplayable: This arm cannot play the frames at these times.
@@ -147,7 +147,7 @@ def _setpoints(path: Path, robot_file: Path) -> tuple[Setpoint, ...]:
 
 
 def _motions(path: Path) -> list[tuple[RecordedSchedule, list[RecordedFrame]]]:
-    """Return the schedules of a recording that were started, each with its frames."""
+    """Return the started schedules of a recording, each with its frames."""
     motions: list[tuple[RecordedSchedule, list[RecordedFrame]]] = []
     for record in Recording(path).records(RecordedSchedule, RecordedFrame):
         if isinstance(record, RecordedSchedule):

@@ -1,7 +1,7 @@
 """Verifies from a recording alone that its run can be repeated exactly.
 
-Plan to frames: the recorded motion, compiled again, gives the frames that were sent.
-Goal to plan: the recorded queries, planned again, give the recorded plans.
+Plan to frames: the recorded motion, compiled again, must give the sent frames. Goal to plan: the
+recorded queries, planned again, must give the recorded plans.
 """
 
 import json
@@ -51,8 +51,8 @@ class Check:
     Attributes:
         question: Name of the check.
         holds: True if the recording equals the repeated result.
-        words: What was compared, or the first difference.
-        source: Where the difference comes from; empty if there is none.
+        words: The compared things, or the first difference.
+        source: Source of the difference; empty if there is none.
     """
 
     question: str
@@ -68,9 +68,9 @@ class Verification:
     Attributes:
         path: The recording.
         checks: Both checks; empty if the file cannot be verified.
-        error: Why it cannot be verified, or what is missing or changed in it; else empty.
+        error: Reason that it cannot be verified, or its missing or changed part; else empty.
         code: Stable code of the error.
-        motion: Duration of the motions that were compiled again [s].
+        motion: Total duration of the motions that were compiled again [s].
     """
 
     path: Path
@@ -110,7 +110,7 @@ class Verification:
 
 
 def verify(path: Path) -> Verification:
-    """Verify one recording; plan in this process."""
+    """Verify one recording. Plan in this process."""
     try:
         recording = Recording(path)
         records = tuple(recording.records(Sent, Schedule, Plan, Goal, Result, NodeStatus))
@@ -129,13 +129,13 @@ def verify(path: Path) -> Verification:
 
 
 def verify_all(paths: Sequence[Path], jobs: int) -> Iterator[Verification]:
-    """Verify recordings in several processes; yield the results in the order of the paths.
+    """Verify recordings in several processes. Yield the results in the order of the paths.
 
     Args:
         paths: The recordings.
         jobs: Number of processes.
     """
-    # As in the planners of a run: with one thread, sums are always added in the same order.
+    # One thread, as in the planners of a run, because then sums always have the same order.
     os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     pool = ProcessPoolExecutor(min(jobs, len(paths)), get_context("spawn"))
     try:
@@ -145,7 +145,7 @@ def verify_all(paths: Sequence[Path], jobs: int) -> Iterator[Verification]:
 
 
 def _without_ctrl_c(pool: ProcessPoolExecutor, paths: Sequence[Path]) -> Iterator[Verification]:
-    """Start processes that ignore Ctrl-C: a child inherits the signals that are blocked here."""
+    """Start processes that ignore Ctrl-C. A child process inherits the signals blocked here."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         return pool.map(verify, paths)
@@ -155,7 +155,7 @@ def _without_ctrl_c(pool: ProcessPoolExecutor, paths: Sequence[Path]) -> Iterato
 
 def _checks(recording: Recording, records: tuple[Record, ...]) -> tuple[Check, ...]:
     topic, wrong = inconsistency(recording)
-    if not records and not recording.whole:  # it may lack its robot
+    if not records and not recording.whole:  # the recording may lack its robot
         words = wrong or "the file was cut before the first record"
         return tuple(Check(question, not wrong, words) for question in (_FRAMES, _PLANS))
     run = RecordedRun(recording, records, restore_robot(recording))

@@ -1,4 +1,4 @@
-"""Plan to frames: compiles the recorded motions again and compares them with the frames sent.
+"""Plan to frames: compiles the recorded motions again, and compares them with the sent frames.
 
 Each function returns the first difference in words, or an empty string if there is none.
 """
@@ -33,7 +33,7 @@ def frames_difference(run: RecordedRun) -> str:
 
 
 def _goal_difference(run: RecordedRun) -> str:
-    """Find a missing goal or result; only a server's own recording has neither."""
+    """Find a missing goal or result. Only a server's own recording has neither."""
     recording, records = run.recording, run.records
     if not recording.whole:
         return ""
@@ -52,11 +52,11 @@ def _goal_difference(run: RecordedRun) -> str:
 def _motions_difference(robot: Robot, records: Sequence[Record], whole: bool) -> str:
     """Compile every motion of a run again and compare frames, positions and times.
 
-    A motion that was stopped is correct if the frames sent are the beginning of its schedule,
-    followed by a hold.
+    A stopped motion is correct if the sent frames are the beginning of its schedule, followed by a
+    hold.
 
     Args:
-        robot: The robot as it was recorded.
+        robot: The recorded robot.
         records: The records, in file order.
         whole: False if the recording lacks its end.
     """
@@ -82,12 +82,11 @@ def _motions_difference(robot: Robot, records: Sequence[Record], whole: bool) ->
 
 
 def _stopped(parts: Sequence[Sequence[Record]], whole: bool) -> Iterator[bool]:
-    """Yield for each part whether the recording shows that its motion was stopped early.
+    """Yield for each part True if the recording shows an early stop of its motion.
 
     A motion was stopped if there is a hold, or if the node that sent its schedule failed or did not
-    end. That node is a leaf. It runs when the schedule is compiled, or starts to run in the same
-    tick; all changes of a tick have the same time. A recording without its end may end within that
-    tick.
+    end. That node is a leaf. It runs when the schedule is compiled, or starts in the same tick. All
+    changes of a tick have the same time. An incomplete recording may end within that tick.
     """
     changes = [record for part in parts for record in part if isinstance(record, NodeStatus)]
     inner = {change.path.rpartition("/")[0] for change in changes}
@@ -125,9 +124,9 @@ def _positions_difference(robot: Robot, sent: Iterable[Sent]) -> str:
 
 
 def _holds_difference(records: Iterable[Record], last: bytes | None) -> str:
-    """Check that each hold repeats the frame before it.
+    """Check that each hold repeats the previous frame.
 
-    A server's own recording lacks the frames of goals, so a goal makes the last frame unknown.
+    A server's own recording has no frames of goals, so the last frame after a goal is unknown.
     """
     elsewhere = False
     for record in records:
@@ -145,7 +144,7 @@ def _holds_difference(records: Iterable[Record], last: bytes | None) -> str:
 
 
 def _compiled(robot: Robot, recorded: Schedule) -> tuple[Compiled | None, str]:
-    """Compile a schedule again; return it and the first difference.
+    """Compile a schedule again. Return it and the first difference.
 
     The schedule is None if it differs, or if its frames were not planned.
     """
@@ -211,7 +210,7 @@ def _sent_difference(schedule: Schedule, sent: Sequence[Sent], stopped: bool) ->
 def _timing_difference(schedule: Schedule, sent: Sequence[Sent], stopped: bool) -> str:
     """Check that each frame was due at its scheduled time, and was not sent earlier."""
     moving = [frame for frame in sent if not frame.hold]
-    # How late the frame before was sent, and by how much late frames shifted the schedule [s].
+    # Lateness of the previous frame, and total delay of the schedule by late frames [s].
     before, shifted = 0.0, 0.0
     for number, (due, frame) in enumerate(zip(schedule.times, moving, strict=False), 1):
         first, scheduled = moving[0].scheduled, frame.scheduled
@@ -221,10 +220,12 @@ def _timing_difference(schedule: Schedule, sent: Sequence[Sent], stopped: bool) 
             return f"frame 1: {moving[0].text} was due before its schedule was compiled"
         passed = due - schedule.times[0]
         late = scheduled - first - passed - shifted
-        if 1 / schedule.rate_hz - _TOLERANCE < late <= before + _TOLERANCE:  # as the streamer does
+        if (
+            1 / schedule.rate_hz - _TOLERANCE < late <= before + _TOLERANCE
+        ):  # the same rule as in the streamer
             shifted, late = shifted + late, 0.0
         before = frame.time - scheduled
-        if late < -_TOLERANCE or (late > _TOLERANCE and not stopped):  # a stop may brake
+        if late < -_TOLERANCE or (late > _TOLERANCE and not stopped):  # a stop may slow down first
             return (
                 f"frame {number}: {frame.text} was due {passed:.6f} s after the first, "
                 f"but {scheduled - first:.6f} s is recorded"
@@ -251,7 +252,7 @@ def _commanded_difference(compiled: Compiled | None, sent: Iterable[Sent]) -> st
 
 
 def result_difference(records: Sequence[Record]) -> str:
-    """Check each result against itself, its goal, the frames sent and the tree.
+    """Check that each result agrees with itself, its goal, the sent frames and the tree.
 
     Args:
         records: The records, in file order.
@@ -282,7 +283,7 @@ def result_difference(records: Sequence[Record]) -> str:
 
 
 def _state_difference(result: Result, root: str) -> str:
-    """Check a result's state against its code and the root's last status ("" without a tree)."""
+    """Check that a result's state agrees with its code and the root's last status, if any."""
     done = result.state == GoalState.SUCCEEDED.name
     canceled = result.state == GoalState.CANCELED.name
     found = (result.success, result.code == OK, result.code == GoalCanceled.code)

@@ -15,7 +15,7 @@ from skills.motion.errors import PlanCanceled, PlanTimeout, WorkerDied
 
 from .recorded_run import RecordedRun
 
-# A busy machine must not fail a plan; the timeout has no influence on the motion.
+# Long timeout, so that a busy machine does not fail a plan. It does not affect the motion.
 _TIMEOUT = 120.0  # [s]
 
 # Failures that depend on the machine's load, not on the query.
@@ -35,7 +35,7 @@ def plans_difference(run: RecordedRun) -> str:
             words = words and f"plan {number} ({record.group}): {words}"
         elif isinstance(record, Schedule) and record.groups:
             start = run.start(record)
-            if before and record.resumed is not None:  # the motion before was paused
+            if before and record.resumed is not None:  # the previous motion was paused
                 rest = before.rest(record.resumed, start)
                 plans = (run.planner.rest(p) if isinstance(p, Rest) else p for p in rest)
                 planned |= {plan.group: plan for plan in plans}
@@ -50,7 +50,7 @@ def plans_difference(run: RecordedRun) -> str:
 
 
 def _plan(run: RecordedRun, recorded: Plan) -> Planned | MotionError | None:
-    """Return the answer to a recorded query; None if the recorded answer is not repeatable."""
+    """Plan a recorded query again. Return None if the recorded answer is not repeatable."""
     if recorded.code in _BY_CHANCE:
         return None
     try:

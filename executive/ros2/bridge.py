@@ -19,11 +19,13 @@ from .goals import Goals
 
 _CLIENT = "armtree-ros2"
 _KINDS = "status", "feedback", "sent", "measured", "lifecycle"
-_PAUSE_SECONDS = 0.5  # between two attempts to reach the server
-LOST_SECONDS = 2.0  # without a server, until its goals count as aborted, and a new one is refused
+_PAUSE_SECONDS = 0.5  # time between two attempts to reach the server
+LOST_SECONDS = (
+    2.0  # time without a server until its goals count as aborted and new goals are refused
+)
 _SEEN_SECONDS = 2.0  # longest time from the acceptance of a goal to its first event
-_END_SECONDS = 1.5  # longest time for the goals of this process to end with it
-_TASKS_SECONDS = 3.0  # time between two lists of tasks, whose files may change
+_END_SECONDS = 1.5  # longest time for the end of this process's goals at its end
+_TASKS_SECONDS = 3.0  # time between two reads of the list of tasks, because files may change
 
 
 class Bridge:
@@ -39,9 +41,9 @@ class Bridge:
         robot: Robot of the arm.
         tasks: Tasks of the server.
         arm: State of the hardware; empty if the server does not answer.
-        on_goal: Called with each new state of a goal.
-        on_event: Called with each other event.
-        on_tasks: Called when the tasks have changed.
+        on_goal: Callback for each new state of a goal.
+        on_event: Callback for every other event.
+        on_tasks: Callback after a change of the tasks.
     """
 
     def __init__(self, url: str, robot: Robot, log: Any) -> None:
@@ -64,7 +66,7 @@ class Bridge:
         await self.client.close()
 
     async def run(self) -> None:
-        """Follow the server, whenever it answers."""
+        """Follow the server while it answers. Reconnect after a loss."""
         told, losing = "", list[asyncio.TimerHandle]()
         while True:
             try:
@@ -87,7 +89,7 @@ class Bridge:
             await asyncio.sleep(_PAUSE_SECONDS)
 
     async def follow_tasks(self) -> None:
-        """Read the list of tasks, every few seconds while the server answers."""
+        """Read the list of tasks every few seconds while the server answers."""
         while True:
             await asyncio.sleep(_TASKS_SECONDS)
             if self.arm:
@@ -95,14 +97,14 @@ class Bridge:
                     await self._read_tasks()
 
     async def send(self, task: int | str, goal_id: str = "") -> GoalStatus:
-        """Send a goal, which is canceled if this process ends, or loses the server.
+        """Send a goal. It is canceled if this process ends or loses the server.
 
         Args:
-            task: Number or name of the task, which gets its default arguments.
+            task: Number or name of the task. It gets its default arguments.
             goal_id: 32 hexadecimal digits; empty for random ones.
 
         Raises:
-            ClientError: The server refuses it, or does not answer.
+            ClientError: The server refuses the goal, or does not answer.
         """
 
         def post(client: AsyncClient, identity: str) -> Any:
@@ -133,12 +135,12 @@ class Bridge:
             await asyncio.wait(ends, timeout=_END_SECONDS)
 
     def _lose(self) -> None:
-        """End the goals; cancel those of this process, which the server may still run."""
+        """End the goals. Cancel those of this process, because the server may still run them."""
         self._release()
         self.goals.lose()
 
     def _release(self) -> None:
-        """Stop to hold the goals of this process, so that the server cancels them."""
+        """Stop holding the goals of this process, so that the server cancels them."""
         for identity in tuple(self._held.tasks):
             self._held.release(identity)
 

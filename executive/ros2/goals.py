@@ -1,4 +1,4 @@
-"""The goals of a server, as its events report them."""
+"""The goals of a server, from its events."""
 
 import asyncio
 from collections.abc import Callable
@@ -7,14 +7,14 @@ from dataclasses import replace
 from executive.api.outcome import GoalState, GoalStatus, Outcome, cause_of
 from executive.errors import ServerLost
 
-MOST_ENDED = 100  # goals that have ended, and are listed
+MOST_ENDED = 100  # number of ended goals in the list
 
 
 class Goals:
     """The goals under way, and the last ones that ended, in the order of acceptance.
 
     Args:
-        changed: Called after every change.
+        changed: Callback after every change.
 
     Attributes:
         known: Goals by id.
@@ -27,7 +27,7 @@ class Goals:
         self._seen: dict[str, asyncio.Future[GoalStatus]] = {}
 
     def take(self, goal: GoalStatus) -> None:
-        """Take the state of a goal, unless a later one is known, or its end."""
+        """Store the state of a goal, unless a later state or its end is known."""
         before = self.known.get(goal.identity)
         if before and (before.outcome or before.state.value >= goal.state.value):
             return
@@ -41,16 +41,16 @@ class Goals:
         self._changed(goal)
 
     async def seen(self, identity: str) -> GoalStatus:
-        """Wait until a goal is known; return its state."""
+        """Wait until a goal is known. Return its state."""
         return self.known.get(identity) or await self._wait(self._seen, identity)
 
     async def end(self, identity: str) -> GoalStatus:
-        """Wait for the end of a known goal; return its state."""
+        """Wait for the end of a known goal. Return its state."""
         goal = self.known[identity]
         return goal if goal.outcome else await self._wait(self._ends, identity)
 
     def lose(self, remaining: frozenset[str] = frozenset()) -> None:
-        """End the goals under way, because the server has gone, or does not know them any more.
+        """End the goals under way, because the server is gone or has forgotten them.
 
         Args:
             remaining: Goals that are still under way.

@@ -1,4 +1,4 @@
-"""The ROS 2 of this process: the one that is sourced, or the one that `make ros2` installs."""
+"""The ROS 2 of this process: a sourced one, or the one of `make ros2`."""
 
 import os
 import sys
@@ -8,7 +8,7 @@ from pathlib import Path
 
 FOLDER = Path(sys.prefix) / "ros2"
 DISCOVERY = "ROS_AUTOMATIC_DISCOVERY_RANGE"
-# Wheels restart the interpreter unless this is set, to set the variables of `environment`.
+# Without this variable, wheels restart the interpreter to set the variables of `environment`.
 _COMPLETE = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"
 
 
@@ -42,7 +42,7 @@ def environment(folder: Path = FOLDER) -> Mapping[str, str] | None:
 
 
 def stay_on_this_machine() -> bool:
-    """Find only nodes of this machine, unless the user has set another range.
+    """Limit discovery to nodes of this machine, unless the user has set another range.
 
     Returns:
         False if nodes of other machines are found.

@@ -21,9 +21,9 @@ _MESH = re.compile(r'filename="(?!\w+://)([^"]+)"')
 
 
 class Joints:
-    """Publishes the positions of the joints: measured if the board measures, else commanded.
+    """Publishes positions of the joints: measured ones if the board measures, else commanded.
 
-    `frame_id`, which joint states do not use, says which.
+    `frame_id` says which, because joint states do not use this field.
 
     Args:
         node: The node.
@@ -64,7 +64,7 @@ class Joints:
                 self._moved(dict(zip(event.joints, event.positions, strict=True)))
 
     def _moved(self, actuated: Mapping[str, float]) -> None:
-        """Take positions by actuated joint [rad]."""
+        """Publish positions by actuated joint [rad]."""
         names = [joint.name for joint in self._bridge.robot.actuated]
         if not actuated:
             return

@@ -20,11 +20,11 @@ from .bridge import Bridge
 from .node import Node
 
 _UNKNOWN = "unknown"
-_RAISE_ERROR = "raise_error"  # only the arm itself requests it
+_RAISE_ERROR = "raise_error"  # only the arm itself requests this transition
 
 
 class HardwareLifecycle:
-    """Serves the lifecycle of the arm as that of the node.
+    """Serves the lifecycle of the arm as the lifecycle of the node.
 
     Args:
         node: The node.

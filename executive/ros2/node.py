@@ -90,7 +90,8 @@ class Node:
         Args:
             kind: Type of the service.
             name: Name of the service.
-            answer: Fills the response to a request. It runs in the event loop, and may take long.
+            answer: Callback that fills the response to a request. It runs in the event loop, and
+                may take long.
 
         Returns:
             A function that withdraws the service.
@@ -101,7 +102,7 @@ class Node:
         async def fill(request: Any, response: Any, header: Any) -> None:
             try:
                 await answer(request, response)
-            except Exception:  # the outermost place of a request; the response is a failure
+            except Exception:  # catches every error of a request; the response is then a failure
                 logger.exception("a bug in armtree")
                 self.log.error("a bug in armtree; armtree ros2 --verbose shows where")
             if self._context.ok():
@@ -112,11 +113,11 @@ class Node:
             self._answering.add(task)
             task.add_done_callback(self._answering.discard)
 
-        # The executor of rclpy gives what the callback returned to `send_response`, at once.
+        # The executor of rclpy passes the result of the callback to `send_response` at once.
         service.send_response = lambda pair, header: self._loop.call_soon_threadsafe(
             start, pair, header
         )
-        # Elsewhere than on its thread, the executor could be waiting for the service.
+        # On its own thread, because on another one the executor could be waiting for the service.
         return lambda: self._executor.create_task(self._node.destroy_service, service)
 
     def _spin(self) -> None:

@@ -19,7 +19,7 @@ _NO_ACTION = (
 
 
 async def run(url: str, robot: Robot, arguments: Sequence[str] = ()) -> None:
-    """Run the node until Ctrl-C or SIGTERM; then cancel the goals that it sent.
+    """Run the node until Ctrl-C or SIGTERM. Then cancel the goals that it sent.
 
     Args:
         url: URL of the server of the arm.
@@ -38,7 +38,7 @@ async def run(url: str, robot: Robot, arguments: Sequence[str] = ()) -> None:
         try:
             done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
             for task in done:
-                task.result()  # raises what only a bug raises
+                task.result()  # raises the errors of bugs
             await bridge.end()
         finally:
             for task in tasks[1:]:

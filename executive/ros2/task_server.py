@@ -1,7 +1,7 @@
-"""The action server `task_server`: the protocol of ROS 2 actions, answered by the server's goals.
+"""The action server `task_server`: the protocol of ROS 2 actions for the server's goals.
 
-rclpy's own action server keeps the goals in its process. This one has no state of its own, so that
-it lists goals that others sent, and answers for goals that were sent before it started.
+rclpy's own action server keeps the goals in its process. This one has no state of its own.
+Therefore it also lists goals of other clients, and goals that were sent before its start.
 """
 
 from typing import Any
@@ -83,7 +83,7 @@ class TaskServer:
         self._publish_status(GoalStatusArray(status_list=listed))
 
     def _progressed(self, event: Event) -> None:
-        """Publish progress, which only grows; it is 0 % while planning."""
+        """Publish progress. It never decreases, and is 0 % while planning."""
         if not isinstance(event, logs.Feedback):
             return
         percentage = event.percentage or 0

@@ -1,4 +1,4 @@
-"""One service per task, for programs that lack the type of the action, and one that stops."""
+"""A service per task, for programs without the type of the action, and a service that stops."""
 
 import re
 from collections.abc import Callable
@@ -28,7 +28,7 @@ class Triggers:
         bridge.on_tasks.append(self._update)
 
     def _update(self) -> None:
-        """Offer the tasks that the server has now."""
+        """Offer the present tasks of the server."""
         offered = {service_name(task): task.name for task in self._bridge.tasks}.items()
         for service in self._withdraw.keys() - offered:
             self._withdraw.pop(service)()
@@ -58,5 +58,5 @@ class Triggers:
 
 
 def service_name(task: Task) -> str:
-    """Return the name of a task's service; what a name of ROS cannot hold becomes `_`."""
+    """Return the name of a task's service. Characters that ROS does not allow become `_`."""
     return f"~/run_{re.sub('[^A-Za-z0-9_]', '_', task.name)}"

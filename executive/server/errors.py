@@ -12,12 +12,12 @@ logger = logging.getLogger(__name__)
 
 
 def refusal(cause: Cause) -> JSONResponse:
-    """Return the answer to a request that is refused."""
+    """Return the answer to a refused request."""
     return JSONResponse(cause.to_json(), look_up(cause.code).http_status)
 
 
 def failure(error: Exception, path: str) -> JSONResponse:
-    """Return the answer to a request for a path that failed, and log a bug."""
+    """Return the answer to a request that failed. Log a bug."""
     cause = cause_of(error)
     if cause.code == InternalError.code:
         logger.error("Bug in armtree while answering %s", path, exc_info=error)

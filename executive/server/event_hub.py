@@ -1,4 +1,4 @@
-"""Events, passed from the executive's threads to the network's event loop and its subscribers."""
+"""The event hub: passes events from the executive's threads to the event loop and subscribers."""
 
 import asyncio
 import json
@@ -10,15 +10,15 @@ import logs
 from executive.api.events import Event, QuestionStatus, event_to_json, kind_of
 from executive.api.outcome import GoalStatus
 
-HEARTBEAT = 15.0  # a subscriber receives a comment after this time without an event [s]
-MAX_BACKLOG = 4 * 1024 * 1024  # unread bytes after which a subscriber is dropped
+HEARTBEAT = 15.0  # time without an event after which a subscriber receives a comment [s]
+MAX_BACKLOG = 4 * 1024 * 1024  # largest number of unread bytes of a subscriber
 
 
 class Subscriber:
     """The unread events of one client.
 
     Args:
-        kinds: Kinds of events it receives; empty for all.
+        kinds: Kinds of its events; empty for all.
         authenticated: True if the client has the token.
     """
 
@@ -43,11 +43,11 @@ class Subscriber:
         self._changed.set()
 
     async def take(self) -> bytes:
-        """Wait for events and return all unread ones.
+        """Wait for events and return all unread events.
 
         Returns:
-            The events, a comment if none came for `HEARTBEAT`, or nothing at the end of the stream
-            and for a dropped subscriber.
+            The events; a comment if no event came for `HEARTBEAT`; or no bytes at the end of the
+            stream and for a dropped subscriber.
         """
         if not self._ended:
             try:
@@ -62,7 +62,7 @@ class Subscriber:
 
 
 class EventHub:
-    """Takes events from any thread and passes them on in the event loop, in order.
+    """Accepts events from any thread, and passes them on in the event loop, in order.
 
     A new subscriber first receives the current state: the running goal, its nodes, its progress,
     its newest plans and schedule, its questions, and the last warning.
@@ -84,14 +84,14 @@ class EventHub:
         self.listeners: list[Callable[[Event], None]] = []
 
     def publish(self, event: Event) -> None:
-        """Take an event, from any thread."""
+        """Accept an event. Any thread may call."""
         self._arrived.append(event)
         if not self._scheduled:
             self._scheduled = True
             self._loop.call_soon_threadsafe(self._deliver)
 
     def subscribe(self, kinds: frozenset[str], authenticated: bool) -> Subscriber:
-        """Add a subscriber, which receives the current state first."""
+        """Add a subscriber. It first receives the current state."""
         subscriber = Subscriber(kinds, authenticated)
         for event in self._current.values():
             if not kinds or kind_of(event) in kinds:
@@ -100,7 +100,7 @@ class EventHub:
         return subscriber
 
     def end(self) -> None:
-        """Deliver what has arrived and end all streams; call it in the event loop."""
+        """Deliver the remaining events and end all streams. Call this in the event loop."""
         self._deliver()
         for subscriber in self.subscribers:
             subscriber.end()
@@ -154,7 +154,7 @@ class EventHub:
 
 
 def event_text(event: Event) -> bytes:
-    """Return an event that has a name, as a server-sent event."""
+    """Return an event with a name as a server-sent event."""
     fields = event_to_json(event)
     text = json.dumps(fields, allow_nan=False, separators=(",", ":"))
     return f"event: {fields['event']}\ndata: {text}\n\n".encode()

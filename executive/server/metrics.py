@@ -15,7 +15,7 @@ _LATENESS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.5)  # upper bounds of
 
 
 class _Gauges(Collector):
-    """Gauges that are read when Prometheus asks for them."""
+    """Gauges that are read at each request of Prometheus."""
 
     def __init__(self, snapshot: Callable[[], Status], subscribers: Callable[[], int]) -> None:
         self._snapshot, self._subscribers = snapshot, subscribers
@@ -51,8 +51,8 @@ class Metrics:
     """Counts events.
 
     Args:
-        snapshot: Returns the state of the executive.
-        subscribers: Returns the number of clients that watch the event stream.
+        snapshot: Callback that returns the state of the executive.
+        subscribers: Callback that returns the number of clients of the event stream.
     """
 
     def __init__(self, snapshot: Callable[[], Status], subscribers: Callable[[], int]) -> None:

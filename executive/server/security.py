@@ -1,4 +1,4 @@
-"""Who may call the server: Host, Origin and token, and headers that protect browsers."""
+"""Security of the server: Host, Origin and token, and headers that protect browsers."""
 
 import hmac
 import re
@@ -15,7 +15,7 @@ from executive.errors import Unauthorized, WrongHost, WrongOrigin
 from hardware.printable import printable
 
 _HAS_TOKEN = "has_token"  # key in a request's state
-MAX_CLIENT = 120  # characters of the name of a client
+MAX_CLIENT = 120  # largest number of characters of a client's name
 _HAS_PORT = re.compile(r"[^:]:\d+$")
 SECURITY_HEADERS = {
     "cache-control": "no-store",
@@ -27,19 +27,19 @@ SECURITY_HEADERS = {
 
 
 def client_of(headers: Headers) -> str:
-    """Return the name that a client gives, for the log and recordings; empty if it gives none."""
+    """Return the name of a client for the log and recordings; empty if it gives none."""
     return printable(headers.get("user-agent", "")[:MAX_CLIENT])
 
 
 @dataclass(frozen=True, slots=True)
 class AccessRules:
-    """Who may call.
+    """Rules of access to the server.
 
     Attributes:
         hosts: Accepted values of the Host header, in lower case.
         origins: Accepted values of the Origin header; requests without one are accepted too.
         token: Token for every request that changes something.
-        exposed: True if other machines can connect; reading then needs the token too.
+        exposed: True if other machines can connect. Reading then also needs the token.
     """
 
     hosts: frozenset[str]
@@ -48,7 +48,7 @@ class AccessRules:
     exposed: bool
 
     def check_source(self, headers: Headers, authority: str | None = None) -> None:
-        """Refuse requests of other sites' pages, and of names that DNS rebinding points here.
+        """Refuse requests of other sites' pages, and requests through DNS rebinding.
 
         Args:
             headers: Headers of the request.
@@ -95,7 +95,7 @@ class AccessRules:
 
 
 def mark_authenticated(scope: Scope) -> None:
-    """Note that a request contains the token."""
+    """Mark a request that contains the token."""
     scope["state"][_HAS_TOKEN] = True
 
 
@@ -109,7 +109,7 @@ def host_names(addresses: Iterable[str], port: int) -> frozenset[str]:
 
     Args:
         addresses: Names, IP addresses, or one of them with `:port`.
-        port: TCP port of those without one.
+        port: TCP port for addresses without a port.
     """
     known = {_bracketed(name.lower()) for name in addresses}
     without_port = {host for host in known if not _HAS_PORT.search(host)}
@@ -122,7 +122,7 @@ def is_loopback(address: str) -> bool:
     """Return True if only this machine can connect to an IP address.
 
     Raises:
-        ValueError: It is not an IP address.
+        ValueError: The text is not an IP address.
     """
     return ip_address(address).is_loopback
 
@@ -132,7 +132,7 @@ def _bracketed(name: str) -> str:
 
 
 def with_security_headers(send: Send) -> Send:
-    """Return a `send` that adds the headers against browsers' abuse to every answer."""
+    """Return a `send` that adds the security headers for browsers to every answer."""
 
     async def send_with_headers(message: Message) -> None:
         if message["type"] == "http.response.start":

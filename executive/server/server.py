@@ -39,22 +39,25 @@ from .sign_in import SignIn
 
 logger = logging.getLogger(__name__)
 
-_BACKLOG = 4096  # connections that the kernel keeps until they are accepted
-_LOOPBACK = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # by the address of all interfaces
-_ORIGIN = re.compile(r"https?://[a-z0-9._:\[\]-]+")  # as browsers send it
-_SEND_BUFFER = 128 * 1024  # bytes in flight to a client that does not read
+_BACKLOG = 4096  # connections that the kernel queues until they are accepted
+_LOOPBACK = {
+    "0.0.0.0": "127.0.0.1",
+    "::": "::1",
+}  # loopback address, by the address of all interfaces
+_ORIGIN = re.compile(r"https?://[a-z0-9._:\[\]-]+")  # pattern of an origin, as browsers send it
+_SEND_BUFFER = 128 * 1024  # largest number of bytes in flight to a client that does not read
 _SHUTDOWN_TIMEOUT = 0.05  # longest time for open answers at shutdown [s]
 
 
 @dataclass(frozen=True, slots=True)
 class ListenOptions:
-    """Where a server listens, and for which clients.
+    """Options of a server: its address and its clients.
 
     Attributes:
         address: IP address of the interface.
         port: TCP port; 0 for any free one.
         hosts: Names of the server besides its address.
-        origins: Origins of other sites' pages that may use it.
+        origins: Origins of other sites' pages that may use the server.
         expose: True if other machines may connect.
         rosbridge: True to serve rosbridge clients.
     """
@@ -70,7 +73,7 @@ class ListenOptions:
         """Check the options against each other.
 
         Raises:
-            ServerError: They are unsafe or invalid.
+            ServerError: The options are unsafe or invalid.
         """
         try:
             loopback = is_loopback(self.address)
@@ -100,25 +103,25 @@ class ListenOptions:
         return next(proxy, f"http://{next(iter(host_names((name,), port)))}")
 
     def rules(self, port: int, token: str) -> AccessRules:
-        """Return who may call a server with these options.
+        """Return the rules of access to a server with these options.
 
         Args:
-            port: TCP port on which it listens.
-            token: Its token.
+            port: TCP port of the server.
+            token: Token of the server.
         """
         known = [*self.hosts, self.address]
         if is_loopback(self.address) or self.address in _LOOPBACK:
             known += ["localhost", "127.0.0.1", _LOOPBACK.get(self.address, self.address)]
         hosts = host_names(known, port)
         origins = {f"http://{host}" for host in hosts} | set(self.origins)
-        # A proxy may pass on Host without our port. Pages of that name may be of another server,
-        # so it is not an origin.
+        # A proxy may pass on Host without the port of this server. Pages of that name may be of
+        # another server, so the name is not an origin.
         hosts |= host_names(self.hosts, token_file.HTTP_PORT)
         return AccessRules(hosts, frozenset(origins), token, self.expose)
 
 
 class _Uvicorn(uvicorn.Server):
-    """uvicorn with our acceptor; it waits for its end instead of polling ten times a second."""
+    """uvicorn with armtree's acceptor. It waits for its end instead of polling."""
 
     def __init__(self, config: uvicorn.Config, state: SharedState, listener: socket.socket) -> None:
         super().__init__(config)
@@ -148,16 +151,16 @@ class _Uvicorn(uvicorn.Server):
                 task.cancel()
         for connection in tuple(self.server_state.connections):
             connection.transport.abort()
-        await asyncio.sleep(0)  # runs the callbacks of closed connections
+        await asyncio.sleep(0)  # let the callbacks of closed connections run
 
 
 class HttpServer:
     """A server of some endpoints, with its socket, its token and its thread.
 
-    It listens once it is created, and answers from `serve` to `stop` or the end of its context.
+    It listens from its creation, and answers from `serve` to `stop` or the end of its context.
 
     Args:
-        listen: Where it listens, and for which clients.
+        listen: Address and clients of the server.
         clock: Time source.
         workers: Number of processes that this process starts.
 
@@ -217,8 +220,8 @@ class HttpServer:
 
         Args:
             endpoints: Answer the requests.
-            stop: Stops the arm; called in the event loop.
-            rosbridge: Serves a WebSocket; None to serve none.
+            stop: Callback that stops the arm, in the event loop.
+            rosbridge: Serves a WebSocket, or None.
         """
         rules = self._options.rules(self.port, self.token)
         app = App(endpoints, rules, self._clock, rosbridge)
@@ -229,7 +232,7 @@ class HttpServer:
         self._server.ready.wait()
 
     def stop(self) -> None:
-        """End all answers, and remove the token file; also if it never started."""
+        """End all answers, and remove the token file. May be called without a start."""
         if self._thread:
             self._loop.call_soon_threadsafe(self._server.ending.set)
             self._thread.join()
@@ -246,12 +249,12 @@ class Server(HttpServer):
     """The HTTP and rosbridge server of an executive.
 
     Args:
-        executive: Runs the goals; its library is a `LiveLibrary`.
-        listen: Where it listens, and for which clients.
+        executive: Runs the goals. Its library is a `LiveLibrary`.
+        listen: Address and clients of the server.
         questions: Open questions of tasks.
 
     Raises:
-        ServerError, AddressInUse, TooFewFiles: As of `HttpServer`.
+        ServerError, AddressInUse, TooFewFiles: The server cannot start; see `HttpServer`.
     """
 
     def __init__(self, executive: Executive, listen: ListenOptions, questions: Questions) -> None:
@@ -273,7 +276,7 @@ class Server(HttpServer):
         self.serve(endpoints, canceler.stop, rosbridge)
 
     def stop(self) -> None:
-        """End all answers and streams, and remove the token file; also if it never started."""
+        """End all answers and streams, and remove the token file. May be called without a start."""
         started = self._thread is not None
         if started:
             self._unsubscribe()
@@ -293,7 +296,7 @@ class Viewer(HttpServer):
         clock: Time source.
 
     Raises:
-        ServerError, AddressInUse, TooFewFiles: As of `HttpServer`.
+        ServerError, AddressInUse, TooFewFiles: The server cannot start; see `HttpServer`.
     """
 
     def __init__(self, folder: Path, port: int, clock: Clock) -> None:
@@ -319,7 +322,7 @@ def _listen(address: str, port: int) -> socket.socket:
     listener = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER)
-    for option in token_file.KEEPALIVE:  # connections inherit them
+    for option in token_file.KEEPALIVE:  # connections inherit these options
         listener.setsockopt(*option)
     try:
         listener.bind((address, port))

@@ -4,7 +4,7 @@ import secrets
 
 from executive.errors import WrongCode
 
-MAX_CODES = 16  # unused links; the oldest ones stop working
+MAX_CODES = 16  # largest number of unused links; older links stop working
 
 
 class SignIn:
@@ -14,7 +14,7 @@ class SignIn:
 
     Args:
         url: URL of the server.
-        token: Its token, which ends with this run of the server.
+        token: Token of the server. It ends with this run of the server.
     """
 
     def __init__(self, url: str, token: str) -> None:
@@ -31,7 +31,7 @@ class SignIn:
         """Return the token for an unused code.
 
         Raises:
-            WrongCode: The code is unknown, or was used.
+            WrongCode: The code is unknown or already used.
         """
         if code not in self._unused:
             raise WrongCode("this link is unknown, or was opened before")

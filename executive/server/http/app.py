@@ -1,4 +1,4 @@
-"""The ASGI application: checks each request against its row of `operations`, then answers it."""
+"""The ASGI application: checks each request against its row in `operations` and answers it."""
 
 import asyncio
 import gzip
@@ -48,30 +48,30 @@ from .recording_endpoints import RecordingEndpoints
 
 logger = logging.getLogger(__name__)
 
-BODY_SECONDS = 5.0  # longest time a body may take to arrive [s]
-MAX_STREAMS = 40  # requests that may last as long as their client stays
+BODY_SECONDS = 5.0  # longest time for the arrival of a body [s]
+MAX_STREAMS = 40  # largest number of requests that last as long as their client
 # Requests per second and burst, by whether they contain the token. Stops are not counted.
 RATE_LIMITS = {True: (200.0, 1000.0), False: (50.0, 100.0)}
-ANONYMOUS_BYTES = 1024  # longest body of a cancel without the token
+ANONYMOUS_BYTES = 1024  # largest body of a cancel without the token [bytes]
 
-_COMPRESSED = 2000  # bytes from which an answer is compressed
+_COMPRESSED = 2000  # smallest answer that is compressed [bytes]
 
 _URL = re.compile(r"(?i:http)://(?P<authority>[^/]*)(?P<path>/.*)?", re.DOTALL)
 _INTEGER = re.compile(r"-?[0-9]{1,20}")
-_NUMBER = re.compile(r"-?[0-9]+(\.[0-9]+)?([eE][+-]?[0-9]+)?")  # as in JSON
+_NUMBER = re.compile(r"-?[0-9]+(\.[0-9]+)?([eE][+-]?[0-9]+)?")  # booleans as in JSON
 
 
 class App:
     """The ASGI application.
 
-    Requests with and without the token have separate limits, so that clients without it cannot use
-    up what the others need.
+    Requests with and without the token have separate limits. Clients without the token therefore
+    cannot block the others.
 
     Args:
-        endpoints: Answer the requests; operations without a method are not served.
-        rules: Who may call.
+        endpoints: Answer the requests. Operations without a method are not served.
+        rules: Rules of access.
         clock: Time source.
-        rosbridge: Serves a WebSocket at `/`; None to serve none.
+        rosbridge: Serves a WebSocket at `/`, or None.
     """
 
     def __init__(
@@ -89,7 +89,7 @@ class App:
         self._log_bucket = TokenBucket(0.1, 3.0, clock.now)
         self._streams = {True: 0, False: 0}
         operations = [o for o in OPERATIONS.values() if hasattr(endpoints, o.name)]
-        routes: list[Any] = page_routes()  # first, because a view of the page asks for many
+        routes: list[Any] = page_routes()  # first, because a view of the page requests many
         routes += [
             self._route([o for o in operations if o.path == path])
             for path in dict.fromkeys(o.path for o in operations)
@@ -103,7 +103,7 @@ class App:
             routes.append(WebSocketRoute("/", rosbridge))
         starlette = Starlette(routes=routes, exception_handlers={HTTPException: _not_routed})
         starlette.router.redirect_slashes = False
-        # Browsers show the answers to pages of accepted origins; other pages are refused earlier.
+        # Browsers pass answers to pages of accepted origins. Other pages were refused before.
         self._with_cors = CORSMiddleware(
             starlette,
             allow_origins=list(rules.origins),
@@ -162,14 +162,14 @@ class App:
                 if operation.answer is None:
                     return Response(value, operation.status, media_type=operation.media)
                 return _compressed(request, JSONResponse(value, operation.status))
-            except (ClientDisconnect, asyncio.CancelledError):  # or the server ends
+            except (ClientDisconnect, asyncio.CancelledError):  # or until the server ends
                 return Response()
             except RequestError as error:
                 return _refusal(error)
             except Mismatch as error:
                 return _refusal(BadRequest(str(error), status=422))
             except Exception as error:
-                # The outermost place of a request: a bug costs its answer, not the connection.
+                # Catches every error of a request, so that a bug does not end the connection.
                 return failure(error, operation.path)
 
         return endpoint
@@ -231,7 +231,7 @@ class _Arguments:
 
 
 def _compressed(request: Request, response: Response) -> Response:
-    """Return a response; JSON is compressed if that is worth it and the client takes it."""
+    """Return a response. Large JSON is compressed if the client accepts it."""
     takes = "gzip" in request.headers.get("accept-encoding", "")
     is_json = response.media_type == JSONResponse.media_type
     if not (takes and is_json and len(response.body) >= _COMPRESSED):
@@ -242,7 +242,7 @@ def _compressed(request: Request, response: Response) -> Response:
 
 
 def _take_authority(scope: Scope) -> str | None:
-    """If the target is a whole URL, return the server it names, and leave only its path."""
+    """Return the server in the target of a request if it is a whole URL. Keep only its path."""
     found = _URL.fullmatch(scope["path"])
     if found is None:
         return None
@@ -296,7 +296,7 @@ async def _read(request: Request, limit: int) -> bytes:
 
 
 def _refusal(error: RequestError) -> Response:
-    # The client may still be sending a body that will not be read.
+    # The client may still send a body that will not be read.
     headers = {"connection": "close"}
     if error.http_status == 401:
         headers["www-authenticate"] = "Bearer"

@@ -30,8 +30,8 @@ from trees.live_library import LiveLibrary
 
 from .recording_endpoints import RecordingEndpoints
 
-MAX_SUBSCRIBERS = 16  # limit for clients with the token, and again for those without
-HOLD_SECONDS = 1.0  # a hold ends after this time without data [s]
+MAX_SUBSCRIBERS = 16  # limit for clients with the token; the same limit for clients without it
+HOLD_SECONDS = 1.0  # time without data after which a hold ends [s]
 
 Json = Mapping[str, Any]
 _NO_ARGUMENTS: Json = MappingProxyType({})
@@ -40,9 +40,9 @@ _NO_ARGUMENTS: Json = MappingProxyType({})
 class Endpoints(RecordingEndpoints):
     """Answers requests by calling the executive.
 
-    A method receives the checked parameters and body of its row as arguments. A row that streams
-    receives the request as well. A method returns JSON, the data of another media type, or a whole
-    response.
+    A method receives the checked parameters and body of its row as arguments. For a row that
+    streams, it also receives the request. A method returns JSON, the data of another media type, or
+    a whole response.
 
     Args:
         executive: Runs the goals.
@@ -170,7 +170,7 @@ class Endpoints(RecordingEndpoints):
         if acceptance.cause:
             return refusal(acceptance.cause)
         held = self._held.get(goal_id)
-        if deadman and not (held and held.is_set()):  # released before the goal was accepted
+        if deadman and not (held and held.is_set()):  # the hold ended before the goal was accepted
             await self._canceler.cancel(goal_id)
         return acceptance.to_json()
 
@@ -183,7 +183,7 @@ class Endpoints(RecordingEndpoints):
             ended = self._ended.setdefault(goal_id, asyncio.get_running_loop().create_future())
             if not await _before_leaving(request, asyncio.shield(ended), timeout):
                 raise ResultTimeout(goal_id, timeout or 0.0)
-            outcome = ended.result()  # the executive may have forgotten the goal by now
+            outcome = ended.result()  # the executive may have forgotten the goal meanwhile
         return {"goal_id": goal_id, **outcome.to_json()}
 
     async def hold(self, request: Request, goal_id: str) -> Json:
@@ -278,19 +278,19 @@ class Endpoints(RecordingEndpoints):
 
 
 def _kinds(events: str) -> frozenset[str]:
-    """Return the kinds of events in a list; empty for all."""
+    """Return the kinds of events in a list; empty means all."""
     return frozenset(filter(None, events.split(",")))
 
 
 def _as_texts(arguments: Json) -> dict[str, str]:
-    """Return values as a task file contains them; JSON is valid YAML."""
+    """Return values as text for a task file, because JSON is valid YAML."""
     return {
         name: value if isinstance(value, str) else dumps(value) for name, value in arguments.items()
     }
 
 
 async def _read_to_end(request: Request) -> None:
-    """Read a body until it ends, its client leaves, or nothing arrives for `HOLD_SECONDS`."""
+    """Read a body until it ends, its client leaves, or no data arrives for `HOLD_SECONDS`."""
     chunks = aiter(request.stream())
     try:
         while True:
@@ -300,7 +300,7 @@ async def _read_to_end(request: Request) -> None:
 
 
 async def _before_leaving(request: Request, wanted: Any, timeout: float | None) -> bool:
-    """Wait for an awaitable; return False if the time [s] is over or the client left first."""
+    """Wait for an awaitable. Return False if the time [s] is over or the client left first."""
     waiting, leaving = asyncio.ensure_future(wanted), asyncio.ensure_future(_left(request))
     done, _ = await asyncio.wait(
         (waiting, leaving), timeout=timeout, return_when=asyncio.FIRST_COMPLETED

@@ -7,7 +7,7 @@ from executive.api.operations import Access, Operation
 from executive.api.schemas import ERROR, TEXT, Component, Schema
 from hardware.installed import version
 
-# What media contain that are not JSON; of a stream, each of its events.
+# Schemas of the content of other media than JSON; of a stream, of each event.
 _MEDIA: Mapping[str, Schema] = {
     "text/event-stream": {
         "type": "object",

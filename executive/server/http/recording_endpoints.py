@@ -1,4 +1,4 @@
-"""The endpoints that need no arm: sign-in and recordings."""
+"""The endpoints without an arm: sign-in and recordings."""
 
 import asyncio
 from collections.abc import Callable, Mapping
@@ -29,7 +29,7 @@ class RecordingEndpoints:
     Args:
         recordings: The folder of recordings.
         sign_in: Signs browsers in.
-        utc: Returns the current time [s since 1970].
+        utc: Callback that returns the current time [s since 1970].
     """
 
     has_arm = False

@@ -1,4 +1,4 @@
-"""New connections: a stop does not wait behind others, and abandoned ones cost little."""
+"""New connections: a stop does not wait for others, and abandoned connections cost little."""
 
 import asyncio
 import contextlib
@@ -19,23 +19,23 @@ from .quick_stop import QuickStop
 
 logger = logging.getLogger(__name__)
 
-_AT_ONCE = 64  # connections that are accepted in one turn of the loop
+_AT_ONCE = 64  # largest number of connections accepted in one turn of the loop
 _RETRY_SECONDS = 0.1  # pause if the operating system cannot accept a connection [s]
 
 
 class Acceptor:
     """Accepts connections, and serves one in each turn of the loop.
 
-    A whole stop is carried out at once, without a protocol, and its connection is closed after the
-    answer. A connection that ends before the head of its request is complete is closed, and never
-    served. All others wait. If there are too many, those that have ended are closed. If none has
-    ended, the one that has waited longest is closed; one with a stop is closed last.
+    A complete stop is executed at once, without a protocol, and its connection is closed after the
+    answer. A connection that ends before the head of its request is complete is closed without
+    service. All other connections wait. If too many wait, ended ones are closed. If none has ended,
+    the one with the longest wait is closed. A connection with a stop is closed last.
 
     Args:
         loop: Event loop of the server.
         listener: Socket that listens; it must not block.
-        state: Who may call, and how many connections may wait.
-        protocol: Makes the protocol that serves a connection.
+        state: Rules of access, and the largest number of connections.
+        protocol: Callback that makes the protocol for a connection.
     """
 
     def __init__(
@@ -48,17 +48,18 @@ class Acceptor:
         self._loop, self._listener = loop, listener
         self._rules, self._max_waiting = state.rules, state.max_connections
         self._protocol, self._stop = protocol, state.stop
-        # Those that wait, oldest first, and whether the loop reads them. Those that stop the arm.
+        # Waiting connections, oldest first, each with True if the loop reads it. Then connections
+        # with a stop.
         self._waiting: dict[socket.socket, bool] = {}
         self._stopping: dict[socket.socket, None] = {}
         self._tasks: set[asyncio.Task[Any]] = set()
         self._log_bucket = TokenBucket(0.1, 1.0, loop.time)
         self._pause: asyncio.TimerHandle | None = None
-        self._turn: asyncio.Handle | None = None  # serves the next one
+        self._turn: asyncio.Handle | None = None  # callback that serves the next connection
         self._start()
 
     async def close(self) -> None:
-        """Accept no more, close the connections that wait, and wait until the others are known."""
+        """Accept no more connections, close waiting ones, and wait until the others are known."""
         if self._pause:
             self._pause.cancel()
         self._loop.remove_reader(self._listener)
@@ -89,7 +90,7 @@ class Acceptor:
             self._pause = self._loop.call_later(pause, self._start)
 
     def _examine(self, connection: socket.socket) -> None:
-        """Carry out a stop, close an abandoned connection, and queue any other connection."""
+        """Execute a stop, close an abandoned connection, or queue any other connection."""
         data = peek(connection)
         if data is None:
             connection.close()
@@ -113,11 +114,11 @@ class Acceptor:
         self, connection: socket.socket, stop: QuickStop, stopped: asyncio.Future[CancelResult]
     ) -> None:
         if connection not in self._stopping:
-            return  # it was closed
+            return  # the connection was closed
         self._leave(connection)
         with contextlib.suppress(OSError), connection:
             connection.setblocking(False)
-            connection.recv(MAX_HEAD)  # data that is not read would cost the client the answer
+            connection.recv(MAX_HEAD)  # with unread data, the client would lose the answer
             connection.send(stop.answer(stopped))
 
     def _make_room(self) -> None:

@@ -1,4 +1,4 @@
-"""Stops and cancels, on a thread of their own: they never wait for other requests."""
+"""Stops and cancels, on their own thread, so that they never wait for other requests."""
 
 import asyncio
 import logging
@@ -12,7 +12,7 @@ logger = logging.getLogger(__name__)
 
 
 class CancelThread:
-    """Cancels goals on a thread that does nothing else, so that the event loop never blocks.
+    """Cancels goals on a separate thread, so that the event loop never blocks.
 
     Args:
         executive: Runs the goals.
@@ -29,7 +29,8 @@ class CancelThread:
     def stop(self) -> asyncio.Future[CancelResult]:
         """Stop the arm and cancel all goals. Must be called in the event loop.
 
-        Stops that arrive before the previous one has begun share its result, so do not cancel it.
+        Stops that arrive before the previous one has begun share its result. Do not cancel the
+        result.
         """
         if self._stop is None or self._stop.running() or self._stop.done():
             self._stop = self._thread.submit(self._executive.cancel, "", 0)
@@ -38,7 +39,7 @@ class CancelThread:
         return self._stopped
 
     async def cancel(self, identity: str = "", stamp_ns: int = 0) -> CancelResult:
-        """Cancel goals, as `Executive.cancel` does."""
+        """Cancel goals like `Executive.cancel`."""
         if not (identity or stamp_ns):
             return await asyncio.shield(self.stop())
         pending = self._thread.submit(self._executive.cancel, identity, stamp_ns)

@@ -1,7 +1,7 @@
 """uvicorn's connections with limits, so that no client can block the server.
 
-uvicorn alone waits without limit for the head of a request and for a client that does not read, and
-processes all data as soon as it arrives.
+Without this module, uvicorn waits without limit for the head of a request and for a client that
+does not read, and processes all data at its arrival.
 """
 
 import asyncio
@@ -32,12 +32,12 @@ from .quick_stop import QuickStop
 
 logger = logging.getLogger(__name__)
 
-MAX_HEAD = 8 * 1024  # bytes of a request's head
-MAX_HEAD_LINES = 100  # parsing a line takes 5 us
-READ_AT_ONCE = 4 * 1024  # bytes of a connection; asyncio takes 256 KiB, and they wait in the queue
-DISCARDED = 256 * 1024  # most bytes that are read and dropped before a connection is closed
+MAX_HEAD = 8 * 1024  # largest head of a request [bytes]
+MAX_HEAD_LINES = 100  # largest number of lines in a head; parsing a line takes 5 us
+READ_AT_ONCE = 4 * 1024  # largest queued data of a connection [bytes]; asyncio would read 256 KiB
+DISCARDED = 256 * 1024  # largest number of bytes that are dropped before a connection is closed
 HEAD_SECONDS = 5.0  # longest time for the head of a request, counted from the last answer [s]
-STALL_SECONDS = 5.0  # a client that does not read for this time is disconnected [s]
+STALL_SECONDS = 5.0  # time without reading after which a client is disconnected [s]
 
 
 def _request_line(operation: Operation) -> str:
@@ -56,13 +56,13 @@ _TEXT_FRAME = 0x81  # first byte of a WebSocket frame with a whole text message
 
 
 class SharedState(ServerState):
-    """What all connections share.
+    """The shared state of all connections.
 
     Args:
         queue: Queue of received data.
-        rules: Who may call.
-        max_connections: Most connections; if there are more, one is closed.
-        stop: Stops the arm.
+        rules: Rules of access.
+        max_connections: Largest number of connections. If there are more, one is closed.
+        stop: Callback that stops the arm.
     """
 
     def __init__(
@@ -81,8 +81,8 @@ class _QueuedProtocol(asyncio.Protocol):
     """Queues received data, and disconnects a client that does not read."""
 
     transport: asyncio.Transport
-    idle_since: float  # when it was accepted, last answered, or last sent a message [s]
-    stopping = False  # a stop has arrived, and is not answered yet
+    idle_since: float  # time of its acceptance, last answer or last message [s]
+    stopping = False  # True if a stop has arrived but is not answered
     _stall_timer: asyncio.TimerHandle | None = None
 
     def __init__(self, *, server_state: SharedState, **more: Any) -> None:
@@ -92,7 +92,7 @@ class _QueuedProtocol(asyncio.Protocol):
         self._max_connections = server_state.max_connections
 
     def data_received(self, data: bytes) -> None:
-        """Process a stop at once, unless other data is queued before it; queue all other data."""
+        """Process a stop at once, unless other data is queued before it. Queue all other data."""
         taken = 0 if self.fair_queue.has(self) else self.take_stop(data)
         if more := data[taken:]:
             self.transport.pause_reading()
@@ -109,17 +109,17 @@ class _QueuedProtocol(asyncio.Protocol):
         return False
 
     def take_stop(self, data: bytes) -> int:
-        """Carry out a stop at the start of data. Return how many bytes need no more processing."""
+        """Execute a stop at the start of data. Return the number of processed bytes."""
         raise NotImplementedError
 
     @property
     def is_full(self) -> bool:
-        """True while uvicorn does not want to read more."""
+        """True while uvicorn does not accept more data."""
         raise NotImplementedError
 
     @property
     def awaits_answer(self) -> bool:
-        """True if a request has arrived completely and is not answered yet."""
+        """True if a complete request has arrived but is not answered."""
         return True
 
     @property
@@ -160,9 +160,9 @@ class WebSocketConnection(_QueuedProtocol, WebSocketsSansIOProtocol):
     """A WebSocket."""
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Limit how much is read at once when a client connects."""
+        """Limit the size of one read when a client connects."""
         super().connection_made(transport)
-        # asyncio reads this much at once, so that few messages are processed together.
+        # Largest read of asyncio, so that few messages are processed together.
         self.transport.max_size = CHUNK  # type: ignore[attr-defined]
         self.idle_since = self.loop.time()
 
@@ -183,7 +183,7 @@ class WebSocketConnection(_QueuedProtocol, WebSocketsSansIOProtocol):
         return length
 
     def send_receive_event_to_app(self) -> None:
-        """Pass on a whole message, or close the connection if its text is not UTF-8.
+        """Pass on a whole message. Close the connection if its text is not UTF-8.
 
         uvicorn would log an error for each such text.
         """
@@ -197,7 +197,8 @@ class WebSocketConnection(_QueuedProtocol, WebSocketsSansIOProtocol):
     def shutdown(self) -> None:
         """Close the connection when the server ends.
 
-        Without an answer to the handshake uvicorn would send one, and fail at the application's.
+        If the handshake is unanswered, uvicorn would answer it, and fail at the application's
+        answer.
         """
         if self.handshake_complete:
             super().shutdown()
@@ -213,15 +214,15 @@ class WebSocketConnection(_QueuedProtocol, WebSocketsSansIOProtocol):
 class HttpConnection(_QueuedProtocol, H11Protocol):
     """An HTTP connection.
 
-    If there are too many connections, those that their clients have closed are closed, or else
-    one: one without the token before one with it, an idle one before a stream, and the oldest
-    first. The new one is closed if all others are stops.
+    If there are too many connections, those that their clients have ended are closed. If there are
+    none, one connection is closed. A connection without the token comes before one with it, an idle
+    one before a stream, and the oldest first. If all others are stops, the new one is closed.
     """
 
     _head_timer: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Start to wait for a request, and close another connection if there are too many."""
+        """Start waiting for a request. Close another connection if there are too many."""
         super().connection_made(transport)
         self.transport.max_size = READ_AT_ONCE  # type: ignore[attr-defined]
         self.idle_since = self.loop.time()
@@ -235,18 +236,18 @@ class HttpConnection(_QueuedProtocol, H11Protocol):
         self._end_head_timer()
 
     def process(self, data: bytes) -> None:
-        """Process queued data, or refuse a head of too many lines before it is parsed."""
+        """Process queued data. Refuse a head with too many lines before parsing it."""
         if self.conn.their_state is h11.IDLE and _too_many_lines(self.conn.trailing_data[0] + data):
             self.send_400_response(f"a head may have at most {MAX_HEAD_LINES} lines")
             return
         super().process(data)
-        if self.transport.get_protocol() is self:  # not a WebSocket by now
+        if self.transport.get_protocol() is self:  # it has not become a WebSocket
             self._update_head_timer()
 
     def take_stop(self, data: bytes) -> int:
-        """Carry out a whole stop of a client that may stop the arm, and then answer it.
+        """Execute a complete stop of a client that may stop the arm, and then answer it.
 
-        Data that follows it is dropped: it was sent before the answer.
+        Later data is dropped, because it was sent before the answer.
         """
         if self.conn.their_state is not h11.IDLE or self.conn.trailing_data[0]:
             return 0
@@ -284,7 +285,7 @@ class HttpConnection(_QueuedProtocol, H11Protocol):
         return self.flow.read_paused and self.transport.get_protocol() is self
 
     def on_response_complete(self) -> None:
-        """Close the connection if more was sent before the answer was complete."""
+        """Close the connection if the client sent more before the answer was complete."""
         if self.conn.trailing_data[0]:  # uvicorn would answer all of it at once
             self.transport.close()
         super().on_response_complete()
@@ -296,7 +297,7 @@ class HttpConnection(_QueuedProtocol, H11Protocol):
     def handle_websocket_upgrade(self, event: h11.Request) -> None:
         """End the timer when a WebSocket takes over.
 
-        Data that was sent before the answer is refused, as RFC 6455 section 4.1 allows none.
+        Data before the answer is refused, because RFC 6455 section 4.1 forbids it.
         """
         if self.conn.trailing_data[0] or self.fair_queue.has(self):
             self.send_400_response("a WebSocket sends nothing before the answer to its handshake")
@@ -321,19 +322,19 @@ class HttpConnection(_QueuedProtocol, H11Protocol):
         self.transport.close()
 
     def _discard(self) -> None:
-        """Drop what has arrived: to close with unread data resets the connection.
+        """Drop unread data, because closing with unread data resets the connection.
 
         The client would then lose the answer.
         """
         handle = self.transport.get_extra_info("socket").fileno()
-        with suppress(OSError):  # no more has arrived
+        with suppress(OSError):  # no more data has arrived
             for _ in range(DISCARDED // MAX_HEAD):
                 if not os.read(handle, MAX_HEAD):
                     return
 
     @property
     def awaits_answer(self) -> bool:
-        """True if a request has arrived completely and is not answered yet."""
+        """True if a complete request has arrived but is not answered."""
         return self.stopping or (self._is_answering and not self.cycle.more_body)
 
     @property
@@ -346,14 +347,14 @@ class HttpConnection(_QueuedProtocol, H11Protocol):
         return self.cycle is not None and not self.cycle.response_complete
 
     def _update_head_timer(self) -> None:
-        """Run the timer while no request is being answered; the application times its body."""
+        """Run the timer while no request is being answered. The application times the body."""
         if self._is_answering:
             self._end_head_timer()
         elif self._head_timer is None:
             self._head_timer = self.loop.call_later(HEAD_SECONDS, self._head_timed_out)
 
     def _head_timed_out(self) -> None:
-        """Close the connection, unless the server is late to process what it has received."""
+        """Close the connection, unless the server has not processed all received data."""
         self._head_timer = None
         if self.fair_queue.has(self):
             self._update_head_timer()
@@ -383,7 +384,7 @@ class HttpConnection(_QueuedProtocol, H11Protocol):
 
 
 def peek(connection: socket.socket) -> bytes | None:
-    """Return the next data of a connection, which is not removed.
+    """Return the next data of a connection without removing it.
 
     Returns:
         None if the client has closed its side and the head of a request is not complete.
@@ -419,7 +420,7 @@ def _is_utf8(text: bytes) -> bool:
 
 
 def _first_message(data: bytes) -> tuple[int, bytes]:
-    """Return the length of the short text frame at the start of data [bytes], and its message."""
+    """Return the length [bytes] and the message of the short text frame at the start of data."""
     if len(data) < 2 or data[0] != _TEXT_FRAME:
         return 0, b""
     length, head = data[1] & 0x7F, 2

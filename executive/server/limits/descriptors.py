@@ -1,21 +1,21 @@
-"""How many connections a server may keep, so that descriptors remain for the arm and for a stop."""
+"""Limits the connections of a server, so that descriptors remain for the arm and for a stop."""
 
 import os
 import resource
 
 from executive.errors import TooFewFiles
 
-MAX_CONNECTIONS = 128  # more than all streams, subscribers and rosbridge clients together
-# What is opened later: the port, the recordings of the server and of a goal, a compaction, what
-# starts planners, and a connection that is accepted before another one is closed (measured).
+MAX_CONNECTIONS = 128  # enough for all streams, subscribers and rosbridge clients together
+# Descriptors opened later (measured): the port, the recordings of the server and of a goal, a
+# compaction, starts of planners, and a connection that is accepted before another one is closed.
 _RESERVED = 16
 _PER_PLANNER = 2
 
 
 def max_connections(planners: int) -> int:
-    """Return how many connections a server may keep, while as many wait to be served.
+    """Return the largest number of served connections. The same number may wait.
 
-    Call it before the server opens its first one.
+    Call this before the server opens its first connection.
 
     Args:
         planners: Number of planner processes.

@@ -5,22 +5,22 @@ import time
 from collections.abc import Callable
 from typing import Protocol
 
-CHUNK = 1024  # bytes that are processed at once, so that it is short
-REST_FACTOR = 3.0  # rest after processing, per second of work, so that the loop can serve the arm
-MAX_DEBT = 0.02  # rest that may be postponed [s], so that clients that send little do not wait
-_BUSY_FACTOR = 10.0  # rest per second for which other programs or threads had the processor
-MAX_BUSY_REST = 0.02  # longest such rest after one piece of work [s]
+CHUNK = 1024  # largest number of bytes processed at once, to keep it short
+REST_FACTOR = 3.0  # rest per second of work [s], so that the loop can serve the arm
+MAX_DEBT = 0.02  # largest postponed rest [s], so that clients with few requests do not wait
+_BUSY_FACTOR = 10.0  # rest per second of other programs or threads on the processor [s]
+MAX_BUSY_REST = 0.02  # longest rest of this kind after one piece of work [s]
 
 
 def busy_rest(elapsed: float, worked: float) -> float:
-    """Return how long to rest after work on a busy computer [s].
+    """Return the rest after work on a busy computer [s].
 
-    The operating system delays a process that has used its share of the processors. A server that
-    rests keeps a part of its share, so a stop is not delayed.
+    The operating system delays a process that has used its share of the processors. By resting, a
+    server keeps a part of its share, so that a stop is not delayed.
 
     Args:
         elapsed: Time that the work took [s].
-        worked: CPU time of the thread in it [s].
+        worked: CPU time of the thread during the work [s].
     """
     return min(_BUSY_FACTOR * max(0.0, elapsed - worked), MAX_BUSY_REST)
 
@@ -29,19 +29,19 @@ class Connection(Protocol):
     """A source of data."""
 
     def process(self, data: bytes) -> None:
-        """Process data that was queued."""
+        """Process queued data."""
 
 
 class FairQueue:
     """Processes one piece of data at a time and rests afterwards, in proportion to the work.
 
-    Clients therefore occupy the event loop and the interpreter for a quarter of the time at most,
-    however many they are and whatever they send. On a busy computer it rests longer. There are two
-    lines, served alternately; within a line connections are served round robin.
+    Clients therefore occupy the event loop and the interpreter for at most a quarter of the time,
+    independent of their number and data. On a busy computer, the queue rests longer. There are two
+    lines, which are served alternately. Within a line, connections are served round robin.
 
     Args:
         loop: Event loop in which the data is processed.
-        worked: Returns the CPU time that the loop's thread has used [s].
+        worked: Callback that returns the CPU time of the loop's thread [s].
     """
 
     def __init__(
@@ -51,10 +51,10 @@ class FairQueue:
         self._lines: list[dict[Connection, list[bytes]]] = [{}, {}]
         self._priority, self._ordinary = self._lines
         self._running = False
-        self._rested = 0.0  # time when the whole rest due so far will be over [s]
+        self._rested = 0.0  # time at which all rest so far is over [s]
 
     def put(self, connection: Connection, data: bytes, priority: bool) -> None:
-        """Add data, behind other data of its connection.
+        """Add data after other data of its connection.
 
         Args:
             connection: Source of the data.
@@ -89,7 +89,7 @@ class FairQueue:
             begin, worked = self._loop.time(), self._worked()
             try:
                 connection.process(piece)
-            finally:  # callbacks that the processing has scheduled run before the rest
+            finally:  # callbacks of the processing run before the rest
                 self._loop.call_soon(self._rest, begin, worked)
 
     def _rest(self, begin: float, worked: float) -> None:

@@ -14,7 +14,7 @@ from starlette.routing import Route
 PREFIX = "/page/"
 INDEX = "index.html"
 
-# No code and no style inside of HTML, nothing from another server, no use of the page in a frame.
+# No inline code or style, no content from other servers, no use of the page in a frame.
 POLICY = "; ".join(
     (
         "default-src 'none'",
@@ -55,7 +55,7 @@ class PageFile:
     async def answer(self, request: Request) -> Response:
         """Return the file, or 304 if the browser has it."""
         headers = {
-            "cache-control": "no-cache",  # ask every time; the tag makes that cheap
+            "cache-control": "no-cache",  # browsers must check every time; the tag makes this cheap
             "content-security-policy": POLICY,
             "cross-origin-opener-policy": "same-origin",
             "etag": self._tag,

@@ -1,4 +1,4 @@
-"""The robot as the page draws it: joints, shapes, and meshes by the hash of their content."""
+"""The robot for the page: joints, shapes, and meshes by the hash of their content."""
 
 import hashlib
 import threading
@@ -11,7 +11,7 @@ from hardware import Robot, read_file
 from hardware.description.urdf import Shape, UrdfError, UrdfJoint
 
 MAX_MESH_BYTES = 2**24
-MESH_KIND = ".stl"  # other meshes are not shown, but the collision shape of their link is
+MESH_KIND = ".stl"  # for other meshes, the collision shape of their link is shown
 
 
 class RobotScene:
@@ -58,7 +58,7 @@ class RobotScene:
         }
 
     def _load_mesh(self, name: str) -> bool:
-        """Keep a mesh; return False if it cannot be shown."""
+        """Store a mesh. Return False if it cannot be shown."""
         try:
             path = Path(self._robot.mesh(name))
             if path.suffix.lower() != MESH_KIND:

@@ -1,1 +1,1 @@
-"""Recordings for clients of the server: their list, their events, and what is done with them."""
+"""Recordings for clients of the server: their list, their events, and actions on them."""

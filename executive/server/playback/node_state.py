@@ -28,7 +28,7 @@ class NodeState:
         ran, runs = self.status == RUNNING, status == RUNNING
         status = shown_status(status, self.status)
         if time == (began if runs else ended) or (status == INVALID and not ran):
-            return NodeState(status, began, ended, starts)  # it was known
-        if runs or not ran:  # it may start and end within one tick
+            return NodeState(status, began, ended, starts)  # the status did not change
+        if runs or not ran:  # a node may start and end within one tick
             began, starts = time, starts + 1
         return NodeState(status, began, None if runs else time, starts)

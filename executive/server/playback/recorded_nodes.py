@@ -1,4 +1,4 @@
-"""The nodes of a recorded run, with their lines in the files that were recorded with it."""
+"""The nodes of a recorded run, with their lines in the recorded files."""
 
 import tempfile
 from pathlib import Path
@@ -16,17 +16,17 @@ _SUFFIXES = (".yaml", ".yml")
 
 
 def recorded_nodes(recording: logs.Recording, task: int) -> list[dict[str, Any]]:
-    """Return the nodes of the task that a recording is of, as `node_table` does.
+    """Return the nodes of a recorded task, in the form of `node_table`.
 
     Returns:
-        The nodes; none if the recorded files cannot be compiled, such as without their skills.
+        The nodes; empty if the recorded files cannot be compiled, such as without their skills.
 
     Args:
         recording: The recording.
         task: Number of its task.
 
     Raises:
-        RecordingError: It does not hold its robot.
+        RecordingError: The recording does not contain its robot.
         DescriptionError: The robot is invalid.
     """
     robot = restore_robot(recording)

@@ -1,4 +1,4 @@
-"""The folder of recordings: their list, and what clients do with one of them."""
+"""The folder of recordings: their list, and actions of clients on a recording."""
 
 import json
 import os
@@ -29,14 +29,14 @@ from logs.writing.retention import delete, pin, pinned, purge, restore
 from .recorded_nodes import recorded_nodes
 from .seek import Timeline
 
-UNDO = 900.0  # a deleted recording can be restored for this time [s]
-COPY_AGE = 30.0  # a copy of a recording that is being written is made again after this time [s]
-MAX_COPY = 1 << 30  # bytes of a recording without an index that is copied
+UNDO = 900.0  # time for which a deleted recording can be restored [s]
+COPY_AGE = 30.0  # time after which an unfinished recording is copied again [s]
+MAX_COPY = 1 << 30  # largest recording without an index that is copied [bytes]
 VERIFY_TIMEOUT = 120.0  # longest time that a verification may take [s]
-MAX_FILES = 100_000  # of a folder that are listed
-_OPEN = 4  # timelines and robots in memory
+MAX_FILES = 100_000  # largest number of listed recordings of a folder
+_OPEN = 4  # number of timelines and robots in memory
 _GOAL = ("/goal",)
-_NICE = 10  # a verification must not delay the arm
+_NICE = 10  # low priority, because a verification must not delay the arm
 
 Json = dict[str, Any]
 T = TypeVar("T")
@@ -44,7 +44,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class Query:
-    """Which recordings to list. All conditions must hold.
+    """A query for recordings. All conditions must hold.
 
     Attributes:
         search: Text in the name, title, outcome or message of a recording.
@@ -52,7 +52,7 @@ class Query:
         state: State in which the goal ended; empty for any.
         since, until: Earliest and latest start of a run [ns since 1970].
         before: List only recordings with smaller names; empty for all.
-        limit: Most recordings to list.
+        limit: Largest number of recordings.
     """
 
     search: str = ""
@@ -64,7 +64,7 @@ class Query:
     limit: int = 50
 
     def accepts(self, row: Json) -> bool:
-        """Return whether the conditions hold for a row of the list."""
+        """Return True if the conditions hold for a row of the list."""
         text = " ".join(str(row[key]) for key in ("name", "title", "state", "message")).lower()
         return (
             self.since <= row["stamp_ns"] <= self.until
@@ -78,8 +78,8 @@ class RecordingFolder:
     """Recordings of one folder, without those of servers. Any thread may call.
 
     Args:
-        folder: The folder; it need not exist.
-        utc: Returns the current time [s since 1970].
+        folder: The folder. It need not exist.
+        utc: Callback that returns the current time [s since 1970].
     """
 
     def __init__(self, folder: Path, utc: Callable[[], float]) -> None:
@@ -94,13 +94,13 @@ class RecordingFolder:
         weakref.finalize(self, shutil.rmtree, self._copies, ignore_errors=True)
 
     def rows(self, query: Query) -> list[Json]:
-        """Return the recordings of a query, the newest name first."""
+        """Return the recordings of a query, newest name first."""
         purge(self._folder, self._utc() - UNDO)
         found: list[Json] = []
         for name in sorted(self._names(), reverse=True):
             if query.before and name >= query.before:
                 continue
-            with suppress(FileNotFoundError):  # it was just deleted
+            with suppress(FileNotFoundError):  # the file was just deleted
                 row = self._row(self._folder / name)
                 found += [row] if query.accepts(row) else []
             if len(found) == query.limit:
@@ -125,7 +125,7 @@ class RecordingFolder:
 
         Raises:
             NotFound: There is no such recording.
-            LogError: It cannot be read.
+            LogError: The recording cannot be read.
         """
         return self._get(self._timelines, name, Timeline)
 
@@ -134,17 +134,17 @@ class RecordingFolder:
 
         Raises:
             NotFound: There is no such recording.
-            LogError: It does not hold its robot.
+            LogError: The recording does not contain its robot.
             DescriptionError: The robot is invalid.
         """
         make = lambda path: RobotScene(restore_robot(IndexedRecording(path)))  # noqa: E731
         return self._get(self._scenes, name, make)
 
     def nodes(self, name: str) -> list[Json]:
-        """Return the nodes of a recorded task, as `recorded_nodes` does.
+        """Return the nodes of a recorded task. See `recorded_nodes`.
 
         Raises:
-            NotFound, LogError, DescriptionError: As of `scene`.
+            NotFound, LogError, DescriptionError: `scene` failed.
         """
 
         def make(path: Path) -> list[Json]:
@@ -158,20 +158,20 @@ class RecordingFolder:
 
     @property
     def timelines(self) -> list[Timeline]:
-        """The recordings that were asked for last."""
+        """The timelines of the last used recordings."""
         return self._timelines.values()
 
     @property
     def scenes(self) -> list[RobotScene]:
-        """The robots that were asked for last."""
+        """The robots of the last used recordings."""
         return self._scenes.values()
 
     def verify(self, name: str) -> Json:
-        """Verify a recording in a process of low priority, as `armtree replay --verify` does.
+        """Verify a recording like `armtree replay --verify`, in a process of low priority.
 
         Raises:
             NotFound: There is no such recording.
-            TooMuch: Another one is being verified, or it takes more than `VERIFY_TIMEOUT`.
+            TooMuch: Another recording is being verified, or this takes more than `VERIFY_TIMEOUT`.
         """
         words = ("replay", str(self.path(name).absolute()), "--verify", "--jobs", "1", "--json")
         if not self._verifying.acquire(blocking=False):
@@ -186,11 +186,11 @@ class RecordingFolder:
         return {key: answer[key] for key in ("holds", "error", "code", "verdicts")}
 
     def pin(self, name: str, on: bool) -> Json:
-        """Protect a recording from deletion, or no longer; return its row.
+        """Protect a recording from deletion, or allow deletion. Return its row.
 
         Raises:
             NotFound: There is no such recording.
-            LogError: It is not a recording, or is another user's.
+            LogError: The file is not a recording, or it belongs to another user.
         """
         path = self.path(name)
         with _changing(path):
@@ -198,20 +198,20 @@ class RecordingFolder:
         return self._row(path)
 
     def delete(self, name: str) -> None:
-        """Delete a recording; for `UNDO` it can be restored.
+        """Delete a recording. It can be restored for the time `UNDO`.
 
         Raises:
             NotFound: There is no such recording.
-            LogError: It is pinned, unfinished, of another program, or another user's.
+            LogError: The recording is pinned, unfinished, of another program, or of another user.
         """
         with _changing(path := self.path(name)):
             delete(path)
 
     def restore(self, name: str) -> Json:
-        """Undo `delete`; return the row.
+        """Undo `delete`. Return the row.
 
         Raises:
-            LogError: It cannot be restored.
+            LogError: The recording cannot be restored.
         """
         if Path(name).name != name or not name.endswith(".mcap"):
             raise NotFound(f"{name} is not the name of a recording")
@@ -219,11 +219,11 @@ class RecordingFolder:
         return self._row(self._folder / name)
 
     def _get(self, cache: "_Cache[T]", name: str, make: Callable[[Path], T]) -> T:
-        """Return a value that is computed from a recording. It is cached.
+        """Return a value computed from a recording. It is cached.
 
         Raises:
             NotFound: There is no such recording.
-            RecordingError: It cannot be read.
+            RecordingError: The recording cannot be read.
         """
         path = self.path(name)
         readable = self._readable(path)
@@ -233,10 +233,10 @@ class RecordingFolder:
             raise logs.RecordingError(path, str(error).replace(f"{readable}: ", "")) from error
 
     def _readable(self, path: Path) -> Path:
-        """Return a recording with an index: the file itself, or a copy of what is valid in it.
+        """Return a recording with an index: the file itself, or a copy of its valid part.
 
         Raises:
-            RecordingError: It cannot be read.
+            RecordingError: The recording cannot be read.
         """
         copy = self._copies / path.name
         if self._indexed.get(_version(path), lambda: _has_index(path)):
@@ -246,7 +246,7 @@ class RecordingFolder:
         with self._copying, _changing(copy):
             age = path.stat().st_mtime - copy.stat().st_mtime if copy.exists() else COPY_AGE
             if age >= COPY_AGE:
-                logs.Recording(path)  # is one
+                logs.Recording(path)  # the file is a recording
                 if not copy_valid(path, copy) or not IndexedRecording(copy).with_topic(_GOAL):
                     copy.unlink()
                     raise logs.RecordingError(path, "holds no goal of a run")
@@ -268,7 +268,7 @@ class _Cache(Generic[T]):
     """The newest values by key.
 
     Args:
-        size: Most values.
+        size: Largest number of values.
     """
 
     def __init__(self, size: int) -> None:
@@ -276,7 +276,7 @@ class _Cache(Generic[T]):
         self._values: OrderedDict[Hashable, T] = OrderedDict()
 
     def get(self, key: Hashable, make: Callable[[], T]) -> T:
-        """Return a value; make it if it is missing, one at a time."""
+        """Return a value. Make missing values, one at a time."""
         with self._lock:
             if key not in self._values:
                 self._values[key] = make()
@@ -293,10 +293,10 @@ class _Cache(Generic[T]):
 
 @contextmanager
 def _changing(path: Path) -> Iterator[None]:
-    """Name the file of an error of the operating system.
+    """Context that converts errors of the operating system to errors of a file.
 
     Raises:
-        RecordingError: There was one.
+        RecordingError: The operating system reported an error.
     """
     try:
         yield
@@ -340,7 +340,7 @@ def _summary(path: Path) -> Json:
 
 
 def _has_index(path: Path) -> bool:
-    """Return whether a recording can be read by its index."""
+    """Return True if a recording can be read by its index."""
     try:
         IndexedRecording(path)
     except logs.LogError:
@@ -349,7 +349,7 @@ def _has_index(path: Path) -> bool:
 
 
 def _first(recording: IndexedRecording, topic: str, step: int) -> logs.Record | None:
-    """Return the first record on a topic, or the last with a step of -1; None for none."""
+    """Return the first record on a topic, or the last one for a step of -1; None if empty."""
     for chunk in recording.with_topic((topic,))[::step]:
         messages = recording.open(chunk).messages((topic,))
         return next(recording.grouped(messages[::step]), None)
@@ -360,7 +360,7 @@ def _printed(words: Sequence[str]) -> str:
     """Run an armtree command, and return its output.
 
     Raises:
-        TimeoutExpired: It takes more than `VERIFY_TIMEOUT`; it was ended.
+        TimeoutExpired: The command takes more than `VERIFY_TIMEOUT`. It was ended.
     """
     command = [sys.executable, "-P", "-m", "executive", *words]
     silent = subprocess.DEVNULL
@@ -371,5 +371,5 @@ def _printed(words: Sequence[str]) -> str:
         try:
             return process.communicate(timeout=VERIFY_TIMEOUT)[0].decode()
         except subprocess.TimeoutExpired:
-            os.killpg(process.pid, signal.SIGKILL)  # with the processes that it has started
+            os.killpg(process.pid, signal.SIGKILL)  # also ends the processes that it has started
             raise

@@ -1,6 +1,6 @@
-"""A recording as the events around any moment, with the state before them.
+"""Seeks in a recording: the events around any moment, with the state before them.
 
-A recording is cut into windows of some hundred events. A client gets one window at a time, so
+A recording is divided into windows of some hundred events. A client gets one window at a time, so
 it never loads a whole recording.
 """
 
@@ -23,10 +23,10 @@ from logs.reading.recording import topic_filter
 
 from .node_state import NodeState
 
-POINTS = 2000  # most samples of the positions over the whole recording
-_ROUNDING = 1e-6  # of times that were added and subtracted [s]
-_AHEAD = 4  # chunks that are unpacked before they are needed
-_EVENTS = 500  # a window ends with the chunk in which it reaches this number
+POINTS = 2000  # largest number of samples of positions of a recording
+_ROUNDING = 1e-6  # rounding error of times [s]
+_AHEAD = 4  # number of chunks that are unpacked ahead
+_EVENTS = 500  # smallest number of events in a window; it ends with a chunk
 
 _COMMANDED, _MEASURED = "/joint_states", "/joint_states/measured"
 _TIMING, _PROGRESS, _LOG = "/serial/timing", "/progress", "/rosout"
@@ -41,8 +41,8 @@ _SENT_AS_EVENTS = (
 
 Json = dict[str, Any]
 T = TypeVar("T")
-_Sample = tuple[float, dict[str, float]]  # time [s], and positions by joint
-_Node = tuple[NodeState, logs.Message]  # and its last message
+_Sample = tuple[float, dict[str, float]]  # sample: time [s], and positions by joint
+_Node = tuple[NodeState, logs.Message]  # state of a node, and its last message
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +59,7 @@ class _Window:
     """A part of a recording.
 
     Attributes:
-        begin: When it begins [s].
+        begin: Begin of the window [s].
         first: Number of its first chunk.
         nodes: State of the nodes before it, each with its last message, by path.
         newest: Newest message before it, by topic.
@@ -72,12 +72,12 @@ class _Window:
 
 
 class _Thinned(Generic[T]):
-    """Values of messages on a topic, at most `POINTS` of them, spread over the recording.
+    """Values of at most `POINTS` messages on a topic, spread over the recording.
 
     Args:
         topic: The topic.
         recording: The recording.
-        decode: Returns the value of a message; None to leave it out.
+        decode: Callback that returns the value of a message; None to leave it out.
     """
 
     def __init__(
@@ -89,7 +89,7 @@ class _Thinned(Generic[T]):
         self.values: list[T] = []
 
     def add(self, opened: OpenChunk) -> None:
-        """Take the messages of the next chunk."""
+        """Add the messages of the next chunk."""
         entries, at = opened.entries(self._topic), 0
         while len(self.values) < POINTS:
             at = bisect_left(entries, (self._next, 0), at)
@@ -108,16 +108,16 @@ class Timeline:
         path: The recording.
 
     Attributes:
-        goal: The goal; None if there is none.
-        began: When the goal, or else the recording, began [s].
-        duration: From then to the last message [s].
+        goal: The goal, or None.
+        began: Start of the goal, or else begin of the recording [s].
+        duration: Time from `began` to the last message [s].
     """
 
     def __init__(self, path: Path) -> None:
-        """Read the whole recording once, but decode little of it.
+        """Read the whole recording once, decoding only a part.
 
         Raises:
-            LogError: It is being written, damaged, or not a recording of armtree.
+            LogError: The recording is being written, damaged, or not of armtree.
         """
         self._recording = recording = IndexedRecording(path)
         self._topics = _topics(recording, _SENT_AS_EVENTS)
@@ -153,13 +153,12 @@ class Timeline:
             at: The moment, from the beginning of the goal [s].
 
         Returns:
-            `from_s` and `to_s`, where it begins and ends; `state`, the events that give the state
-            before it; `events`, those in it; `previous_s` and `next_s`, the last step of the run
-            before it, and the first one after it, or None. Times are from the beginning of the
-            goal [s].
+            `from_s` and `to_s`, its begin and end; `state`, events that restore the state before
+            it; `events`, its events; `previous_s` and `next_s`, the last step of the run before it
+            and the first one after it, or None. Times are from the beginning of the goal [s].
 
         Raises:
-            RecordingError: It is damaged.
+            RecordingError: The recording is damaged.
         """
         begins = [window.begin for window in self._windows]
         number = max(0, bisect_right(begins, at + self.began + _ROUNDING) - 1)
@@ -181,7 +180,7 @@ class Timeline:
         }
 
     def mesh(self, name: str) -> bytes | None:
-        """Return a mesh of a body by its name in the record of a plan; None if there is none."""
+        """Return a mesh of a body by its name in the record of a plan, or None."""
         return self._recording.files.get(name)
 
     def series(self, points: int) -> Json:
@@ -267,14 +266,16 @@ class Timeline:
                 step_times.update(time for time, _ in opened.entries(topic))
             for topic in newest_of:
                 if entry := opened.newest(topic):
-                    newest.pop(topic, None)  # plans count in the order of their last messages
+                    newest.pop(
+                        topic, None
+                    )  # plans are numbered in the order of their last messages
                     newest[topic] = _Place(chunk, topic, entry)
             count += sum(map(opened.count, newest_of))
             self._thin(chunk, opened)
         self.steps = list(map(self._time, step_times))
 
     def _opened(self) -> Iterator[tuple[Chunk, OpenChunk]]:
-        """Yield the chunks. A second thread unpacks some of those that come."""
+        """Yield the chunks. A second thread unpacks some chunks ahead."""
         decoder, coming = Decoder(), deque[tuple[Chunk, Future[OpenChunk]]]()
         with ThreadPoolExecutor(1, "unpack") as unpacker:
             for chunk in self._recording.chunks:
@@ -286,7 +287,7 @@ class Timeline:
                 yield found, opened.result()
 
     def _change(self, message: logs.Message) -> tuple[str, str, float]:
-        """Return path, status and time [s] in a message on the tree, many times as fast as all."""
+        """Return path, status and time [s] of a message on the tree, without decoding all of it."""
         fields = message.fields()
         path, status, time = fields.get("path"), fields.get("status"), fields.get("time")
         if isinstance(path, str) and isinstance(status, str) and isinstance(time, float):
@@ -302,7 +303,7 @@ class Timeline:
                 self.goal, self._goal_chunk = goal, chunk.number
 
     def _thin(self, chunk: Chunk, opened: OpenChunk) -> None:
-        """Note what `series` returns of a chunk."""
+        """Store the values of a chunk for `series`."""
         for samples in (self._commanded, self._measured, self._timing, self._progress):
             samples.add(opened)
         self._lines += (_Place(chunk, _LOG, entry) for entry in opened.entries(_LOG))
@@ -319,7 +320,7 @@ class Timeline:
         for place in window.newest.values():
             message = self._message(place)
             if place.topic == _COMMANDED:
-                # The last frame before the window may end in it.
+                # The last frame before the window may end inside it.
                 rest = self._rest_of_frame(window.first)
                 message = next((each for each in rest if each.topic == _COMMANDED), message)
                 row = _positions(message)
@@ -343,7 +344,7 @@ class Timeline:
             for chunk in chunks[first:until]
             for message in self._recording.open(chunk).messages(self._topics)
         ]
-        if first:  # the rest of a frame of the window before
+        if first:  # the rest of a frame of the previous window
             rest = set(map(id, takewhile(_continues, filter(_is_of_frame, messages))))
             messages = [message for message in messages if id(message) not in rest]
         messages += self._rest_of_frame(until)
@@ -365,7 +366,7 @@ def _is_of_frame(message: logs.Message) -> bool:
 
 
 def _continues(message: logs.Message) -> bool:
-    """Return whether a message of a frame is not the first one."""
+    """Return True if a message is not the first one of its frame."""
     return message.topic != _SENT[0]
 
 
@@ -375,7 +376,7 @@ def _topics(recording: IndexedRecording, kinds: tuple[type, ...]) -> list[str]:
 
 
 def _lateness(message: logs.Message) -> tuple[float, float] | None:
-    """Return when a frame was sent [s], and how late [s]; None if it was not due at a time."""
+    """Return the time [s] and lateness [s] of a frame; None for a frame without a schedule."""
     timing = message.fields()
     time, due = timing.get("time"), timing.get("scheduled")
     if not (isinstance(time, float) and isinstance(due, float) and isfinite(time - due)):

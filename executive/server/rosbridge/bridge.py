@@ -27,10 +27,10 @@ from . import protocol as ros
 logger = logging.getLogger(__name__)
 
 MAX_CLIENTS = 16
-# Goals per second and at once, of all clients, who have no token: each goal leaves a recording.
+# Goals per second and at once, of all clients together, because each goal leaves a recording.
 GOAL_RATE = (1.0, 60.0)
-MAX_SUBSCRIBERS = 1000  # most subscribers of one topic on one connection
-MAX_UNSENT = 1000  # messages that wait for a client that reads slowly
+MAX_SUBSCRIBERS = 1000  # largest number of subscribers of a topic on a connection
+MAX_UNSENT = 1000  # largest number of waiting messages for a slow client
 _POLICY_VIOLATION, _TRY_LATER = 1008, 1013  # close codes of RFC 6455
 
 
@@ -93,7 +93,7 @@ class Bridge:
                     self._moved(event.time, tuple(positions.values()))
 
     def _moved(self, time: float, actuated: tuple[float, ...]) -> None:
-        """Take the measured positions [rad], or the commanded ones if nothing is measured."""
+        """Publish the measured positions [rad], or the commanded ones if there are none."""
         self._joints = time, joint_positions(self.executive.robot, actuated)
         self._for_each(lambda client: client.topic_changed(ros.JOINT_STATES))
 
@@ -107,9 +107,9 @@ class _Goal:
     """A goal of a client.
 
     Attributes:
-        client_id: The client's id of it.
+        client_id: Id of the goal from the client.
         feedback: True to send feedback.
-        percentage: Last percentage sent; -1 for none.
+        percentage: Last sent percentage; -1 before the first.
     """
 
     client_id: str
@@ -123,7 +123,7 @@ class _Subscription:
 
     Attributes:
         periods: Shortest time between two messages, by subscriber id [s].
-        sent: When the last message was sent [s].
+        sent: Time of the last message [s].
         timer: Sends the next message at the end of the period.
     """
 
@@ -143,7 +143,7 @@ class _Client:
     def __init__(self, bridge: Bridge, websocket: WebSocket) -> None:
         self._bridge, self._websocket = bridge, websocket
         self._loop = asyncio.get_running_loop()
-        self._goals: dict[str, _Goal] = {}  # by the executive's goal id
+        self._goals: dict[str, _Goal] = {}  # goals by the executive's goal id
         self._topics: dict[str, _Subscription] = {}
         self._unsent: asyncio.Queue[str] = asyncio.Queue(MAX_UNSENT)
         self._dropped: asyncio.Future[str] = self._loop.create_future()
@@ -175,7 +175,7 @@ class _Client:
             self._put(ros.result(ended.client_id, outcome.state.value, outcome.success))
 
     def progressed(self, feedback: logs.Feedback) -> None:
-        """Send the progress of a goal; it is 0 % while planning."""
+        """Send the progress of a goal. It is 0 % while planning."""
         goal = self._goals.get(feedback.goal_id)
         percentage = feedback.percentage or 0
         if goal and goal.feedback and percentage > goal.percentage:
@@ -183,7 +183,7 @@ class _Client:
             self._put(ros.feedback(goal.client_id, percentage))
 
     def topic_changed(self, topic: str) -> None:
-        """Send the latest message of a topic, now or when its period is over."""
+        """Send the latest message of a topic, now or at the end of its period."""
         subscription = self._topics.get(topic)
         if subscription is None or subscription.timer:
             return
@@ -287,7 +287,7 @@ class _Client:
     def _put(self, text: str) -> None:
         try:
             self._unsent.put_nowait(text)
-        except asyncio.QueueFull:  # it reads too slowly; the arm continues
+        except asyncio.QueueFull:  # the client reads too slowly; the arm continues
             if not self._dropped.done():
                 self._dropped.set_result("too slow")
 
@@ -298,12 +298,12 @@ def _end_timer(subscription: _Subscription) -> None:
 
 
 class _GoalStatuses:
-    """The last status of every goal that the executive knows, in the order of acceptance.
+    """The last status of every known goal, in the order of acceptance.
 
-    Events arrive later than changes of the executive, so its current state may be ahead of them.
+    Events arrive later than changes of the executive, so its state may be newer than the events.
 
     Args:
-        executive: Runs the goals. Those that it knows already are included.
+        executive: Runs the goals. Its earlier goals are included.
     """
 
     def __init__(self, executive: Executive) -> None:

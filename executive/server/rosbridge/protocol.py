@@ -1,4 +1,4 @@
-"""The part of the rosbridge protocol that one action server needs, without any network.
+"""The part of the rosbridge protocol for one action server, without a network.
 
 The reference is ROSBRIDGE_PROTOCOL.md of RobotWebTools/rosbridge_suite. A message is one JSON
 object. The client chooses `id`, which every answer to the message repeats.
@@ -22,17 +22,17 @@ CANCEL_SERVICE = f"{ACTION}/_action/cancel_goal"
 TOPICS = {JOINT_STATES: "sensor_msgs/msg/JointState", STATUS: "action_msgs/msg/GoalStatusArray"}
 
 _MAX_TASK = 2**31 - 1
-_MAX_TEXT = 1024  # characters of an id or a name
-_MAX_ERROR = 300  # characters; an error may quote what the client sent
-# Clients send these too; an action server ignores them.
+_MAX_TEXT = 1024  # largest number of characters of an id or a name
+_MAX_ERROR = 300  # largest number of characters of an error, because it may quote the client
+# Clients also send these operations. An action server ignores them.
 _IGNORED = {"advertise", "unadvertise", "publish", "set_level", "unadvertise_action", "auth"}
 
 
 class BadMessage(Exception):
-    """A message that cannot be understood or carried out.
+    """A message that is invalid or cannot be executed.
 
     Args:
-        text: What is wrong.
+        text: The mistake in words.
         identity: The `id` of the message, or None if it has none.
     """
 
@@ -46,7 +46,7 @@ class BadGoal(BadMessage):
 
 
 class BadCall(BadMessage):
-    """A service call that cannot be carried out. Its client waits for a response."""
+    """A service call that cannot be executed. Its client waits for a response."""
 
     def __init__(self, text: str, call: "CallService") -> None:
         super().__init__(text, call.identity)
@@ -71,7 +71,7 @@ class CancelGoal:
 
 @dataclass(frozen=True, slots=True)
 class CallService:
-    """Call a service; `CANCEL_SERVICE` is the only one."""
+    """Call a service. `CANCEL_SERVICE` is the only one."""
 
     identity: str | None
     service: str
@@ -129,7 +129,7 @@ def parse(text: str | None) -> Message:
 
 
 def _unreadable(text: str, why: str) -> BadMessage:
-    """Return the error for text that strict JSON refuses, with the id that its client expects."""
+    """Return the error for text that is not strict JSON, with the id for its client."""
     with suppress(ValueError, RecursionError, AttributeError, BadMessage):
         message = json.loads(text, parse_int=float)  # int refuses numbers of 4,300 digits
         operation, identity = message.get("op"), _text(message, "id")
@@ -151,7 +151,7 @@ def _send_goal(message: dict[str, Any]) -> SendGoal:
     if message.get("compression", "none") != "none" or message.get("fragment_size") is not None:
         raise BadGoal("compression and fragments are not supported", identity)
     arguments = message.get("args") or {}
-    if isinstance(arguments, list):  # values in the order of the fields, of which there is one
+    if isinstance(arguments, list):  # values in the order of the fields; there is only one field
         arguments = {"task_number": arguments[0]}
     if not isinstance(arguments, dict) or not {"task_number"}.issuperset(arguments):
         raise BadGoal("args of a goal must be {task_number: N}, [N], or empty for 0", identity)
@@ -259,7 +259,7 @@ def error_status(error: BadMessage) -> str:
 def joint_state(utc_ns: int, positions: Mapping[str, float], measured: bool) -> dict[str, Any]:
     """Return a sensor_msgs/JointState of positions by joint [rad].
 
-    Its `frame_id`, which joint states do not use, says whether they are measured or commanded.
+    `frame_id` says if they are measured or commanded, because joint states do not use this field.
     """
     return {
         "header": {"stamp": stamp(utc_ns), "frame_id": "measured" if measured else "commanded"},
@@ -279,8 +279,8 @@ def status_array(goals: Iterable[str]) -> str:
     """Return a published action_msgs/GoalStatusArray.
 
     Args:
-        goals: JSON of each status, by `goal_status`. There may be a thousand, and only one of them
-            has changed, so the others are not encoded again.
+        goals: JSON of each status, from `goal_status`. It is encoded already, because there may be
+            a thousand goals of which only one has changed.
     """
     empty = published(STATUS, {"status_list": []})
     return empty.replace("[]", f"[{','.join(goals)}]")
@@ -324,12 +324,14 @@ def stamp(time_ns: int) -> dict[str, int]:
 
 
 def _goal_info(identity: str, stamp_ns: int) -> dict[str, Any]:
-    uuid = base64.b64encode(bytes.fromhex(identity)).decode()  # as rosbridge writes uint8[]
+    uuid = base64.b64encode(
+        bytes.fromhex(identity)
+    ).decode()  # the form in which rosbridge writes uint8[]
     return {"goal_id": {"uuid": uuid}, "stamp": stamp(stamp_ns)}
 
 
 def _bytes(value: object) -> bytes:
-    """Read a uint8[], which is base64 or a list."""
+    """Read a uint8[] from base64 or a list."""
     if isinstance(value, str):
         try:
             return base64.b64decode(value, validate=True)
