@@ -18,7 +18,7 @@ class GoalError(ArmtreeError):
 
     code = "goal.error"
     exit_status = 4
-    hint = "send another one"
+    hint = "send another goal"
 
 
 class UnknownGoal(GoalError):
@@ -55,7 +55,7 @@ class QueueFull(GoalError):
 
     code = "goal.queue_full"
     http_status = 429
-    hint = "wait for some, or cancel them"
+    hint = "wait until a goal ends, or cancel goals"
 
 
 class DuplicateGoal(GoalError):
@@ -73,7 +73,7 @@ class BadIdentity(GoalError):
 
     code = "goal.bad_id"
     http_status = 422
-    hint = "leave it out to get one"
+    hint = "leave the identity out; the server then chooses one"
 
     def __init__(self, identity: str) -> None:
         super().__init__(f"{identity!r} is not the identity of a goal: give 32 hexadecimal digits")
@@ -94,7 +94,7 @@ class NotExecuting(GoalError):
     """Only an executing goal can be paused."""
 
     code = "goal.not_executing"
-    hint = "`armtree status` shows which one is"
+    hint = "`armtree status` shows the goal that is executing"
 
     def __init__(self, identity: str = "", state: str = "") -> None:
         words = f"goal {identity} is {state}; only one that is EXECUTING can be paused"
@@ -115,17 +115,17 @@ class NotPaused(GoalError):
     """Only a paused goal can be resumed."""
 
     code = "goal.not_paused"
-    hint = "pause it first"
+    hint = "pause the goal first"
 
     def __init__(self, identity: str) -> None:
-        super().__init__(f"goal {identity} is not paused; pause it first")
+        super().__init__(f"goal {identity} is not paused; pause the goal first")
 
 
 class TooManyBreakpoints(GoalError):
     """The limit of breakpoints is reached."""
 
     code = "goal.too_many_breakpoints"
-    hint = "`armtree break NODE --off` removes one"
+    hint = "`armtree break NODE --off` removes a breakpoint"
 
     def __init__(self, most: int) -> None:
         super().__init__(f"there are {most} breakpoints already; remove one first")
@@ -143,10 +143,12 @@ class GoalPreempted(GoalError):
     """Another goal took its place."""
 
     code = "goal.preempted"
-    hint = "send it again if it is still wanted"
+    hint = "send the goal again if you still want it"
 
     def __init__(self, identity: str) -> None:
-        super().__init__(f"goal {identity} took its place; send it again if it is still wanted")
+        super().__init__(
+            f"goal {identity} took its place; send the goal again if you still want it"
+        )
 
 
 class ExecutorBlocked(GoalError):
@@ -174,12 +176,12 @@ class ServerRestarted(GoalError):
 
     code = "server.restarted"
     exit_status = 13
-    hint = "check where the arm is, then send the goal again"
+    hint = "check the position of the arm, then send the goal again"
 
     def __init__(self) -> None:
         super().__init__(
-            "the server ended before this goal did, and no server resumes it; check where the arm "
-            "is, then send the goal again"
+            "the server ended before this goal did, and no server resumes it; check the position "
+            "of the arm, then send the goal again"
         )
 
 
@@ -188,7 +190,7 @@ class ServerClosing(GoalError):
 
     code = "server.closing"
     exit_status = 13
-    hint = "start it again"
+    hint = "start the server again"
 
 
 class UnknownQuestion(GoalError):
@@ -196,7 +198,7 @@ class UnknownQuestion(GoalError):
 
     code = "goal.unknown_question"
     http_status = 404
-    hint = "`armtree answer` lists them"
+    hint = "`armtree answer` lists the open questions"
 
     def __init__(self, identity: str) -> None:
         super().__init__(f"question {identity} is unknown or already answered")
@@ -217,10 +219,10 @@ class NotHeld(GoalError):
     """The goal needs a hold, but no client holds it."""
 
     code = "goal.not_held"
-    hint = "hold it, then send it"
+    hint = "hold the goal, then send it"
 
     def __init__(self, identity: str) -> None:
-        super().__init__(f"no client holds goal {identity}; hold it, then send it")
+        super().__init__(f"no client holds goal {identity}; hold the goal, then send it")
 
 
 class ServerError(ArmtreeError):
@@ -235,7 +237,7 @@ class AddressInUse(ServerError):
     """Another program listens at that address."""
 
     code = "server.address_in_use"
-    hint = "end it, or give --tcp-port"
+    hint = "end that program, or give --tcp-port"
 
 
 class TooFewFiles(ServerError):
@@ -310,14 +312,14 @@ class WrongHost(Forbidden):
     """The Host header is not a name of this server."""
 
     code = "request.host"
-    hint = "use its address, or `armtree serve --host NAME`"
+    hint = "use the address of the server, or `armtree serve --host NAME`"
 
 
 class WrongOrigin(Forbidden):
     """A page of another site sent the request."""
 
     code = "request.origin"
-    hint = "`armtree serve --origin URL` allows it"
+    hint = "`armtree serve --origin URL` allows the page"
 
 
 class Unauthorized(RequestError):
@@ -325,7 +327,7 @@ class Unauthorized(RequestError):
 
     code = "request.token"
     http_status = 401
-    hint = "the server printed it when it started"
+    hint = "use the token that the server printed at its start"
 
 
 class WrongCode(RequestError):
@@ -349,7 +351,7 @@ class TooLarge(TooMuch):
 
     code = "request.too_large"
     http_status = 413
-    hint = "send less"
+    hint = "send a smaller body"
 
 
 class TooSlow(TooMuch):
@@ -357,7 +359,7 @@ class TooSlow(TooMuch):
 
     code = "request.timeout"
     http_status = 408
-    hint = "send it at once"
+    hint = "send the whole body at once"
 
 
 class PoseUnconfirmed(HardwareError):
@@ -426,7 +428,7 @@ class ReplayDiffers(ArmtreeError):
 
     code = "replay.differs"
     exit_status = 12
-    hint = "see where it differs"
+    hint = "see the first difference in the message"
 
 
 class ClientError(ArmtreeError):
@@ -434,14 +436,14 @@ class ClientError(ArmtreeError):
 
     code = "server.error"
     exit_status = 13
-    hint = "see its log"
+    hint = "see the log of the server"
 
 
 class ServerUnreachable(ClientError, ConnectionError):
     """No server answers."""
 
     code = "server.unreachable"
-    hint = "`armtree serve` starts one; --server URL or ARMTREE_SERVER says where it is"
+    hint = "`armtree serve` starts a server; --server URL or ARMTREE_SERVER names another one"
 
     def __init__(self, url: str, why: str) -> None:
         super().__init__(

@@ -42,7 +42,7 @@ class InternalError(ArmtreeError):
 
     code = ArmtreeError.code
     http_status = 500
-    hint = "report it, with --debug and the recording"
+    hint = "report this bug, with the output of --debug and the recording"
     heading = "A bug in armtree"
 
 
@@ -97,7 +97,7 @@ class NotAble(HardwareError):
 
     code = "hw.not_able"
     exit_status = 3
-    hint = "use an arm whose board can do it"
+    hint = "use an arm with another board"
 
     def __init__(self, robot: str, firmware: str, ability: str) -> None:
         super().__init__(
@@ -155,7 +155,7 @@ class PortDenied(LinkError):
     """The user has no permission to open the serial port."""
 
     code = "hw.port_denied"
-    hint = "join its group"
+    hint = "join the group of the port"
 
     def __init__(self, port: str, group: str) -> None:
         super().__init__(
@@ -201,7 +201,7 @@ class PortStalled(LinkError):
     """The board accepts no more bytes. Unwritten bytes are never sent again."""
 
     code = "hw.port_stalled"
-    hint = "check its power, then configure and activate"
+    hint = "check the power of the board, then configure and activate"
 
     def __init__(self, port: str, why: str) -> None:
         super().__init__(
@@ -215,14 +215,14 @@ class BoardError(HardwareError):
     """The board misbehaves."""
 
     code = "hw.board"
-    hint = "check the cable and its power"
+    hint = "check the cable and the power of the board"
 
 
 class BoardSilent(BoardError):
     """A report of the board, which the arm needs before it moves, is missing."""
 
     code = "hw.board_silent"
-    hint = "check its power and cable, and the firmware that the robot file names"
+    hint = "check power and cable of the board, and the firmware in the robot file"
 
     def __init__(self, port: str, seconds: float, what: str, advice: str) -> None:
         super().__init__(
@@ -398,14 +398,14 @@ class TransitionRefused(HardwareError):
     """The lifecycle of the arm does not allow this transition now."""
 
     code = "hw.transition_refused"
-    hint = "the message lists what it allows"
+    hint = "request a transition that the message lists"
 
 
 class ActivationStopped(TransitionRefused):
     """The arm was stopped while its board booted. It is inactive."""
 
     code = "hw.activation_stopped"
-    hint = "activate it again"
+    hint = "activate the arm again"
 
 
 class CancelTimeout(HardwareError):
@@ -439,7 +439,7 @@ class InterfaceUnknown(WriteRefused):
     """The arm has no such command interface."""
 
     code = "hw.no_interface"
-    hint = "the message lists the existing ones"
+    hint = "use an interface that the message lists"
 
     def __init__(self, name: str, present: Sequence[str]) -> None:
         super().__init__(f"there is no command interface {name}; there are {', '.join(present)}")

@@ -114,10 +114,10 @@ class RecordingInUse(LogError):
     """A recording is still being written."""
 
     code = "log.in_use"
-    hint = "wait until it has ended"
+    hint = "wait for the end of the run"
 
     def __init__(self, path: Path) -> None:
-        super().__init__(path, "is being written by another armtree; wait until it has ended")
+        super().__init__(path, "is being written by another armtree; wait for the end of the run")
 
 
 class RecordingError(LogError, ValueError):
@@ -136,11 +136,11 @@ class NoSuchRecording(RecordingError):
     """No recording has the given name, or several recordings match it."""
 
     code = "log.no_such"
-    hint = "`armtree log ls` lists them"
+    hint = "`armtree log ls` lists the recordings"
 
     def __init__(self, folder: Path, why: str) -> None:
         why += "" if why.endswith("?") else "."
-        more = "`armtree log ls` lists them; in another folder, give FOLDER/latest"
+        more = "`armtree log ls` lists the recordings; in another folder, give FOLDER/latest"
         super().__init__(folder, f"{why} {more}")
 
 

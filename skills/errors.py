@@ -23,7 +23,7 @@ class SkillError(ArmtreeError):
     code = "skill.error"
     exit_status = 1
     http_status = 422
-    hint = "report it"
+    hint = "report this bug"
     heading = "The task failed"
     node = ""
     location: tuple[str | int, ...] = ()
@@ -148,7 +148,7 @@ class ConditionFails(TaskFailed):
     """A condition of the task is false."""
 
     code = "task.condition"
-    hint = "the message names the condition"
+    hint = "see the condition in the message"
 
 
 class FunctionFailed(TaskFailed):
@@ -177,7 +177,7 @@ class NoLeader(TaskFailed):
     """There is no hand-guided arm to follow."""
 
     code = "task.no_leader"
-    hint = "armtree teleop --leader PORT"
+    hint = "`armtree teleop --leader PORT` has a leader"
 
 
 KnownError = SkillError | MotionError | HardwareError

@@ -40,7 +40,7 @@ class NobodyLeads:
 
     def positions(self) -> tuple[float, ...] | None:
         """Raise the error."""
-        raise NoLeader("there is no arm to follow here; armtree teleop --leader PORT has one")
+        raise NoLeader("there is no arm to follow; `armtree teleop --leader PORT` has a leader")
 
     def show(self, blocked: Blocked | None) -> None:
         """Do nothing."""

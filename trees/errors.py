@@ -181,7 +181,7 @@ class TreeError(ArmtreeError):
     code = "file.error"
     exit_status = 3
     http_status = 422
-    hint = "correct it at the line that the message names"
+    hint = "correct the file at the line in the message"
 
 
 class FileError(TreeError):
@@ -192,7 +192,7 @@ class FileError(TreeError):
     """
 
     code = "file.task"
-    hint = "correct it, then `armtree check`"
+    hint = "correct the file, then `armtree check`"
 
     def __init__(self, mistakes: Iterable[Mistake]) -> None:
         self.mistakes = tuple(sorted(_combined(set(mistakes)), key=_order))
@@ -312,7 +312,7 @@ class BadArguments(FileError):
     code = "goal.bad_arguments"
     exit_status = 4
     http_status = 409  # well-formed, but not what the task accepts now
-    hint = "`armtree tasks` shows what each task takes"
+    hint = "`armtree tasks` shows the parameters of each task"
 
     def __init__(self, mistakes: Iterable[Mistake]) -> None:
         super().__init__(map(_without_line, mistakes))
@@ -338,7 +338,7 @@ class UnknownTask(TreeError):
     code = "goal.unknown_task"
     exit_status = 4
     http_status = 404
-    hint = "`armtree tasks` lists them"
+    hint = "`armtree tasks` lists the tasks"
 
     def __init__(
         self, task: int | str, known: Iterable[int | str], robot: str = SHIPPED_ROBOT

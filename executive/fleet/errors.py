@@ -19,7 +19,7 @@ class FleetUnreachable(FleetError, ConnectionError):
     """No NATS server answers."""
 
     code = "fleet.unreachable"
-    hint = "`armtree fleet up` starts one; --fleet URL or ARMTREE_FLEET says where it is"
+    hint = "`armtree fleet up` starts a fleet; --fleet URL or ARMTREE_FLEET names another one"
 
     def __init__(self, url: str, why: object) -> None:
         super().__init__(
@@ -65,7 +65,7 @@ class NotStarted(FleetError):
     """The program nats-server does not start."""
 
     code = "fleet.not_started"
-    hint = "see its last line; --tcp-port chooses another port, --data another folder"
+    hint = "see the end of its log; --tcp-port chooses another port, --data another folder"
 
 
 class BadName(FleetError):
@@ -109,7 +109,7 @@ class BadJob(FleetError):
 
     code = "fleet.bad_job"
     exit_status = 4
-    hint = "send it with this version of `armtree fleet send`"
+    hint = "send the job with this version of `armtree fleet send`"
 
 
 class PoolNotServed(FleetError):
@@ -128,7 +128,7 @@ class DuplicateJob(FleetError):
 
     code = "fleet.duplicate"
     exit_status = 4
-    hint = "`armtree fleet jobs` shows it; give every job its own id"
+    hint = "`armtree fleet jobs` shows that job; give every job its own id"
 
     def __init__(self, identity: str) -> None:
         super().__init__(f"the job {identity} was sent before, so nothing was sent; {self.hint}")
@@ -139,7 +139,7 @@ class UnknownJob(FleetError):
 
     code = "fleet.unknown_job"
     exit_status = 4
-    hint = "`armtree fleet jobs` lists them"
+    hint = "`armtree fleet jobs` lists the jobs"
 
     def __init__(self, identity: str) -> None:
         super().__init__(f"no job {identity} is known; {self.hint}")
@@ -150,7 +150,7 @@ class DeadlinePassed(FleetError):
 
     code = "fleet.deadline"
     exit_status = 8
-    hint = "send it again if it is still wanted"
+    hint = "send the job again if you still want it"
 
     def __init__(self, late: float) -> None:
         super().__init__(f"no arm was free by its deadline, {late:.1f} s ago, so nothing moved")

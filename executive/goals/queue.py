@@ -273,7 +273,7 @@ class GoalQueue:
 
     def _refusal(self, identity: str, invalid: Exception | None) -> Exception | None:
         if self._closed:
-            return ServerClosing("the server is ending; start it again")
+            return ServerClosing("the server is ending; start the server again")
         if not _IDENTITY.fullmatch(identity):
             return BadIdentity(identity)
         if identity in self._goals:

@@ -57,8 +57,8 @@ class GoalStopper:
 
     A stop has two phases. First the calling thread stops the arm, at once. Then the executor
     interrupts the tree and waits until everything that the tree started has ended. If this takes
-    longer than the deadline, the arm enters error processing and the goal is aborted, also if the
-    code of a skill does not return to the executor.
+    longer than the deadline, the arm enters error processing and the goal is aborted. This works
+    even if the code of a skill does not return to the executor.
 
     Args:
         queue: Queue of goals.

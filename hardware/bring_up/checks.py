@@ -89,7 +89,7 @@ def _missing(robot: Robot, port: str, found: Found) -> Iterator[Check]:
     what = f"{len(present)} of {len(names)} answer at {speed} bit/s; missing: {missing}"
     remedy = f"check {likely_cable(robot, present)}"
     if strange := ", ".join(str(servo) for servo in others.servos if servo not in names):
-        ids = f"servos answer with ids that no joint has: {strange}. Give them the right ones with "
+        ids = f"servos answer with ids that no joint has: {strange}. Give them the right ids with "
         ids += "armtree calibrate --ids"
         remedy = f"{remedy}; {ids}" if present else ids
     yield Check("servos", False, what, remedy, ServoMissing.code, values=_plain(others))

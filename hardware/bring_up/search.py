@@ -91,6 +91,6 @@ def likely_cable(robot: Robot, present: Iterable[int]) -> str:
         others = "others behind it answer, so its id or the servo itself is wrong, not a cable"
         return f"servo {servo} of {joint}: {others}"
     if first == 0:
-        return "the power supply, the adapter, and the cable to the first servo: none answers"
+        return "the power supply, the adapter or the cable to the first servo: no servo answers"
     before, number = servos[first - 1]
     return f"the cable between servo {number} ({before}) and servo {servo} ({joint}), or its power"

@@ -71,7 +71,7 @@ class ServoTwice(BoardError):
     """Two servos on a bus have one id."""
 
     code = "hw.servo_twice"
-    hint = "`armtree calibrate --ids` gives every servo an id of its own"
+    hint = "`armtree calibrate --ids` gives every servo its own id"
 
     def __init__(self, servos: Iterable[int]) -> None:
         named = ", ".join(map(str, sorted(servos)))
@@ -85,7 +85,7 @@ class ServoSilent(BoardError):
     """A servo on a bus stopped answering."""
 
     code = "hw.servo_silent"
-    hint = "check its cable and its power, then configure and activate"
+    hint = "check cable and power of the servo, then configure and activate"
 
     def __init__(self, servo: int, joint: str, cycles: int) -> None:
         super().__init__(
@@ -98,7 +98,7 @@ class ServoFault(BoardError):
     """A servo on a bus reports an error, such as an overload."""
 
     code = "hw.servo_fault"
-    hint = "free the joint and let it cool down, then configure and activate"
+    hint = "free the joint, let the servo cool down, then configure and activate"
 
     def __init__(
         self, servo: int, joint: str, errors: Sequence[str], temperature: float, volts: float

@@ -170,7 +170,7 @@ def _panels(figure: Figure, heights: Sequence[float], top: float, run: Timeline)
 
 
 def _margins(run: Timeline) -> tuple[float, float]:
-    """Return the widths of the names of nodes, left, and of joints, right [in]."""
+    """Return the left margin for the names of nodes and the right margin for joints [in]."""
     left = max((_INDENT * row.depth + _LETTER * len(row.name) for row in run.rows), default=0.0)
     right = max((_LETTER * len(trace.joint) for trace in run.traces), default=0.0)
     return max(_LEFT, left + 2 * _EDGE), max(_RIGHT, right + 2 * _EDGE)

@@ -130,7 +130,7 @@ WRONG = [
     ),
     (
         "{sequence: [{Set: {value: 1, key: $a}}, {Set: {value: 2, key: $a}}, {Say: {text: b}}]}",
-        "$a is written again, but nothing reads what line 4 writes",
+        "$a is written again, but nothing reads the value from line 4",
     ),
     (
         "{parallel: [{Set: {value: 1, key: $a}}, {Set: {value: 2, key: $a}}]}",

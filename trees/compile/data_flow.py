@@ -81,7 +81,8 @@ class Keys:
             line = before.place.line
             mistakes.add(
                 key.place,
-                f"${short_name(key)} is written again, but nothing reads what line {line} writes",
+                f"${short_name(key)} is written again, but nothing reads the value from line "
+                f"{line}",
             )
         self.written[key.name], self.unread[key.name] = kind, key
         self.writes.setdefault(key.name, key)

@@ -40,7 +40,7 @@ def run_teleop(
         HardwareError: The leader cannot be opened, or the robot is of another kind.
     """
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
-        raise Refusal("a leader needs a person at a terminal")
+        raise Refusal("teleoperation needs a terminal, because it shows a screen and reads keys")
     raise_priority()
     setup = Setup(**options, single_user=True)
     robot = setup.load_robot()

@@ -76,14 +76,14 @@ def test_all_servos_are_named_with_their_health(tmp_path: Path) -> None:
             lambda bus: [put(k, "id", 11 + k)(bus) for k in range(4)],
             "0 of 4 answer at 1000000 bit/s; missing: 1 (joint_1), 2 (joint_2), 3 (joint_3), "
             "4 (joint_4)",
-            "servos answer with ids that no joint has: 11, 12, 13, 14. Give them the right ones "
+            "servos answer with ids that no joint has: 11, 12, 13, 14. Give them the right ids "
             "with armtree calibrate --ids",
         ),
         (
             vanish(0, 1, 2, 3),
             "0 of 4 answer at 1000000 bit/s; missing: 1 (joint_1), 2 (joint_2), 3 (joint_3), "
             "4 (joint_4)",
-            "check the power supply, the adapter, and the cable to the first servo: none answers",
+            "check the power supply, the adapter or the cable to the first servo: no servo answers",
         ),
     ],
 )
