@@ -332,7 +332,7 @@ class LinkContract:
 
 
 def _reading(link: Link) -> tuple[list[bytes | BaseException], Thread]:
-    """Read once on another thread. Return what the read returns or raises, and the thread."""
+    """Read once on another thread. Return the result or exception of the read, and the thread."""
     heard: list[bytes | BaseException] = []
 
     def read() -> None:

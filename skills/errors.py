@@ -124,7 +124,7 @@ class SkillBroken(SkillError):
 
     Args:
         where: Name of the method, such as `Wave.on_start`.
-        what: The exception, or the wrong act of the method, such as `gave None, not a number`.
+        what: The exception, or words for the invalid result, such as `gave None, not a number`.
     """
 
     code = "skill.broken"

@@ -177,7 +177,7 @@ _ROWS = (
         media="model/stl",
     ),
     _read("/api/status", "status", "Return the state of the arm and of the goals.", s.STATUS),
-    _read("/api/where", "where", "Return where the arm is, joints and tool.", s.WHERE),
+    _read("/api/where", "where", "Return the position of the arm: joints and tool.", s.WHERE),
     _read("/api/tasks", "tasks", "List the tasks.", s.answer("Tasks", tasks=s.array(s.TASK))),
     _read(
         "/api/tasks/{task}/nodes",
@@ -212,7 +212,7 @@ _ROWS = (
     _change(
         "/api/plan",
         "plan",
-        "Check a task and plan its motions, as the events that a run would have. Nothing moves.",
+        "Check a task and plan its motions. Answers with the events of a run. Nothing moves.",
         s.answer(
             "DryRun",
             events=s.array({"type": "object"}),
@@ -226,7 +226,7 @@ _ROWS = (
     _change(
         "/api/move",
         "move",
-        "Move joints, or the tool to a point. The move is a goal like that of a task.",
+        "Move joints, or the tool to a point. The move is a goal, like a task.",
         _ACCEPTED,
         body=s.body(
             "to",
@@ -300,7 +300,7 @@ _ROWS = (
         "Cancel the named goals, or all, and stop the arm.",
         s.CANCELED,
         body=s.body(
-            goal_id=s.described(s.GOAL_ID, "Cancel this goal, whatever `stamp_ns` is."),
+            goal_id=s.described(s.GOAL_ID, "Cancel this goal, independent of `stamp_ns`."),
             stamp_ns=s.UNTIL,
         ),
     ),
@@ -367,7 +367,7 @@ _ROWS = (
             "limit": _LIMIT,
         },
     ),
-    _read_recording("", "recording", "Return when the run of a recording began.", s.TIMELINE),
+    _read_recording("", "recording", "Return the start time of a recorded run.", s.TIMELINE),
     _read_recording(
         "/events",
         "recorded_events",

@@ -71,7 +71,7 @@ class Cause:
 
     @property
     def advice(self) -> str:
-        """What to do next; empty if the message says it."""
+        """Advice for the user; empty if the message has it."""
         return "" if self.hint in self.message else self.hint
 
     def to_json(self) -> dict[str, Any]:
@@ -117,7 +117,7 @@ class Ending:
 
     @property
     def hint(self) -> str:
-        """What to do next; empty if the message says it."""
+        """Advice for the user; empty if the message has it."""
         return self.cause.advice if self.cause else ""
 
     def to_json(self) -> dict[str, Any]:

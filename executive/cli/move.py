@@ -83,8 +83,8 @@ def _execute(
 def move(target: tuple[str, ...], relative: bool, speed: float) -> "Move":
     """Move joints, or the tool to a point, and record it.
 
-    The motion is planned and checked like that of a task. Ctrl-C stops the arm. If a server runs on
-    this machine, it moves its arm, unless --port is given. TARGET is one of:
+    The motion is planned and checked like a task. Ctrl-C stops the arm. If a server runs on this
+    machine, it moves its arm, unless --port is given. TARGET is one of:
 
     \b
       JOINT=VALUE, JOINT+=CHANGE  joints; the others stay

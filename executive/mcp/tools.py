@@ -79,9 +79,9 @@ TOOLS = (
     ),
     _move(
         "run_task",
-        "Run a task: THE ARM MOVES. Reports progress and returns how it ended, or its goal if it "
-        "is not over in time. A question of the task is put to the person, never answered for "
-        "them. Canceling the call stops the arm.",
+        "Run a task: THE ARM MOVES. Reports progress. Returns the outcome, or the goal if it has "
+        "not ended in time. Only the person answers questions of the task, never you. Canceling "
+        "the call stops the arm.",
         {**_CALL, **_WAIT},
         ("task",),
     ),

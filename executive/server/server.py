@@ -89,7 +89,9 @@ class ListenOptions:
             if not _ORIGIN.fullmatch(page):
                 raise ServerError(f"--origin {page} is not an origin, such as http://name:port")
         if self.expose and self.rosbridge:
-            raise ServerError("rosbridge has no token, so --rosbridge cannot go with --expose")
+            raise ServerError(
+                "rosbridge has no token, so --rosbridge and --expose exclude each other"
+            )
 
     def page(self, port: int) -> str:
         """Return the URL of the page for other machines: with the first of `hosts`, if any.

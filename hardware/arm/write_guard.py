@@ -338,7 +338,7 @@ class WriteGuard:
 
 
 def _most_behind(robot: Robot) -> list[float]:
-    """Return how long each joint may be behind its command [s].
+    """Return the largest delay of each joint behind its command [s].
 
     A servo turns by whole units, and a slow joint may need many periods for one of them.
     """

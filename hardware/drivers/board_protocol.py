@@ -1,4 +1,4 @@
-"""The protocol of a board: messages in both directions, other than frames, and what it measures."""
+"""The protocol of a board: all messages other than frames, and measurements."""
 
 import math
 from collections.abc import Sequence

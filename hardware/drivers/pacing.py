@@ -39,7 +39,7 @@ class PacingModel:
         return self._done
 
     def step(self, frame: Frame) -> int:
-        """Return how far a frame turns all servos in total [deg]."""
+        """Return the total turn of all servos by a frame [deg]."""
         return sum(abs(b - a) for a, b in zip(self._servos, frame.servos, strict=True))
 
     def note_sent(self, frame: Frame, now: float) -> None:

@@ -246,11 +246,11 @@ class Plan:
             groups do not move.
         goal: Goal positions [rad], (J,).
         via: Points to pass through [rad], (V, J).
-        world: The bodies around the arm and in its gripper. Each has a `name`; a `box` with its
-            `size`, a `sphere` with its `radius`, a `cylinder` with its `radius` and `length`, or a
-            `mesh` with its `path` and `scale`; a `position` of its centre and a `rotation`
-            (x, y, z, w) in the frame of its `link`, empty for the root; and the names of links and
-            bodies that it `touches` [m].
+        world: The bodies around the arm and in its gripper [m]. A body has a `name` and a shape: a
+            `box` with `size`, a `sphere` with `radius`, a `cylinder` with `radius` and `length`, or
+            a `mesh` with `path` and `scale`. Its `position` (of the centre) and `rotation` (x, y,
+            z, w) are in the frame of its `link`; an empty link is the root. `touches` has the names
+            of links and bodies that it may touch.
         seed: Seed of the planner.
         velocity_limits: Velocity limits [rad/s], (J,).
         acceleration_limits: Acceleration limits [rad/s²], (J,).

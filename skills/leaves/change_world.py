@@ -120,7 +120,8 @@ class AddMesh(_Add):
     INPUT_PORTS = {
         **_PLACE,
         "file": PortInformation(
-            str, description="STL, DAE or OBJ file; a closed mesh is solid, an open one a surface"
+            str,
+            description="STL, DAE or OBJ file; a closed mesh is solid, an open mesh is a surface",
         ),
         "scale": vector("unit of the file along x, y, z [m]", "m", (1.0, 1.0, 1.0), _LEAST),
     }

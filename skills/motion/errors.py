@@ -398,7 +398,7 @@ class WorkerDied(MotionError):
     """The planning process ended, or its answer was not valid.
 
     Attributes:
-        why: Cause, as far as it is known.
+        why: Known cause, in words.
     """
 
     code = "plan.worker_died"

@@ -83,7 +83,7 @@ class Planner:
 
         Raises:
             BadQuery: The request or one of its attributes is of a wrong type.
-            MotionError: As `plan`, `rest`, `reach`, `carry` and `verify`.
+            MotionError: `plan`, `rest`, `reach`, `carry` or `verify` failed.
         """
         check_types(request)
         match request:

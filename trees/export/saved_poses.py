@@ -109,7 +109,7 @@ def create_poses(
 
 
 def remove_pose(robot: Robot, folder: Path, name: str) -> Path:
-    """Remove a pose from the poses file in a folder of tasks; return the file.
+    """Remove a pose from the poses file in a folder of tasks. Return the file.
 
     Args:
         robot: The robot.

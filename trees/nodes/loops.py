@@ -130,7 +130,7 @@ class RetryKind(ControlNodeKind):
         """Return the node of BehaviorTree.CPP."""
         attributes = {"num_attempts": str(options["attempts"])}
         if backoff := options["backoff"]:
-            attributes["_description"] = f"after {backoff:g} s, which doubles each time"
+            attributes["_description"] = f"after {backoff:g} s; this time doubles at each attempt"
         return [("RetryUntilSuccessful", attributes)]
 
 

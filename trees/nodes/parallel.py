@@ -95,7 +95,7 @@ class ParallelKind(ControlNodeKind):
         return "parallel, any" if options["policy"] == "any" else "parallel"
 
     def flow(self, options: Options) -> Flow:
-        """Return how its children follow each other."""
+        """Return the order of its children."""
         return Flow.ALTERNATIVES if options["policy"] == "any" else Flow.PARALLEL
 
     def check(self, node: Node) -> None:

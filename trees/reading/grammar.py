@@ -468,7 +468,7 @@ class _Parser:
             or not items
             or any(not isinstance(item.value, str) for item in items)
         ):
-            self._wrong(value.label, "choices are a list of texts, for the type text")
+            self._wrong(value.label, "choices must be a list of texts, and the type must be text")
         for number, item in enumerate(items):
             if item.value in [other.value for other in items[:number]]:
                 self._wrong(item.place, f"choices: {item} is given twice")

@@ -55,7 +55,7 @@ def measured(value: Located) -> str:
 
 
 def in_smaller_units(value: object, unit: str) -> Iterator[tuple[str, float]]:
-    """Return a number without a unit as texts in each smaller unit, with the factor of the unit."""
+    """Return a number without a unit as a text for each smaller unit, with the unit's factor."""
     units = next((units for units in UNITS.values() if next(iter(units)) == unit), {})
     if type(value) in (int, float):
         for name, factor in sorted(units.items(), key=lambda each: each[1]):

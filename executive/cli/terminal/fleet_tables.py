@@ -49,7 +49,7 @@ def record_text(record: JobRecord) -> str:
 
 
 def arms_text(rows: Sequence[ArmRow]) -> str:
-    """Return a table of arms. Of the id of a job it shows the first eight digits."""
+    """Return a table of arms. It shows the first eight digits of the id of a job."""
     if not rows:
         return "no arm has joined; armtree serve --fleet URL --name NAME adds one"
     table = [("ARM", "STATE", "JOB", "LAST", "SERVER")]

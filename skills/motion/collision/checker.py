@@ -509,7 +509,7 @@ class NarrowPhase:
         self._requests, self._margin = repeatable_requests(self._geometry, near), 0.0
 
     def collisions(self, q: Array, margin: float, stop: bool) -> Mask:
-        """Return True for each row with shapes closer than a margin [m], as `BroadPhase` does."""
+        """Return True for each row with shapes closer than a margin [m]. See `BroadPhase`."""
         if margin != self._margin:
             for request in self._requests:
                 request.security_margin = margin

@@ -120,7 +120,7 @@ class RobotModel:
         for link, count in counts.items():
             if found[link] != count:
                 why = f"pinocchio reads {found[link]} of the {count} shapes of {link}"
-                hint = "give plain numbers, with a single space between two"
+                hint = "give plain numbers, separated by single spaces"
                 raise ValueError(f"{why}; {hint}")
 
     def _link_hulls(self) -> list[pin.GeometryObject]:

@@ -59,7 +59,7 @@ def remaining_plan(request: Rest, group: JointGroup, actuated: Sequence[Joint]) 
     place = float(plan.profile.at(np.clip(np.array([request.time]), 0.0, plan.duration))[0][0])
     curve, origin = plan.curve.after(place), start[group.columns]
     if not np.allclose(curve.constant[0], origin, rtol=0.0, atol=_SHORT):
-        raise BadQuery("The arm is not where the motion was stopped; plan again")
+        raise BadQuery("The arm is not at the position of the stop; plan again")
     waypoints = np.vstack((origin, _waypoints_ahead(plan.waypoints, curve.length)))
     if np.array_equal(origin, plan.goal):
         curve = Curve.point(plan.goal)

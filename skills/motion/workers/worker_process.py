@@ -1,4 +1,4 @@
-"""One worker process, as its parent sees it."""
+"""The parent's side of one worker process."""
 
 import contextlib
 import os

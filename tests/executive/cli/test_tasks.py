@@ -220,7 +220,7 @@ def test_groot_tells_keys_from_values(tmp_path: Path) -> None:
     assert target.attrib["joints"] == "joint_1:-1.4;joint_2:0.5"
     assert said.attrib["text"] == "$5"
     reported = [node.attrib["_description"] for node in root.iter("RetryUntilSuccessful")]
-    assert reported == ["after 2 s, which doubles each time", "checked every 0.5 s"]
+    assert reported == ["after 2 s; this time doubles at each attempt", "checked every 0.5 s"]
 
 
 @pytest.mark.parametrize("number", [0, 3, 4, 5, 6, 7, 8])

@@ -34,8 +34,8 @@ def joint_rows(
         targets: Position at the end of the motion by joint [rad].
         width: Columns of the terminal.
         most: Largest number of rows, at least 1.
-        measured: Measured position by joint [rad]; None or empty if not measured. With measured
-            positions, words distinguish them from commanded ones.
+        measured: Measured position by joint [rad]; None or empty if not measured. If given, words
+            mark both the measured and the commanded positions.
     """
     if not positions:
         return []

@@ -106,7 +106,7 @@ def _rows(
         first: Guide of its first row.
         rest: Guide of the rows below.
         place: Number of the child in its parent, if the siblings are not drawn.
-        left: Levels to show below it.
+        left: Number of levels to show below the branch.
     """
     node = branch.node
     left = depth if branch.at_work else min(left, depth)

@@ -104,7 +104,7 @@ ODD: tuple[tuple[str, Any, str], ...] = (
     ("time", None, "The time is None s; give a number"),
     ("time", 10**400, "The time is 1000.* s; give a number"),
     ("plan", None, "The plan is None; give a Plan of this planner"),
-    ("plan", GRIPPER, "arm is not where the motion was stopped"),
+    ("plan", GRIPPER, "arm is not at the position of the stop"),
     ("plan", replace(LINE, velocity=np.zeros(3)), "The limits of the plan are not above 0"),
     (
         "plan",
