@@ -510,7 +510,7 @@ class GoalFailed(ClientError):
         outcome: Outcome of the goal.
 
     Attributes:
-        outcome: The same.
+        outcome: Outcome of the goal.
         cause: The cause of the failure.
     """
 

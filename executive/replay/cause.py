@@ -80,7 +80,7 @@ def _task(plan: Plan, targets: dict[str, set[float]]) -> str:
     for joint, value in zip(plan.joints, plan.goal, strict=False):
         if joint in targets and value not in targets[joint]:
             spelled = ", ".join(f"{target:g}" for target in sorted(targets[joint]))
-            return f"task: it sends {joint} to {spelled}, the plan to {value:g}"
+            return f"task: it moves {joint} to {spelled}, but the plan moves it to {value:g}"
     return ""
 
 

@@ -98,7 +98,9 @@ class Decoder:
         chunk: Chunk = self._decoded(_CHUNK, body)
         self._unpacked += chunk.uncompressed_size
         if self._unpacked > _UNPACKED_LIMIT + _UNPACKED_PER_BYTE * place:
-            raise BadRecord(f"{self._unpacked} bytes are packed into {place}")
+            raise BadRecord(
+                f"{self._unpacked} unpacked bytes are too many for {place} bytes of the file"
+            )
         return _unpacked(chunk)
 
     def message_at(self, data: bytes, at: int, place: int) -> "Message":
@@ -133,7 +135,7 @@ class Decoder:
         """Return the opcode and the body of a record in the data of a chunk."""
         self._records += 1
         if self._records > _RECORDS_LIMIT + place:
-            raise BadRecord(f"{self._records} records are packed into {place} bytes")
+            raise BadRecord(f"{self._records} records are too many for {place} bytes of the file")
         opcode, length = HEAD.unpack_from(data, at)
         at += HEAD.size
         body = data[at : at + length]

@@ -250,6 +250,6 @@ def outcome_words(outcome: Outcome) -> tuple[str, bool]:
 
 
 def cause_words(cause: Cause) -> str:
-    """Return a cause in words; what is cut is at the end."""
+    """Return a cause in words. The screen may cut its end."""
     hint = f" -> {cause.advice}" if cause.advice else ""
     return f"{cause.code}: {cause.message}{hint}"

@@ -133,7 +133,7 @@ class _Polygons:
 
 
 def _lowest(lines: tuple[list[float], list[float]], place: float) -> float:
-    """Return the smallest value at a place of lines with these slopes and widths."""
+    """Return the smallest value that the given lines have at a place."""
     return min([width - slope * place for slope, width in zip(*lines, strict=True)])
 
 

@@ -89,7 +89,7 @@ def test_the_rest_from_the_start_is_the_whole_motion() -> None:
 
 
 def test_an_arm_off_the_path_is_rejected() -> None:
-    with pytest.raises(BadQuery, match="is not where the motion was stopped"):
+    with pytest.raises(BadQuery, match="is not at the position of the stop"):
         PLANNER.rest(Rest(LINE, 0.5 * LINE.duration, tuple(LINE.start)))
 
 
