@@ -29,7 +29,7 @@ class UnknownGoal(GoalError):
     hint = "request the result sooner"
 
     def __init__(self, identity: str) -> None:
-        super().__init__(f"no goal {identity} is known; results are kept for a while only")
+        super().__init__(f"no goal {identity} is known; results are kept only for a limited time")
 
 
 class GoalCanceled(GoalError):
@@ -457,7 +457,7 @@ class ServerLost(ServerUnreachable):
 
     def __init__(self) -> None:
         self.hint = "look at the arm, start the server again, then type: armtree where"
-        why = "the server does not answer any more, so the pose of the arm is not known now"
+        why = "the server does not answer any more, so the pose of the arm is unknown"
         Exception.__init__(self, why)
 
 

@@ -145,8 +145,8 @@ SPEED = described(number(0.01, 1), "Share of the robot's speed; default 1.")
 MOMENT = number(0, 1e9)
 START_POSE = described(
     choice(["boot", "last"]),
-    "Pose of the arm when it is activated and its board does not reset: that of the robot file, or "
-    "the last commanded pose.",
+    "Pose of the arm at the activation, if its board does not reset: `boot` (of the robot file) or "
+    "`last` (last commanded pose).",
 )
 
 
@@ -259,7 +259,7 @@ _SHAPE = _object(
 ROBOT = answer(
     "Robot",
     name=TEXT,
-    opening=described(TEXT, "What the arm does when its port is opened."),
+    opening=described(TEXT, "Effect of opening the port on the arm."),
     links=array(TEXT),
     joints=array(_JOINT),
     shapes=array(_SHAPE),

@@ -71,7 +71,7 @@ def new_token() -> str:
 
 
 def file_of(port: int, kind: str = SERVER) -> Path:
-    """Return the path of the file of the server of a kind on a port."""
+    """Return the path of a server's file, for a kind of server and a port."""
     return _folder() / f"{kind}-{port}.json"
 
 

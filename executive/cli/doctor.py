@@ -83,7 +83,7 @@ def doctor(
         _write_report(report, checks, found)
         echo(f"\n{report} has all of this; it names the files and ports of this machine")
     if failures:
-        echo("\nFix what says NO.")
+        echo("\nFix the lines with NO.")
         sys.exit(exit_status(failures[0]))
     loaded, library = load_library(trees, robot)
     numbers = library.numbers()

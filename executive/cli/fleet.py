@@ -344,8 +344,8 @@ def forget(url: str, arm: str) -> None:
     "server",
     type=Url(),
     metavar="URL",
-    help="Server of the arm, if the URL in `fleet jobs` does not lead to it, or if it needs its "
-    "token. Only this one gets ARMTREE_TOKEN.",
+    help="URL of the arm's server, if the URL in `fleet jobs` is not reachable, or if the server "
+    "needs its token. Only this server gets ARMTREE_TOKEN.",
 )
 @_JSON
 @_FLEET

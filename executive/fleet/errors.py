@@ -165,7 +165,7 @@ class ArmLost(FleetError):
     def __init__(self, arm: str, url: str, silence: float) -> None:
         super().__init__(
             f"{arm} ({url}) claimed this job, and has not been heard of for {silence:.0f} s. It "
-            f"may have moved; its own recording says how far. {self.hint.capitalize()}"
+            f"may have moved; see its own recording. {self.hint.capitalize()}"
         )
 
 

@@ -72,8 +72,8 @@ class Arm:
         clock: Time source.
         observe: Callback for every event, from any thread; frames come in the order of sending. It
             must return quickly, because the caller waits for it. It may stop the arm and may take
-            locks. A lock that a caller of `stop` holds must be re-entrant. The arm logs its
-            exceptions and continues.
+            locks. If a thread calls `stop` with a lock, that lock must be re-entrant. The arm logs
+            its exceptions and continues.
         ready: Callback that waits until the next frame may be sent, at most for its argument [s].
             It returns True if the frame may be sent, and ends the motion with `WriteRefused`.
             Default: every frame may be sent at once.

@@ -244,12 +244,12 @@ ONCE = [
     (
         "",
         "{timeout: {wait_for: {Compare: {left: 3, is: '<', right: 2}}}, after: 1}",
-        "4:28 wait_for waits for nothing: its condition is known before the run",
+        "4:28 wait_for has nothing to wait for: its condition is known before the run",
     ),
     (
         "parameters: {a: {type: number, default: 1}}\n",
         "{wait_for: {selector: [{Compare: {left: $a, is: '<', right: 2}}]}}",
-        "5:18 wait_for waits for nothing: its condition is known before the run",
+        "5:18 wait_for has nothing to wait for: its condition is known before the run",
     ),
     (
         "parameters: {a: {type: druation, default: 3 s, min: 1 s, choices: [a]}}\n",

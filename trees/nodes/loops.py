@@ -233,7 +233,9 @@ class WaitForKind(ControlNodeKind):
         """Report a condition that cannot change."""
         (condition,) = node.below()
         if condition.is_constant():
-            condition.wrong("wait_for waits for nothing: its condition is known before the run")
+            condition.wrong(
+                "wait_for has nothing to wait for: its condition is known before the run"
+            )
 
     def possible_outcomes(self, node: Node) -> PossibleOutcomes:
         """Return the possible outcomes, and report a condition that never holds."""

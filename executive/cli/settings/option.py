@@ -15,7 +15,7 @@ from .rows import SETTINGS, environment_name
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-SETTINGS_SECTION = "Settings (also keys of armtree.toml, and variables such as ARMTREE_SEED)"
+SETTINGS_SECTION = "Settings, also in armtree.toml, or ARMTREE_SEED and so on"
 
 
 class SettingOption(click.Option):

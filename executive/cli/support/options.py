@@ -58,8 +58,8 @@ port_option = option("port", shell_complete=complete_port)
 pose_option = click.option(
     "--pose",
     type=click.Choice(["boot", "last"]),
-    help="Confirm where the arm is: in the pose of the robot file (boot), or where the last run "
-    "left it (last). Needed if opening the port does not reset the board.",
+    help="Confirm the position of the arm: the pose in the robot file (boot), or the end of the "
+    "last run (last). Needed if opening the port does not reset the board.",
 )
 
 

@@ -159,7 +159,7 @@ def _port(robot: Robot, port: str, opens_port: bool) -> Iterator[Check]:
         if not all(check.ok for check in checks):
             return
     if opens_port and robot.can(Ability.IDENTIFY):
-        yield Check("opening", True, "the servos are asked; none is moved or set")
+        yield Check("opening", True, "this reads from the servos; it does not move or change them")
         yield from check_bus(robot, port)
     elif opens_port:
         does = "it resets the board" if _resets(robot, port) else "the board is not reset"

@@ -164,7 +164,7 @@ def run_jog(
         ClientError: The server is gone.
     """
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
-        raise Refusal("a jog needs a terminal; `armtree move --by joint_1=5deg` does without")
+        raise Refusal("a jog needs a terminal; `armtree move --by joint_1=5deg` does not need one")
     raise_priority()
     # The shell must not get keys that are typed while the arm stops and the recording is closed.
     with (

@@ -217,7 +217,7 @@ class Jog:
             f"Stopped{self._undone}",
         )
         if self.prompt:
-            return stopped.said(f"{said}; no space is typed; Escape leaves")
+            return stopped.said(f"{said}; the text has no spaces; Escape leaves")
         return stopped._closed().said(said)
 
     def ended(self, message: str, failed: bool) -> tuple["Jog", Action | None]:

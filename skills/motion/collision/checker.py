@@ -467,7 +467,7 @@ def repeatable_requests(
 
 
 class TouchingShapes:
-    """Detects contacts of exact shapes. Has the working memory of the checks.
+    """Detects contacts of exact shapes. Contains the working memory for this.
 
     This takes less time than finding the links closer than a margin.
     """

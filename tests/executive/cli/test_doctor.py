@@ -143,7 +143,7 @@ def test_a_port_that_will_not_do(
     result = doctor(tmp_path, "--port", port)
     assert result.exit_code == status
     assert f"NO  port        {what}\n                -> {remedy}" in result.output
-    assert result.output.splitlines()[-1] == "Fix what says NO."
+    assert result.output.splitlines()[-1] == "Fix the lines with NO."
 
 
 def test_a_board_that_opening_does_not_reset(tmp_path: Path, robot: Path) -> None:

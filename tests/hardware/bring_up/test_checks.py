@@ -109,7 +109,7 @@ def test_two_servos_with_one_id_are_found(tmp_path: Path) -> None:
 
 def test_a_servo_that_answers_for_another_is_found(tmp_path: Path) -> None:
     checks = found(tmp_path, lambda bus: bus.fail(0.0, Fault("impersonate", 1, 0.0, 2)))
-    assert checks["other ids"].detail == "servo 1 was asked, and the answer has the id 2"
+    assert checks["other ids"].detail == "the answer to a request to servo 1 has the id 2"
 
 
 def test_noise_is_not_double_ids(tmp_path: Path) -> None:

@@ -51,7 +51,7 @@ def test_a_server_that_is_lost_during_a_move_leaves_the_pose_unknown(
     client: Any = MagicMock()
     client.events.return_value.__enter__.return_value = _failing(ServerUnreachable("http://a", "x"))
     monkeypatch.setattr(server_goals, "view_for", lambda *_: nullcontext(MagicMock()))
-    with pytest.raises(ServerLost, match=r"so the pose of the arm is not known now$") as error:
+    with pytest.raises(ServerLost, match=r"so the pose of the arm is unknown$") as error:
         server_goals.send_and_wait(client, Move(("home",)), (), False, False, False)
     assert error.value.code == "server.unreachable"
     assert error.value.hint.startswith("look at the arm, start the server again")
