@@ -324,7 +324,7 @@ class _Watch:
             self._user.cancel()
 
     def has_canceled(self) -> bool:
-        """Return True if `closed`, and nothing else, has canceled the user."""
+        """Return True if only `closed` has canceled the user."""
         return bool(self._canceled and self._user and self._user.uncancel() == 0)
 
     def why(self, error: BaseException) -> FleetError:

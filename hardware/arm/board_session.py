@@ -83,7 +83,7 @@ class BoardSession:
         """Process received bytes. Raises the errors of the protocol.
 
         Returns:
-            True if something changed that a thread may wait for.
+            True if a value has changed for which a thread may wait.
         """
         with self._lock:
             before = self._awaited

@@ -277,7 +277,7 @@ def _check_time_law(law: TimeLaw, curve: Curve) -> None:
         and max(law.speeds[0], law.speeds[-1]) <= fastest
     )
     if not fits:
-        raise InvalidMessage("a plan whose time law does not lead along its path")
+        raise InvalidMessage("a plan whose time law does not cover its path")
     if law.duration > MAX_DURATION:
         raise InvalidMessage(f"a plan of {law.duration:.6g} s; the limit is {MAX_DURATION:g} s")
     # An interval across a break would have several derivatives.

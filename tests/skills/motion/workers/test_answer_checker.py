@@ -199,7 +199,7 @@ LIES: list[tuple[str, Callable[[Plan], Any], str]] = [
     ("outside", round_trip, r"with joint_2 at 171.887 deg, outside \[-90 deg, 90 deg\]"),
     ("fast", faster, r"with joint_1 at -143.* deg/s, outside \[-57.* deg/s, 57"),
     ("a year", slow, "a plan of .* s; the limit is 600 s"),
-    ("backwards", lambda p: timed(p, times=-p.profile.times), "time law does not lead along"),
+    ("backwards", lambda p: timed(p, times=-p.profile.times), "time law does not cover"),
     ("not to the end", lambda p: timed(p, positions=0.5 * p.profile.positions), "time law does"),
     ("standstill", lambda p: dataclasses.replace(p, profile=TimeLaw.standstill()), "time law"),
     ("corner", cut_corner, "does not stop at a corner"),
