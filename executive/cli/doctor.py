@@ -81,7 +81,7 @@ def doctor(
         echo("  " + "  ".join(filter(None, (each.device, each.usb, each.name, each.by_id))))
     if report:
         _write_report(report, checks, found)
-        echo(f"\n{report} has all of this; it names the files and ports of this machine")
+        echo(f"\n{report} has all these results, with names of files and ports of this machine")
     if failures:
         echo("\nFix the lines with NO.")
         sys.exit(exit_status(failures[0]))

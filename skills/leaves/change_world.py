@@ -142,7 +142,7 @@ class AddMesh(_Add):
 def _file_error(file: Path) -> str:
     """Return the error of a mesh file, or "" if it may be valid."""
     if file.suffix.lower() not in _MESHES:
-        return f"{file} is not a STL, DAE or OBJ file"
+        return f"{file} is not an STL, DAE or OBJ file"
     if not file.is_file():
         return f"there is no file {file}; paths are relative to the working directory"
     return ""

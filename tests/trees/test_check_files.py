@@ -188,7 +188,7 @@ ONCE = [
     (
         "",
         "{AddMesh: {body: b, file: /etc/passwd, position: [0, 0, 1]}}",
-        "4:33 AddMesh: /etc/passwd is not a STL, DAE or OBJ file",
+        "4:33 AddMesh: /etc/passwd is not an STL, DAE or OBJ file",
     ),
     (
         "",
