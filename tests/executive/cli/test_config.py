@@ -88,9 +88,9 @@ def test_commands_use_the_files(project: Path) -> None:
     assert str(project / "mine.toml") in str(result.exception)
     result = armtree("check", "--robot", "other.toml")
     assert "project" not in str(result.exception)
-    assert "http://localhost:1" in str(armtree("status").exception)
+    assert "http://127.0.0.1:1" in str(armtree("status").exception)
     configure(project, "tcp_port = 2\n")
-    assert "http://localhost:2" in str(armtree("status").exception)
+    assert "http://127.0.0.1:2" in str(armtree("status").exception)
 
 
 @pytest.mark.parametrize(

@@ -178,7 +178,7 @@ def test_a_stop_says_that_it_stopped_the_server_of_somebody_else(
     status, out, error = type_command(folder, "stop")
     assert (status, error) == (0, "")
     stopped = (
-        f"Stopped the arm of http://localhost:{port}, which another user or session started; no"
+        f"Stopped the arm of http://127.0.0.1:{port}, which another user or session started; no"
     )
     assert out.startswith(stopped)
     monkeypatch.delenv("ARMTREE_TCP_PORT")

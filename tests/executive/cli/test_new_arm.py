@@ -18,6 +18,7 @@ from skills.motion import Query
 from skills.motion.planner import Planner
 from tests.support.arms.real_arms import ROBOTS
 from tests.support.arms.urdfs import urdf
+from tests.support.command_line.typed import typed as type_command
 
 ARM = ["base -> a: revolute shoulder", "a -> b: revolute elbow", "b -> c: prismatic gripper"]
 # The arm, the gripper and the tool of the makers' URDFs.
@@ -138,9 +139,9 @@ def test_at_a_terminal_it_asks_for_the_tool(folder: Path, monkeypatch: pytest.Mo
 
 def test_no_file_is_overwritten(folder: Path) -> None:
     (folder / "arm.toml").write_text("mine")
-    result = armtree("new-arm", "arm.urdf")
-    assert result.exit_code == 2
-    assert "arm.toml exists; delete it, or give another file with -o" in result.output
+    status, _, error = type_command(folder, "new-arm", "arm.urdf")
+    assert status == 2
+    assert "arm.toml exists; delete it, or give another file with -o" in error
     assert "no folder no" in armtree("new-arm", "arm.urdf", "-o", "no/arm.toml").output
     assert (folder / "arm.toml").read_text() == "mine"
 

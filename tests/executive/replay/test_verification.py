@@ -100,8 +100,14 @@ def test_a_run_that_found_no_plan_holds(rig: RigMaker, tmp_path: Path) -> None:
         ("Message", b"b089,", b"b088,", [False, True], "frame 1: b088"),  # in /schedule
         ("Message", b'"seed":1', b'"seed":2', [True, False], "seed: the goal has 2"),
         ("Attachment", b"velocity = 1.0", b"velocity = 1.1", [True, False], "description: "),
-        ("Attachment", b'"joint_1": -1.4', b'"joint_1": -1.3', [True, False], "task: it sends"),
-        ("Message", b'"goal":[-1.4', b'"goal":[-1.3', [True, False], "task: it sends"),
+        (
+            "Attachment",
+            b'"joint_1": -1.4',
+            b'"joint_1": -1.3',
+            [True, False],
+            "task: it moves joint_1 to",
+        ),
+        ("Message", b'"goal":[-1.4', b'"goal":[-1.3', [True, False], "task: it moves joint_1 to"),
         ("Message", b'"velocity_limits":[1.0', b'"velocity_limits":[1.1', [True, False], "limits"),
         ("Message", b'"task":1', b'"task":2', [False, True], "but its goal is not recorded"),
         ("Message", b'"firmware":"stock', b'"firmware":"stuck', [False, True], "schedule of firm"),

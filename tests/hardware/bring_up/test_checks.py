@@ -70,7 +70,7 @@ def test_all_servos_are_named_with_their_health(tmp_path: Path) -> None:
             "3 of 4 answer at 1000000 bit/s; missing: 2 (joint_2)",
             "check servo 2 of joint_2: others behind it answer, so its id or the servo itself is "
             "wrong, not a cable; servos answer with ids that no joint has: 9. Give them the right "
-            "ones with armtree calibrate --ids",
+            "ids with armtree calibrate --ids",
         ),
         (
             lambda bus: [put(k, "id", 11 + k)(bus) for k in range(4)],
