@@ -3,24 +3,19 @@
 import hashlib
 import platform
 import sys
+from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
-from types import ModuleType
 
 import hardware
-import skills.motion
 from hardware.installed import version
 
-_PLANNING = ("numpy", "pin", "coal")
-_SCHEDULING = (
-    "arm/schedule.py",
-    "drivers/firmware_profile.py",
-    "drivers/pacing.py",
-    "drivers/null_driver.py",
-    "drivers/arduino/firmware_profile.py",
-    "drivers/arduino/frames.py",
-    "drivers/arduino/serial_servo.py",
-)
+_LIBRARIES = ("numpy", "pin", "coal")
+_PLANNER = ("skills/motion/**/*.py",)
+
+# Code between plans and frames: a driver is a folder; the models of boards only play frames.
+FRAMES = ("skills/merged_motion.py", "hardware/arm/schedule.py", "hardware/drivers/**/*.py")
+_MODELS = "virtual"
 
 
 @cache
@@ -29,18 +24,26 @@ def versions() -> dict[str, str]:
 
     Two installations with equal entries give equal plans and frames for equal queries.
     """
+    root = Path(hardware.__file__).parents[1]
     own = {
         "armtree": version("armtree") or "none",
-        "planner": _digest(skills.motion, "**/*.py"),
-        "frames": _digest(hardware, *_SCHEDULING),
+        "planner": digest(root, _PLANNER),
+        "frames": digest(root, FRAMES),
     }
-    libraries = {name: version(name) or "none" for name in _PLANNING}
+    libraries = {name: version(name) or "none" for name in _LIBRARIES}
     machine = {"python": platform.python_version(), "machine": platform.machine()}
     return {**own, **libraries, **machine, "system": sys.platform}
 
 
-def _digest(room: ModuleType, *patterns: str) -> str:
-    folder, digest = Path(str(room.__file__)).parent, hashlib.sha256()
-    for path in sorted(path for pattern in patterns for path in folder.glob(pattern)):
-        digest.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
-    return digest.hexdigest()[:12]
+def digest(root: Path, patterns: Iterable[str]) -> str:
+    """Return the digest of the files that match, except those of models of boards.
+
+    Args:
+        root: Folder of the rooms.
+        patterns: Patterns for paths in it.
+    """
+    found = hashlib.sha256()
+    for path in sorted(path for pattern in patterns for path in root.glob(pattern)):
+        if _MODELS not in path.relative_to(root).parts:
+            found.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
+    return found.hexdigest()[:12]
