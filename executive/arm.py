@@ -85,10 +85,8 @@ class Arm:
         resources = ExitStack()
         self.executive = resources.enter_context(open_executive(setup, operator=operator))
         self._runner = TaskRunner(self.executive)
-        self._close, self._lock = (
-            weakref.finalize(self, resources.close),
-            Lock(),
-        )  # also at the exit of the interpreter
+        self._lock = Lock()
+        self._close = weakref.finalize(self, resources.close)  # also at the interpreter's exit
         self.executive.start()
 
     def __enter__(self) -> Self:

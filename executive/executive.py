@@ -355,9 +355,8 @@ class Executive:
             GoalUnderWay: A goal is under way, so the start of the task is unknown.
             TreeError: There is no such task, or its files have mistakes.
         """
-        from .preview.dry_run import (
-            dry_run,
-        )  # a run does not load this module, so that it starts sooner
+        # A run does not load this module, so that it starts sooner.
+        from .preview.dry_run import dry_run
 
         if goal := self._queue.current:
             raise GoalUnderWay(goal.identity)

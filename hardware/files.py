@@ -22,9 +22,8 @@ def read_file(path: Path, most: int) -> bytes:
         ValueError: The path is invalid.
     """
     _check_ordinary(os.stat(path), path)
-    handle = os.open(
-        path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY
-    )  # in case a pipe or port has just replaced it
+    # A pipe or port may just have replaced it.
+    handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY)
     with os.fdopen(handle, "rb") as stream:
         _check_ordinary(os.fstat(handle), path)
         data = stream.read(most + 1)

@@ -202,9 +202,8 @@ def _contradiction(joint: Joint, target: Mapping[str, float]) -> str:
     if mimic is None or mimic.leader not in target:
         return ""
     follows, given = mimic.value(target[mimic.leader]), target[joint.name]
-    if not math.isfinite(given) or math.isclose(
-        given, follows, abs_tol=1e-9
-    ):  # tolerance for decimal literals
+    # Tolerance for decimal literals.
+    if not math.isfinite(given) or math.isclose(given, follows, abs_tol=1e-9):
         return ""
     times = f"{mimic.multiplier:g} times {mimic.leader}"
     offset = f" plus {joint.words(mimic.offset)}" if mimic.offset else ""

@@ -221,6 +221,13 @@ def test_no_file_is_long() -> None:
     assert long == {}
 
 
+def test_no_comment_is_behind_what_it_explains() -> None:
+    """A formatter breaks a line with a long comment; the comment then belongs above it."""
+    torn = re.compile(r"^ *[])}].*  # (?!fmt:|noqa|type:)|= \($\n.*  # .*\n *\)$", re.MULTILINE)
+    files = [*MODULES.values(), *(ROOT / "tests").rglob("*.py"), *(ROOT / "docs").rglob("*.py")]
+    assert [str(path) for path in files if torn.search(path.read_text())] == []
+
+
 def test_every_test_lies_where_its_code_does() -> None:
     """`tests/hardware/arm/test_arm_stop.py` tests `hardware/arm/`."""
     homes = [

@@ -66,9 +66,8 @@ class _Snapshot:
             FileError: The user's folder cannot be read.
         """
         if isinstance(self._library, FileError):
-            raise self._library.with_traceback(
-                None
-            )  # without the traceback, which would grow with each raise
+            # A kept traceback would grow with each raise.
+            raise self._library.with_traceback(None)
         return self._library
 
     @property
@@ -158,9 +157,8 @@ class LiveLibrary:
         if isinstance(error, UnknownTask) or not (last := next(valid, None)):
             if now.error(number, self._robot, validated=False) is None:
                 return now, ""  # the goal then fails with the error of the skill
-            raise error.with_traceback(
-                None
-            )  # without the traceback, which would grow with each raise
+            # A kept traceback would grow with each raise.
+            raise error.with_traceback(None)
         warning = f"Task {number} runs in its last valid version, "
         warning += "because its changed files are wrong: "
         return last, f"{warning}{error}"

@@ -36,9 +36,8 @@ def parse(data: bytes | str) -> Any:
             text, object_pairs_hook=_unique, parse_constant=_no_constant, parse_float=_finite
         )
         if "\\u" in text:
-            json.dumps(
-                value, ensure_ascii=False
-            ).encode()  # raises an error for half a surrogate pair
+            # Raises an error for half a surrogate pair.
+            json.dumps(value, ensure_ascii=False).encode()
     except RecursionError as error:
         raise NotJson("it is nested too deep") from error
     except ValueError as error:

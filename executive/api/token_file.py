@@ -118,9 +118,8 @@ def running() -> list[ServerInfo]:
 
 def _read(file: Path) -> ServerInfo | None:
     try:
-        handle = os.open(
-            file, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK
-        )  # the file may be a pipe
+        # The file may be a pipe.
+        handle = os.open(file, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
         with os.fdopen(handle) as stream:
             found = os.fstat(handle)
             is_own = found.st_uid == os.getuid() and stat.S_ISREG(found.st_mode)

@@ -40,9 +40,8 @@ def _print_log() -> None:
     printer = logging.StreamHandler(sys.stderr)
     printer.setFormatter(LogFormatter("%(asctime)s %(levelname)-7s %(message)s"))
     logging.getLogger().addHandler(printer)
-    logging.getLogger("asyncio").setLevel(
-        logging.ERROR
-    )  # the library warns of each refused TLS connection
+    # The library warns of each refused TLS connection.
+    logging.getLogger("asyncio").setLevel(logging.ERROR)
 
 
 @click.group(cls=CommandGroup)

@@ -75,9 +75,8 @@ def main() -> None:
     except (click.Abort, KeyboardInterrupt):
         sys.exit(INTERRUPTED_EXIT)
     except SystemExit:
-        if (
-            sys.stdout is not output
-        ):  # click replaces the stream if its reader has ended, and exits with 1
+        # click replaces the stream if its reader has ended, and exits with 1.
+        if sys.stdout is not output:
             sys.exit(READER_ENDED_EXIT)
         raise
     except Exception as error:

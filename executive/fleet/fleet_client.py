@@ -316,9 +316,8 @@ class FleetClient:
 
         async def note(message: Any) -> None:
             took = self._clock.now() - begin
-            with suppress(
-                strict_json.NotJson, KeyError, TypeError
-            ):  # the arm then has not confirmed
+            # An answer of another form confirms nothing.
+            with suppress(strict_json.NotJson, KeyError, TypeError):
                 answer = strict_json.parse_object(message.data)
                 arm, goals = str(answer["arm"]), tuple(map(str, answer.get("goals", ())))
                 found[arm] = Confirmation(arm, str(answer["error"]), goals, took)

@@ -43,9 +43,8 @@ class JobRequests:
         if self._inbox and not self._forgotten.is_set():  # all requests there have expired
             await self._inbox.unsubscribe()
             self._inbox = None
-        if (
-            not found and loop.time() - begin < _ANSWER_SECONDS
-        ):  # the NATS server refuses the request
+        # An early empty answer: the NATS server refuses the request.
+        if not found and loop.time() - begin < _ANSWER_SECONDS:
             await asyncio.sleep(_ANSWER_SECONDS)
         return found
 

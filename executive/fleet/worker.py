@@ -386,9 +386,8 @@ class Worker:
     async def _store(self, record: JobRecord, revision: int, result: Ending) -> None:
         """Store the result of a job. Wait as long as the NATS server is gone."""
         identity, told = record.job.identity, False
-        result = Ending.from_json(
-            result.to_json()
-        )  # in its stored form: without the task, and rounded
+        # The stored form has no task, and rounded values.
+        result = Ending.from_json(result.to_json())
         mine = replace(record, result=result, ended_ns=utc_ns(self._clock))
         while True:
             try:

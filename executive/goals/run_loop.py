@@ -37,9 +37,8 @@ class _Node:
     def update(self) -> bool:
         """Update the status; return True if the change must be recorded."""
         starts, before = self.start_count, self.status
-        if (
-            isinstance(self.node, Skill) and not self.node.condition
-        ):  # a condition starts at every tick
+        # A condition starts at every tick.
+        if isinstance(self.node, Skill) and not self.node.condition:
             self.start_count = self.node.start_count
         self.status = self.node.status
         if before not in _ENDED:
@@ -100,9 +99,8 @@ class Run:
             if mailbox.stopping:
                 break
             self._guard(self._pause if mailbox.paused else self._tick)
-        if (
-            root.status is not Status.SUCCESS and mailbox.stopping
-        ):  # the skill may fail due to the stop
+        # The skill may fail due to the stop.
+        if root.status is not Status.SUCCESS and mailbox.stopping:
             root.stop(Status.INVALID)
             self._arm.stop()
             self._guard(self._record_changes)
@@ -241,9 +239,8 @@ class Progress:
         self._tree = tree
         # Skills that measure their progress, also before their start.
         self._moving = [s for s in tree.skills if type(s).progress is not Skill.progress]
-        self._failed = dict.fromkeys(
-            loops_in(tree.root), 0
-        )  # failed attempts of each loop at the last step
+        # Failed attempts of each loop at the last step.
+        self._failed = dict.fromkeys(loops_in(tree.root), 0)
         self._last = ProgressPoint(None, "", "", 1)
 
     def step(self, paused: bool = False) -> ProgressPoint | None:

@@ -77,9 +77,8 @@ class Recordings:
         self._meshes: set[str] = set()  # names of the meshes in the open recording
         self._exchanges = Exchanges(self._record_arm_event)
         self._early = deque[logs.LogLine](maxlen=_EARLY)
-        self._counting = (
-            threading.RLock()
-        )  # lock for the count of frames and changes of the recorder
+        # Lock for the count of frames and changes of the recorder.
+        self._counting = threading.RLock()
         self._state = State.UNCONFIGURED.value  # state of the arm's lifecycle
         self.path = ""
         self.frames = 0

@@ -27,9 +27,8 @@ def source(recording: Recording, entries: Collection[str]) -> str:
         recording: The recording.
         entries: Entries of `versions` that could be the source.
     """
-    if (
-        part := recording.changed
-    ) and part != f"note {DIGESTS}":  # missing digests do not name a part
+    # Missing digests do not name a part.
+    if (part := recording.changed) and part != f"note {DIGESTS}":
         return f"the recording: {part} was changed or removed after the run"
     if new := changes(recording, entries):
         return f"version: {new}"
@@ -95,9 +94,8 @@ def _targets(recording: Recording) -> dict[str, set[float]]:
         if skill in planners or not goals & set(map(str, ports.values())):
             continue
         spelled = [value for value in ports.values() if isinstance(value, dict)]
-        if (
-            skill not in copiers or len(spelled) < len(ports) - 1
-        ):  # all inputs except the goal that it writes
+        # A skill that copies has one more port: the goal that it writes.
+        if skill not in copiers or len(spelled) < len(ports) - 1:
             return {}
         for joint, value in chain.from_iterable(group.items() for group in spelled):
             if isinstance(value, float):

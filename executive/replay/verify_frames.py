@@ -220,9 +220,8 @@ def _timing_difference(schedule: Schedule, sent: Sequence[Sent], stopped: bool) 
             return f"frame 1: {moving[0].text} was due before its schedule was compiled"
         passed = due - schedule.times[0]
         late = scheduled - first - passed - shifted
-        if (
-            1 / schedule.rate_hz - _TOLERANCE < late <= before + _TOLERANCE
-        ):  # the same rule as in the streamer
+        # The same rule as in the streamer.
+        if 1 / schedule.rate_hz - _TOLERANCE < late <= before + _TOLERANCE:
             shifted, late = shifted + late, 0.0
         before = frame.time - scheduled
         if late < -_TOLERANCE or (late > _TOLERANCE and not stopped):  # a stop may slow down first

@@ -20,9 +20,8 @@ from .goals import Goals
 _CLIENT = "armtree-ros2"
 _KINDS = "status", "feedback", "sent", "measured", "lifecycle"
 _PAUSE_SECONDS = 0.5  # time between two attempts to reach the server
-LOST_SECONDS = (
-    2.0  # time without a server until its goals count as aborted and new goals are refused
-)
+# Time without a server until its goals count as aborted and new goals are refused.
+LOST_SECONDS = 2.0
 _SEEN_SECONDS = 2.0  # longest time from the acceptance of a goal to its first event
 _END_SECONDS = 1.5  # longest time for the end of this process's goals at its end
 _TASKS_SECONDS = 3.0  # time between two reads of the list of tasks, because files may change

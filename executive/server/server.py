@@ -40,10 +40,8 @@ from .sign_in import SignIn
 logger = logging.getLogger(__name__)
 
 _BACKLOG = 4096  # connections that the kernel queues until they are accepted
-_LOOPBACK = {
-    "0.0.0.0": "127.0.0.1",
-    "::": "::1",
-}  # loopback address, by the address of all interfaces
+# Loopback address, by the address of all interfaces.
+_LOOPBACK = {"0.0.0.0": "127.0.0.1", "::": "::1"}
 _ORIGIN = re.compile(r"https?://[a-z0-9._:\[\]-]+")  # pattern of an origin, as browsers send it
 _SEND_BUFFER = 128 * 1024  # largest number of bytes in flight to a client that does not read
 _SHUTDOWN_TIMEOUT = 0.05  # longest time for open answers at shutdown [s]

@@ -127,9 +127,8 @@ def state_interfaces(
     known = joint_positions(robot, commanded)
     interfaces = {_position(joint): known[joint.name] for joint in robot.joints}
     for quantity, values in asdict(measured).items() if measured else ():
-        for joint, value in zip(
-            robot.actuated, values, strict=False
-        ):  # an empty list of values is not measured
+        # An empty list of values is not measured.
+        for joint, value in zip(robot.actuated, values, strict=False):
             interfaces[f"{joint.name}/measured/{quantity}"] = value
     return interfaces
 

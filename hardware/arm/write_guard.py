@@ -254,10 +254,8 @@ class WriteGuard:
             if claim:
                 self._claims.check(claim)
             self._claims.release_all()
-            due, self._hold_due = (
-                self._hold_due,
-                False,
-            )  # a signal handler may call this function in between
+            # One statement, because a signal handler may call this function in between.
+            due, self._hold_due = self._hold_due, False
             if due:
                 self._check_active()
                 self._send(self._last_frame, self._commanded, None)
@@ -314,9 +312,8 @@ class WriteGuard:
         due = self._session.next_poll <= began < before  # the frame made a request due
         request = self._session.poll(began) if due else b""
         self._put(frame.data + request)
-        self._pacing.note_sent(
-            frame, self._clock.now()
-        )  # the time after the write, which may have waited
+        # The time after the write, which may have waited.
+        self._pacing.note_sent(frame, self._clock.now())
         self._last_frame = frame
         self._outbox.put(FrameSent(began, frame.data, positions, scheduled))
         if request:

@@ -49,9 +49,8 @@ class Swept:
             centre: True to change the offset, so that the seam is opposite to the middle of the
                 range.
         """
-        begin = (
-            self.least - self.least % self.turn
-        )  # begin of the turn that contains the begin of the range
+        # Begin of the turn that contains the begin of the range.
+        begin = self.least - self.least % self.turn
         if homing is None:
             return {"least": self.least - begin, "most": self.most - begin}
         shift = (self.least + self.most) // 2 - self.turn // 2 if centre else begin

@@ -246,9 +246,8 @@ def _gripper_mistakes(gripper: Sequence[str], urdf: Urdf) -> Iterator[UrdfError]
 def _robot(path: Path, urdf: Urdf, gripper: Sequence[str], tool: str) -> Robot:
     tree, followers = Tree(urdf), dict[str, list[UrdfJoint]]()
     chain = [joint for joint in tree.moving_below(tree.root) if joint.mimic is None]
-    chain.sort(
-        key=lambda joint: joint.name in gripper
-    )  # a stable sort: the joints of the arm come first
+    # A stable sort: the joints of the arm come first.
+    chain.sort(key=lambda joint: joint.name in gripper)
     for joint in urdf.moving.values():
         if joint.mimic:
             followers.setdefault(joint.mimic.leader, []).append(joint)

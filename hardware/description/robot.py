@@ -28,9 +28,8 @@ from .guards import Guards
 from .meshes import find_mesh
 from .urdf import Urdf
 
-RANGE_MARGIN = (
-    1.0  # margin at the ends of a calibrated range, so that the joint does not push [deg]
-)
+# Margin at the ends of a calibrated range, so that the joint does not push [deg].
+RANGE_MARGIN = 1.0
 
 
 @dataclass(frozen=True, slots=True)

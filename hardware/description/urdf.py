@@ -25,9 +25,8 @@ Vector = tuple[float, float, float]
 MAX_BYTES = 2**20
 _XACRO = "{http://www.ros.org/wiki/xacro}"  # namespace of its elements
 _MOVING = ("revolute", "continuous", "prismatic")
-_NUMBER = re.compile(
-    r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII
-)  # float() accepts more forms
+# Form of a number in XML. float() accepts more.
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _MAX_LINKS = 1000  # pinocchio takes a minute for 4000 shapes
 _SHORTEST_AXIS = 1e-6  # pinocchio cannot normalise an axis with a square near 0
 

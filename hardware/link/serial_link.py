@@ -109,10 +109,8 @@ class SerialLink:
         try:
             if port is not None:
                 port.cancel_read()
-                with (
-                    self._reading,
-                    self._writing,
-                ):  # pyserial fails if it is closed during a read or write
+                # pyserial fails if it is closed during a read or write.
+                with self._reading, self._writing:
                     _empty(port, discard)
                     _close(port)
         except _LOST as error:

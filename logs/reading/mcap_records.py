@@ -43,12 +43,8 @@ def damage(*more: type[Exception]) -> tuple[type[Exception], ...]:
     from mcap.exceptions import McapError
     from zstandard import ZstdError
 
-    unpacking = (
-        ZstdError,
-        RuntimeError,
-        MemoryError,
-        KeyError,
-    )  # exceptions of lz4, and of an unknown compression
+    # Exceptions of lz4, and of an unknown compression.
+    unpacking = (ZstdError, RuntimeError, MemoryError, KeyError)
     return BadRecord, McapError, error, ValueError, ArithmeticError, *unpacking, *more
 
 

@@ -14,10 +14,8 @@ if TYPE_CHECKING:
     from mcap.records import Attachment, Channel, Metadata
 
 _JSON = "std_msgs/msg/String"
-_TEXT_HEAD, _LITTLE_ENDIAN = (
-    8,
-    b"\0\1\0\0",
-)  # number of bytes before a text in CDR, and the first four of them
+_TEXT_HEAD = 8  # number of bytes before a text in CDR
+_LITTLE_ENDIAN = b"\0\1\0\0"  # the first four of them
 
 
 @dataclass(frozen=True, slots=True)

@@ -252,9 +252,8 @@ def _epoch_ns(path: Path) -> int:
         match item:
             case Metadata(name="armtree", metadata={"epoch_ns": epoch}) if _is_time(epoch):
                 return int(epoch)
-            case Metadata() if (
-                item.name == RECOVERED
-            ):  # cut off before the epoch, so it has no messages
+            case Metadata() if item.name == RECOVERED:
+                # A file cut off before the epoch has no messages.
                 return 0
             case Message():
                 break

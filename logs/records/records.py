@@ -10,13 +10,8 @@ from typing import Any
 
 from hardware.printable import wire_text
 
-QUANTITIES = (
-    "position",
-    "velocity",
-    "effort",
-    "temperature",
-    "voltage",
-)  # names of measured quantities
+# Names of measured quantities.
+QUANTITIES = ("position", "velocity", "effort", "temperature", "voltage")
 MOVE = -1  # task number of a move, because a move has no task file
 _AT_ONCE = 0.1  # largest delay of a goal that counts as not queued [s]
 

@@ -17,9 +17,8 @@ from logs.records.file_format import DIGESTS, RECOVERED, UNFINISHED
 if TYPE_CHECKING:
     from mcap.writer import Writer
 
-_CHUNK_BYTES = (
-    262144  # size of a chunk; smaller chunks compress worse, and each has its own indexes
-)
+# Size of a chunk; smaller chunks compress worse, and each has its own indexes.
+_CHUNK_BYTES = 262144
 
 
 @dataclass(frozen=True, slots=True)

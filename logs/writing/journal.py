@@ -197,10 +197,8 @@ class PieceWriter:
         """Return the duration of writes since the last call [s], including an unfinished write."""
         began = self._began
         so_far = time.monotonic() - began if began is not None else 0.0
-        spent, self._spent = (
-            self._spent + so_far,
-            -so_far,
-        )  # the end of the write adds its whole duration
+        # The end of the write adds its whole duration.
+        spent, self._spent = self._spent + so_far, -so_far
         return spent
 
     def _write(self, data: bytes) -> None:

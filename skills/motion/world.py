@@ -300,11 +300,8 @@ def _shown(value: object) -> str:
         text = json.dumps(value, ensure_ascii=False)
         if not text.isprintable():
             text = json.dumps(value)
-    except (
-        TypeError,
-        ValueError,
-        RecursionError,
-    ):  # not a value of JSON, or a number with too many digits
+    except (TypeError, ValueError, RecursionError):
+        # Not a value of JSON, or a number with too many digits.
         return shown(value)
     return text if len(text) <= _MAX_SHOWN else f"{text[:_MAX_SHOWN]}..."
 

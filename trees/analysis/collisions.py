@@ -83,9 +83,8 @@ class CollisionChecks:
 
     def _load_error(self, body: Body) -> BadWorld | WorkerDied | None:
         """Return the error of loading a body, or None."""
-        alone = World(
-            (replace(body, touches=frozenset()),)
-        )  # other tasks may add the bodies that it touches
+        # Other tasks may add the bodies that it touches.
+        alone = World((replace(body, touches=frozenset()),))
         answer = self.pool.ask(Verify([self.robot.boot_pose], 0.0, world=alone))
         return answer if isinstance(answer, (BadWorld, WorkerDied)) else None
 

@@ -476,9 +476,8 @@ class TreeCompiler:
         """Return a literal value in the declared type, or None if it is wrong."""
 
         def wrong(place: Place, why: str, instead: Correction | None = None) -> None:
-            self._mistakes.add_last(
-                place, f"{what}: {why}", instead
-            )  # other uses may report it at the same place
+            # Other uses may report it at the same place.
+            self._mistakes.add_last(place, f"{what}: {why}", instead)
 
         fitted = fit(value, wanted, self._sources.poses, wrong)
         if note := doubt(value, wanted, what):

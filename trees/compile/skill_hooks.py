@@ -104,9 +104,8 @@ class SkillHooks:
                 unit, near = units
                 old, right = value.place.brackets or str(value.value), _with_unit(value, near)
                 words = str(fault).removesuffix(did_you_mean(right))
-                fault.args = (
-                    in_other_unit(words, value, unit, right),
-                )  # the exception may be raised again
+                # The exception may be raised again.
+                fault.args = (in_other_unit(words, value, unit, right),)
                 instead = value.place.replaced(old, right)
             self._refuse(Refusal(leaf.skill, kind.__name__, fault, place, instead))
 

@@ -62,9 +62,8 @@ def by_port(
     if "" in given:
         wrong(place, why, place.replaced(written, wanted))
         return {ports[0]: value}
-    before = replace(
-        value.label, column=value.label.column - 1
-    )  # place of the bracket, if there is one
+    # Place of the bracket, if there is one.
+    before = replace(value.label, column=value.label.column - 1)
     if lines := block(value.label):  # a mapping over several lines
         below = [f"{ports[0]}:", *(f"  {line}" for line in lines)]
         right = replaced_block(value.label, [f"{ports[0]}: {written}"] if is_list else below)

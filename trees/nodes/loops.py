@@ -46,9 +46,8 @@ class Loop(Decorator):
         Args:
             share: Progress of the child, from 0 to 1; None if unknown.
         """
-        return (
-            None if self._next is not None else share
-        )  # between rounds, the share is of the last one
+        # Between rounds, the share is of the last one.
+        return None if self._next is not None else share
 
     def initialise(self) -> None:
         """Start the first round."""

@@ -274,9 +274,8 @@ def _positions(
             return dict(poses[value.value]) or None  # an empty pose is wrong and already reported
         near = closest(value.value, poses)
         there = f"no pose {value.value}; {there_are(value.value, poses)}"
-        if pairs := re.findall(
-            r"(\w+) ?[=:] ?([^\s,=:]+)", value.value
-        ):  # the form of `armtree move`
+        # The form of `armtree move`.
+        if pairs := re.findall(r"(\w+) ?[=:] ?([^\s,=:]+)", value.value):
             near = f"{{{', '.join(f'{joint}: {position}' for joint, position in pairs)}}}"
             there = f"joint values are a mapping; write {near}"
         instead = value.place.replaced(value.value, near)

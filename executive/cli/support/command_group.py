@@ -15,9 +15,8 @@ from hardware.spelling import did_you_mean, suggestion
 
 _OWN, _COMMON = "Options", "Options of every command"
 _SECTIONS = (_OWN, SETTINGS_SECTION, _COMMON)
-COMPLETION_VARIABLE = (
-    "_ARMTREE_COMPLETE"  # environment variable of a shell's request for completions
-)
+# Environment variable of a shell's request for completions.
+COMPLETION_VARIABLE = "_ARMTREE_COMPLETE"
 
 
 @dataclass

@@ -9,9 +9,8 @@ from typing import NoReturn
 NICE = -10  # niceness that the process requests
 # Longest time that a busy thread keeps the interpreter from the streamer and from a stop [s].
 _SWITCH = 0.0005
-_GROUP = Path(
-    "/proc/self/autogroup"
-)  # file with the niceness of the session, if Linux schedules by sessions
+# File with the niceness of the session, if Linux schedules by sessions.
+_GROUP = Path("/proc/self/autogroup")
 
 end_process = os._exit  # ends the process at once, from any thread
 _OWN = os.getpid()

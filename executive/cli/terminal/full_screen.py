@@ -86,7 +86,6 @@ def last_words(text: str) -> None:
 
     thread = threading.Thread(target=write, daemon=True)
     thread.start()
-    for _ in range(
-        10
-    ):  # several waits: a stall of the whole host ends one wait without giving the thread time
+    # Several waits: a stall of the whole host ends one wait without giving the thread time.
+    for _ in range(10):
         thread.join(0.02)

@@ -82,11 +82,8 @@ class Terminal:
         for path in ("", _TERMINAL):
             try:
                 self._read_lines(os.open(path, os.O_RDONLY) if path else sys.stdin.fileno())
-            except (
-                OSError,
-                ValueError,
-                AttributeError,
-            ):  # standard input is missing, closed or not readable
+            except (OSError, ValueError, AttributeError):
+                # Standard input is missing, closed or not readable.
                 continue
         with self._lock:
             self._ended = True

@@ -266,9 +266,8 @@ class Timeline:
                 step_times.update(time for time, _ in opened.entries(topic))
             for topic in newest_of:
                 if entry := opened.newest(topic):
-                    newest.pop(
-                        topic, None
-                    )  # plans are numbered in the order of their last messages
+                    # Plans are numbered in the order of their last messages.
+                    newest.pop(topic, None)
                     newest[topic] = _Place(chunk, topic, entry)
             count += sum(map(opened.count, newest_of))
             self._thin(chunk, opened)

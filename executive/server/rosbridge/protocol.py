@@ -324,9 +324,8 @@ def stamp(time_ns: int) -> dict[str, int]:
 
 
 def _goal_info(identity: str, stamp_ns: int) -> dict[str, Any]:
-    uuid = base64.b64encode(
-        bytes.fromhex(identity)
-    ).decode()  # the form in which rosbridge writes uint8[]
+    # The form in which rosbridge writes uint8[].
+    uuid = base64.b64encode(bytes.fromhex(identity)).decode()
     return {"goal_id": {"uuid": uuid}, "stamp": stamp(stamp_ns)}
 
 

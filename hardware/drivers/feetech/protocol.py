@@ -71,9 +71,8 @@ class BusProtocol(BoardProtocol):
         self._settles = -math.inf  # time until which the arm may move [s]
         self._state_time = -math.inf  # time of the last answers with the torque [s]
         self._holds = False  # True if torque was switched on
-        self._limp = dict.fromkeys(
-            self._joints, _LIMP
-        )  # number of answers without torque still allowed
+        # Number of answers without torque still allowed.
+        self._limp = dict.fromkeys(self._joints, _LIMP)
         self._memories = {servo: bytearray(MEMORY) for servo in self._joints}
         self.lost = dict.fromkeys(self._joints, 0)
         self.next_poll = -math.inf  # request the positions at once
@@ -181,9 +180,8 @@ class BusProtocol(BoardProtocol):
                 self._twice[packet.servo] += 1
             elif packet.servo in self._waiting:
                 self._process(packet)
-                if (
-                    self._waiting and not self.boot_frame
-                ):  # before the boot no frame waits for the line
+                # Before the boot no frame waits for the line.
+                if self._waiting and not self.boot_frame:
                     self.free_at = self.next_poll = now + ANSWER_TIMEOUT
                 elif self._waiting:
                     rest = max(_TIMES_SLOWEST * self._slowest, _LEAST_TIMEOUT)

@@ -82,9 +82,8 @@ class _Server:
     def _write(self) -> None:
         data = self._board.read_output(self._clock.now())
         if data and self._opened:
-            with contextlib.suppress(
-                BlockingIOError
-            ):  # without a reader, bytes are lost, as on a line
+            # Without a reader, bytes are lost, as on a line.
+            with contextlib.suppress(BlockingIOError):
                 os.write(self._master, data)
 
     def _answer(self) -> bool:

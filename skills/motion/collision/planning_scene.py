@@ -56,9 +56,8 @@ class PlanningScene:
     def __init__(
         self, robot: Robot, world: World = EMPTY, robot_model: RobotModel | None = None
     ) -> None:
-        self._mesh_stamps = mesh_stamps(
-            world
-        )  # taken before the meshes are read, to notice later changes
+        # Taken before the meshes are read, to notice later changes.
+        self._mesh_stamps = mesh_stamps(world)
         self.robot_model = model = robot_model or RobotModel(robot)
         self.kinematics = model.kinematics
         self._bodies = {body.name: body for body in world.bodies}

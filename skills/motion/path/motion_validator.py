@@ -26,9 +26,8 @@ _LEVELS = 3
 _REFINEMENT = 4
 _CHUNK = 2**14  # section numbers generated at a time
 _CACHED = 2**11  # largest number of sections with a cached order
-_SAMPLES = (
-    np.array([6.0, 3.0, 1.0, 5.0, 2.0, 4.0])[:, None] / 6.0
-)  # checked shares of a line, in this order
+# Checked shares of a line, in this order.
+_SAMPLES = np.array([6.0, 3.0, 1.0, 5.0, 2.0, 4.0])[:, None] / 6.0
 _SUBSECTIONS = np.arange(1.0 - _REFINEMENT, _REFINEMENT, 2.0)
 
 Path = Callable[[Array], Array]  # shares of a path (N,) -> points (N, J) [rad]

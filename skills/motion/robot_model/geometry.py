@@ -77,9 +77,8 @@ class EnclosedVolume:
 
     @cached_property
     def _triangles(self) -> NDArray[np.intp]:
-        rows = map(
-            self._mesh.tri_indices, range(self.triangle_count)
-        )  # coal has no function for all triangles
+        # Coal has no function for all triangles.
+        rows = map(self._mesh.tri_indices, range(self.triangle_count))
         indices = (row[i] for row in rows for i in range(3))
         return np.fromiter(indices, np.intp, 3 * self.triangle_count).reshape(-1, 3)
 
@@ -116,9 +115,8 @@ class EnclosedVolume:
         ab, bc, ca = np.array([a + b, b + c, c + a]) - half_squares  # dot products
         volume = heights - normals @ point
         rest = la * lb * lc + ab * lc + bc * la + ca * lb
-        return bool(
-            abs(np.arctan2(volume, rest).sum()) > np.pi
-        )  # the arctangents are half of the solid angles
+        # The arctangents are half of the solid angles.
+        return bool(abs(np.arctan2(volume, rest).sum()) > np.pi)
 
 
 def _dots(a: Array, b: Array) -> Array:

@@ -59,9 +59,8 @@ class RobotModel:
                 raise ValueError(f"it has {shapes} collision shapes; the limit is {_MAX_SHAPES}")
             # pinocchio parses the text again, because only its reader makes frames and shapes.
             text = described.text_with_meshes(robot.mesh)
-            self._free = pin.buildModelFromXML(
-                text
-            )  # in this model mimic joints have their own coordinates
+            # In this model mimic joints have their own coordinates.
+            self._free = pin.buildModelFromXML(text)
             _check_placements(robot, self._free)
             self.kinematics = _with_mimic_joints(robot, self._free)
             loader = coal.CachedMeshLoader()  # loads a file once, also for several links

@@ -12,9 +12,8 @@ from .time_parameterization import line_duration
 
 _STEP = 0.001  # time between samples [s]
 _MAX_SAMPLES = 100_000  # largest number of samples, for motions of hours
-_AT_LIMIT = (
-    0.999  # share of a limit that counts as reached, because plans keep limits to a thousandth
-)
+# Share of a limit that counts as reached, because plans keep limits to a thousandth.
+_AT_LIMIT = 0.999
 
 
 @dataclass(frozen=True, slots=True)

@@ -58,9 +58,8 @@ def time_section(
         fast = _speed_ratios(law, slopes, velocity)
         if fast.max() <= _SLIGHTLY:
             break
-        around = np.maximum(
-            [*fast, 1.0], [1.0, *fast]
-        )  # larger ratio of the two intervals at each grid point
+        # Larger ratio of the two intervals at each grid point.
+        around = np.maximum([*fast, 1.0], [1.0, *fast])
         most = np.where(around > 1.0, np.minimum(most, squares / np.square(around)), most)
     hard = law.acceleration_ratios(slopes, acceleration).max()
     return law.slowed(max(1.0, float(fast.max()), float(np.sqrt(hard))))

@@ -25,9 +25,8 @@ from skills.motion.world import Body
 
 from .messages import InvalidMessage
 
-_all = partial(
-    np.logical_and.reduce, axis=None
-)  # faster: the method `all` of an array takes twice as long
+# Faster: the method `all` of an array takes twice as long.
+_all = partial(np.logical_and.reduce, axis=None)
 _SAME = 1e-6  # largest rounding error of a position or of s [rad]
 _NEAR = 1e-5  # largest distance of a tool from its target: ten times the solver's [m]
 _ALIGNED = 1e-3  # largest angle of its axis from the direction: ten times the solver's [rad]

@@ -223,9 +223,8 @@ class Pool:
                 process = None if slot.canceled else slot.process
             if process:
                 result = process.call(job.request, partial(self._prepare_standby, world))
-        except (
-            Exception
-        ) as error:  # a bug, or the system cannot start a process; the caller needs a result
+        except Exception as error:
+            # A bug, or the system cannot start a process; the caller needs a result.
             logger.exception("a planning process cannot be used")
             slot.close()
             result = WorkerDied(f"{type(error).__name__}: {error}")

@@ -121,9 +121,8 @@ class WorkerProcess:
         """Kill the process. Any thread may call this, also repeatedly."""
         self._killed = True
         self._process.kill()
-        with contextlib.suppress(
-            OSError
-        ):  # wakes a waiting `call` before the cleanup of the process
+        # Wakes a waiting `call` before the cleanup of the process.
+        with contextlib.suppress(OSError):
             self._socket.shutdown(socket.SHUT_RDWR)
 
     def close(self) -> None:
@@ -232,9 +231,8 @@ def _check(request: Request) -> BadQuery | None:
     except BadQuery as error:
         return error
     timeout = request.timeout
-    if (
-        isinstance(timeout, (int, float)) and abs(timeout) <= _MAX_TIMEOUT
-    ):  # NaN fails this comparison
+    # NaN fails this comparison.
+    if isinstance(timeout, (int, float)) and abs(timeout) <= _MAX_TIMEOUT:
         return None
     return BadQuery(f"The timeout is {shown(timeout)} s; give a number up to {_MAX_TIMEOUT:g}")
 

@@ -142,6 +142,5 @@ def test_both_ends_use_tcp_keepalive(serve: Serve) -> None:
         return {row[1].endswith(port) for row in ends if port in row[1] + row[2]}
 
     with served.client() as client, client.events("log"):
-        assert any(
-            keeping_alive() == {True, False} for _ in range(1000)
-        )  # the timer may be of a byte in flight
+        # The timer may be of a byte in flight.
+        assert any(keeping_alive() == {True, False} for _ in range(1000))

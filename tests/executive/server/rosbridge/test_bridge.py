@@ -151,9 +151,8 @@ def test_one_client_may_not_use_an_id_twice_at_once(serve: Serve) -> None:
         say(connection, **GOAL, id="1", args={"task_number": 10}, feedback=True)
         heard(connection, "action_feedback")
         say(connection, **GOAL, id="1", args={"task_number": 11})
-        assert (
-            "already" in heard(connection, "status")["msg"]
-        )  # no result, which would end the first goal
+        # No result, which would end the first goal.
+        assert "already" in heard(connection, "status")["msg"]
         say(connection, op="cancel_action_goal", id="1", action="/task_server")
         assert heard(connection, "action_result")["status"] == 5
 
