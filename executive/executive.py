@@ -35,7 +35,7 @@ from skills import (
     Operator,
     Positions,
     SkillError,
-    tool_query,
+    query_tool_target,
 )
 from skills.motion import Pool, Unreachable, World
 from skills.motion.world import Vector
@@ -468,7 +468,7 @@ class Executive:
         """
         boot = {joint.name: joint.boot for joint in self.robot.actuated}
         start = Positions(self._commanded() or boot)
-        query = tool_query(self.robot, {"point": point, "start": start})
+        query = query_tool_target(self.robot, {"point": point, "start": start})
         self._pool.start()  # planners of a single user start with the first motion
         answer = self._pool.ask(replace(query, timeout=self.setup.planning_timeout))
         if isinstance(answer, Unreachable):

@@ -26,16 +26,18 @@ from .errors import (
     known_errors as known_errors,
     refuse as refuse,
 )
+from .example_nodes import EXAMPLE_CONDITION as EXAMPLE_CONDITION, wait_node as wait_node
 from .function import Cancel as Cancel, condition as condition, skill as skill
-from .joint_targets import check_targets as check_targets
-from .leader import Blocked as Blocked, Leader as Leader, NobodyLeads as NobodyLeads
-from .leaves.check_hardware import EXAMPLE_CONDITION as EXAMPLE_CONDITION
-from .leaves.reach_point import (
-    TOOL_PORTS as TOOL_PORTS,
-    check_tool as check_tool,
-    tool_query as tool_query,
+from .joint_targets import (
+    check_distances as check_distances,
+    check_joints as check_joints,
+    check_targets as check_targets,
 )
-from .leaves.target import check_distances as check_distances, check_joints as check_joints
-from .leaves.wait import wait_node as wait_node
+from .leader import Blocked as Blocked, Leader as Leader, NobodyLeads as NobodyLeads
 from .ports import Port as Port, Positions as Positions
 from .question import NoOperator as NoOperator, Operator as Operator, Question as Question
+from .tool_target import (
+    TOOL_PORTS as TOOL_PORTS,
+    check_tool_target as check_tool_target,
+    query_tool_target as query_tool_target,
+)

@@ -212,3 +212,84 @@ def _contradiction(joint: Joint, target: Mapping[str, float]) -> str:
         f"{joint.name} = {joint.words(given)} contradicts {leader}; it follows, as {times}{offset}"
     )
     return f"{why}: leave {joint.name} out"
+
+
+def check_joints(robot: Robot, joints: Positions) -> None:
+    """Check targets of some joints, for any position of the others.
+
+    Args:
+        robot: Description of the robot.
+        joints: Positions by joint name [rad].
+
+    Raises:
+        SkillError: A target is invalid.
+        ExceptionGroup: Several targets are invalid.
+    """
+    refuse(joint_errors(robot, joints, "joints"))
+
+
+def check_distances(robot: Robot, by: Mapping[str, float]) -> None:
+    """Check distances of some joints.
+
+    Args:
+        robot: Description of the robot.
+        by: Distances by joint name [rad].
+
+    Raises:
+        SkillError: A distance is invalid.
+        ExceptionGroup: Several distances are invalid.
+    """
+    refuse(distance_errors(robot, by))
+
+
+def joint_errors(robot: Robot, joints: Positions, port: str) -> list[SkillError]:
+    """Return the errors of targets of some joints that do not depend on the other joints."""
+    errors = [*unknown_joint_errors(robot, joints, port), *mimic_errors(robot, joints, port)]
+    written, wrong = {*joints, *joints.unknown}, {error.location[-1] for error in errors}
+    # The position of a leader is unknown before the run if its name is missing or misspelt.
+    wrong |= {j.name for j in robot.joints if j.mimic and j.mimic.leader not in written}
+    part = Positions((name, q) for name, q in joints.items() if name not in wrong)
+    boot = Positions((joint.name, joint.boot) for joint in robot.actuated)
+    targets = {}
+    for group, target in completed(robot, boot, part, port).items():
+        targets[group] = Positions(each for each in target.items() if each[0] not in joints.unknown)
+        targets[group].unknown = tuple(name for name in joints.unknown if name in target)
+    return [*errors, *target_errors(robot, targets, (port,))]
+
+
+def completed(
+    robot: Robot, start: Positions, joints: Positions, port: str
+) -> dict[str, dict[str, float]]:
+    """Return a target for each group, with start positions of joints without a target."""
+    targets = split_by_group(robot, joints, port)
+    return {
+        group: {joint.name: start[joint.name] for joint in robot.actuated_in(group)} | target
+        for group, target in targets.items()
+    }
+
+
+def distance_errors(robot: Robot, by: Mapping[str, float]) -> list[SkillError]:
+    """Return the errors of distances that do not depend on the start."""
+    joints = {joint.name: joint for joint in robot.actuated}
+    written = [*by, *getattr(by, "unknown", ())]
+    why = f"is not a joint that turns; there are {', '.join(joints)}"
+    errors: list[SkillError] = [
+        BadTarget(f"{name} {why}{suggestion(name, joints, written)}").at("by", name)
+        for name in written
+        if name not in joints
+    ]
+    for name, joint in joints.items():
+        if name in by and (error := _too_far(joint, by[name])):
+            errors.append(OutOfBounds([error]).at("by", name))
+    return errors
+
+
+def _too_far(joint: Joint, distance: float) -> BadPosition | None:
+    """Return an error if a distance exceeds the range of a joint."""
+    span = math.pi if joint.continuous else joint.upper - joint.lower
+    if abs(distance) <= span:  # False for NaN
+        return None
+    most = "half a turn" if joint.continuous else "its range"
+    why = f"{joint.name} by {joint.words(distance)} is more than {most}, {joint.words(span)}"
+    limit = math.copysign(span, distance) if math.isfinite(distance) else None
+    return BadPosition(why, joint.name, distance, limit)

@@ -12,8 +12,8 @@ from skills import (
     Positions,
     SkillError,
     check_targets,
-    check_tool,
-    tool_query,
+    check_tool_target,
+    query_tool_target,
 )
 from skills.motion import MotionError, Query, World
 from skills.motion.planner import Planner
@@ -167,11 +167,11 @@ class _Reader:
         given = {port: read_value(f"--{port}", text, _PORTS[port]) for port, text in tool.items()}
         for port, value in given.items():
             try:
-                check_tool(self.robot, {port: value})
+                check_tool_target(self.robot, {port: value})
             except BadTarget as error:
                 raise BadTarget(f"--{port}: {error}") from error
         inputs = {**given, "point": point, "start": start, "group": self.group}
-        query = tool_query(self.robot, inputs)
+        query = query_tool_target(self.robot, inputs)
         query = replace(query, seed=self.seed, world=self.world)
         names = (joint.name for joint in self.robot.actuated_in(self.group))
         return dict(zip(names, self.planner.reach(query).positions, strict=True))

@@ -18,6 +18,3 @@ class CheckHardware(Skill):
         if state is not State.ACTIVE:
             raise ConditionFails(f"the arm is {state.name.lower()}, not active")
         return Status.SUCCESS
-
-
-EXAMPLE_CONDITION = CheckHardware.__name__  # in corrections of task files

@@ -39,8 +39,3 @@ class Wait(Skill):
             return Status.SUCCESS
         self.context.wake_at(self._deadline)
         return Status.RUNNING
-
-
-def wait_node(duration: str) -> str:
-    """Return a waiting node in the form of a task file, for a duration such as `2 s`."""
-    return f"{Wait.__name__}: {{duration: {duration}}}"

@@ -8,7 +8,14 @@ from pathlib import Path
 from executive.api.move import HOME, LEADER, Move
 from hardware import Robot
 from logs import MOVE
-from skills import BadTarget, Positions, check_joints, check_tool, combine_errors, known_errors
+from skills import (
+    BadTarget,
+    Positions,
+    check_joints,
+    check_tool_target,
+    combine_errors,
+    known_errors,
+)
 from skills.motion.query import MIN_SPEED
 from trees.reading.grammar import Draft, draft_subtree
 
@@ -43,7 +50,7 @@ def read_move(move: Move, robot: Robot, poses: Poses) -> Words:
     read = read_words(words, robot, known)
     try:
         check_joints(robot, Positions(read.joints))
-        check_tool(robot, {"point": read.point} if read.point else {})
+        check_tool_target(robot, {"point": read.point} if read.point else {})
     except ExceptionGroup as group:
         raise combine_errors(known_errors(group)) from group
     return read

@@ -1,0 +1,11 @@
+"""Nodes of shipped skills in the form of task files, for corrections and taught tasks."""
+
+from .leaves.check_hardware import CheckHardware
+from .leaves.wait import Wait
+
+EXAMPLE_CONDITION = CheckHardware.__name__
+
+
+def wait_node(duration: str) -> str:
+    """Return a node that waits, for a duration such as `2 s`."""
+    return f"{Wait.__name__}: {{duration: {duration}}}"

@@ -1,0 +1,100 @@
+"""A target of the tool: its ports, their checks, and the query for joint positions."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from py_trees.ports import PortInformation
+
+from hardware import Robot
+from hardware.spelling import suggestion
+
+from .errors import BadTarget, SkillError, refuse
+from .joint_targets import link_errors, missing_joint_errors
+from .motion.query import ToolQuery
+from .ports import MOST_REACHES, ORIGIN, Positions, vector, xyz
+
+TOOL_PORTS: dict[str, PortInformation] = {
+    "start": PortInformation(Positions, description="position of every actuated joint [rad]"),
+    "point": vector("x, y, z in the frame of the robot's root [m]", "m"),
+    "relative": PortInformation(
+        bool,
+        default_value=False,
+        description="true if the point is relative to the tool",
+    ),
+    "direction": vector(
+        "x, y, z of the direction of the tool's axis; default: any direction", default=()
+    ),
+    "tool": PortInformation(
+        str,
+        default_value="",
+        description="link with the tool; empty for the robot's own tool",
+    ),
+    "offset": vector(
+        "position of the tool in the frame of link `tool`; "
+        "without `tool`, offset from the robot's own tool [m]",
+        "m",
+        ORIGIN,
+    ),
+    "axis": vector(
+        "axis of the tool on its link; default: the axis of the robot file, or z", default=()
+    ),
+    "group": PortInformation(str, default_value="arm", description="group that moves"),
+}
+
+
+def check_tool_target(robot: Robot, inputs: Mapping[str, Any]) -> None:
+    """Check the values of some of the ports.
+
+    Args:
+        robot: Description of the robot.
+        inputs: Values by port. Ports may be missing.
+
+    Raises:
+        SkillError: A value is invalid.
+        ExceptionGroup: Several values are invalid.
+    """
+    errors = missing_joint_errors(robot, "start", inputs["start"]) if "start" in inputs else []
+    if "group" in inputs:
+        errors += group_errors(robot, inputs["group"])
+    if inputs.get("tool"):
+        errors += link_errors(robot, "tool", inputs["tool"])
+    far = max(map(abs, inputs.get("point", [0.0])))
+    if far > MOST_REACHES * robot.reach > 0:
+        why = f"point {far:g} m is far beyond the reach of this arm, {robot.reach:.2g} m"
+        errors.append(BadTarget(why).at("point"))
+    for port in ("direction", "axis"):
+        if inputs.get(port) and not any(inputs[port]):
+            why = f"{port} points nowhere; one of x, y, z must not be 0"
+            errors.append(BadTarget(why).at(port))
+    refuse(errors)
+
+
+def query_tool_target(robot: Robot, inputs: Mapping[str, Any]) -> ToolQuery:
+    """Return the query for joint positions that reach the target, in an empty world.
+
+    Args:
+        robot: Description of the robot.
+        inputs: Values by port. Ports with a default may be missing.
+
+    Raises:
+        BadTarget: A vector does not have three values.
+    """
+    given = {name: port.default_value for name, port in TOOL_PORTS.items()} | {**inputs}
+    return ToolQuery(
+        group=given["group"],
+        start=tuple(given["start"][joint.name] for joint in robot.actuated),
+        point=xyz("point", given["point"]),
+        direction=xyz("direction", given["direction"]) if given["direction"] else None,
+        link=given["tool"],
+        offset=xyz("offset", given["offset"]),
+        axis=xyz("axis", given["axis"]) if given["axis"] else None,
+        relative=given["relative"],
+    )
+
+
+def group_errors(robot: Robot, group: str) -> list[SkillError]:
+    """Return an error with its location if the robot does not have a group."""
+    if group in robot.groups:
+        return []
+    there = f"the robot has no group {group}; it has {', '.join(robot.groups)}"
+    return [BadTarget(there + suggestion(group, robot.groups)).at("group")]
