@@ -11,8 +11,8 @@ from .support.options import run_options, source_options, speed_option
 
 if TYPE_CHECKING:
     from executive.api.events import Where
-    from executive.cli.terminal.jog_model import Command
-    from executive.cli.terminal.jog_screen import Act
+    from executive.cli.jogging.model import Command
+    from executive.cli.jogging.screen import Act
     from hardware import Robot
 
 
@@ -40,7 +40,7 @@ def jog(server: str | None, speed: float, **options: Any) -> None:
     """  # noqa: D301
     from hardware import load_robot
 
-    from .support.run_jog import run_jog
+    from .jogging.run_jog import run_jog
     from .support.server_requests import find_server
 
     robot, folder = load_robot(options.pop("robot")), options["trees"] or Path("trees")
@@ -53,8 +53,8 @@ def saving(robot: "Robot", folder: Path) -> "dict[str, tuple[Command, Act]]":
     """Return the command that saves a pose to a folder of tasks, by its key."""
     from trees.export.saved_poses import PoseExists, save_pose
 
-    from .terminal.jog_model import Command
-    from .terminal.jog_screen import Question
+    from .jogging.model import Command
+    from .jogging.screen import Question
 
     def save(where: "Where", name: str) -> str:
         joints = robot.actuated_in("arm")

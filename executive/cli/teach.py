@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from executive.api.events import Where
     from trees.export.taught_task import TaughtTask
 
-    from .support.run_jog import OwnArm
-    from .terminal.jog_model import Command
-    from .terminal.jog_screen import Act, JogArm
+    from .jogging.model import Command
+    from .jogging.run_jog import OwnArm
+    from .jogging.screen import Act, JogArm
 
 
 @command()
@@ -59,9 +59,9 @@ def teach(number: int, name: str, server: str | None, speed: float, **options: A
     from hardware import Ability, load_robot
     from trees.export.taught_task import TaughtTask
 
-    from .support.run_jog import OwnArm, run_jog
+    from .jogging.model import Command
+    from .jogging.run_jog import OwnArm, run_jog
     from .support.server_requests import find_server
-    from .terminal.jog_model import Command
 
     robot, folder = load_robot(options["robot"]), options["trees"] or Path("trees")
     task = TaughtTask(robot, folder, number, name)
@@ -177,7 +177,7 @@ class _Hand:
 
     def switch_torque(self, _where: "Where", _text: str) -> str:
         """Hold the arm, or release it after a person's confirmation."""
-        from .terminal.jog_screen import Question
+        from .jogging.screen import Question
 
         if not self._arm.by_hand:
             why = "The arm loses its torque and falls unless you hold it."

@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any
 
 from executive.api.codes import INTERRUPTED_EXIT
+from executive.cli.jogging.run_jog import OwnArm, pose_words
 from executive.cli.support.failures import Refusal
 from executive.cli.support.interrupts import Interrupts
 from executive.cli.support.log_handler import recorded_log
 from executive.cli.support.process import raise_priority
-from executive.cli.support.run_jog import OwnArm, pose_words
 from executive.cli.terminal.keyboard import key_by_key
 from executive.cli.terminal.streams import echo
 from executive.session import open_executive, port_line

@@ -13,7 +13,7 @@ from executive.api.codes import OK
 from executive.api.events import Where
 from executive.api.move import LEADER, Move
 from executive.api.outcome import Cause, Outcome
-from executive.cli.terminal.jog_screen import JogArm, cause_words, outcome_words
+from executive.cli.jogging.screen import JogArm, cause_words, outcome_words
 from executive.cli.terminal.key_screen import KeyScreen
 from executive.errors import GoalCanceled
 from hardware import DISPLAY_UNITS, HardwareError, State

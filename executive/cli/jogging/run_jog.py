@@ -13,8 +13,10 @@ from executive.api.codes import INTERRUPTED_EXIT
 from executive.api.events import EVENTS, STATUS, Event, Where
 from executive.api.move import Move
 from executive.api.outcome import Cause, GoalState, GoalStatus, Outcome
-from executive.cli.terminal.jog_model import Command
-from executive.cli.terminal.jog_screen import Act, JogArm, JogScreen
+from executive.cli.support.failures import Refusal
+from executive.cli.support.interrupts import Interrupts
+from executive.cli.support.log_handler import recorded_log
+from executive.cli.support.process import raise_priority
 from executive.cli.terminal.keyboard import key_by_key
 from executive.cli.terminal.streams import echo
 from executive.client.synchronous import Client
@@ -27,10 +29,8 @@ from hardware import HardwareError, NotActive
 from logs import MOVE, Measured, Sent, Transition
 from trees import TreeError
 
-from .failures import Refusal
-from .interrupts import Interrupts
-from .log_handler import recorded_log
-from .process import raise_priority
+from .model import Command
+from .screen import Act, JogArm, JogScreen
 
 # Errors of a key's command that do not end the jog.
 _SHOWN = (HardwareError, TreeError, click.ClickException)

@@ -11,11 +11,11 @@ from executive.api.codes import OK
 from executive.api.events import Where
 from executive.api.move import Move
 from executive.api.outcome import Cause, Outcome, cause_of
+from executive.cli.terminal.key_screen import KeyScreen
 from executive.errors import ClientError, GoalCanceled, Refused, ServerLost, ServerUnreachable
 from hardware import NotActive
 
-from .jog_model import Action, Call, Command, Go, Jog, Leave, Stop, Yes
-from .key_screen import KeyScreen
+from .model import Action, Call, Command, Go, Jog, Leave, Stop, Yes
 
 
 class JogArm(Protocol):

@@ -6,7 +6,7 @@ import pytest
 
 from executive.api.events import Where
 from executive.api.move import Move
-from executive.cli.terminal.jog_model import STEPS, Call, Command, Go, Jog, Leave, Stop, Yes
+from executive.cli.jogging.model import STEPS, Call, Command, Go, Jog, Leave, Stop, Yes
 from executive.cli.terminal.keyboard import DELETE, DOWN, ENTER, ESCAPE, LEFT, RIGHT, UP
 from hardware import State
 

@@ -7,10 +7,9 @@ from typing import Self
 
 from executive.api.events import Where
 from executive.api.move import HOME, Move
+from executive.cli.terminal.keyboard import DELETE, DOWN, ENTER, ESCAPE, LEFT, RIGHT, UP, key_name
 from hardware import DISPLAY_UNITS
 from hardware.printable import plural
-
-from .keyboard import DELETE, DOWN, ENTER, ESCAPE, LEFT, RIGHT, UP, key_name
 
 STEPS = (0.1, 0.5, 1.0, 2.0, 5.0, 10.0)  # sizes of a step [deg] or [mm]
 _POSES = {"h": HOME, "o": "open", "c": "closed"}
