@@ -503,7 +503,7 @@ class TooFast(WriteRefused):
     hint = "lower the velocity in the robot file"
 
 
-class TooLong(WriteRefused):
+class ScheduleTooLong(WriteRefused):
     """A motion of the whole arm would take too long.
 
     Attributes:

@@ -15,7 +15,7 @@ from .terminal.streams import echo, echo_result
 
 if TYPE_CHECKING:
     from logs.views.narrative import Overview
-    from logs.views.run_figure import Scene
+    from logs.views.run_figure import MotionScene
 
 _FILE = click.argument("recording", type=RECORDING)
 _FILES = click.argument(
@@ -231,7 +231,7 @@ def plot(recordings: tuple[Path, ...], output: Path | None, as_json: bool) -> No
     sys.exit(for_each(recordings, drawn))
 
 
-def _scenes(recording: Path) -> "tuple[list[Scene], str]":
+def _scenes(recording: Path) -> "tuple[list[MotionScene], str]":
     """Return the scenes of a recording, and the error if they cannot be drawn, or ""."""
     from executive.preview.motion_drawing import scenes_of
     from hardware import DescriptionError

@@ -49,7 +49,7 @@ def ros2(ros_arguments: tuple[str, ...], robot: Path | None, server: str) -> Non
 
     stays = installation.stay_on_this_machine()
     try:
-        from executive.ros2.node import BadArguments
+        from executive.ros2.node import BadRosArguments
         from executive.ros2.run import run
     except ImportError as error:
         why = f"{error}".splitlines()[0]
@@ -60,6 +60,6 @@ def ros2(ros_arguments: tuple[str, ...], robot: Path | None, server: str) -> Non
         echo("Programs on other machines can find this node, and move the arm.", err=True)
     try:
         asyncio.run(run(server, load_robot(robot), ros_arguments))
-    except BadArguments as error:
+    except BadRosArguments as error:
         raise click.UsageError(f"ROS refuses its arguments: {error}") from error
     sys.exit(INTERRUPTED_EXIT)

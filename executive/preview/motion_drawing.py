@@ -14,7 +14,7 @@ from hardware import Robot
 from logs import Goal, Plan, Recording, Sent
 from logs.views.motion_figure import MotionDrawing
 from logs.views.narrative import bodies_text
-from logs.views.run_figure import Scene
+from logs.views.run_figure import MotionScene
 from skills.motion import World
 from skills.motion.collision.link_outlines import convex_outlines
 from skills.motion.collision.planning_scene import PlanningScene
@@ -65,7 +65,7 @@ class _Motion:
         return [self.start | every[index] for index in chosen]
 
 
-def scenes_of(path: Path) -> list[Scene]:
+def scenes_of(path: Path) -> list[MotionScene]:
     """Return one scene per world with bodies: the bodies, and the motions of the run in it.
 
     Raises:
@@ -78,7 +78,7 @@ def scenes_of(path: Path) -> list[Scene]:
     return [_scene(restore_robot(recording), recording.files, each) for each in motions]
 
 
-def scenes_in(records: Iterable[object], robot: Robot) -> list[Scene]:
+def scenes_in(records: Iterable[object], robot: Robot) -> list[MotionScene]:
     """Return one scene per world, also without bodies. Bodies with a mesh are not drawn.
 
     Args:
@@ -124,7 +124,7 @@ def _motions(records: Iterable[object]) -> list[_Motion]:
     return motions
 
 
-def _scene(robot: Robot, files: Mapping[str, bytes], found: _InWorld) -> Scene:
+def _scene(robot: Robot, files: Mapping[str, bytes], found: _InWorld) -> MotionScene:
     world = restore_world(found.world, files)
     poses = [pose for motion in found.motions.values() for pose in motion.poses()]
     chosen = np.linspace(0, len(poses) - 1, min(_MOST_POSES, len(poses))).round().astype(int)
@@ -132,4 +132,4 @@ def _scene(robot: Robot, files: Mapping[str, bytes], found: _InWorld) -> Scene:
     numbers = ", ".join(map(str, found.motions))
     around = bodies_text(found.world) or "nothing"
     title = f"Motion{'s' * (len(found.motions) > 1)} {numbers}; around: {around}"
-    return Scene(title, motion_drawing(robot, world, rows))
+    return MotionScene(title, motion_drawing(robot, world, rows))

@@ -9,7 +9,7 @@ from itertools import pairwise, takewhile, zip_longest
 from executive.api.codes import OK
 from executive.api.outcome import GoalState
 from executive.errors import GoalCanceled
-from hardware import HardwareError, Robot, Schedule as Compiled, compile_schedule
+from hardware import HardwareError, Robot, Schedule as CompiledSchedule, compile_schedule
 from hardware.printable import wire_text
 from logs import Goal, NodeStatus, Record, Result, Schedule, Sent, goal_title
 from trees.export.resolved import RESOLVED
@@ -143,7 +143,7 @@ def _holds_difference(records: Iterable[Record], last: bytes | None) -> str:
     return ""
 
 
-def _compiled(robot: Robot, recorded: Schedule) -> tuple[Compiled | None, str]:
+def _compiled(robot: Robot, recorded: Schedule) -> tuple[CompiledSchedule | None, str]:
     """Compile a schedule again. Return it and the first difference.
 
     The schedule is None if it differs, or if its frames were not planned.
@@ -175,7 +175,7 @@ def _compiled(robot: Robot, recorded: Schedule) -> tuple[Compiled | None, str]:
     return compiled, _schedules_difference(recorded, compiled)
 
 
-def _schedules_difference(recorded: Schedule, compiled: Compiled) -> str:
+def _schedules_difference(recorded: Schedule, compiled: CompiledSchedule) -> str:
     then = zip(recorded.times, recorded.frames, strict=True)
     now = ((setpoint.time, str(setpoint.frame)) for setpoint in compiled.setpoints)
     for number, (a, b) in enumerate(zip_longest(then, now), 1):
@@ -237,7 +237,7 @@ def _timing_difference(schedule: Schedule, sent: Sequence[Sent], stopped: bool) 
     return ""
 
 
-def _commanded_difference(compiled: Compiled | None, sent: Iterable[Sent]) -> str:
+def _commanded_difference(compiled: CompiledSchedule | None, sent: Iterable[Sent]) -> str:
     """Check that the recorded positions equal the compiled ones exactly."""
     moving = (frame for frame in sent if not frame.hold)
     setpoints = compiled.setpoints if compiled else ()

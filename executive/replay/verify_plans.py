@@ -8,9 +8,9 @@ from itertools import zip_longest
 
 from executive.recording.archive import restore_world
 from hardware import Robot
-from logs import Plan, Schedule
+from logs import Plan as RecordedPlan, Schedule
 from skills.merged_motion import MergedMotion
-from skills.motion import MotionError, Plan as Planned, Query, Rest
+from skills.motion import MotionError, Plan, Query, Rest
 from skills.motion.errors import PlanCanceled, PlanTimeout, WorkerDied
 
 from .recorded_run import RecordedRun
@@ -24,12 +24,12 @@ _BY_CHANCE = [kind.code for kind in (PlanCanceled, PlanTimeout, WorkerDied)]
 
 def plans_difference(run: RecordedRun) -> str:
     """Plan every recorded query again, and merge the plans of each schedule again."""
-    planned: dict[str, Planned] = {}
+    planned: dict[str, Plan] = {}
     before: MergedMotion | None = None
     number = 0
     for record in run.records:
         words = ""
-        if isinstance(record, Plan):
+        if isinstance(record, RecordedPlan):
             number += 1
             words = _plan_difference(record, _plan(run, record), planned)
             words = words and f"plan {number} ({record.group}): {words}"
@@ -49,7 +49,7 @@ def plans_difference(run: RecordedRun) -> str:
     return ""
 
 
-def _plan(run: RecordedRun, recorded: Plan) -> Planned | MotionError | None:
+def _plan(run: RecordedRun, recorded: RecordedPlan) -> Plan | MotionError | None:
     """Plan a recorded query again. Return None if the recorded answer is not repeatable."""
     if recorded.code in _BY_CHANCE:
         return None
@@ -71,7 +71,7 @@ def _plan(run: RecordedRun, recorded: Plan) -> Planned | MotionError | None:
 
 
 def _plan_difference(
-    recorded: Plan, answer: Planned | MotionError | None, planned: dict[str, Planned]
+    recorded: RecordedPlan, answer: Plan | MotionError | None, planned: dict[str, Plan]
 ) -> str:
     planned.pop(recorded.group, None)
     if answer is None:
@@ -103,7 +103,7 @@ def _merged_difference(
     return _rows_difference("merged sample", names, recorded.samples, rows)
 
 
-def _motions_difference(recorded: Plan, planned: Planned) -> str:
+def _motions_difference(recorded: RecordedPlan, planned: Plan) -> str:
     waypoints = [tuple(row) for row in planned.waypoints.tolist()]
     if words := _rows_difference("waypoint", recorded.joints, recorded.waypoints, waypoints):
         return words

@@ -21,7 +21,7 @@ _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _FRESH = QoSProfile(depth=10)
 
 
-class BadArguments(Exception):
+class BadRosArguments(Exception):
     """ROS refuses its arguments."""
 
 
@@ -32,7 +32,7 @@ class Node:
         arguments: Arguments for ROS, such as `--ros-args -r __ns:=/left`.
 
     Raises:
-        BadArguments: ROS refuses its arguments.
+        BadRosArguments: ROS refuses its arguments.
 
     Attributes:
         log: Logger of the node, which also publishes to `/rosout`.
@@ -48,9 +48,9 @@ class Node:
             self._node = rclpy.create_node(NAME, context=self._context)
             unknown = rclpy.utilities.remove_ros_args([NAME, *arguments])[1:]
         except (RuntimeError, NameValidationException) as error:
-            raise BadArguments(str(error).splitlines()[0]) from error
+            raise BadRosArguments(str(error).splitlines()[0]) from error
         if unknown:
-            raise BadArguments(f"{' '.join(unknown)} is not between --ros-args and --")
+            raise BadRosArguments(f"{' '.join(unknown)} is not between --ros-args and --")
         self._loop = asyncio.get_running_loop()
         self._executor = SingleThreadedExecutor(context=self._context)
         self._answering = set[asyncio.Task[None]]()

@@ -33,7 +33,7 @@ from .limits.cancel_thread import CancelThread
 from .limits.connections import MAX_HEAD, HttpConnection, SharedState, WebSocketConnection
 from .limits.descriptors import max_connections
 from .limits.fair_queue import FairQueue
-from .rosbridge.bridge import Bridge
+from .rosbridge.bridge import RosbridgeServer
 from .security import AccessRules, host_names, is_loopback
 from .sign_in import SignIn
 
@@ -271,7 +271,7 @@ class Server(HttpServer):
         endpoints = Endpoints(
             self._executive, canceler, self._library, self._hub, self._questions, self.sign_in
         )
-        bridge = Bridge(self._executive, canceler, self._hub)
+        bridge = RosbridgeServer(self._executive, canceler, self._hub)
         rosbridge = bridge.serve if self._options.rosbridge else None
         self.serve(endpoints, canceler.stop, rosbridge)
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from hardware.description.robot import Robot
 from hardware.drivers.pacing import PacingModel
 from hardware.drivers.wire_format import Frame, WireFormat
-from hardware.errors import TooFast, TooLong
+from hardware.errors import ScheduleTooLong, TooFast
 
 # Function from times [s] to joint positions [rad], one row per time.
 Sampler = Callable[[Sequence[float]], Sequence[Sequence[float]]]
@@ -73,11 +73,11 @@ def compile_schedule(
 
     Raises:
         BadPosition: A sample is missing, not finite or outside the limits.
-        TooLong: The duration is more than `MAX_DURATION`.
+        ScheduleTooLong: The duration is more than `MAX_DURATION`.
         TooFast: The motion jumps, or does not begin at the commanded positions.
     """
     if not duration <= MAX_DURATION:
-        raise TooLong(duration, MAX_DURATION)
+        raise ScheduleTooLong(duration, MAX_DURATION)
     codec = robot.wire_format
     last = codec.encode(start)
     pacing = PacingModel(robot.firmware, robot.serial.baud, last)

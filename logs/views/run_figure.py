@@ -45,7 +45,7 @@ _SCENE, _SCENE_TITLE, _MOST_SCENES = 3.0, 0.35, 12
 
 
 @dataclass(frozen=True)
-class Scene:
+class MotionScene:
     """Motions in one world.
 
     Attributes:
@@ -57,7 +57,7 @@ class Scene:
     motion: MotionDrawing
 
 
-def plot(recording: Path, output: Path, scenes: Sequence[Scene] = ()) -> None:
+def plot(recording: Path, output: Path, scenes: Sequence[MotionScene] = ()) -> None:
     """Draw commanded joints, frames, tree and lifecycle over the time since the goal.
 
     Also draws runs without a frame, canceled runs and cut recordings.
@@ -75,7 +75,7 @@ def plot(recording: Path, output: Path, scenes: Sequence[Scene] = ()) -> None:
     draw(timeline(recording), output, scenes)
 
 
-def draw(run: Timeline, output: Path, scenes: Sequence[Scene] = (), dpi: int = _DPI) -> None:
+def draw(run: Timeline, output: Path, scenes: Sequence[MotionScene] = (), dpi: int = _DPI) -> None:
     """Draw a run to a file.
 
     Args:
@@ -109,7 +109,7 @@ def draw(run: Timeline, output: Path, scenes: Sequence[Scene] = (), dpi: int = _
         save(figure, output)
 
 
-def _figure(run: Timeline, scenes: Sequence[Scene]) -> Figure:
+def _figure(run: Timeline, scenes: Sequence[MotionScene]) -> Figure:
     groups = _by_group(run.traces)
     curves = [_CURVES + _CURVE * len(traces) for traces in groups.values()]
     errors = [_CURVES] if any(trace.measured for trace in run.traces) else []
@@ -134,7 +134,7 @@ def _figure(run: Timeline, scenes: Sequence[Scene]) -> Figure:
     return figure
 
 
-def _fewer(scenes: Sequence[Scene]) -> Sequence[Scene]:
+def _fewer(scenes: Sequence[MotionScene]) -> Sequence[MotionScene]:
     """Limit the number of scenes, to limit the height of the figure."""
     if len(scenes) <= _MOST_SCENES:
         return scenes
@@ -331,7 +331,7 @@ def _draw_marks(panels: Sequence[Axes], run: Timeline) -> None:
         )
 
 
-def _draw_scene(figure: Figure, scene: Scene, floor: float) -> None:
+def _draw_scene(figure: Figure, scene: MotionScene, floor: float) -> None:
     """Draw a scene from two sides, `floor` above the bottom of the figure [in]."""
     tall = figure.get_figheight()
     left, across = 0.5, _WIDTH / 2 - 0.6

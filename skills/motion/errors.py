@@ -96,7 +96,7 @@ class ModelUnusable(MotionError):
         super().__init__(f"{path} is unusable for planning: {why}; {self.hint}")
 
 
-class OutOfBounds(MotionError, ValueError):
+class PositionOutOfBounds(MotionError, ValueError):
     """A joint would be outside its limits.
 
     Attributes:
@@ -130,7 +130,7 @@ class OutOfBounds(MotionError, ValueError):
         )
 
 
-class StartOutOfBounds(OutOfBounds):
+class StartOutOfBounds(PositionOutOfBounds):
     """A joint is outside its limits at the start."""
 
     code = "plan.start_out_of_bounds"
@@ -138,7 +138,7 @@ class StartOutOfBounds(OutOfBounds):
     what = "start"
 
 
-class GoalOutOfBounds(OutOfBounds):
+class GoalOutOfBounds(PositionOutOfBounds):
     """A joint would be outside its limits at the goal."""
 
     code = "plan.goal_out_of_bounds"

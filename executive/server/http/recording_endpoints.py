@@ -12,7 +12,7 @@ from starlette.responses import FileResponse, Response
 from executive.api.operations import OPERATIONS
 from executive.api.schemas import MAX_LISTED
 from executive.errors import NotFound
-from executive.server.playback.recording_list import Query, RecordingFolder
+from executive.server.playback.recording_list import RecordingFilter, RecordingFolder
 from executive.server.playback.seek import POINTS
 from executive.server.sign_in import SignIn
 from hardware.installed import version
@@ -72,7 +72,7 @@ class RecordingEndpoints:
         before: str = "",
         limit: int = MAX_LISTED,
     ) -> Json:
-        query = Query(search, task, state, since, until, before, limit)
+        query = RecordingFilter(search, task, state, since, until, before, limit)
         return {"recordings": await asyncio.to_thread(self._recordings.rows, query)}
 
     async def recording(self, name: str) -> Json:

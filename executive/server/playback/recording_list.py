@@ -43,8 +43,8 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
-class Query:
-    """A query for recordings. All conditions must hold.
+class RecordingFilter:
+    """A filter for recordings. All conditions must hold.
 
     Attributes:
         search: Text in the name, title, outcome or message of a recording.
@@ -93,7 +93,7 @@ class RecordingFolder:
         self._copies, self._copying = Path(tempfile.mkdtemp(prefix="armtree-")), threading.Lock()
         weakref.finalize(self, shutil.rmtree, self._copies, ignore_errors=True)
 
-    def rows(self, query: Query) -> list[Json]:
+    def rows(self, query: RecordingFilter) -> list[Json]:
         """Return the recordings of a query, newest name first."""
         purge(self._folder, self._utc() - UNDO)
         found: list[Json] = []

@@ -34,7 +34,7 @@ MAX_UNSENT = 1000  # largest number of waiting messages for a slow client
 _POLICY_VIOLATION, _TRY_LATER = 1008, 1013  # close codes of RFC 6455
 
 
-class Bridge:
+class RosbridgeServer:
     """Serves rosbridge clients.
 
     Args:
@@ -140,7 +140,7 @@ class _Client:
         websocket: The connection.
     """
 
-    def __init__(self, bridge: Bridge, websocket: WebSocket) -> None:
+    def __init__(self, bridge: RosbridgeServer, websocket: WebSocket) -> None:
         self._bridge, self._websocket = bridge, websocket
         self._loop = asyncio.get_running_loop()
         self._goals: dict[str, _Goal] = {}  # goals by the executive's goal id

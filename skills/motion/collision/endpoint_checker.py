@@ -10,7 +10,7 @@ from skills.motion.errors import (
     BadQuery,
     GoalInCollision,
     GoalOutOfBounds,
-    OutOfBounds,
+    PositionOutOfBounds,
     StartInCollision,
     StartOutOfBounds,
     shown,
@@ -85,7 +85,7 @@ class EndpointChecker:
             raise error(*contact, self._margin, names[number])
         return start, rows[:, group.columns]
 
-    def _check_limits(self, row: list[float], error: type[OutOfBounds], what: str) -> None:
+    def _check_limits(self, row: list[float], error: type[PositionOutOfBounds], what: str) -> None:
         """Check the limits of all joints, also of mimic joints."""
         for column, multiplier, offset, joint in self._positions:
             value = multiplier * row[column] + offset

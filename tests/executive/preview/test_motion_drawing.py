@@ -13,7 +13,7 @@ import logs
 from executive.cli.main import cli
 from executive.preview.motion_drawing import POSES, scenes_of
 from logs.views.motion_figure import MotionDrawing
-from logs.views.run_figure import Scene
+from logs.views.run_figure import MotionScene
 from tests.conftest import RigMaker
 from tests.logs.test_run import RUNS, record
 from tests.support.paths import DATA
@@ -129,7 +129,7 @@ def test_bodies_that_cannot_be_drawn_are_reported(tmp_path: Path) -> None:
 def test_a_picture_of_many_worlds_ends_somewhere(tmp_path: Path) -> None:
     record(tmp_path / "run.mcap", RUNS["ok"])
     shape = [[0.0, 0.0, 0.0], [0.1, 0.0, 0.1], [0.1, 0.1, 0.0]]
-    scenes = [Scene(f"Motion {n}", MotionDrawing([[shape]], [shape])) for n in range(1, 31)]
+    scenes = [MotionScene(f"Motion {n}", MotionDrawing([[shape]], [shape])) for n in range(1, 31)]
     logs.plot(tmp_path / "run.mcap", tmp_path / "bare.png")
     logs.plot(tmp_path / "run.mcap", tmp_path / "run.png", scenes)
     assert height(tmp_path / "run.png") == height(tmp_path / "bare.png") + 12 * 150

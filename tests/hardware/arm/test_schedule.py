@@ -22,7 +22,7 @@ from hardware.arm.schedule import Sampler
 from hardware.drivers.arduino.firmware_profile import FIRMWARES
 from hardware.drivers.arduino.frames import Codec
 from hardware.drivers.arduino.virtual.board import Board
-from hardware.errors import TooFast, TooLong
+from hardware.errors import ScheduleTooLong, TooFast
 
 STOCK = load_robot()
 OURS = dataclasses.replace(STOCK, firmware=FIRMWARES["armtree"])
@@ -145,7 +145,7 @@ def test_a_motion_of_a_year_is_refused_before_it_is_sampled() -> None:
 
     year = 365 * 86_400.0
     for duration in (year, math.inf, math.nan, math.nextafter(MAX_DURATION, math.inf)):
-        with pytest.raises(TooLong, match=r"would take .* s; the limit is 600 s") as raised:
+        with pytest.raises(ScheduleTooLong, match=r"would take .* s; the limit is 600 s") as raised:
             compile_schedule(OURS, HOME, sample, duration)
         assert (raised.value.code, raised.value.limit) == ("hw.too_long", 600.0)
     assert not sampled

@@ -401,7 +401,7 @@ def test_a_handshake_that_is_answered_after_the_end_of_the_server_is_no_error(
             super().shutdown()
             ended.set()
 
-    monkeypatch.setattr(bridge.Bridge, "serve", refuse)
+    monkeypatch.setattr(bridge.RosbridgeServer, "serve", refuse)
     monkeypatch.setattr(server, "WebSocketConnection", Ending)
     served = serve(rosbridge=True)
     asks = ("GET / HTTP/1.1", f"host: 127.0.0.1:{served.server.port}", *UPGRADE, "")
