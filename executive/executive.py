@@ -39,7 +39,7 @@ from skills import (
 )
 from skills.motion import Pool, Unreachable, World
 from skills.motion.world import Vector
-from trees import Library, Located, TreeError
+from trees import Located, TaskLibrary, TreeError
 from trees.compile.arguments import located
 
 from .api import Policy
@@ -61,8 +61,6 @@ from .recording.recordings import Recordings
 from .setup import Setup
 
 if TYPE_CHECKING:
-    from trees.live_library import LiveLibrary
-
     from .preview.dry_run import DryRun
 
 logger = logging.getLogger(__name__)
@@ -96,7 +94,7 @@ class Executive:
         setup: Setup,
         robot: Robot,
         link: Link | None,
-        library: "Library | LiveLibrary",
+        library: TaskLibrary,
         pool: Pool,
         clock: Clock,
         operator: Operator | None = None,

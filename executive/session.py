@@ -4,7 +4,6 @@ import logging
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import logs
 from hardware import VIRTUAL, Clock, Link, RealClock, Robot, utc_ns
@@ -12,15 +11,12 @@ from logs.writing.retention import Rule, prune
 from skills import Leader, Operator
 from skills.motion import Pool
 from skills.user_skills import load_skills
-from trees import Library
+from trees import Library, TaskLibrary
 from trees.nodes.kind import reserved_names
 
 from .api.events import Event
 from .executive import Executive
 from .setup import Setup
-
-if TYPE_CHECKING:
-    from trees.live_library import LiveLibrary
 
 logger = logging.getLogger(__name__)
 
@@ -34,6 +30,7 @@ def open_executive(
     pool: Pool | None = None,
     operator: Operator | None = None,
     leader: Leader | None = None,
+    library: TaskLibrary | None = None,
     subscriber: Callable[[Event], None] | None = None,
     report: Callable[[str], None] = logger.warning,
 ) -> Iterator[Executive]:
@@ -48,6 +45,7 @@ def open_executive(
         pool: Planners, which stay open. Default: its own planners.
         operator: Answers the questions of tasks. Default: no operator.
         leader: Hand-guided arm, for tasks that follow it. Default: none.
+        library: The tasks. Default: the library of the set-up.
         subscriber: Callback for every event, from any thread.
         report: Callback for a line about each recovered or deleted recording.
 
@@ -58,7 +56,7 @@ def open_executive(
         LogError: A recording could not be finished at the end.
     """
     robot, clock = setup.load_robot(), clock or RealClock()
-    library = _library(setup, robot)
+    library = library or _library(setup, robot)
     port = robot.serial.port if setup.port is None else setup.port
     with ExitStack() as stack:
         if link is None and port:
@@ -95,7 +93,7 @@ def _switch_on(link: Link, stack: ExitStack) -> None:
         link.switch_on()
 
 
-def _library(setup: Setup, robot: Robot) -> "Library | LiveLibrary":
+def _library(setup: Setup, robot: Robot) -> TaskLibrary:
     if not setup.reload:
         return Library(setup.trees, robot.name)
     from trees.live_library import LiveLibrary  # slow to import

@@ -58,7 +58,7 @@ class TaskRunner:
             TypeError: A value has a type that no parameter accepts.
             KeyboardInterrupt: Ctrl-C was pressed. The goal has ended, and the arm has stopped.
         """
-        number = task if isinstance(task, Move) else self._executive.library.number(task)
+        number = task if isinstance(task, Move) else self._executive.library.latest.number(task)
         texts = {name: _text(name, value) for name, value in arguments.items()}
         goal = uuid.uuid4().hex
         try:

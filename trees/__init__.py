@@ -16,7 +16,7 @@ if typing.TYPE_CHECKING:
     )
     from .reading.document import Located as Located
     from .reading.grammar import TaskFile as TaskFile, parse_value as parse_value
-    from .reading.library import Library as Library
+    from .reading.library import Library as Library, TaskLibrary as TaskLibrary
     from .reading.literals import fit as fit, in_smaller_units as in_smaller_units
 else:
     __getattr__ = lazy_exports(__name__)

@@ -173,23 +173,6 @@ class LiveLibrary:
         with self._lock:
             return self._updated()[0].library
 
-    def number(self, task: int | str) -> int:
-        """Return the number of a task from its number or name.
-
-        Raises:
-            UnknownTask: No task has that number or name.
-            FileError: The folder cannot be read.
-        """
-        return self.latest.number(task)
-
-    def names(self) -> dict[str, int]:
-        """Return the numbers of the current tasks by their names, in the order of the numbers.
-
-        Raises:
-            FileError: The folder cannot be read.
-        """
-        return self.latest.names()
-
     def listed(self) -> list[dict[str, Any]]:
         """Return the current tasks as JSON objects.
 

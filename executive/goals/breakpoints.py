@@ -29,7 +29,7 @@ def check_node(library: "LiveLibrary", path: str) -> None:
         NoSuchNode: No task has such a node.
         TreeError: The folder of the tasks cannot be read, or the task is not valid.
     """
-    tasks = library.names()
+    tasks = library.latest.names()
     name = path.partition("/")[0]
     if name not in tasks:
         likely = suggestion(name, tasks) or f"; it begins with a task's name: {', '.join(tasks)}"

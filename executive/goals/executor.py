@@ -6,7 +6,6 @@ import uuid
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from threading import Lock, Thread
-from typing import TYPE_CHECKING
 
 import logs
 from executive.errors import GoalError
@@ -14,7 +13,7 @@ from executive.recording.recordings import Recordings
 from hardware import ActivationStopped, HardwareError, State
 from skills import Context, SkillError
 from skills.motion import MotionError
-from trees import FileError, Library, Located, TaskFile, TreeError, UnknownTask
+from trees import FileError, Located, TaskFile, TaskLibrary, TreeError, UnknownTask
 from trees.build import Tree, build
 from trees.compile.arguments import located
 from trees.errors import BadArguments
@@ -27,9 +26,6 @@ from .queue import GoalQueue
 from .run_loop import Run, decide_outcome
 from .start_pose import StartPose
 from .stop import GoalStopper
-
-if TYPE_CHECKING:
-    from trees.live_library import LiveLibrary
 
 logger = logging.getLogger(__name__)
 
@@ -73,7 +69,7 @@ class GoalExecutor:
         self,
         queue: GoalQueue,
         stopper: GoalStopper,
-        library: "Library | LiveLibrary",
+        library: TaskLibrary,
         recordings: Recordings,
         context: Context,
         breakpoints: set[str],

@@ -249,7 +249,8 @@ class Server(HttpServer):
     """The HTTP and rosbridge server of an executive.
 
     Args:
-        executive: Runs the goals. Its library is a `LiveLibrary`.
+        executive: Runs the goals.
+        library: The tasks of the executive.
         listen: Address and clients of the server.
         questions: Open questions of tasks.
 
@@ -257,10 +258,15 @@ class Server(HttpServer):
         ServerError, AddressInUse, TooFewFiles: The server cannot start; see `HttpServer`.
     """
 
-    def __init__(self, executive: Executive, listen: ListenOptions, questions: Questions) -> None:
-        assert isinstance(executive.library, LiveLibrary)
+    def __init__(
+        self,
+        executive: Executive,
+        library: LiveLibrary,
+        listen: ListenOptions,
+        questions: Questions,
+    ) -> None:
         super().__init__(listen, executive.clock, executive.setup.workers)
-        self._executive, self._library = executive, executive.library
+        self._executive, self._library = executive, library
         self._questions, self._hub = questions, EventHub(self._loop)
 
     def start(self) -> None:

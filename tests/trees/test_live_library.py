@@ -56,11 +56,11 @@ def test_where_a_goal_can_pause_is_known_of_the_tasks_there_are_now(
 
 
 def test_a_folder_for_the_robot_may_come_later(files: Files, tmp_path: Path) -> None:
-    assert 8 not in files.library.names().values()
+    assert 8 not in files.library.latest.names().values()
     (tmp_path / "arduinobot").mkdir()
     late = tmp_path / "arduinobot" / "8_hush.yaml"
     late.write_text("task: 8\nname: hush\ndescription: x\ntree: Succeed\n")
-    assert files.library.names()["hush"] == 8
+    assert files.library.latest.names()["hush"] == 8
 
 
 def test_a_change_by_renaming_too(files: Files, tmp_path: Path) -> None:

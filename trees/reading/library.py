@@ -16,6 +16,7 @@ from functools import cache
 from importlib import resources
 from itertools import count
 from pathlib import Path
+from typing import Protocol
 
 from hardware.spelling import there_are
 from trees.errors import SHIPPED_ROBOT, DuplicateTask, FileError, Mistake, Place, UnknownTask
@@ -47,6 +48,26 @@ def with_robot(folder: Path, robot: str) -> tuple[Path, ...]:
 def _is_for(path: Path, robot: str) -> bool:
     """Return True if a file of poses is for a robot."""
     return robot in (SHIPPED_ROBOT, path.parent.name)
+
+
+class TaskLibrary(Protocol):
+    """Library of an executive, whose files may change between two goals."""
+
+    @property
+    def latest(self) -> "Library":
+        """The current files.
+
+        Raises:
+            FileError: The user's folder cannot be read.
+        """
+
+    def for_task(self, number: int) -> "tuple[Library, str]":
+        """Return the files for the next goal of a task, and a warning, or "".
+
+        Raises:
+            UnknownTask: No task has that number.
+            TreeError: The task is not valid.
+        """
 
 
 class Library:
@@ -173,11 +194,11 @@ class Library:
 
     @property
     def latest(self) -> "Library":
-        """This library. A `LiveLibrary` may return a newer one."""
+        """This library: its files do not change."""
         return self
 
     def for_task(self, number: int) -> "tuple[Library, str]":
-        """Return this library and no warning. A `LiveLibrary` also has this method."""
+        """Return this library and no warning."""
         return self, ""
 
     def numbers(self) -> list[int]:

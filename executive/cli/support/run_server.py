@@ -7,6 +7,7 @@ import queue
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager, nullcontext
+from dataclasses import replace
 from pathlib import Path
 from urllib.parse import urlencode
 
@@ -21,6 +22,7 @@ from executive.session import open_executive, port_line
 from executive.setup import Setup
 from hardware import HardwareError, RealClock, TransitionRefused
 from logs import LogError, NoSuchRecording
+from trees.live_library import LiveLibrary
 
 from .interrupts import Interrupts
 from .log_handler import recorded_log
@@ -46,11 +48,14 @@ def serve(setup: Setup, listen: ListenOptions, fleet: FleetPlace | None = None) 
     raise_priority()
     clock = RealClock()
     questions = Questions(clock)
+    robot = setup.load_robot()
+    library = LiveLibrary(setup.trees, robot)
+    setup = replace(setup, robot=robot)
     with (
         Interrupts() as interrupts,
         _log(),
-        open_executive(setup, clock=clock, operator=questions) as executive,
-        Server(executive, listen, questions) as server,
+        open_executive(setup, clock=clock, operator=questions, library=library) as executive,
+        Server(executive, library, listen, questions) as server,
     ):
         logger.info("Token for requests that change something: %s", server.token)
         logger.info("The page, to open once: %s", server.sign_in.link())

@@ -145,7 +145,7 @@ class Endpoints(RecordingEndpoints):
 
     async def _number(self, task: float | str) -> int:
         if isinstance(task, str):
-            return await asyncio.to_thread(self._library.number, task)
+            return await asyncio.to_thread(lambda: self._library.latest.number(task))
         return int(task)
 
     async def move(

@@ -17,6 +17,7 @@ from executive.executive import Executive
 from executive.goals.questions import Questions
 from executive.server.server import ListenOptions, Server
 from hardware import Robot
+from trees.live_library import LiveLibrary
 
 Cancel = Callable[[], object]
 
@@ -64,7 +65,8 @@ def served(arm: Executive, robot: Robot, folder: Path) -> Iterator[Server]:
     with tempfile.TemporaryDirectory() as runtime:
         os.environ["XDG_RUNTIME_DIR"] = runtime
         listen = ListenOptions(port=0, rosbridge=True)
-        server = Server(arm, listen, Questions(arm.clock))
+        library = LiveLibrary(arm.library.latest.folder, robot)
+        server = Server(arm, library, listen, Questions(arm.clock))
         server.start()
         yield server
         server.stop()
