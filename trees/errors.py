@@ -31,11 +31,6 @@ class Correction:
     line: int
     count: int = 1
 
-    def applied(self, lines: Sequence[str]) -> list[str]:
-        """Return the lines of a file with this correction."""
-        first = self.line - 1
-        return [*lines[:first], *self.text.split("\n"), *lines[first + self.count :]]
-
     def __str__(self) -> str:
         above, last = self.line - 1, self.line + self.count - 1
         where = f"add below line {above}" if above else "add at the top"

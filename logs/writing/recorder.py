@@ -65,6 +65,8 @@ class Recorder:
         self.path = path
         self._epoch_ns = epoch_ns
         self._on_failure = on_failure
+        # Frames that were put, and that were written. A comparison tells the streamer that all are
+        # written; a question to the writing thread takes 40 us, and 3 ms beside a busy thread.
         self._sent = self._kept = 0
         self._lost = 0
         self._cause: Exception | None = None
@@ -86,7 +88,7 @@ class Recorder:
             items: Items to write as one piece. Only the streamer's thread puts a frame (`Sent`),
                 alone.
         """
-        if type(items[0]) is Sent:
+        if isinstance(items[0], Sent):
             self._sent += 1
         self._jobs.put(partial(self._take, items))
 
@@ -181,7 +183,7 @@ class Recorder:
         journal = self._journal
         if journal is None or not self._write(journal, items):
             self._lost += len(items)
-        self._kept += type(items[0]) is Sent
+        self._kept += isinstance(items[0], Sent)
         if journal is not None and journal.closed:
             self._journal = None
 

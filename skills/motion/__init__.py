@@ -1,7 +1,8 @@
 """Motion planning: worker processes turn a Query into a Plan. They can be killed at any time.
 
 planner.py    the stages of a plan, from the straight line to the final check
-query.py      requests and answers; plan.py the motion that was found; world.py the bodies
+query.py      requests and answers; world.py the bodies
+trajectory/   plan.py, the motion that was found: its curve and its time law
 workers/      a pool of planner processes
 robot_model/  the robot for planning: joint groups, shapes, lever arms
 inverse_kinematics.py   joint positions for a tool position

@@ -8,7 +8,7 @@ import pytest
 
 from hardware import Robot
 from tests.support.generated import wrong_tasks
-from tests.support.generated.wrong_tasks import TASK, mistakes_of
+from tests.support.generated.wrong_tasks import TASK, corrected, mistakes_of
 from trees.check import check
 from trees.compile import port_types
 from trees.errors import Mistake
@@ -345,16 +345,16 @@ def test_what_is_to_be_written_instead_removes_the_mistake(
     robot: Robot, tmp_path: Path, found: Found, of_cases: Found
 ) -> None:
     given = {text: {"20_m.yaml": text} for text in found} | {n: c.files for n, c in CASES.items()}
-    names, corrected = list[tuple[str, Mistake]](), list[Mapping[str, str]]()
+    names, right = list[tuple[str, Mistake]](), list[Mapping[str, str]]()
     for name, mistakes in {**found, **of_cases}.items():
         for mistake in mistakes:
             if mistake.instead:
                 file = mistake.place.path.name
-                lines = mistake.instead.applied(given[name][file].split("\n"))
                 names.append((name, mistake))
-                corrected.append({**given[name], file: "\n".join(lines)})
-    assert len(corrected) > 150
-    left = mistakes_of(robot, tmp_path, corrected)
+                text = corrected(given[name][file], mistake.instead)
+                right.append({**given[name], file: text})
+    assert len(right) > 150
+    left = mistakes_of(robot, tmp_path, right)
     for (name, mistake), now in zip(names, left, strict=True):
         before = {_words(each) for each in {**found, **of_cases}[name]}
         after = {_words(each) for each in now}

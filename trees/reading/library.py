@@ -231,11 +231,6 @@ class Library:
         """Return the names of all subtrees, in order."""
         return sorted(name for name in self._paths if isinstance(name, str))
 
-    @property
-    def pose_files(self) -> tuple[Path, ...]:
-        """Files of poses. The user's file is the last one."""
-        return tuple(self._poses)
-
     def path(self, source: int | str) -> Path:
         """Return the file of a task, by number, or of a subtree, by name.
 

@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 from hardware import Robot, load_robot
 from tests.support.paths import DATA
 from trees.check import check
-from trees.errors import Mistake
+from trees.errors import Correction, Mistake
 
 TASK = """task: 20
 name: m
@@ -28,6 +28,13 @@ tree:
 _LINES = TASK.splitlines(keepends=True)
 TARGET = DATA / "wrong_tasks.txt"
 _CASE, _FILE, _SAID = "=== ", "--- ", ">>>"
+
+
+def corrected(text: str, correction: Correction) -> str:
+    """The text of a file with a correction."""
+    lines, first = text.split("\n"), correction.line - 1
+    lines[first : first + correction.count] = correction.text.split("\n")
+    return "\n".join(lines)
 
 
 @dataclass(frozen=True)

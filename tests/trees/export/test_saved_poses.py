@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from hardware import Robot
+from tests.support.paths import TASKS
 from trees import FileError, Library
 from trees.export.saved_poses import remove_pose, save_pose
 
@@ -101,7 +102,7 @@ def test_poses_in_one_line(robot: Robot, tmp_path: Path) -> None:
 
 
 def test_a_shipped_pose_is_replaced_in_the_file_of_the_user(robot: Robot, tmp_path: Path) -> None:
-    shipped = [path.read_text() for path in Library().pose_files]
+    shipped = [path.read_text() for path in TASKS.rglob("poses.yaml")]
     with pytest.raises(FileError, match="pose folded ships with armtree; give another name"):
         save_pose(robot, tmp_path, "folded", LEFT)
     assert os.listdir(tmp_path) == []
@@ -113,7 +114,7 @@ def test_a_shipped_pose_is_replaced_in_the_file_of_the_user(robot: Robot, tmp_pa
     assert path.read_text().splitlines()[-1] == "replaces: [right]"
     with pytest.raises(FileError, match="pose folded ships with armtree and stays"):
         remove_pose(robot, tmp_path, "folded")
-    assert [path.read_text() for path in Library().pose_files] == shipped
+    assert [path.read_text() for path in TASKS.rglob("poses.yaml")] == shipped
 
 
 def test_poses_of_another_robot_are_in_its_folder(robot: Robot, tmp_path: Path) -> None:

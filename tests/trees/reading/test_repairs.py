@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.generated.wrong_tasks import TASK
+from tests.support.generated.wrong_tasks import TASK, corrected
 from trees import FileError, Mistake
 from trees.errors import Correction
 from trees.reading.grammar import draft_poses, draft_task
@@ -73,8 +73,9 @@ def test_a_slip_has_one_message_and_the_line_as_it_should_be(
     place = mistake.place
     assert f"{place.line}:{place.column} {mistake.message}".startswith(said)
     assert mistake.instead
-    lines = mistake.instead.applied(RIGHT.replace(right, wrong).split("\n"))
-    assert found("\n".join(lines)) == [], "what is written instead is not right"
+    assert found(corrected(RIGHT.replace(right, wrong), mistake.instead)) == [], (
+        "what is written instead is not right"
+    )
 
 
 SEVERAL = [
