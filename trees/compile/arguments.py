@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from trees.errors import BadArguments, FileError, Mistake, Place
@@ -9,7 +10,8 @@ from trees.reading.document import REFUSED, Located
 from trees.reading.grammar import parse_value
 
 FILE = "arguments.yaml"  # name of the file with the arguments in a recording
-MISSING = Place(Path("arguments"))  # place of a missing argument
+_SOURCE = "arguments"
+MISSING = Place(Path(_SOURCE))  # place of a missing argument
 
 
 def read_arguments(settings: Sequence[str], tasks: Sequence[int] = ()) -> dict[str, Located]:
@@ -46,7 +48,7 @@ def located(arguments: Mapping[str, str | Located]) -> dict[str, Located]:
     """
     wrong: list[Mistake] = []
     read = {
-        name: _parsed(value, f"argument {name}", wrong) if isinstance(value, str) else value
+        name: _parsed(value, _SOURCE, wrong, f"{name}: ") if isinstance(value, str) else value
         for name, value in arguments.items()
     }
     return _right(read, wrong)
@@ -65,11 +67,11 @@ def wrong(mistakes: Iterable[Mistake], arguments: Mapping[str, Located]) -> File
     return (BadArguments if callers else FileError)(found)
 
 
-def _parsed(text: str, source: str, wrong: list[Mistake]) -> Located:
+def _parsed(text: str, source: str, wrong: list[Mistake], label: str = "") -> Located:
     try:
         return parse_value(text, source)
     except FileError as error:
-        wrong += error.mistakes
+        wrong += (replace(each, message=f"{label}{each.message}") for each in error.mistakes)
         return Located(MISSING, REFUSED, MISSING)
 
 
