@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 class Refusal(click.ClickException):
     """A correct command that cannot be executed in this situation."""
 
+    exit_code = 2  # the exit status of `UsageError`, as the program prints it
+
 
 def print_error(error: Exception) -> int:
     """Print an error with its code and hint to standard error. Return the exit status.

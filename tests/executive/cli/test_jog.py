@@ -8,9 +8,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
 from armtree import Client
 from executive.api.token_file import running
+from executive.cli.main import cli
 from executive.replay.verification import verify
 from logs import Recording, Sent
 from tests.end_to_end.test_command_line import robot
@@ -256,3 +258,5 @@ def test_a_jog_needs_a_terminal(tmp_path: Path) -> None:
     )
     assert (done.returncode, done.stdout) == (2, "")
     assert "a jog needs a terminal" in done.stderr
+    within = CliRunner().invoke(cli, ["jog", "--port", "virtual"])
+    assert (within.exit_code, within.stdout) == (2, "")
