@@ -30,8 +30,8 @@ from logs import MOVE, goal_title, unpack
 from skills import (
     Context,
     Leader,
-    NobodyLeads,
     NoOperator,
+    NullLeader,
     Operator,
     Positions,
     SkillError,
@@ -139,7 +139,7 @@ class Executive:
             clock=clock,
             wake_at=_no_run,
             operator=operator or NoOperator(),
-            leader=leader or NobodyLeads(),
+            leader=leader or NullLeader(),
         )
         self._executor = GoalExecutor(
             self._queue,

@@ -512,7 +512,7 @@ class ScheduleTooLong(WriteRefused):
     """
 
     code = "hw.too_long"
-    hint = "divide the motion, or raise the velocities in the robot file"
+    hint = "split the motion into shorter ones, or raise the velocities in the robot file"
 
     def __init__(self, value: float, limit: float) -> None:
         self.value, self.limit = value, limit

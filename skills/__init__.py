@@ -33,7 +33,7 @@ from .joint_targets import (
     check_joints as check_joints,
     check_targets as check_targets,
 )
-from .leader import Blocked as Blocked, Leader as Leader, NobodyLeads as NobodyLeads
+from .leader import Blocked as Blocked, Leader as Leader, NullLeader as NullLeader
 from .ports import Port as Port, Positions as Positions
 from .question import NoOperator as NoOperator, Operator as Operator, Question as Question
 from .tool_target import (

@@ -7,7 +7,7 @@ from py_trees.behaviour import Behaviour
 
 from hardware import Arm, Clock, Robot, Schedule
 
-from .leader import Leader, NobodyLeads
+from .leader import Leader, NullLeader
 from .merged_motion import MergedMotion
 from .motion.errors import MotionError
 from .motion.query import Query
@@ -96,7 +96,7 @@ class Context:
     wake_at: Callable[[float], None]
     scene: Scene = field(default_factory=Scene)
     operator: Operator = field(default_factory=NoOperator)
-    leader: Leader = field(default_factory=NobodyLeads)
+    leader: Leader = field(default_factory=NullLeader)
     paused_time: Callable[[], float] = field(default=lambda: 0.0)
     at_breakpoint: Callable[[Behaviour], bool] = field(default=lambda _: False)
 

@@ -35,8 +35,8 @@ class Leader(Protocol):
         """Show the reason that the arm does not follow. None: it follows."""
 
 
-class NobodyLeads:
-    """No leader."""
+class NullLeader:
+    """Takes the place of a leader if there is none."""
 
     def positions(self) -> tuple[float, ...] | None:
         """Raise the error."""

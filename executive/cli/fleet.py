@@ -115,9 +115,10 @@ def up(
     tls_key: Path | None,
     nkeys: Path | None,
 ) -> None:
-    """Start the NATS server of a fleet, and give up the jobs of arms that die, until Ctrl-C.
+    """Start the NATS server of a fleet, until Ctrl-C.
 
-    Serves a page with all arms, for this machine. By default only programs of this user on this
+    If an arm is lost, its job fails; if the task is `retry: safe`, another arm gets the job. Also
+    serves a page with all arms, for this machine. By default only programs of this user on this
     machine can connect to the fleet.
     """
     from executive.fleet.programs import NatsOptions, supervise, up as run_up

@@ -38,8 +38,8 @@ def mcp(port: int | None, allow_move: bool, robot: Path | None, server: str) -> 
       {"mcpServers": {"armtree":
         {"command": "armtree", "args": ["mcp"]}}}
 
-    The tools list, check, plan and run tasks, and always stop the arm. A person activates the arm.
-    Goals are canceled if this command ends. `make mcp` installs what it needs.
+    The tools list, check, plan and run tasks. A tool can stop the arm at any time. A person
+    activates the arm. Goals are canceled if this command ends. `make mcp` installs what it needs.
 
     \b
     Examples:

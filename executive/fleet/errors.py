@@ -1,6 +1,7 @@
 """Errors of a fleet. The root is FleetError."""
 
 import re
+from collections.abc import Sequence
 
 from hardware import ArmtreeError
 
@@ -175,5 +176,6 @@ class NotConfirmed(FleetError):
     code = "fleet.not_confirmed"
     hint = "look at these arms, and use their own pages or power switches"
 
-    def __init__(self, request: str, arms: tuple[str, ...]) -> None:
-        super().__init__(f"not confirmed, {request}: {', '.join(arms)}; {self.hint}")
+    def __init__(self, request: str, confirmed: int, wanted: int, missing: Sequence[str]) -> None:
+        words = f"{confirmed} of {wanted} arms confirmed {request}; not {', '.join(missing)}"
+        super().__init__(f"{words}; {self.hint}")

@@ -343,8 +343,8 @@ class FleetClient:
         errors = {arm for arm, answer in found.items() if answer.error}
         if missing := sorted((wanted - found.keys()) | errors):
             words = {arm: f" ({found[arm].error})" if arm in found else "" for arm in missing}
-            named = tuple(f"{arm}{words[arm]}" for arm in missing)
-            raise NotConfirmed(f"{request}, {len(found) - len(errors)} of {len(wanted)}", named)
+            named = [f"{arm}{words[arm]}" for arm in missing]
+            raise NotConfirmed(request, len(found) - len(errors), len(wanted), named)
         return sorted(found.values(), key=lambda answer: answer.arm)
 
     async def _hold_queues(self, whom: Sequence[str], hold: bool) -> None:

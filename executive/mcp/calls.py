@@ -164,7 +164,9 @@ class Calls:
         else:
             words = await self._person.ask(_ACTIVATE, (_YES, _NO), {"activate": True})
         if words != _YES:
-            raise Forbidden("the person did not confirm it", "activate it only after they do")
+            raise Forbidden(
+                "the person did not confirm the activation", "activate it only after they do"
+            )
         return f"arm {await self._client.arm('activate', pose)}"
 
     async def list_recordings(

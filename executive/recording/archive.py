@@ -171,7 +171,8 @@ def archive_world(world: World) -> tuple[tuple[dict[str, Any], ...], Mapping[str
     """Return a world as plain values, and its mesh files.
 
     Returns:
-        The bodies, each mesh named by its content, and the attachment of each mesh by that name.
+        The bodies; each mesh path is replaced by a name from its content. And the mesh attachments,
+        by that name.
     """
     bodies, files = world.plain(), dict[str, Attachment]()
     for body in bodies:

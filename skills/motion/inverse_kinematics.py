@@ -367,7 +367,7 @@ def _check_query(robot: Robot, query: ToolQuery) -> Array:
         if not joint.lower <= value <= joint.upper:
             raise StartOutOfBounds(joint.name, value, joint.lower, joint.upper, joint.unit)
     if not isinstance(query.link, str):
-        raise BadQuery(f"The link is {shown(query.link)}; give a name, or none")
+        raise BadQuery(f"The link is {shown(query.link)}; give the name of a link, or omit it")
     if not isinstance(query.relative, bool):
         raise BadQuery(f"The value of relative is {shown(query.relative)}; give True or False")
     for what in ("point", "direction", "offset", "axis"):

@@ -104,7 +104,9 @@ class Body:
             form = "x, y, z, w of a unit quaternion (length 1)"
             raise BadWorld(f"The rotation {what} {turn}; give {form}")
         if not isinstance(self.link, str):
-            raise BadWorld(f"The link {what} {_shown(self.link)}; give a name, or none")
+            raise BadWorld(
+                f"The link {what} {_shown(self.link)}; give the name of a link, or omit it"
+            )
         if not isinstance(self.touches, frozenset) or not all(map(_word, self.touches)):
             raise BadWorld(
                 f"The value touches {what} {shown(self.touches)}; give names, in a frozenset"

@@ -448,7 +448,10 @@ class TreeCompiler:
                 self._unnamed(value, written, f"{spec.skill} writes {port}", port, scope)
 
     def _unnamed(self, value: Located, kind: str, what: str, port: str, scope: Scope) -> None:
-        """Report a value at a port that needs a key. A name without $ counts as a written key."""
+        """Report an output port that has a plain value instead of a key.
+
+        Treat a name without $ as written.
+        """
         text = value.value if isinstance(value.value, str) else ""
         instead = value.place.replaced(text, f"${text}") if text.isidentifier() else None
         self._wrong(

@@ -135,7 +135,7 @@ def complete_node(context: click.Context, word: str) -> Iterator[tuple[str, str]
 
 
 def recordings_folder(context: click.Context) -> Path:
-    """Return the folder of the setting. If missing, the working directory if it has recordings."""
+    """Return the folder of the setting, or else the working directory if it has recordings."""
     folder: Path = find_setting(context, "recordings")[0]
     here = Path()
     return here if not folder.is_dir() and any(here.glob("*.mcap")) else folder

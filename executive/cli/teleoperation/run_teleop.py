@@ -48,7 +48,8 @@ def run_teleop(
     joints, led = ([joint.name for joint in each.actuated] for each in (robot, leading))
     if joints != led:
         raise Refusal(
-            f"the leader has the joints {', '.join(led)}, and {robot.name} {', '.join(joints)}"
+            f"the joints of the leader ({', '.join(led)}) differ from those of {robot.name} "
+            f"({', '.join(joints)})"
         )
     leader = HandGuidedArm(leading, leading.link(port))
     with (

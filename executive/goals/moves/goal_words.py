@@ -122,8 +122,9 @@ def _joint_value(
 def _at_width(robot: Robot, text: str) -> Mapping[str, float]:
     """Return the position of the gripper's joint from its width."""
     if robot.gripper is None:
-        why = f"{robot.path} names no pads of its gripper, so its width is not known"
-        raise BadTarget(f"{why}; write pads below [gripper] there, or give a pose or JOINT=VALUE")
+        why = "the width of the gripper is unknown, because the robot file does not name its pads"
+        add = f"add `pads` to [gripper] in {robot.path}"
+        raise BadTarget(f"{why}; {add}, or give a pose or JOINT=VALUE")
     width = read_value(WIDTH, text, _LENGTH)
     try:
         _ask_unit(robot.at_width, WIDTH, "m", text, width)

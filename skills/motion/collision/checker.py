@@ -272,7 +272,10 @@ class CollisionChecker:
         return hit
 
     def _first_doubt(self, q: Array, margin: float, pairs: frozenset[int]) -> tuple[int, bool]:
-        """Return the first doubt (N if none), and True if it is a collision."""
+        """Return the index of the first doubtful configuration, and True if it collides.
+
+        Without a doubtful configuration, the index is their number.
+        """
         broad = self._broad_phase(pairs, True)
         broad.set_margin(pairs, margin)
         doubts = broad.collisions(q, stop=True).nonzero()[0]
@@ -467,9 +470,9 @@ def repeatable_requests(
 
 
 class TouchingShapes:
-    """Detects contacts of exact shapes. Contains the working memory for this.
+    """Detects contacts of exact shapes. Holds its buffers.
 
-    This takes less time than finding the links closer than a margin.
+    It is faster than a search for links closer than a margin.
     """
 
     def __init__(self, scene: PlanningScene) -> None:

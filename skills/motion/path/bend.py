@@ -50,7 +50,7 @@ def find_bend(validator: MotionValidator, ends: tuple[Array, Array]) -> tuple[Ar
 def find_corner(validator: MotionValidator, ends: tuple[Array, Array]) -> Array | None:
     """Return three waypoints with free lines between them (3, J) [rad], or None.
 
-    Used for the legs of a longer path, whose corners are all rounded later.
+    The caller rounds all corners of the longer path later.
 
     Args:
         validator: Checks motions of the group.

@@ -15,7 +15,7 @@ _CUTS = (0.7, 0.35)  # shares of a corner's legs to cut off, tried in turn
 
 
 def shortcut(validator: MotionValidator, waypoints: Array) -> Array:
-    """Return a path of free edges between the same ends, at most as long (N, J) [rad]."""
+    """Return a path (N, J) [rad] with the same ends. It is not longer, and its edges are free."""
     return _cut_corners(validator, _skip_waypoints(validator, waypoints))
 
 

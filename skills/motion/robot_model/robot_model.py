@@ -99,7 +99,7 @@ class RobotModel:
             BadWorld: The robot has no such link.
         """
         if not isinstance(link, str):
-            raise BadWorld(f"The link is {shown(link)}; give a name, or none")
+            raise BadWorld(f"The link is {shown(link)}; give the name of a link, or omit it")
         if not link:
             return 0
         frames = self.kinematics.frames

@@ -21,7 +21,7 @@ from executive.testing import SharedPool
 from hardware import Robot, SimulatedClock, load_robot
 from hardware.errors import PortLost
 from logs import Recording, Sent
-from skills import Blocked, NobodyLeads
+from skills import Blocked, NullLeader
 from skills.motion.planner import Planner
 
 ZERO = (0.0,) * 6
@@ -57,7 +57,7 @@ def followed(
     robot: Robot, folder: Path, path: Path_ | None
 ) -> Iterator[tuple[Outcome, Any, Executive]]:
     clock = SimulatedClock()
-    hand = Hand(clock, path) if path else NobodyLeads()
+    hand = Hand(clock, path) if path else NullLeader()
     setup = Setup(robot=robot, recordings=folder, single_user=True)
     link = robot.simulated_link(clock)
     with (

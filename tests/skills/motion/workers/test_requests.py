@@ -44,7 +44,7 @@ def planner() -> Planner:
         ({"axis": np.array([0.0, 0.0, 1.0])}, "The axis is array"),
         ({"point": None}, "The point is None; give x, y, z"),
         ({"relative": np.zeros(3)}, "The value of relative is array.*; give True or False"),
-        ({"link": 7}, "The link is 7; give a name, or none"),
+        ({"link": 7}, "The link is 7; give the name of a link, or omit it"),
     ],
 )
 def test_invalid_tool_queries(planner: Planner, odd: dict[str, Any], message: str) -> None:
