@@ -121,4 +121,4 @@ def test_what_is_wrong_is_refused(command: list[str], tmp_path: Path) -> None:
     other = ["--leader-robot", "arduinobot"]
     with PseudoTerminal(tmp_path, *command, *other) as terminal:
         status, printed = terminal.end()
-        assert (status, "has the joints joint_1" in printed) == (2, True)
+        assert (status, "joints of the leader (joint_1" in printed) == (2, True)
