@@ -16,7 +16,7 @@ from .compile.arguments import FILE, as_text, wrong
 from .compile.compiler import CompiledTree, TreeCompiler
 from .compile.leaf import Leaf
 from .compile.node_paths import paths
-from .compile.skill_hooks import Refusal
+from .compile.skill_hooks import RefusedInput
 from .export.resolved import RESOLVED, resolved
 from .reading.document import Located
 from .reading.grammar import Draft
@@ -96,7 +96,7 @@ def build(
     return Tree(tree.root, skills, files, namespace)
 
 
-def refusals(tree: CompiledTree, robot: Robot) -> list[Refusal]:
+def refusals(tree: CompiledTree, robot: Robot) -> list[RefusedInput]:
     """Let the skills validate their inputs, and return the refusals.
 
     Skills that refuse an input are doubtful afterwards.
@@ -106,7 +106,9 @@ def refusals(tree: CompiledTree, robot: Robot) -> list[Refusal]:
     return tree.hooks.refused
 
 
-def _cause(refused: Sequence[Refusal], nodes: Mapping[Behaviour, str], in_file: bool) -> Exception:
+def _cause(
+    refused: Sequence[RefusedInput], nodes: Mapping[Behaviour, str], in_file: bool
+) -> Exception:
     """Combine refusals into one error with the class and node of the first, and all messages."""
     for refusal in refused if in_file else ():
         place = refusal.place

@@ -11,7 +11,7 @@ from .support.options import run_options, source_options, speed_option
 
 if TYPE_CHECKING:
     from executive.api.events import Where
-    from executive.cli.jogging.model import Command
+    from executive.cli.jogging.model import KeyCommand
     from executive.cli.jogging.screen import Act
     from hardware import Robot
 
@@ -49,12 +49,12 @@ def jog(server: str | None, speed: float, **options: Any) -> None:
     sys.exit(run_jog(find_server(server), setup, speed, lambda _arm: commands))
 
 
-def saving(robot: "Robot", folder: Path) -> "dict[str, tuple[Command, Act]]":
+def saving(robot: "Robot", folder: Path) -> "dict[str, tuple[KeyCommand, Act]]":
     """Return the command that saves a pose to a folder of tasks, by its key."""
     from trees.export.saved_poses import PoseExists, save_pose
 
-    from .jogging.model import Command
-    from .jogging.screen import Question
+    from .jogging.model import KeyCommand
+    from .jogging.screen import ConfirmationNeeded
 
     def save(where: "Where", name: str) -> str:
         joints = robot.actuated_in("arm")
@@ -68,6 +68,8 @@ def saving(robot: "Robot", folder: Path) -> "dict[str, tuple[Command, Act]]":
         try:
             return saved(replace=False)
         except PoseExists:
-            raise Question(f"Replace the pose {name}?", lambda: saved(replace=True)) from None
+            raise ConfirmationNeeded(
+                f"Replace the pose {name}?", lambda: saved(replace=True)
+            ) from None
 
-    return {"s": (Command("save pose", "Name of the pose"), save)}
+    return {"s": (KeyCommand("save pose", "Name of the pose"), save)}

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from executive.api.events import Where
     from trees.export.taught_task import TaughtTask
 
-    from .jogging.model import Command
-    from .jogging.run_jog import OwnArm
+    from .jogging.arms import OwnArm
+    from .jogging.model import KeyCommand
     from .jogging.screen import Act, JogArm
 
 
@@ -59,26 +59,27 @@ def teach(number: int, name: str, server: str | None, speed: float, **options: A
     from hardware import Ability, load_robot
     from trees.export.taught_task import TaughtTask
 
-    from .jogging.model import Command
-    from .jogging.run_jog import OwnArm, run_jog
+    from .jogging.arms import OwnArm
+    from .jogging.model import KeyCommand
+    from .jogging.run_jog import run_jog
     from .support.server_requests import find_server
 
     robot, folder = load_robot(options["robot"]), options["trees"] or Path("trees")
     task = TaughtTask(robot, folder, number, name)
     teaching = _Teaching(task)
 
-    def commands(arm: "JogArm") -> "dict[str, tuple[Command, Act]]":
-        by_hand: dict[str, tuple[Command, Act]] = {}
+    def commands(arm: "JogArm") -> "dict[str, tuple[KeyCommand, Act]]":
+        by_hand: dict[str, tuple[KeyCommand, Act]] = {}
         if robot.can(Ability.TORQUE) and robot.can(Ability.MEASURE):
             hand = _Hand(arm, task) if isinstance(arm, OwnArm) else _ServersHand()
             by_hand = {
-                "f": (Command("torque off, on"), hand.switch_torque),
-                "r": (Command("path"), hand.record),
+                "f": (KeyCommand("torque off, on"), hand.switch_torque),
+                "r": (KeyCommand("path"), hand.record),
             }
         return {
-            "t": (Command("take"), teaching.take),
-            "w": (Command("wait", "How long, such as 500ms"), teaching.wait),
-            "u": (Command("undo"), teaching.undo),
+            "t": (KeyCommand("take"), teaching.take),
+            "w": (KeyCommand("wait", "How long, such as 500ms"), teaching.wait),
+            "u": (KeyCommand("undo"), teaching.undo),
             **by_hand,
             **saving(robot, folder),
         }
@@ -177,11 +178,11 @@ class _Hand:
 
     def switch_torque(self, _where: "Where", _text: str) -> str:
         """Hold the arm, or release it after a person's confirmation."""
-        from .jogging.screen import Question
+        from .jogging.screen import ConfirmationNeeded
 
         if not self._arm.by_hand:
             why = "The arm loses its torque and falls unless you hold it."
-            raise Question(f"{why} Do you hold it?", self._release)
+            raise ConfirmationNeeded(f"{why} Do you hold it?", self._release)
         self._arm.switch_torque(on=True)
         dropped = "; the path is dropped" if self._recording else ""
         self._recording = False

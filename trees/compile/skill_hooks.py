@@ -28,7 +28,7 @@ _Answer = TypeVar("_Answer")
 
 
 @dataclass(frozen=True)
-class Refusal:
+class RefusedInput:
     """An input that a skill refuses, or an exception of its code.
 
     Attributes:
@@ -67,7 +67,7 @@ class SkillHooks:
 
     def __init__(self, doubtful: Iterable[Behaviour] = ()) -> None:
         self.doubtful = set(doubtful)
-        self._refused: dict[tuple[Place, str], Refusal] = {}
+        self._refused: dict[tuple[Place, str], RefusedInput] = {}
 
     @property
     def mistakes(self) -> list[Mistake]:
@@ -75,7 +75,7 @@ class SkillHooks:
         return [refusal.mistake for refusal in self.refused]
 
     @property
-    def refused(self) -> list[Refusal]:
+    def refused(self) -> list[RefusedInput]:
         """All refusals, without duplicates."""
         return list(self._refused.values())
 
@@ -86,7 +86,7 @@ class SkillHooks:
             return made
         node = Dummy(name)
         for fault in faults:
-            self._refuse(Refusal(node, kind.__name__, fault, place))
+            self._refuse(RefusedInput(node, kind.__name__, fault, place))
         return node
 
     def validate(self, leaf: Leaf, robot: Robot) -> None:
@@ -107,7 +107,7 @@ class SkillHooks:
                 # The exception may be raised again.
                 fault.args = (in_other_unit(words, value, unit, right),)
                 instead = value.place.replaced(old, right)
-            self._refuse(Refusal(leaf.skill, kind.__name__, fault, place, instead))
+            self._refuse(RefusedInput(leaf.skill, kind.__name__, fault, place, instead))
 
     def min_duration(self, leaf: Leaf) -> float:
         """Return a lower bound of the time of a skill [s]."""
@@ -142,10 +142,10 @@ class SkillHooks:
         kind = type(leaf.skill)
         answer, faults = _result(kind, hook, lambda: getattr(kind, hook)(*arguments), wanted)
         for fault in faults:
-            self._refuse(Refusal(leaf.skill, kind.__name__, fault, _refused(leaf, fault)[0]))
+            self._refuse(RefusedInput(leaf.skill, kind.__name__, fault, _refused(leaf, fault)[0]))
         return answer
 
-    def _refuse(self, refusal: Refusal) -> None:
+    def _refuse(self, refusal: RefusedInput) -> None:
         self.doubtful.add(refusal.node)
         self._refused.setdefault((refusal.place, str(refusal.error)), refusal)
 

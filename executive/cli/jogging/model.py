@@ -112,7 +112,7 @@ Action = Go | Stop | Leave | Call | Yes
 
 
 @dataclass(frozen=True, slots=True)
-class Command:
+class KeyCommand:
     """A command of a key that does not move the arm.
 
     Attributes:
@@ -149,7 +149,7 @@ class Jog:
     """
 
     axes: Sequence[Axis]
-    commands: Mapping[str, Command]
+    commands: Mapping[str, KeyCommand]
     speed: float = 1.0
     selected: int = 0
     step: int = 3
@@ -166,7 +166,7 @@ class Jog:
 
     @classmethod
     def start(
-        cls, where: Where, commands: Mapping[str, Command], speed: float, message: str
+        cls, where: Where, commands: Mapping[str, KeyCommand], speed: float, message: str
     ) -> Self:
         """Return the first state.
 

@@ -4,15 +4,12 @@ import signal
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from typing import Any
 
 import click
 
 from executive.api.codes import INTERRUPTED_EXIT
-from executive.api.events import EVENTS, STATUS, Event, Where
-from executive.api.move import Move
-from executive.api.outcome import Cause, GoalState, GoalStatus, Outcome
+from executive.api.events import Where
 from executive.cli.support.failures import Refusal
 from executive.cli.support.interrupts import Interrupts
 from executive.cli.support.log_handler import recorded_log
@@ -20,129 +17,24 @@ from executive.cli.support.process import raise_priority
 from executive.cli.terminal.keyboard import key_by_key
 from executive.cli.terminal.streams import echo
 from executive.client.synchronous import Client
-from executive.errors import Refused, ServerUnreachable
-from executive.executive import Executive
 from executive.session import open_executive, port_line
 from executive.setup import Setup
-from executive.task_runner import TaskRunner
-from hardware import HardwareError, NotActive
-from logs import MOVE, Measured, Sent, Transition
+from hardware import HardwareError
 from trees import TreeError
 
-from .model import Command
+from .arms import OwnArm, ServerArm
+from .model import KeyCommand
 from .screen import Act, JogArm, JogScreen
 
 # Errors of a key's command that do not end the jog.
 _SHOWN = (HardwareError, TreeError, click.ClickException)
-# Events after which the arm has moved or changed its state. The end of a motion is one of them,
-# because its last setpoints may not change the frame.
-_CHANGES = (Sent, Transition, GoalStatus)
-_KINDS = (STATUS, EVENTS[Sent], EVENTS[Transition])
-
-
-class OwnArm:
-    """An arm of this command.
-
-    Attributes:
-        by_hand: True while its servos have no torque.
-    """
-
-    def __init__(self, executive: Executive) -> None:
-        self._executive, self._runner, self.by_hand = executive, TaskRunner(executive), False
-        self._path: list[Mapping[str, float]] | None = None
-
-    def move(self, move: Move, accepted: Callable[[], None]) -> Outcome:
-        """Move, and wait for the end."""
-        return self._runner.run(move, accepted=accepted)
-
-    def stop(self) -> None:
-        """Stop the arm at once."""
-        self._executive.cancel()
-
-    def where(self) -> Where:
-        """Return the position of the arm. It is measured while a person moves the arm.
-
-        Raises:
-            NotActive: The arm failed while a person moved it. Only the next call raises this.
-        """
-        where = self._executive.where()
-        if not self.by_hand:
-            return where
-        if not where.measured:
-            self.by_hand, fault = False, self.fault()
-            raise NotActive(f"The arm has no torque: hold it. {fault.message if fault else ''}")
-        there = Where.of(self._executive.robot, where.arm, where.measured)
-        return replace(there, measured=where.measured)
-
-    def fault(self) -> Cause | None:
-        """Return the fault that took the arm out of *active*; None after the next activation."""
-        return self._executive.status().fault
-
-    def watch(self, changed: Callable[[], None]) -> None:
-        """Call a function at every change."""
-
-        def note(event: Event) -> None:
-            by_hand = self.by_hand and isinstance(event, Measured)
-            if by_hand and isinstance(event, Measured) and self._path is not None:
-                self._path.append(dict(zip(event.joints, event.position, strict=True)))
-            if by_hand or isinstance(event, _CHANGES):
-                changed()
-
-        self._executive.subscribe(note)
-
-    def switch_torque(self, on: bool) -> None:
-        """Switch the torque of the servos, so that a person may move the arm."""
-        self._executive.switch_torque(on)
-        self.by_hand, self._path = not on, None
-
-    def start_path(self) -> None:
-        """Start to store measurements."""
-        self._path = [self.where().measured or {}]
-
-    def end_path(self) -> Sequence[Mapping[str, float]]:
-        """Return the measurements since the start of the path."""
-        path, self._path = self._path, None
-        return path or ()
-
-
-class _ServerArm:
-    """The arm of a server. No person moves it by hand."""
-
-    by_hand = False
-
-    def __init__(self, client: Client) -> None:
-        self._client = client
-
-    def move(self, move: Move, accepted: Callable[[], None]) -> Outcome:
-        """Move, and wait for the end."""
-        try:
-            goal_id = self._client.send_move(move)
-        except Refused as error:
-            return Outcome.of(MOVE, GoalState.ABORTED, error.cause)
-        accepted()
-        return self._client.result(goal_id)
-
-    def stop(self) -> None:
-        """Stop the arm at once."""
-        self._client.stop()
-
-    def where(self) -> Where:
-        """Return the position of the arm."""
-        return self._client.where()
-
-    def watch(self, changed: Callable[[], None]) -> None:
-        """Call a function at every change, until the server ends."""
-        with self._client.events(*_KINDS) as events:
-            for _ in events:
-                changed()
-        raise ServerUnreachable(self._client.url, "it has ended")
 
 
 def run_jog(
     server: str | None,
     options: Mapping[str, Any],
     speed: float,
-    commands: Callable[[JogArm], Mapping[str, tuple[Command, Act]]],
+    commands: Callable[[JogArm], Mapping[str, tuple[KeyCommand, Act]]],
     title: str = "armtree jog",
     steps: Callable[[], Sequence[str]] | None = None,
 ) -> int:
@@ -194,7 +86,7 @@ def _arm(server: str | None, options: Mapping[str, Any]) -> Iterator[tuple[str, 
             note = (
                 "" if client.where().commanded else "Activate the arm first: armtree arm activate"
             )
-            yield f"Server {client.url}", _ServerArm(client), note
+            yield f"Server {client.url}", ServerArm(client), note
         return
     setup = Setup(**options, reload=True, single_user=True)
     with open_executive(setup, report=echo) as executive, recorded_log(executive):

@@ -15,7 +15,7 @@ from executive.cli.terminal.key_screen import KeyScreen
 from executive.errors import ClientError, GoalCanceled, Refused, ServerLost, ServerUnreachable
 from hardware import NotActive
 
-from .model import Action, Call, Command, Go, Jog, Leave, Stop, Yes
+from .model import Action, Call, Go, Jog, KeyCommand, Leave, Stop, Yes
 
 
 class JogArm(Protocol):
@@ -51,7 +51,7 @@ class JogArm(Protocol):
 Act = Callable[[Where, str], str]
 
 
-class Question(Exception):
+class ConfirmationNeeded(Exception):
     """Exception of a command that needs an answer first.
 
     Args:
@@ -96,7 +96,7 @@ class JogScreen(KeyScreen):
     def __init__(
         self,
         arm: JogArm,
-        commands: Mapping[str, tuple[Command, Act]],
+        commands: Mapping[str, tuple[KeyCommand, Act]],
         speed: float,
         note: str,
         title: str,
@@ -211,7 +211,7 @@ class JogScreen(KeyScreen):
         """Call a command, and show its message or question."""
         try:
             self._jog = self._jog.said(act())
-        except Question as question:
+        except ConfirmationNeeded as question:
             self._jog, self._asked = self._jog.ask(str(question)), question.then
         except self._known as error:
             self._jog = self._jog.said(str(error), failed=True)

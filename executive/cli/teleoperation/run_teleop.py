@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from executive.api.codes import INTERRUPTED_EXIT
-from executive.cli.jogging.run_jog import OwnArm, pose_words
+from executive.cli.jogging.arms import OwnArm
+from executive.cli.jogging.run_jog import pose_words
 from executive.cli.support.failures import Refusal
 from executive.cli.support.interrupts import Interrupts
 from executive.cli.support.log_handler import recorded_log

@@ -6,7 +6,7 @@ import pytest
 
 from executive.api.events import Where
 from executive.api.move import Move
-from executive.cli.jogging.model import STEPS, Call, Command, Go, Jog, Leave, Stop, Yes
+from executive.cli.jogging.model import STEPS, Call, Go, Jog, KeyCommand, Leave, Stop, Yes
 from executive.cli.terminal.keyboard import DELETE, DOWN, ENTER, ESCAPE, LEFT, RIGHT, UP
 from hardware import State
 
@@ -20,7 +20,7 @@ WHERE = Where(
 
 
 def begun(speed: float = 1.0) -> Jog:
-    return Jog.start(WHERE, {"s": Command("save pose", "Name")}, speed, "hello")
+    return Jog.start(WHERE, {"s": KeyCommand("save pose", "Name")}, speed, "hello")
 
 
 def drawn(jog: Jog, width: int = 80, rows: int = 24, steps: list[str] | None = None) -> list[str]:

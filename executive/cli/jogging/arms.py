@@ -1,0 +1,117 @@
+"""Arms that a jog moves: an arm of this command, and the arm of a server."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+from executive.api.events import EVENTS, STATUS, Event, Where
+from executive.api.move import Move
+from executive.api.outcome import Cause, GoalState, GoalStatus, Outcome
+from executive.client.synchronous import Client
+from executive.errors import Refused, ServerUnreachable
+from executive.executive import Executive
+from executive.task_runner import TaskRunner
+from hardware import NotActive
+from logs import MOVE, Measured, Sent, Transition
+
+# Events after which the arm has moved or changed its state. The end of a motion is one of them,
+# because its last setpoints may not change the frame.
+_CHANGES = (Sent, Transition, GoalStatus)
+_KINDS = (STATUS, EVENTS[Sent], EVENTS[Transition])
+
+
+class OwnArm:
+    """An arm of this command.
+
+    Attributes:
+        by_hand: True while its servos have no torque.
+    """
+
+    def __init__(self, executive: Executive) -> None:
+        self._executive, self._runner, self.by_hand = executive, TaskRunner(executive), False
+        self._path: list[Mapping[str, float]] | None = None
+
+    def move(self, move: Move, accepted: Callable[[], None]) -> Outcome:
+        """Move, and wait for the end."""
+        return self._runner.run(move, accepted=accepted)
+
+    def stop(self) -> None:
+        """Stop the arm at once."""
+        self._executive.cancel()
+
+    def where(self) -> Where:
+        """Return the position of the arm. It is measured while a person moves the arm.
+
+        Raises:
+            NotActive: The arm failed while a person moved it. Only the next call raises this.
+        """
+        where = self._executive.where()
+        if not self.by_hand:
+            return where
+        if not where.measured:
+            self.by_hand, fault = False, self.fault()
+            raise NotActive(f"The arm has no torque: hold it. {fault.message if fault else ''}")
+        there = Where.of(self._executive.robot, where.arm, where.measured)
+        return replace(there, measured=where.measured)
+
+    def fault(self) -> Cause | None:
+        """Return the fault that took the arm out of *active*; None after the next activation."""
+        return self._executive.status().fault
+
+    def watch(self, changed: Callable[[], None]) -> None:
+        """Call a function at every change."""
+
+        def note(event: Event) -> None:
+            by_hand = self.by_hand and isinstance(event, Measured)
+            if by_hand and isinstance(event, Measured) and self._path is not None:
+                self._path.append(dict(zip(event.joints, event.position, strict=True)))
+            if by_hand or isinstance(event, _CHANGES):
+                changed()
+
+        self._executive.subscribe(note)
+
+    def switch_torque(self, on: bool) -> None:
+        """Switch the torque of the servos, so that a person may move the arm."""
+        self._executive.switch_torque(on)
+        self.by_hand, self._path = not on, None
+
+    def start_path(self) -> None:
+        """Start to store measurements."""
+        self._path = [self.where().measured or {}]
+
+    def end_path(self) -> Sequence[Mapping[str, float]]:
+        """Return the measurements since the start of the path."""
+        path, self._path = self._path, None
+        return path or ()
+
+
+class ServerArm:
+    """The arm of a server. No person moves it by hand."""
+
+    by_hand = False
+
+    def __init__(self, client: Client) -> None:
+        self._client = client
+
+    def move(self, move: Move, accepted: Callable[[], None]) -> Outcome:
+        """Move, and wait for the end."""
+        try:
+            goal_id = self._client.send_move(move)
+        except Refused as error:
+            return Outcome.of(MOVE, GoalState.ABORTED, error.cause)
+        accepted()
+        return self._client.result(goal_id)
+
+    def stop(self) -> None:
+        """Stop the arm at once."""
+        self._client.stop()
+
+    def where(self) -> Where:
+        """Return the position of the arm."""
+        return self._client.where()
+
+    def watch(self, changed: Callable[[], None]) -> None:
+        """Call a function at every change, until the server ends."""
+        with self._client.events(*_KINDS) as events:
+            for _ in events:
+                changed()
+        raise ServerUnreachable(self._client.url, "it has ended")
