@@ -36,7 +36,7 @@ ros2: $(ROS2)
 
 # The documentation site, in build/site. Its pages open without a server; the search needs one.
 docs: $(TOOLS)
-	NO_MKDOCS_2_WARNING=1 $(VENV)/bin/mkdocs build --quiet --strict -f docs/mkdocs.yml
+	NO_MKDOCS_2_WARNING=1 $(VENV)/bin/mkdocs build --strict -f docs/mkdocs.yml
 	@echo "build/site/index.html; with the search: $(VENV)/bin/mkdocs serve -f docs/mkdocs.yml"
 
 test: lint types rooms $(PEERS) $(GROOT) $(ROS2)

@@ -19,7 +19,7 @@ SECTIONS = {
     "Server": "serve.serve server_commands.send server_commands.cancel server_commands.answer "
     "server_commands.pause server_commands.resume server_commands.step server_commands.break_ "
     "server_commands.status server_commands.view server_commands.watch server_commands.arm "
-    "mcp.mcp ros2.ros2",
+    "mcp.mcp ros2.ros2 service.service",
     "Many arms": "fleet.fleet",
     "Recordings": "replay.replay log.log",
     "Robot and board": "doctor.doctor calibrate.calibrate new_arm.robots new_arm.new_arm",

@@ -36,6 +36,7 @@ from .limits.fair_queue import FairQueue
 from .rosbridge.bridge import RosbridgeServer
 from .security import AccessRules, host_names, is_loopback
 from .sign_in import SignIn
+from .systemd.notifier import SystemdNotifier
 
 logger = logging.getLogger(__name__)
 
@@ -127,13 +128,16 @@ class _Uvicorn(uvicorn.Server):
         super().__init__(config)
         self.server_state, self._state, self._listener = state, state, listener
         self.ready, self.ending = threading.Event(), asyncio.Event()
+        self._systemd = SystemdNotifier()
 
     async def main_loop(self) -> None:
         self._acceptor = Acceptor(
             asyncio.get_running_loop(), self._listener, self._state, self._connection
         )
         self.ready.set()
+        self._systemd.ready(asyncio.get_running_loop())
         await self.ending.wait()
+        self._systemd.ending()
 
     def _connection(self) -> HttpConnection:
         return HttpConnection(

@@ -115,18 +115,18 @@ def _check_permission(port: str) -> Check:
         return Check("permission", True, "this user may read and write it")
     group = group_of(port)
     remedy = f"type `sudo usermod -aG {group} $USER` and log in again"
-    if vendor := _vendor(port):
+    if vendor := usb_id(port).partition(":")[0]:
         rule = f'SUBSYSTEM=="tty", ATTRS{{idVendor}}=="{vendor}", GROUP="{group}", MODE="0660"'
         remedy += f", or add the udev rule {rule}"
     what = f"{port} belongs to the group {group}"
     return Check("permission", False, what, remedy, PortDenied.code)
 
 
-def _vendor(port: str) -> str:
-    """Return the USB vendor id of a port, such as `2341`; empty if it is not a USB device."""
+def usb_id(port: str) -> str:
+    """Return vendor and product id of a port, such as `2341:0043`; empty if it has none."""
     device = os.path.realpath(port)
     found = (each.usb for each in serial_ports() if os.path.realpath(each.device) == device)
-    return next(found, "").partition(":")[0]
+    return next(found, "")
 
 
 def group_of(port: str) -> str:

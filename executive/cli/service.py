@@ -1,0 +1,113 @@
+"""`armtree service`: start the server with the computer."""
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from hardware import VIRTUAL
+
+from .settings import option
+from .support.command_group import CommandGroup
+from .support.failures import Refusal
+from .support.options import port_option
+from .terminal.streams import echo
+
+if TYPE_CHECKING:
+    from executive.server.systemd.service_files import Step
+
+_dry_run = click.option("--dry-run", is_flag=True, help="Only show the files and commands.")
+_yes = click.option("--yes", is_flag=True, help="Do not ask.")
+
+
+@click.group(cls=CommandGroup)
+def service() -> None:
+    """Start `armtree serve` with the computer, as a service of systemd.
+
+    The arm is inactive after a start. A person activates it.
+    """
+
+
+@service.command()
+@port_option
+@option("robot")
+@_dry_run
+@_yes
+def install(port: str | None, robot: Path | None, dry_run: bool, yes: bool) -> None:
+    """Install and start the service.
+
+    It needs root. The server has a user of its own, `armtree`. It is started again after a crash,
+    and if it hangs for 30 s.
+
+    \b
+    Examples:
+      armtree service install --port /dev/ttyACM0 --dry-run
+      sudo armtree service install --port virtual
+    """  # noqa: D301
+    from executive.server.systemd.service_files import hidden_from_service, install_steps
+    from hardware import load_robot
+    from hardware.link.serial_ports import usb_id
+
+    if not port:
+        raise click.UsageError("give the port of the board, such as --port /dev/ttyACM0")
+    if port != VIRTUAL and not Path(port).exists():
+        raise Refusal(f"{port} does not exist; plug the board in, or see `armtree doctor`")
+    command = Path(sys.argv[0]).absolute()
+    for path in (command, Path(sys.prefix), *([robot] if robot else [])):
+        if hidden_from_service(path):
+            raise Refusal(
+                f"the service cannot read {path}, which is in a home folder; install armtree into "
+                "/opt/armtree, and put robot files there"
+            )
+    load_robot(robot)  # the service would start again and again with a wrong one
+    chosen = robot.absolute() if robot and robot.exists() else robot
+    usb = "" if port == VIRTUAL else usb_id(port)
+    steps = install_steps(command, port, usb, chosen)
+    _perform(list(steps), dry_run, yes)
+    if not dry_run:
+        echo("The service runs. Its log: journalctl -u armtree")
+
+
+@service.command()
+@_dry_run
+@_yes
+def remove(dry_run: bool, yes: bool) -> None:
+    """Stop the service and remove its files. Its user, tasks and recordings stay."""
+    from executive.server.systemd.service_files import remove_steps
+
+    _perform(list(remove_steps()), dry_run, yes)
+
+
+def _perform(steps: Sequence["Step"], dry_run: bool, yes: bool) -> None:
+    """Show the steps, ask, and perform them.
+
+    Raises:
+        Refusal: The user is not root, a program is missing, or a program failed.
+    """
+    from executive.server.systemd.service_files import NewFile, Program
+
+    for step in steps:
+        echo(str(step))
+    if dry_run:
+        return
+    if os.geteuid() != 0:
+        raise Refusal("nothing was changed; this needs root: type it again with sudo")
+    missing = {
+        step.words[0]
+        for step in steps
+        if isinstance(step, Program) and not shutil.which(step.words[0])
+    }
+    if missing:
+        raise Refusal(f"nothing was changed; not installed: {', '.join(sorted(missing))}")
+    if not yes:
+        click.confirm("Write these files and run these commands?", abort=True, err=True)
+    for step in steps:
+        if isinstance(step, NewFile):
+            step.path.write_text(step.text)
+        elif status := subprocess.run(step.words, check=False).returncode:
+            raise Refusal(f"`{step}` failed with status {status}; correct it, then try again")

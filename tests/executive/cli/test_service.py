@@ -1,0 +1,122 @@
+"""`armtree service`: what it shows, writes and runs."""
+
+import os
+import sys
+from pathlib import Path
+
+import pytest
+
+from executive.server.systemd import service_files
+from executive.server.systemd.service_files import udev_rule, unit_text
+from hardware.link import serial_ports
+from tests.support.command_line.typed import typed
+from tests.support.paths import ROOT
+
+PAGE = (ROOT / "docs" / "pages" / "how_to" / "service.md").read_text()
+
+
+@pytest.fixture
+def machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A machine with a board; programs that change the system only note how they were called."""
+    programs = tmp_path / "bin"
+    programs.mkdir()
+    for name in ("useradd", "udevadm", "systemctl", "rm"):
+        (programs / name).write_text(f'#!/bin/sh\necho "{name} $*" >> {tmp_path}/calls\n')
+        (programs / name).chmod(0o755)
+    monkeypatch.setenv("PATH", str(programs))
+    monkeypatch.setattr(service_files, "UNIT", tmp_path / "armtree.service")
+    monkeypatch.setattr(service_files, "RULE", tmp_path / "90-armtree.rules")
+    monkeypatch.setattr(serial_ports, "usb_id", lambda port: "2341:0043")
+    monkeypatch.setattr(os, "geteuid", lambda: 0)
+    monkeypatch.setattr(sys, "prefix", "/opt/armtree")
+    (tmp_path / "ttyACM0").touch()
+    return tmp_path
+
+
+def install(machine: Path, *options: str) -> tuple[int, str, str]:
+    return typed(machine, "service", "install", "--port", str(machine / "ttyACM0"), *options)
+
+
+def calls(machine: Path) -> list[str]:
+    made = machine / "calls"
+    return made.read_text().splitlines() if made.exists() else []
+
+
+def test_a_dry_run_shows_all_and_changes_nothing(machine: Path) -> None:
+    status, out, error = install(machine, "--dry-run", "--robot", "so101")
+    assert (status, error) == (0, "")
+    assert f"# {machine}/armtree.service\n[Unit]\n" in out
+    assert "serve --port /dev/armtree --robot so101\n" in out
+    assert "useradd --system --groups dialout armtree\n" in out
+    assert calls(machine) == []
+    assert not (machine / "armtree.service").exists()
+
+
+def test_what_is_shown_is_done(machine: Path) -> None:
+    status, out, _ = install(machine, "--yes")
+    assert status == 0
+    assert out.endswith("The service runs. Its log: journalctl -u armtree\n")
+    unit = (machine / "armtree.service").read_text()
+    rule = (machine / "90-armtree.rules").read_text()
+    assert unit in out
+    assert rule in out
+    assert calls(machine) == [
+        "useradd --system --groups dialout armtree",
+        "udevadm control --reload",
+        "udevadm trigger --action=add --subsystem-match=tty",
+        "systemctl daemon-reload",
+        "systemctl enable --now armtree.service",
+    ]
+
+
+def test_a_virtual_board_needs_no_rule(machine: Path) -> None:
+    status, out, _ = typed(machine, "service", "install", "--port", "virtual", "--dry-run")
+    assert status == 0
+    assert "serve --port virtual\n" in out
+    assert "udev" not in out
+
+
+def test_a_removal_undoes_it(machine: Path) -> None:
+    assert typed(machine, "service", "remove", "--yes")[0] == 0
+    assert calls(machine)[0] == "systemctl disable --now armtree.service"
+    assert calls(machine)[1] == f"rm -f {machine}/armtree.service {machine}/90-armtree.rules"
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        (lambda patch, machine: patch.setattr(os, "geteuid", lambda: 1), "this needs root"),
+        (lambda patch, machine: patch.setenv("PATH", "/none"), "not installed: systemctl, udevadm"),
+        (lambda patch, machine: patch.setattr(sys, "prefix", "/root/env"), "is in a home folder"),
+        (lambda patch, machine: (machine / "ttyACM0").unlink(), "ttyACM0 does not exist; plug"),
+        (
+            lambda patch, machine: (machine / "bin" / "systemctl").write_text("#!/bin/sh\nexit 5"),
+            "`systemctl daemon-reload` failed with status 5",
+        ),
+    ],
+)
+def test_what_prevents_it_is_named(
+    machine: Path, monkeypatch: pytest.MonkeyPatch, change: object, why: str
+) -> None:
+    assert callable(change)
+    change(monkeypatch, machine)
+    status, _, error = install(machine, "--yes")
+    assert status == 2
+    assert why in error
+
+
+def test_a_wrong_robot_is_not_installed(machine: Path) -> None:
+    status, _, error = install(machine, "--yes", "--robot", "none.toml")
+    assert (status, calls(machine)) == (3, [])
+    assert "none.toml" in error
+
+
+def test_an_answer_of_no_changes_nothing(machine: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("click.confirm", lambda *_, **__: (_ for _ in ()).throw(KeyboardInterrupt))
+    assert install(machine)[0] == 130
+    assert calls(machine) == []
+
+
+def test_the_page_shows_the_same_files() -> None:
+    assert unit_text(Path("/opt/armtree/bin/armtree"), "/dev/armtree") in PAGE
+    assert udev_rule("2341:0043") in PAGE
