@@ -1,5 +1,8 @@
 """An installed armtree has every file, works without the repository, and leaves others alone."""
 
+import json
+import os
+import re
 import subprocess
 import sys
 import tarfile
@@ -105,3 +108,29 @@ def test_another_package_keeps_its_name(environment: Path, tmp_path: Path) -> No
         assert f"Another package named logs hides that of armtree: {other}" in said
     finally:
         other.unlink()
+
+
+def test_the_lines_of_the_container_install_it(wheel: Path, tmp_path: Path) -> None:
+    """No builder runs here. Each line runs in a folder in place of the root of the image."""
+    recipe = (ROOT / ".ci" / "Containerfile").read_text()
+    lines = [line.partition(" ") for line in recipe.splitlines() if not line.startswith("#")]
+    assert [word for word, *_ in lines] == [
+        *("FROM", "COPY", "RUN", "RUN", "RUN", "USER", "WORKDIR", "ENV", "ENTRYPOINT", "CMD"),
+    ]
+    for folder in ("bin", "tmp", "opt"):
+        (tmp_path / folder).mkdir()
+    (tmp_path / "tmp" / wheel.name).write_bytes(wheel.read_bytes())
+    for name in ("useradd", "install"):  # only a builder may make users
+        (tmp_path / "bin" / name).write_text(f"#!/bin/sh\ncommand -v /usr/*bin/{name}\n")
+        (tmp_path / "bin" / name).chmod(0o755)
+    own = {"PATH": f"{tmp_path}/bin:{os.environ['PATH']}", "PIP_NO_DEPS": "1", "PIP_NO_INDEX": "1"}
+    for line in (words for word, _, words in lines if word == "RUN"):
+        placed = re.sub(r"(?<= )/(?=opt|tmp|work)|^/(?=opt)", f"{tmp_path}/", line)
+        call("env", *(f"{name}={value}" for name, value in own.items()), "sh", "-euc", placed,
+             folder=tmp_path)  # fmt: skip
+    (site,) = tmp_path.glob("opt/armtree/lib/python*/site-packages")
+    packages = [each for each in sys.path if each.endswith("site-packages")]
+    (site / "dependencies.pth").write_text("\n".join(packages))
+    (entry,) = (json.loads(words) for word, _, words in lines if word == "ENTRYPOINT")
+    said = call(f"{tmp_path}{entry[0]}", "run", "rest", "--port", "virtual", folder=tmp_path)
+    assert "SUCCEEDED" in said
