@@ -14,6 +14,7 @@ from typing import Any
 import click
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
+from mkdocs.structure.pages import Page
 
 import armtree
 from docs.fields_table import table as fields
@@ -33,6 +34,21 @@ INCLUDED = {
     "troubleshooting/faults.md": "docs/faults.md",
 }
 _LINKS = {"LICENSE": "licence.md"}
+# Pages of names and versions hide the others in the search. The rank of a page is its factor there.
+_NOT_SEARCHED = {"reference/changelog.md", "reference/dependencies.md", "reference/licence.md"}
+_RANKED = {
+    "start.md": 2,
+    "install.md": 2,
+    "safety.md": 2,
+    "how_to/index.md": 0.5,
+    "how_to/": 2,
+    "troubleshooting/index.md": 4,
+    "troubleshooting/messages.md": 2,
+    "reference/tasks.md": 2,
+    "reference/command_line.md": 0.3,
+    "reference/exit_codes.md": 0.3,
+}
+_WIDTH = 80  # longest line of a signature, if its parameters fit
 _FAMILIES = {
     "file": "Files",
     "fleet": "Fleets",
@@ -139,7 +155,7 @@ def skills() -> Iterator[str]:
             for port, each in declarations(kind).items()
         ]
         if rows:
-            head = "| port | | type | default | meaning |\n|---|---|---|---|---|"
+            head = "| port | use | type | default | meaning |\n|---|---|---|---|---|"
             yield "\n".join((head, *rows))
 
 
@@ -175,10 +191,24 @@ def _is_ours(member: Any) -> bool:
 
 def _signature(name: str, thing: Any) -> str:
     try:
-        signature = str(inspect.signature(thing))
+        line = f"{name}{inspect.signature(thing)}"
     except ValueError:
         return ""
-    return f"```text\n{name}{signature}\n```"
+    if len(line) > _WIDTH:
+        before, _, inner = line.partition("(")
+        inner, close, after = inner.rpartition(")")
+        line = f"{before}(\n    {_one_a_line(inner)},\n{close}{after}"
+    return f"```text\n{line}\n```"
+
+
+def _one_a_line(parameters: str) -> str:
+    """Put each parameter on a line; a comma within brackets separates none."""
+    depth, text = 0, ""
+    for part in re.split(r"(?<=,) ", parameters):
+        text += part
+        depth += sum(map(part.count, "([{")) - sum(map(part.count, ")]}"))
+        text += " " if depth else "\n    "
+    return text.rstrip()
 
 
 def _text(docstring: str) -> str:
@@ -221,6 +251,12 @@ def _kept_link(found: re.Match[str]) -> str:
     return f"[{found[1]}]({target})" if target else found[1]
 
 
-def on_page_markdown(markdown: str, **_: Any) -> str:
-    """Put what is generated into a page."""
+def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
+    """Put what is generated into a page, and rank the page in the search."""
+    path = page.file.src_uri
+    if path in _NOT_SEARCHED:
+        page.meta["search"] = {"exclude": True}
+    else:
+        boosts = (boost for start, boost in _RANKED.items() if path.startswith(start))
+        page.meta["search"] = {"boost": next(boosts, 1)}
     return _MARKER.sub(lambda found: "\n\n".join(GENERATED[found[1]]()), markdown)
