@@ -1,9 +1,10 @@
-"""The moving picture of README and site: what a terminal shows of `armtree run 1`.
+"""Two pictures of one run, for README and site: what a terminal shows, and its plot.
 
-`python -m tests.support.generated.tour_cast` runs the real program, and writes
-`docs/pages/assets/tour.svg`. Look at it afterwards.
+`python -m tests.support.generated.tour_cast` runs `armtree run 1` and `armtree log plot`. It writes
+`tour.svg` and `run.png` in `docs/pages/assets/`. Look at them afterwards.
 """
 
+import subprocess
 import sys
 import time
 from collections.abc import Sequence
@@ -14,9 +15,10 @@ from tempfile import TemporaryDirectory
 from tests.support.command_line.screen import Screen, on_screen
 from tests.support.paths import ROOT
 
-TARGET = ROOT / "docs" / "pages" / "assets" / "tour.svg"
+ASSETS = ROOT / "docs" / "pages" / "assets"
 COLUMNS, ROWS = 76, 18
 _STEP = 0.3  # least time between two pictures [s]
+_BOOT = 0.6  # how long the boot of the board is shown [s]
 _HOLD = 3.0  # how long the end is shown [s]
 _WIDTH, _LINE = 8.43, 18  # of a character and a line [px]
 _COLOURS = {"✓": "#3fb68b", "●": "#4aa3ff", "▶": "#4aa3ff", "✗": "#ff6b5e", "$": "#ff9d5c"}
@@ -24,8 +26,12 @@ _COLOURS = {"✓": "#3fb68b", "●": "#4aa3ff", "▶": "#4aa3ff", "✗": "#ff6b5
 Shot = tuple[float, list[str]]
 
 
-def shots() -> list[Shot]:
-    """Run task 1, and return what the terminal showed, each with its time [s]."""
+def shots(plot: Path | None = None) -> list[Shot]:
+    """Run task 1, and return what the terminal showed, each with its time [s].
+
+    Args:
+        plot: File for the plot of the recording, or None.
+    """
     found: list[Shot] = []
     begun = time.monotonic()
 
@@ -36,11 +42,21 @@ def shots() -> list[Shot]:
 
     screen = Screen(COLUMNS, ROWS - 1)
     with TemporaryDirectory() as folder:
-        words = ("run", "1", "--port", "virtual", "--recordings", str(Path(folder) / "recordings"))
-        status = on_screen([sys.executable, "-P", "-m", "executive", *words], screen, {}, look)
-    assert status == 0
+        armtree = [sys.executable, "-P", "-m", "executive"]
+        words = ("run", "1", "--port", "virtual", "--recordings", f"{folder}/recordings")
+        status = on_screen([*armtree, *words], screen, {}, look)
+        assert status == 0
+        if plot:
+            (recording,) = Path(folder, "recordings").glob("*.mcap")
+            subprocess.run([*armtree, "log", "plot", recording, "-o", plot], check=True)
     last = [line.replace(folder + "/", "") for line in screen.lines]
-    return [*found, (time.monotonic() - begun, last[: ROWS - 1])]
+    return _without_boot([*found, (time.monotonic() - begun, last[: ROWS - 1])])
+
+
+def _without_boot(found: list[Shot]) -> list[Shot]:
+    """Cut the beginning, in which only a countdown moves."""
+    moves = next(when for when, lines in found if not any(" boot" in line for line in lines))
+    return [(when, lines) for when, lines in found if when >= moves - _BOOT]
 
 
 def svg(pictures: Sequence[Shot]) -> str:
@@ -78,4 +94,4 @@ def _row(line: str, row: int) -> str:
 
 
 if __name__ == "__main__":
-    TARGET.write_text(svg(shots()))
+    (ASSETS / "tour.svg").write_text(svg(shots(ASSETS / "run.png")))
