@@ -59,7 +59,7 @@ if typing.TYPE_CHECKING:
         ServerUnreachable as ServerUnreachable,
     )
     from executive.testing import SimulatedArm as SimulatedArm
-    from hardware import HardwareError as HardwareError
+    from hardware import HardwareError as HardwareError, Robot as Robot
     from hardware.errors import ArmtreeError as ArmtreeError
     from logs import LogError as LogError
     from skills import (
