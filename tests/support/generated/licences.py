@@ -4,12 +4,17 @@
 """
 
 import re
+import sys
+import sysconfig
 from collections import defaultdict
-from importlib.metadata import Distribution, PackageNotFoundError
+from collections.abc import Iterator
+from importlib.metadata import Distribution
 
 from tests.support.paths import ROOT
 
-RUNS = ("lock", "lock-fleet", "lock-mcp")
+RUNS = ("lock", "lock-fleet", "lock-mcp", "lock-ros2")
+ROS2 = ROOT / ".venv" / "ros2"
+_ROS2_PACKAGES = sysconfig.get_path("purelib", vars={"base": str(ROS2)})
 # For packages without an SPDX expression in their metadata: what their licence files say.
 _READ = {
     "cmeel-qhull": "Qhull",
@@ -19,15 +24,22 @@ _READ = {
     "import-linter": "BSD-2-Clause",
     "matplotlib": "Matplotlib",
     "pathspec": "MPL-2.0",
+    "ros-fastcdr": "Apache-2.0",
+    "ros-fastdds": "Apache-2.0",
     "ros-rosidl-adapter": "Apache-2.0",
     "ros-rosidl-generator-type-description": "Apache-2.0",
     "ros-rosidl-parser": "Apache-2.0",
     "rustypot": "Apache-2.0",
 }
 _CLASSIFIERS = {
+    "Apache 2.0": "Apache-2.0",
+    "Apache License 2.0": "Apache-2.0",
+    "Apache License, Version 2.0": "Apache-2.0",
+    "BSD": "BSD-3-Clause",
     "Apache Software License": "Apache-2.0",
     "BSD License": "BSD-3-Clause",
     "MIT License": "MIT",
+    "zlib License": "Zlib",
 }
 
 
@@ -41,15 +53,28 @@ def licence(name: str) -> str:
     """Return the licence of an installed package as an SPDX expression; "" if not installed."""
     if name in _READ:
         return _READ[name]
-    try:
-        fields = Distribution.from_name(name).metadata
-    except PackageNotFoundError:
+    fields = next((each.metadata for each in _installed(name)), None)
+    if fields is None:
         return ""
     if "License-Expression" in fields:
         return fields["License-Expression"]
     classes = [each.rpartition(" :: ")[2] for each in fields.get_all("Classifier") or []]
     found = [_CLASSIFIERS[each] for each in classes if each in _CLASSIFIERS]
-    return found[0] if found else fields["License"]
+    words = [found[0]] if found else [fields["License"]] if "License" in fields else _of_ros(name)
+    return " AND ".join(sorted({_CLASSIFIERS.get(each, each) for each in words}))
+
+
+def _of_ros(name: str) -> list[str]:
+    """Return the licences of a wheel of ROS 2, whose package.xml names them."""
+    package = name.removeprefix("ros-").replace("-", "_")
+    manifest = ROS2 / "share" / package / "package.xml"
+    return re.findall(r"<license[^>]*>([^<]+)</license>", manifest.read_text())
+
+
+def _installed(name: str) -> Iterator[Distribution]:
+    """Yield a package in this environment, and in the folder of ROS 2 beside it."""
+    for path in (sys.path, [_ROS2_PACKAGES]):
+        yield from Distribution.discover(name=name, path=path)
 
 
 def table() -> list[str]:
