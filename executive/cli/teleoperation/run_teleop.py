@@ -2,20 +2,27 @@
 
 import sys
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from executive.api.codes import INTERRUPTED_EXIT
+from executive.api.codes import INTERRUPTED_EXIT, OK
+from executive.api.move import LEADER, Move
+from executive.api.outcome import Outcome
 from executive.cli.support.failures import Refusal
 from executive.cli.support.interrupts import Interrupts
 from executive.cli.support.log_handler import recorded_log
 from executive.cli.support.process import raise_priority
 from executive.cli.support.run_jog import OwnArm, pose_words
+from executive.cli.support.run_tasks import server_with
 from executive.cli.terminal.keyboard import key_by_key
 from executive.cli.terminal.streams import echo
+from executive.code_table import exit_status
 from executive.session import open_executive, port_line
 from executive.setup import Setup
+from executive.task_runner import TaskRunner
 from hardware import load_robot
+from hardware.errors import PortBusy
 
 from .screen import TeleopScreen
 from .servo_leader import HandGuidedArm
@@ -25,6 +32,8 @@ def run_teleop(
     port: str, leader_robot: Path | None, speed: float, options: Mapping[str, Any]
 ) -> int:
     """Follow the arm at a port until a key or a signal. Then print the position of the arm.
+
+    The arm that follows is activated first, because the leader loses its torque after that.
 
     Args:
         port: Port of the leader.
@@ -59,6 +68,13 @@ def run_teleop(
     ):
         assert keys is not None
         executive.start()
+        runner = TaskRunner(executive)
+        interrupts.on_cancel(runner.stop)
+        # The leader does not lead yet, so this goal ends as soon as the arm is active.
+        outcome = interrupts.run(lambda: runner.run(Move((LEADER,))))
+        if outcome.code != OK:
+            echo(_with_advice(outcome, executive.port).text())
+            return exit_status(outcome.code)
         try:
             leader.open()
             screen = TeleopScreen(OwnArm(executive), leader, speed)
@@ -70,3 +86,13 @@ def run_teleop(
         echo(f"The arm holds at {pose_words(where)}")
         echo(f"The leader {'holds where it is' if held else 'has no torque: hold it'}")
     return INTERRUPTED_EXIT if screen.left else 0
+
+
+def _with_advice(outcome: Outcome, port: str) -> Outcome:
+    """Return an outcome whose hint names the server that has the arm, if one has it."""
+    cause = outcome.cause
+    if not (cause and cause.code == PortBusy.code and (server := server_with(port))):
+        return outcome
+    hint = f"the armtree server {server.url} has the arm, and cannot follow a leader. End it first"
+    hint = f"{hint}, with Ctrl-C in its terminal or with: kill {server.pid}"
+    return replace(outcome, cause=replace(cause, hint=hint))

@@ -111,6 +111,22 @@ def test_the_arm_holds_whatever_ends_it(
     assert state.positions[1] < 2048 + 75 * 4096 / 360
 
 
+def test_an_arm_of_a_server_is_refused_before_the_leader_loses_its_torque(
+    command: list[str], buses: tuple[BoardProcess, BoardProcess], tmp_path: Path
+) -> None:
+    held = ["serve", *command[1:5], "--tcp-port", "0", "--activate"]
+    with PseudoTerminal(tmp_path, *held) as server:
+        server.until("is ready to take commands")
+        with PseudoTerminal(tmp_path, *command) as terminal:
+            status, printed = terminal.end()
+        words = " ".join(printed.split())
+        assert status == 9
+        assert "Do you hold it?" not in words
+        assert f"with Ctrl-C in its terminal or with: kill {server.process.pid}" in words
+        assert words.count("End that program first") == 1
+    assert buses[1].state().torque == dict.fromkeys(range(1, 7), False)  # it was never opened
+
+
 def test_what_is_wrong_is_refused(command: list[str], tmp_path: Path) -> None:
     with PseudoTerminal(tmp_path, *command[:-1], "/dev/ttyNone") as terminal:
         status, printed = terminal.end()
