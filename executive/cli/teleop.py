@@ -24,7 +24,7 @@ from .support.options import run_options, source_options, speed_option
     "--leader-robot",
     metavar="FILE",
     type=PATH,
-    help="Robot file of the leader, beside which its own calibration is. Default: --robot.",
+    help="Robot file of the leader, for its own calibration. Default: --robot.",
 )
 @speed_option
 @source_options
