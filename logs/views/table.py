@@ -140,7 +140,7 @@ def _export_measured(
         rows = csv.DictWriter(opened, ["time_s", *_measured(first)], extrasaction="ignore")
         rows.writeheader()
         for record in chain([first], records):
-            rows.writerow({"time_s": f"{record.time - start:.9f}", **_measured(record)})
+            rows.writerow({"time_s": f"{record.time - start:z.9f}", **_measured(record)})
     yield file
 
 

@@ -2,10 +2,15 @@
 
 import sys
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import click
+from click.core import ParameterSource
+
+from executive.api import token_file
 from executive.api.codes import INTERRUPTED_EXIT, OK
 from executive.api.move import LEADER, Move
 from executive.api.outcome import Outcome
@@ -15,13 +20,16 @@ from executive.cli.support.log_handler import recorded_log
 from executive.cli.support.process import raise_priority
 from executive.cli.support.run_jog import OwnArm, pose_words
 from executive.cli.support.run_tasks import server_with
+from executive.cli.support.server_requests import holds
 from executive.cli.terminal.keyboard import key_by_key
 from executive.cli.terminal.streams import echo
+from executive.client.synchronous import Client
 from executive.code_table import exit_status
+from executive.errors import ClientError
 from executive.session import open_executive, port_line
 from executive.setup import Setup
 from executive.task_runner import TaskRunner
-from hardware import load_robot
+from hardware import VIRTUAL, Robot, load_robot
 from hardware.errors import PortBusy
 
 from .screen import TeleopScreen
@@ -45,7 +53,7 @@ def run_teleop(
         The exit status.
 
     Raises:
-        Refusal: There is no terminal, or the leader has other joints.
+        Refusal: There is no terminal, the leader has other joints, or a server has the arm.
         HardwareError: The leader cannot be opened, or the robot is of another kind.
     """
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
@@ -59,6 +67,7 @@ def run_teleop(
         raise Refusal(
             f"the leader has the joints {', '.join(led)}, and {robot.name} {', '.join(joints)}"
         )
+    _check_servers(setup, robot)
     leader = HandGuidedArm(leading, leading.link(port))
     with (
         Interrupts() as interrupts,
@@ -93,6 +102,27 @@ def _with_advice(outcome: Outcome, port: str) -> Outcome:
     cause = outcome.cause
     if not (cause and cause.code == PortBusy.code and (server := server_with(port))):
         return outcome
-    hint = f"the armtree server {server.url} has the arm, and cannot follow a leader. End it first"
-    hint = f"{hint}, with Ctrl-C in its terminal or with: kill {server.pid}"
-    return replace(outcome, cause=replace(cause, hint=hint))
+    return replace(outcome, cause=replace(cause, hint=_server_words(server)))
+
+
+def _check_servers(setup: Setup, robot: Robot) -> None:
+    """Check that no server has the robot, if no port is given and the arm would be virtual.
+
+    Raises:
+        Refusal: A server has it, so the user may mean the arm of that server.
+    """
+    given = click.get_current_context().get_parameter_source("port")
+    port = robot.serial.port if setup.port is None else setup.port
+    if port != VIRTUAL or given is ParameterSource.COMMANDLINE:
+        return
+    for server in token_file.running():
+        with suppress(ClientError), Client(server.url) as client:
+            if holds(client.robot(), robot):
+                words = "To have a virtual arm follow instead, add --port virtual"
+                raise Refusal(f"{_server_words(server)}. {words}")
+
+
+def _server_words(server: token_file.ServerInfo) -> str:
+    """Return the message that a server has the arm, with the command that ends the server."""
+    why = f"the armtree server {server.url} has the arm, and cannot follow a leader"
+    return f"{why}. End it first, with Ctrl-C in its terminal or with: kill {server.pid}"
