@@ -213,7 +213,8 @@ def test_the_calibration_of_a_robot_that_ships_belongs_to_the_user(tmp_path: Pat
     ):
         terminal.until("to the servos, and the file")
         terminal.type("y\r")
-        assert terminal.end()[0] == 0
+        status, printed = terminal.end()
+    assert status == 0, printed
     assert [path.name for path in (tmp_path / "config/armtree").iterdir()] == [
         "so101.calibration.toml"
     ]
