@@ -13,19 +13,14 @@ from logs.errors import RecordingError, RecordingTruncated
 from logs.reading.reader import Message, read
 from logs.reading.recording import Recording
 from logs.records.cdr import Message as Values
-from logs.records.records import LeaderState, Measured, Sent
+from logs.records.records import QUANTITIES, LeaderState, Measured, Sent
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 _PLAIN = (bool, int, float, str)
-_SUFFIXES = {  # of the columns of each measured quantity
-    "position": "rad",
-    "velocity": "rad_s",
-    "effort": "effort",
-    "temperature": "celsius",
-    "voltage": "volt",
-}
+# Units in the names of columns. A quantity without a unit has its name there.
+_SUFFIXES = {"position": "rad", "velocity": "rad_s", "temperature": "celsius", "voltage": "volt"}
 
 
 def table(path: Path | str, topic: str) -> "dict[str, NDArray[Any]]":
@@ -149,7 +144,7 @@ def _measured(record: Measured | LeaderState) -> dict[str, float]:
     if isinstance(record, LeaderState):
         values = {"rad": record.positions}
     else:
-        values = {suffix: getattr(record, name) for name, suffix in _SUFFIXES.items()}
+        values = {_SUFFIXES.get(name, name): getattr(record, name) for name in QUANTITIES}
     return {
         f"{joint}_{suffix}": value
         for suffix, row in values.items()
