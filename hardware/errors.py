@@ -176,7 +176,7 @@ class PortBusy(LinkError):
         who = "another program" if owner is None else f"the program with process id {owner}"
         advice = "End that program first"
         if owner == os.getpid():
-            who = f"this program itself, process id {owner}"
+            who, self.hint = f"this program itself, process id {owner}", "close the arm that has it"
             advice = (
                 "Close the arm that has it. If a write to the port does not return, unplug the "
                 "board and plug it in again, then try again"

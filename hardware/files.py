@@ -1,4 +1,4 @@
-"""Reads ordinary files up to a size, and replaces files atomically."""
+"""Reads ordinary files up to a size, replaces files atomically, and finds the user's folder."""
 
 import errno
 import os
@@ -30,6 +30,13 @@ def read_file(path: Path, most: int) -> bytes:
     if len(data) > most:
         raise OSError(errno.EFBIG, f"it is larger than {most} bytes", str(path))
     return data
+
+
+def user_folder() -> Path:
+    """Return the user's own folder for files of armtree. It may be missing."""
+    own = os.environ.get("XDG_CONFIG_HOME", "")
+    folder = own if os.path.isabs(own) else os.path.expanduser("~/.config")
+    return Path(folder) / "armtree"
 
 
 def write_file(path: Path, data: bytes) -> None:

@@ -35,6 +35,7 @@ if typing.TYPE_CHECKING:
         Feedback as Feedback,
         Goal as Goal,
         Item as Item,
+        LeaderState as LeaderState,
         LogLine as LogLine,
         Measured as Measured,
         NodeStatus as NodeStatus,

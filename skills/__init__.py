@@ -3,6 +3,7 @@
 from .base import Skill as Skill, WorldChange as WorldChange
 from .context import (
     Context as Context,
+    LeaderRead as LeaderRead,
     Planned as Planned,
     Scheduled as Scheduled,
     SkillEvent as SkillEvent,

@@ -49,7 +49,18 @@ class Scheduled:
     resumed: float | None = None
 
 
-SkillEvent = Planned | Scheduled
+@dataclass(frozen=True, slots=True)
+class LeaderRead:
+    """Event: the next step follows the leader.
+
+    Attributes:
+        positions: Measured positions of the leader, one value per actuated joint [rad].
+    """
+
+    positions: tuple[float, ...]
+
+
+SkillEvent = Planned | Scheduled | LeaderRead
 
 
 @dataclass(slots=True)

@@ -71,8 +71,8 @@ class Cause:
 
     @property
     def advice(self) -> str:
-        """Advice for the user; empty if the message has it."""
-        return "" if self.hint in self.message else self.hint
+        """Advice for the user; empty if the message has it, also at the begin of a sentence."""
+        return "" if self.hint.lower() in self.message.lower() else self.hint
 
     def to_json(self) -> dict[str, Any]:
         """Return the cause as a JSON object."""

@@ -59,8 +59,9 @@ def calibrate(
     """Calibrate an arm with bus servos: turn every joint by hand from end to end.
 
     The torque goes off first, so hold the arm. A table shows how far each joint was turned, beside
-    its range in the URDF. The result is a file beside the robot file. It holds the ranges, and the
-    position of the servo in the middle of each range, which is the middle of the joint's limits.
+    its range in the URDF. The result is a file beside the robot file, or in ~/.config/armtree
+    for a robot that ships. It holds the ranges, and the position of the servo in the middle of each
+    range, which is the middle of the joint's limits.
 
     This is the only command that writes to the memory that servos keep without power. It shows
     what it writes, asks, and reads it back.

@@ -139,7 +139,9 @@ def _facts(found: "Overview") -> list[tuple[str, str]]:
 
 @log.command()
 @_FILE
-@click.option("--all", "everything", is_flag=True, help="Include all frames and received bytes.")
+@click.option(
+    "--all", "everything", is_flag=True, help="Include all frames, received bytes and measurements."
+)
 @_JSON
 def show(recording: Path, everything: bool, as_json: bool) -> None:
     """Print what happened in a run. Times are in seconds since its goal was accepted."""
@@ -155,7 +157,12 @@ def show(recording: Path, everything: bool, as_json: bool) -> None:
 @_OUTPUT
 @_JSON
 def export(recording: Path, output: Path, as_json: bool) -> None:
-    """Write the commanded joint positions and the frames to CSV files."""
+    """Write the joint positions and the frames to CSV files.
+
+    RECORDING.joints.csv has the commanded positions, RECORDING.frames.csv the frames. If the board
+    measures, RECORDING.measured.csv has what it measured. If the arm followed a leader,
+    RECORDING.leader.csv has the measured positions of the leader.
+    """
     from logs.views.table import export as write
 
     for path in write(recording, output):

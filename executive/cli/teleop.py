@@ -24,7 +24,7 @@ from .support.options import run_options, source_options, speed_option
     "--leader-robot",
     metavar="FILE",
     type=PATH,
-    help="Robot file of the leader, beside which its own calibration is. Default: --robot.",
+    help="Robot file of the leader, for its own calibration. Default: --robot.",
 )
 @speed_option
 @source_options
@@ -32,10 +32,11 @@ from .support.options import run_options, source_options, speed_option
 def teleop(leader: str, leader_robot: Path | None, speed: float, **options: Any) -> None:
     """Move an arm by moving another one by hand.
 
-    The leader loses its torque, so hold it. The arm at --port first moves to where the leader is,
-    on a planned path, and then follows it within the limits of the robot file. Every step is
-    checked for collision before it is sent, and recorded. Before a collision the arm stops, and
-    arrows show in which direction each joint is free; it follows again when the leader is back.
+    The arm at --port is activated. Then the leader loses its torque, so hold it. The arm first
+    moves to where the leader is, on a planned path, and then follows it within the limits of the
+    robot file. Every step is checked for collision before it is sent, and recorded. Before a
+    collision the arm stops, and arrows show in which direction each joint is free; it follows again
+    when the leader is back.
 
     \b
       space  hold, or follow again

@@ -203,5 +203,5 @@ class GoalStopper:
 def _log_end(goal: Goal, state: GoalState, cause: Cause | None) -> None:
     words = state.name
     if cause:
-        words += f": {cause} -> {cause.hint}" if cause.hint else f": {cause}"
+        words += f": {cause} -> {cause.advice}" if cause.advice else f": {cause}"
     logger.info("The goal for %s (%s) ended %s", *goal.name, words)

@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 from hardware import ArmEvent, BytesReceived, CommandSent, FrameSent, Measured, Measurement
 
-# Largest change of a resting arm that counts as noise: [rad], [C], [V].
-_CHANGES = {"position": math.radians(0.5), "temperature": 1.0, "voltage": 0.5}
+# Largest change of a resting arm that counts as noise: [rad], part of the torque, [C], [V].
+_CHANGES = {"position": math.radians(0.5), "effort": 0.1, "temperature": 1.0, "voltage": 0.5}
 _LONGEST = 10.0  # longest time between records of a resting arm [s]
 
 

@@ -16,7 +16,7 @@ from hardware import (
     Robot,
     StateChanged,
 )
-from skills import Planned, Scheduled, SkillEvent
+from skills import LeaderRead, Planned, Scheduled, SkillEvent
 from skills.motion import MotionError
 
 from .archive import archive_world
@@ -61,6 +61,9 @@ def skill_record(event: SkillEvent, robot: Robot, now: float) -> logs.Record:
             return _plan_record(event, robot, now)
         case Scheduled():
             return _schedule_record(event, robot, now)
+        case LeaderRead():
+            names = tuple(joint.name for joint in robot.actuated)
+            return logs.LeaderState(now, names, event.positions)
 
 
 def _plan_record(event: Planned, robot: Robot, now: float) -> logs.Plan:

@@ -2,16 +2,15 @@
 
 import asyncio
 import re
-from collections.abc import Mapping
 from contextlib import suppress
 
-from sensor_msgs.msg import JointState
+from sensor_msgs import msg
 from std_msgs.msg import Header, String
 
-import logs
-from executive.api.events import Event
+from executive.api.events import Event, Where
+from executive.api.joint_state import JointState
 from executive.errors import ClientError
-from hardware import Ability, Robot, joint_positions
+from hardware import Ability, Robot
 
 from .bridge import Bridge
 from .node import Node
@@ -21,9 +20,7 @@ _MESH = re.compile(r'filename="(?!\w+://)([^"]+)"')
 
 
 class Joints:
-    """Publishes positions of the joints: measured ones if the board measures, else commanded.
-
-    `frame_id` says which, because joint states do not use this field.
+    """Publishes the state of the joints: measured if the board measures, else commanded.
 
     Args:
         node: The node.
@@ -33,9 +30,9 @@ class Joints:
     def __init__(self, node: Node, bridge: Bridge) -> None:
         self._node, self._bridge, robot = node, bridge, bridge.robot
         self._measures = robot.can(Ability.MEASURE)
-        self._positions: Mapping[str, float] = {}
+        self._state: JointState | None = None  # last published state
         self._published = asyncio.Event()
-        self._publish_joints = node.publisher(JointState, "joint_states")
+        self._publish_joints = node.publisher(msg.JointState, "joint_states")
         node.publisher(String, "robot_description", latched=True)(String(data=description(robot)))
         bridge.on_event.append(self._handle)
 
@@ -48,41 +45,34 @@ class Joints:
                     await self._published.wait()
                     continue
             if self._bridge.arm != "active":
-                self._positions = {}
-            elif self._positions:
-                self._publish()
+                self._state = None
+            elif self._state:
+                self._publish(self._state)
             else:
                 with suppress(ClientError):
-                    where = await self._bridge.client.where()
-                    self._moved((where.measured if self._measures else where.commanded) or {})
+                    self._handle(await self._bridge.client.where())
 
-    def _handle(self, event: Event) -> None:
-        match event:
-            case logs.Measured():
-                self._moved(dict(zip(event.joints, event.position, strict=True)))
-            case logs.Sent() if event.joints and not self._measures:
-                self._moved(dict(zip(event.joints, event.positions, strict=True)))
-
-    def _moved(self, actuated: Mapping[str, float]) -> None:
-        """Publish positions by actuated joint [rad]."""
-        names = [joint.name for joint in self._bridge.robot.actuated]
-        if not actuated:
+    def _handle(self, report: Event | Where) -> None:
+        """Publish the state of the joints in a report, if it has one."""
+        robot, state = self._bridge.robot, JointState.of(report, self._measures)
+        if state is None:
             return
-        if actuated.keys() != set(names):
-            words = f"the arm has the joints {', '.join(actuated)}, not {', '.join(names)}"
+        names = [joint.name for joint in robot.actuated]
+        if state.position.keys() != {*names}:
+            words = f"the arm has the joints {', '.join(state.position)}, not {', '.join(names)}"
             self._bridge.log.error(f"{words}: give its robot file, --robot FILE", once=True)
             return
-        positions = [actuated[name] for name in names]
-        self._positions = joint_positions(self._bridge.robot, positions)
-        self._publish()
+        self._state = state.of_all_joints(robot)
+        self._publish(self._state)
 
-    def _publish(self) -> None:
+    def _publish(self, state: JointState) -> None:
         self._published.set()
-        kind = "measured" if self._measures else "commanded"
-        message = JointState(
-            header=Header(stamp=self._node.now(), frame_id=kind),
-            name=list(self._positions),
-            position=list(self._positions.values()),
+        message = msg.JointState(
+            header=Header(stamp=self._node.now(), frame_id=state.frame_id),
+            name=list(state.position),
+            position=list(state.position.values()),
+            velocity=list(state.velocity.values()),
+            effort=list(state.effort.values()),
         )
         self._publish_joints(message)
 

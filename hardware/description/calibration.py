@@ -1,11 +1,13 @@
-"""The calibration of an arm: a file beside its robot file, which takes precedence over it."""
+"""The calibration of an arm: a file of its own, which takes precedence over the robot file."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from hardware.files import user_folder
 from hardware.toml_table import TomlTable
 
+ROBOTS = Path(__file__).parents[1] / "robots"  # the robots that ship
 VERSION = 1
 _SUFFIX = ".calibration.toml"
 
@@ -29,8 +31,14 @@ class CalibratedJoint:
 
 
 def calibration_file(robot_file: Path) -> Path:
-    """Return the path of the calibration file for a robot file. The file may be missing."""
-    return robot_file.with_name(robot_file.stem + _SUFFIX)
+    """Return the path of the calibration file for a robot file. The file may be missing.
+
+    It is beside the robot file. That of a robot that ships is in the user's folder, because an
+    installation may be read-only, and an update replaces it.
+    """
+    ships = robot_file.resolve().is_relative_to(ROBOTS.resolve())
+    folder = user_folder() if ships else robot_file.parent
+    return folder / f"{robot_file.stem}{_SUFFIX}"
 
 
 def is_robot_file(path: Path) -> bool:
@@ -78,7 +86,7 @@ def values_before(path: Path, robot: str) -> dict[str, dict[str, int]]:
 def write_calibration(
     path: Path, robot: str, made: str, joints: Mapping[str, CalibratedJoint]
 ) -> None:
-    """Write a calibration file.
+    """Write a calibration file, and its folder if it is missing.
 
     Args:
         path: The file.
@@ -107,4 +115,5 @@ def write_calibration(
             f"wire = {joint.wire}",
             f"before = {{ {before} }}",
         ]
+    path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text("\n".join(lines) + "\n")

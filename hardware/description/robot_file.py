@@ -14,7 +14,7 @@ from hardware.link.link import VIRTUAL
 from hardware.spelling import closest, did_you_mean, there_are
 from hardware.toml_table import TomlTable
 
-from .calibration import calibration_file, is_robot_file, read_calibration
+from .calibration import ROBOTS, calibration_file, is_robot_file, read_calibration
 from .forward_kinematics import ForwardKinematics
 from .gripper import Gripper
 from .guards import HOLD, TORQUE_OFF, Guards
@@ -81,8 +81,8 @@ def load_robot(
 
 def shipped_robots() -> dict[str, Path]:
     """Return the robot files that ship, by the name of the robot."""
-    files = (Path(__file__).parents[1] / "robots").glob("*/*.toml")
-    return {file.stem: file for file in sorted(filter(is_robot_file, files))}
+    files = filter(is_robot_file, ROBOTS.glob("*/*.toml"))
+    return {file.stem: file for file in sorted(files)}
 
 
 def _robot_file(path: Path) -> Path:

@@ -3,8 +3,9 @@
 A robot file names its driver. Drivers are entry points of the group `armtree.hardware`, so an
 installed package may add one. Limits, lifecycle, pacing and stop are the same for every driver.
 
-A driver has three parts: the wire format (joint positions to frames and back), the protocol (all
-messages other than frames), and the link (a byte stream).
+A driver has five parts: the firmware profile (what the host must know of the board), the wire
+format (joint positions to frames and back), the protocol (all messages other than frames), the link
+(a byte stream), and optionally a model of the board.
 """
 
 from collections.abc import Mapping, Sequence

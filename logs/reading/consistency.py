@@ -20,6 +20,7 @@ from logs.records.cdr import Message as Values, encode
 from logs.records.conversions import Stamp
 from logs.records.records import (
     Description,
+    LeaderState,
     LogLine,
     Measured,
     Plan,
@@ -41,7 +42,7 @@ _PLAN, _PLANS = "/plan/", [row for row, topic in enumerate(TOPICS) if topic.reco
 _DERIVED = ("/feedback", "/plan/{record.group}/trajectory", "/tf")
 
 # Records without a time of their own in the file.
-_UNDATED = (Description, Received, Measured, LogLine, Transition)
+_UNDATED = (Description, Received, Measured, LeaderState, LogLine, Transition)
 
 # Largest difference between the sines that two processors compute.
 _TOLERANCE = 1e-12

@@ -14,6 +14,7 @@ from logs.records.packing import unpack
 from logs.records.records import (
     QUANTITIES,
     Attachment,
+    LeaderState,
     LogLine,
     Measured,
     Plan,
@@ -39,6 +40,7 @@ _TIMING = ("time", "scheduled", "hold")
 _TOPICS: dict[type, tuple[str, ...]] = {
     Received: ("/serial/rx",),
     Measured: ("/joint_states/measured",),
+    LeaderState: ("/leader/joint_states",),
     LogLine: ("/rosout",),
     Transition: ("/lifecycle",),
     Sent: _SENT,
@@ -49,6 +51,7 @@ _TOPICS: dict[type, tuple[str, ...]] = {
 _LENGTHS: dict[type, tuple[tuple[str, ...], ...]] = {
     Sent: (("joints", "positions"),),
     Measured: (("joints", "position"),),
+    LeaderState: (("joints", "positions"),),
     Plan: (("joints", "velocity_limits", "acceleration_limits"), ("times", "positions")),
     Schedule: (("times", "frames", "delays_s"), ("sample_times", "samples")),
 }
@@ -223,6 +226,10 @@ class Recording:
                 facts = {"time": time, "joints": tuple(data.name), **values}
                 measured: Measured = _checked(Measured, facts, message)
                 return measured
+            case "/leader/joint_states":
+                facts = {"time": time, "joints": tuple(data.name), "positions": data.position}
+                leader: LeaderState = _checked(LeaderState, facts, message)
+                return leader
             case "/rosout":
                 return LogLine(time, data.level, data.name, data.msg)
             case _:

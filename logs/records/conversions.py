@@ -13,6 +13,7 @@ from .records import (
     QUANTITIES,
     Description,
     Feedback,
+    LeaderState,
     LogLine,
     Measured,
     Plan,
@@ -78,15 +79,12 @@ def sent_timing(sent: Sent, stamp: Stamp) -> Message:
 
 def joint_state(sent: Sent, stamp: Stamp) -> Message | None:
     """Return the commanded positions [rad] as JointState; None for a setting of the board."""
-    if not sent.joints:
-        return None
-    return Message(
-        header=_header(stamp),
-        name=list(sent.joints),
-        position=sent.positions,
-        velocity=(),
-        effort=(),
-    )
+    return _joint_state(sent, _header(stamp)) if sent.joints else None
+
+
+def leader_joint_state(leader: LeaderState, stamp: Stamp) -> Message:
+    """Return the measured positions of the leader [rad] as JointState."""
+    return _joint_state(leader, _header(stamp, "measured"))
 
 
 def measured_joints(measured: Measured, stamp: Stamp) -> Message:
@@ -185,6 +183,16 @@ def _serial_frame(data: bytes, direction: int, stamp: Stamp) -> Message:
         direction=direction,
         data=data,
         text=wire_text(data),
+    )
+
+
+def _joint_state(record: Sent | LeaderState, header: Message) -> Message:
+    return Message(
+        header=header,
+        name=list(record.joints),
+        position=record.positions,
+        velocity=(),
+        effort=(),
     )
 
 

@@ -1,7 +1,7 @@
 """The records of a run: one plain value per event.
 
 `time` is always on the program's monotonic clock [s]. Joint positions are *commanded* [rad], except
-in `Measured`. The table in `topics.py` defines the messages of each record.
+in `Measured` and `LeaderState`. The table in `topics.py` defines the messages of each record.
 """
 
 from collections.abc import Mapping
@@ -84,6 +84,21 @@ class Measured:
     effort: tuple[float, ...]
     temperature: tuple[float, ...]
     voltage: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class LeaderState:
+    """The hand-guided arm that this arm follows, at one step.
+
+    Attributes:
+        time: Time of the step [s].
+        joints: Names of the actuated joints, (J,).
+        positions: Measured positions of the leader [rad], (J,).
+    """
+
+    time: float
+    joints: tuple[str, ...]
+    positions: tuple[float, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -354,6 +369,7 @@ RunRecord = (
     Sent
     | Received
     | Measured
+    | LeaderState
     | Transition
     | Goal
     | Feedback

@@ -10,6 +10,7 @@ from .records import (
     Description,
     Feedback,
     Goal,
+    LeaderState,
     LogLine,
     Measured,
     NodeStatus,
@@ -90,6 +91,9 @@ TOPICS = (
         "/joint_states/measured",
         "arduinobot_msgs/msg/MeasuredJoints",
         as_.measured_joints,
+    ),
+    Topic(
+        LeaderState, "/leader/joint_states", "sensor_msgs/msg/JointState", as_.leader_joint_state
     ),
 )
 

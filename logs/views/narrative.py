@@ -14,6 +14,7 @@ from logs.records.file_format import RECOVERED
 from logs.records.records import (
     Feedback,
     Goal,
+    LeaderState,
     LogLine,
     Measured,
     NodeStatus,
@@ -26,6 +27,8 @@ from logs.records.records import (
     Transition,
     goal_title,
 )
+
+_FREQUENT = Sent | Received | Measured | LeaderState | Feedback
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,7 +154,7 @@ def narrative(path: Path, everything: bool) -> Iterator[tuple[float, str]]:
 
     Args:
         path: The recording.
-        everything: True to include every frame, received byte and progress report.
+        everything: True to include every frame, received byte, measurement and progress report.
 
     Raises:
         RecordingError: The recording cannot be read.
@@ -175,7 +178,7 @@ def narrative(path: Path, everything: bool) -> Iterator[tuple[float, str]]:
                 continue
             started.add(record.path)
         held = isinstance(record, Sent) and record.hold
-        if everything or held or not isinstance(record, Sent | Received | Measured | Feedback):
+        if everything or held or not isinstance(record, _FREQUENT):
             yield time, line(record)
 
 
@@ -212,8 +215,9 @@ def line(record: RunRecord) -> str:  # noqa: C901, a table of words
         case Received():
             return f"received: {wire_text(record.data)!r}"
         case Measured():
-            pairs = zip(record.joints, record.position, strict=True)
-            return f"measured [rad]: {', '.join(f'{name} {q:.3f}' for name, q in pairs)}"
+            return f"measured [rad]: {_positions_text(record.joints, record.position)}"
+        case LeaderState():
+            return f"leader [rad]: {_positions_text(record.joints, record.positions)}"
         case Feedback():
             share = "" if record.percentage is None else f"{record.percentage} % "
             return f"progress: {share}{record.phase} {record.node}"
@@ -224,6 +228,10 @@ def line(record: RunRecord) -> str:  # noqa: C901, a table of words
 def bodies_text(world: Sequence[Mapping[str, Any]]) -> str:
     """Return the names of bodies, each with the link that it is attached to."""
     return ", ".join(f"{b['name']} on {b['link']}" if b["link"] else b["name"] for b in world)
+
+
+def _positions_text(joints: Sequence[str], positions: Sequence[float]) -> str:
+    return ", ".join(f"{name} {q:.3f}" for name, q in zip(joints, positions, strict=True))
 
 
 def _around(plan: Plan) -> str:

@@ -58,7 +58,7 @@ class MotionScene:
 
 
 def plot(recording: Path, output: Path, scenes: Sequence[MotionScene] = ()) -> None:
-    """Draw commanded joints, frames, tree and lifecycle over the time since the goal.
+    """Draw joints, frames, tree and lifecycle over the time since the goal.
 
     Also draws runs without a frame, canceled runs and cut recordings.
 
@@ -193,13 +193,18 @@ def _draw_joints(panel: Axes, group: str, traces: Sequence[Trace], colours: dict
         panel.step(trace.times, angles, where="post", color=colour, linewidth=1.1)
         measured = [degrees(position) for position in trace.measured]
         panel.plot(trace.measured_times, measured, ":", color=colour, linewidth=1.6, alpha=0.7)
+        leader = [degrees(position) for position in trace.leader]
+        panel.plot(trace.leader_times, leader, "--", color=colour, linewidth=0.7, alpha=0.7)
     panel.margins(y=0.08)
     widen(panel)
     panel.yaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 3, 5, 10]))
     panel.grid(axis="y", color=_FAINT, linewidth=0.5)
     panel.set_axisbelow(True)
-    kinds = "commanded\nmeasured (dots)" if any(t.measured for t in traces) else "commanded"
-    _name_row(panel, f"{group}\n{kinds}\nangle [°]", sum(panel.get_ylim()) / 2, 0)
+    kinds = ["commanded"]
+    kinds += ["measured (dots)"] if any(trace.measured for trace in traces) else []
+    kinds += ["leader (dashes)"] if any(trace.leader for trace in traces) else []
+    words = "\n".join([group, *kinds, "angle [°]"])
+    _name_row(panel, words, sum(panel.get_ylim()) / 2, 0)
     _name_curves(panel, traces, colours)
 
 

@@ -3,6 +3,7 @@
 import csv
 import warnings
 from collections.abc import Iterator
+from itertools import chain
 from math import nan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,12 +13,14 @@ from logs.errors import RecordingError, RecordingTruncated
 from logs.reading.reader import Message, read
 from logs.reading.recording import Recording
 from logs.records.cdr import Message as Values
-from logs.records.records import Sent
+from logs.records.records import QUANTITIES, LeaderState, Measured, Sent
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 _PLAIN = (bool, int, float, str)
+# Units in the names of columns. A quantity without a unit has its name there.
+_SUFFIXES = {"position": "rad", "velocity": "rad_s", "temperature": "celsius", "voltage": "volt"}
 
 
 def table(path: Path | str, topic: str) -> "dict[str, NDArray[Any]]":
@@ -83,12 +86,17 @@ def _flat(data: Any, above: str) -> Iterator[tuple[str, Any]]:
             yield above + name, value
 
 
-def export(path: Path, folder: Path) -> tuple[Path, Path]:
-    """Write joints and frames to CSV; times are since the first frame [s].
+def export(path: Path, folder: Path) -> tuple[Path, ...]:
+    """Write joints, frames and measurements to CSV; times are since the first frame [s].
 
     Args:
         path: The recording.
-        folder: Folder for `NAME.joints.csv` and `NAME.frames.csv`.
+        folder: Folder for `NAME.joints.csv` with commanded positions and `NAME.frames.csv`. If
+            there are such records, also for `NAME.measured.csv`, and for `NAME.leader.csv` with
+            measured positions of the leader.
+
+    Returns:
+        The written files.
 
     Raises:
         RecordingError: The recording cannot be read.
@@ -108,7 +116,40 @@ def export(path: Path, folder: Path) -> tuple[Path, Path]:
             lines.writerow(_line(frame, zero))
         if zero is None:
             positions.writerow(["time_s"])
-    return joints, frames
+    found = [joints, frames]
+    for kind, what in ((Measured, "measured"), (LeaderState, "leader")):
+        found += _export_measured(path, kind, folder / f"{path.stem}.{what}.csv", zero)
+    return tuple(found)
+
+
+def _export_measured(
+    path: Path, kind: type[Measured | LeaderState], file: Path, zero: float | None
+) -> Iterator[Path]:
+    """Write the measurements of a type to a file. Yield the file, or nothing if there is none."""
+    records = (each for each in Recording(path).records(kind) if isinstance(each, kind))
+    first = next(records, None)
+    if first is None:
+        return
+    start = first.time if zero is None else zero
+    with file.open("w", newline="") as opened:
+        rows = csv.DictWriter(opened, ["time_s", *_measured(first)], extrasaction="ignore")
+        rows.writeheader()
+        for record in chain([first], records):
+            rows.writerow({"time_s": f"{record.time - start:z.9f}", **_measured(record)})
+    yield file
+
+
+def _measured(record: Measured | LeaderState) -> dict[str, float]:
+    """Return the values of a measurement by column."""
+    if isinstance(record, LeaderState):
+        values = {"rad": record.positions}
+    else:
+        values = {_SUFFIXES.get(name, name): getattr(record, name) for name in QUANTITIES}
+    return {
+        f"{joint}_{suffix}": value
+        for suffix, row in values.items()
+        for joint, value in zip(record.joints, row, strict=False)  # a row may be empty
+    }
 
 
 def _line(frame: Sent, zero: float) -> list[str]:

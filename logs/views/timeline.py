@@ -1,7 +1,7 @@
 """The timeline of a run: events for its figure, in seconds since its goal."""
 
 from bisect import bisect_right
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import dropwhile
 from pathlib import Path
@@ -11,6 +11,7 @@ from logs.reading.recording import Recording
 from logs.records.records import (
     Feedback,
     Goal,
+    LeaderState,
     Measured,
     NodeStatus,
     Plan,
@@ -27,6 +28,7 @@ _PAUSED = "paused"  # name of a phase and of its mark
 _DEEPEST = 200  # largest depth of a node; a deeper tree is of another program
 
 _Change = tuple[float, str]  # begin of a state [s], and the state
+_Curves = dict[str, list[tuple[float, float]]]  # times [s] and positions [rad] by joint
 
 
 @dataclass(frozen=True)
@@ -59,6 +61,8 @@ class Trace:
         positions: Commanded positions [rad].
         measured_times: Times of the measured positions [s since the goal]; empty if not measured.
         measured: Measured positions [rad].
+        leader_times: Times of the leader's positions [s since the goal]; empty without a leader.
+        leader: Measured positions of the leader that the arm follows [rad].
     """
 
     joint: str
@@ -67,6 +71,8 @@ class Trace:
     positions: tuple[float, ...]
     measured_times: tuple[float, ...] = ()
     measured: tuple[float, ...] = ()
+    leader_times: tuple[float, ...] = ()
+    leader: tuple[float, ...] = ()
 
     @property
     def errors(self) -> list[float]:
@@ -150,8 +156,9 @@ class _Events:
     motions: list[dict[str, Plan]] = field(default_factory=list)  # last plans of each group
     moved: bool = True  # True if the arm moved since the last plan
     starts: dict[str, tuple[float, float]] = field(default_factory=dict)
-    joints: dict[str, list[tuple[float, float]]] = field(default_factory=dict)
-    measured: dict[str, list[tuple[float, float]]] = field(default_factory=dict)
+    joints: _Curves = field(default_factory=dict)
+    measured: _Curves = field(default_factory=dict)
+    leader: _Curves = field(default_factory=dict)
     sent: list[Sent] = field(default_factory=list)
     tree: dict[str, list[_Change]] = field(default_factory=dict)
     names: dict[str, str] = field(default_factory=dict)
@@ -171,7 +178,7 @@ class _Events:
                 self.faults, self.pauses, self.motions, self.moved = [], [], [], True
             case Result() if self.goal:
                 self.result = record
-            case Sent() | Measured() if record.joints:
+            case Sent() | Measured() | LeaderState() if record.joints:
                 self._add_positions(record)
             case Plan():
                 self._add_plan(record)
@@ -184,11 +191,16 @@ class _Events:
             case Transition():
                 self._add_transition(record, self.first)
 
-    def _add_positions(self, record: Sent | Measured) -> None:
-        if isinstance(record, Measured):
-            for joint, position in zip(record.joints, record.position, strict=True):
-                self.measured.setdefault(joint, []).append((record.time, position))
-            return
+    def _add_positions(self, record: Sent | Measured | LeaderState) -> None:
+        match record:
+            case Measured():
+                _add(self.measured, record.time, record.joints, record.position)
+            case LeaderState():
+                _add(self.leader, record.time, record.joints, record.positions)
+            case Sent():
+                self._add_frame(record)
+
+    def _add_frame(self, record: Sent) -> None:
         self.moved = True
         self.sent.append(record)
         for joint, position in zip(record.joints, record.positions, strict=True):
@@ -258,18 +270,16 @@ class _Events:
             times, positions = zip(*known, strict=True)
             since = (*map(self._since, times), end)
             group = groups.get(joint, "joints")
-            measured = self.measured.get(joint, [])
+            measured, leader = (self._curve(each, joint) for each in (self.measured, self.leader))
             traces.append(
-                Trace(
-                    joint,
-                    group,
-                    since,
-                    (*positions, positions[-1]),
-                    tuple(self._since(time) for time, _ in measured),
-                    tuple(position for _, position in measured),
-                )
+                Trace(joint, group, since, (*positions, positions[-1]), *measured, *leader)
             )
         return traces
+
+    def _curve(self, curves: _Curves, joint: str) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Return times [s since the goal] and positions of a joint [rad]."""
+        samples = curves.get(joint, [])
+        return tuple(self._since(time) for time, _ in samples), tuple(q for _, q in samples)
 
     def _marks(self) -> list[_Change]:
         marks = []
@@ -289,6 +299,11 @@ class _Events:
         changes = [change for node in self.tree.values() for change in _begun(node)]
         effects += [time for time, state in changes if state == _INVALID]
         return min(effects, default=None)
+
+
+def _add(curves: _Curves, time: float, joints: Sequence[str], positions: Sequence[float]) -> None:
+    for joint, position in zip(joints, positions, strict=True):
+        curves.setdefault(joint, []).append((time, position))
 
 
 def _begun(changes: list[_Change]) -> list[_Change]:

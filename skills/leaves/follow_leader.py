@@ -8,7 +8,7 @@ from py_trees.common import Status
 
 from hardware import Playback, PlaybackState, Schedule, Setpoint
 from skills.base import Skill
-from skills.context import Scheduled
+from skills.context import LeaderRead, Scheduled
 from skills.errors import Interrupted
 from skills.leader import Blocked
 from skills.motion.errors import MotionCollides, MotionError
@@ -82,6 +82,7 @@ class FollowLeader(Skill):
             if target is None:
                 self.context.leader.show(None)
                 return Status.SUCCESS
+            self.context.publish(LeaderRead(target))
             self._step(target)
         self.context.wake_at(self._due)
         return Status.RUNNING

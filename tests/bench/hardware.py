@@ -20,7 +20,7 @@ import threading
 import time
 import tty
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing, contextmanager
+from contextlib import AbstractContextManager, closing, contextmanager, nullcontext
 from functools import partial
 from pathlib import Path
 
@@ -31,6 +31,7 @@ import scservo_sdk
 sys.path = [folder for folder in sys.path if Path(folder) != Path(__file__).parent]
 
 from executive.cli.support.process import raise_priority
+from executive.recording.translate import arm_record
 from hardware import (
     VIRTUAL,
     Arm,
@@ -63,6 +64,8 @@ from tests.bench.table import Row, arguments, show
 from tests.support.arms.virtual_boards import virtual_board
 
 HOME, PICK = (0.0, 0.0, 0.0, 0.0), (-1.4, -0.6, -0.07, -0.7)
+# Where the arms of `busy` plan to [rad].
+GOALS = {"arduinobot": PICK[:3], "so101": (0.8, -0.6, 0.5, 0.4, 0.3)}
 
 
 PATIENCE = 30.0  # longer than anything here waits, however loaded the machine is [s]
@@ -91,10 +94,12 @@ class Watch:
     def __init__(self) -> None:
         self.events: list[ArmEvent] = []
         self.changed = threading.Condition()
+        self.note: Callable[[ArmEvent], None] = lambda event: None  # also called; change it locked
 
     def __call__(self, event: ArmEvent) -> None:
         with self.changed:
             self.events.append(event)
+            self.note(event)
             self.changed.notify_all()
 
     def wake(self) -> None:
@@ -104,6 +109,9 @@ class Watch:
     def until(self, so: Callable[[], bool], seconds: float = 0.0) -> None:
         with self.changed:
             assert self.changed.wait_for(so, timeout=seconds + PATIENCE)
+
+
+Beside = Callable[[Robot, Watch], AbstractContextManager[None]]
 
 
 @contextmanager
@@ -179,30 +187,41 @@ def lateness(arm: Arm, watch: Watch) -> float:
 
 
 @contextmanager
-def busy(robot: Robot) -> Iterator[None]:
-    """A planner that plans and a recorder that records, all the time."""
+def busy(robot: Robot, watch: Watch) -> Iterator[None]:
+    """A planner that plans all the time, and a recorder of a frame per plan and of the arm."""
     ended, clock = threading.Event(), RealClock()
-    query = Query("arm", HOME, PICK[:3])
-    with tempfile.TemporaryDirectory() as folder, closing(Pool(robot, 1, clock)) as pool:
+    query = Query("arm", (0.0,) * len(robot.actuated), GOALS[robot.name])
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        closing(Pool(robot, 1, clock)) as pool,
+        Recorder(Path(folder) / "x.mcap", clock.epoch_ns(), _failed) as recorder,
+    ):
         pool.start()
         again = threading.Semaphore(1)
 
         def keep_on() -> None:
-            with Recorder(
-                Path(folder) / "x.mcap", clock.epoch_ns(), lambda error: None
-            ) as recorder:
-                while not ended.is_set():
-                    again.acquire()
-                    recorder.put(Sent(clock.now(), b"x" * 20, 0.0, False, ("a",), (0.0,)))
-                    pool.submit(query, lambda answer: again.release())
+            while not ended.is_set():
+                again.acquire()
+                recorder.put(Sent(clock.now(), b"x" * 20, 0.0, False, ("a",), (0.0,)))
+                pool.submit(query, lambda answer: again.release())
+
+        def note(note: Callable[[ArmEvent], None]) -> None:
+            with watch.changed:
+                watch.note = note
 
         thread = threading.Thread(target=keep_on)
         thread.start()
+        note(lambda event: recorder.put(arm_record(event, robot)))
         try:
             yield
         finally:
+            note(lambda event: None)
             ended.set()
             thread.join()
+
+
+def _failed(error: Exception) -> None:
+    raise error
 
 
 def lateness_ratios(runs: int) -> list[float]:
@@ -211,7 +230,7 @@ def lateness_ratios(runs: int) -> list[float]:
     with active(robot, VIRTUAL) as (arm, watch):
         for _ in range(runs):
             idle = lateness(arm, watch)
-            with busy(robot):
+            with busy(robot, watch):
                 ratios.append(lateness(arm, watch) / idle)
     return ratios
 
@@ -335,15 +354,22 @@ def _beyond(events: Sequence[ArmEvent], guards: Guards) -> float:
     raise AssertionError("the limit was not exceeded")
 
 
-def bus_cycles(seconds: float, rate: float) -> tuple[list[float], list[float]]:
+def bus_cycles(
+    seconds: float, rate: float, beside: Beside = lambda robot, watch: nullcontext()
+) -> tuple[list[float], list[float]]:
     """Cycles of the SO-101 on the virtual bus while its first joint moves to and fro.
+
+    Args:
+        seconds: Duration of the motion [s].
+        rate: Rate of its frames [1/s].
+        beside: Context of the motion, for the robot and what watches it.
 
     Returns:
         Durations of the cycles [ms], and how long after it was due each ended [ms].
     """
     so101 = load_robot(Path("so101"))
     robot = dataclasses.replace(so101, firmware=dataclasses.replace(so101.firmware, rate=rate))
-    with active(robot, VIRTUAL) as (arm, watch):
+    with active(robot, VIRTUAL) as (arm, watch), beside(robot, watch):
         start = arm.commanded
 
         def sample(times: Sequence[float]) -> list[list[float]]:
@@ -370,8 +396,7 @@ def bus_cycles(seconds: float, rate: float) -> tuple[list[float], list[float]]:
 def bus_speed(seconds: float, rate: float) -> list[Row]:
     """How fast a cycle of the bus is, and whether its rate is held beside planner and recorder."""
     lasted, _ = bus_cycles(10.0, rate)
-    with busy(robot_with()):
-        _, ended = bus_cycles(seconds, rate)
+    _, ended = bus_cycles(seconds, rate, busy)
     late = sum(each > 1e3 / rate for each in ended) / len(ended)
     return [
         Row("bus_cycle_ms_p50", "ms", [statistics.median(lasted)]),

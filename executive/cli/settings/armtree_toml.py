@@ -8,6 +8,8 @@ from typing import Any
 
 import click
 
+from hardware.files import user_folder
+
 from .rows import SETTINGS
 
 FILE = "armtree.toml"
@@ -60,9 +62,7 @@ def files() -> list[Path]:
 
 def user_file() -> Path:
     """Return the path of the user's own file."""
-    own = Path(os.environ.get("XDG_CONFIG_HOME", ""))
-    folder = own if own.is_absolute() else Path("~/.config").expanduser()
-    return folder / "armtree" / FILE
+    return user_folder() / FILE
 
 
 def _upwards() -> Iterator[Path]:

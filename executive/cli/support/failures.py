@@ -48,7 +48,7 @@ def print_error(error: Exception) -> int:
     cause = cause_of(known)
     words = cause.message if isinstance(known, InternalError) else str(known)
     hint = vars(error).get("hint")  # an error that a server returned
-    more = f"\n  -> {hint}" if hint and hint not in words else ""
+    more = f"\n  -> {hint}" if hint and hint.lower() not in words.lower() else ""
     lines = f"{words} [{cause.code}]".replace("\n", "\n  ")
     echo(f"Error: {lines}{more}", err=True)
     return _print_json(cause, error)

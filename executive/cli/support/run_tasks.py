@@ -108,7 +108,7 @@ def _show(view: View, event: Event) -> None:
 def _report(view: View, executive: Executive, settings: Sequence[str], outcome: Outcome) -> None:
     """Report an outcome. If a server has the arm, add the command that sends the task to it."""
     cause = outcome.cause
-    if cause and cause.code == PortBusy.code and (server := _server_with(executive.port)):
+    if cause and cause.code == PortBusy.code and (server := server_with(executive.port)):
         hint = _held_by(server, executive, outcome.task, settings) or cause.hint
         outcome = replace(outcome, cause=replace(cause, hint=hint))
     view.put(outcome)
@@ -144,7 +144,7 @@ def _held_by(
     return f"an armtree server has the arm; give {shlex.join(words)}"
 
 
-def _server_with(port: str) -> token_file.ServerInfo | None:
+def server_with(port: str) -> token_file.ServerInfo | None:
     """Return the server of this user that has locked a port."""
     owner = owner_of(port)
     return next((server for server in token_file.running() if server.pid == owner), None)

@@ -167,7 +167,8 @@ def status_lines(status: Status, where: Where) -> Iterator[str]:
     yield f"Arm       {status.arm}, port {status.port or 'none'}"
     if fault := status.fault:
         yield f"Fault     {fault}"
-        yield f"          -> {fault.hint}"
+        if fault.advice:
+            yield f"          -> {fault.advice}"
     if where.commanded:
         yield f"Commanded {where.words(where.commanded)}"
     if where.tool:

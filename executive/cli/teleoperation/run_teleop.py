@@ -2,21 +2,36 @@
 
 import sys
 from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from executive.api.codes import INTERRUPTED_EXIT
+import click
+from click.core import ParameterSource
+
+from executive.api import token_file
+from executive.api.codes import INTERRUPTED_EXIT, OK
+from executive.api.move import LEADER, Move
+from executive.api.outcome import Outcome
 from executive.cli.jogging.arms import OwnArm
 from executive.cli.jogging.run_jog import pose_words
 from executive.cli.support.failures import Refusal
 from executive.cli.support.interrupts import Interrupts
 from executive.cli.support.log_handler import recorded_log
 from executive.cli.support.process import raise_priority
+from executive.cli.support.run_tasks import server_with
+from executive.cli.support.server_requests import holds
 from executive.cli.terminal.keyboard import key_by_key
 from executive.cli.terminal.streams import echo
+from executive.client.synchronous import Client
+from executive.code_table import exit_status
+from executive.errors import ClientError
 from executive.session import open_executive, port_line
 from executive.setup import Setup
-from hardware import load_robot
+from executive.task_runner import TaskRunner
+from hardware import VIRTUAL, Robot, load_robot
+from hardware.errors import PortBusy
 
 from .screen import TeleopScreen
 from .servo_leader import HandGuidedArm
@@ -26,6 +41,8 @@ def run_teleop(
     port: str, leader_robot: Path | None, speed: float, options: Mapping[str, Any]
 ) -> int:
     """Follow the arm at a port until a key or a signal. Then print the position of the arm.
+
+    The arm that follows is activated first, because the leader loses its torque after that.
 
     Args:
         port: Port of the leader.
@@ -37,7 +54,7 @@ def run_teleop(
         The exit status.
 
     Raises:
-        Refusal: There is no terminal, or the leader has other joints.
+        Refusal: There is no terminal, the leader has other joints, or a server has the arm.
         HardwareError: The leader cannot be opened, or the robot is of another kind.
     """
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
@@ -52,6 +69,7 @@ def run_teleop(
             f"the joints of the leader ({', '.join(led)}) differ from those of {robot.name} "
             f"({', '.join(joints)})"
         )
+    _check_servers(setup, robot)
     leader = HandGuidedArm(leading, leading.link(port))
     with (
         Interrupts() as interrupts,
@@ -61,6 +79,13 @@ def run_teleop(
     ):
         assert keys is not None
         executive.start()
+        runner = TaskRunner(executive)
+        interrupts.on_cancel(runner.stop)
+        # The leader does not lead yet, so this goal ends as soon as the arm is active.
+        outcome = interrupts.run(lambda: runner.run(Move((LEADER,))))
+        if outcome.code != OK:
+            echo(_with_advice(outcome, executive.port).text())
+            return exit_status(outcome.code)
         try:
             leader.open()
             screen = TeleopScreen(OwnArm(executive), leader, speed)
@@ -72,3 +97,34 @@ def run_teleop(
         echo(f"The arm holds at {pose_words(where)}")
         echo(f"The leader {'holds where it is' if held else 'has no torque: hold it'}")
     return INTERRUPTED_EXIT if screen.left else 0
+
+
+def _with_advice(outcome: Outcome, port: str) -> Outcome:
+    """Return an outcome whose hint names the server that has the arm, if one has it."""
+    cause = outcome.cause
+    if not (cause and cause.code == PortBusy.code and (server := server_with(port))):
+        return outcome
+    return replace(outcome, cause=replace(cause, hint=_server_words(server)))
+
+
+def _check_servers(setup: Setup, robot: Robot) -> None:
+    """Check that no server has the robot, if no port is given and the arm would be virtual.
+
+    Raises:
+        Refusal: A server has it, so the user may mean the arm of that server.
+    """
+    given = click.get_current_context().get_parameter_source("port")
+    port = robot.serial.port if setup.port is None else setup.port
+    if port != VIRTUAL or given is ParameterSource.COMMANDLINE:
+        return
+    for server in token_file.running():
+        with suppress(ClientError), Client(server.url) as client:
+            if holds(client.robot(), robot):
+                words = "To have a virtual arm follow instead, add --port virtual"
+                raise Refusal(f"{_server_words(server)}. {words}")
+
+
+def _server_words(server: token_file.ServerInfo) -> str:
+    """Return the message that a server has the arm, with the command that ends the server."""
+    why = f"the armtree server {server.url} has the arm, and cannot follow a leader"
+    return f"{why}. End it first, with Ctrl-C in its terminal or with: kill {server.pid}"

@@ -4,7 +4,7 @@ import asyncio
 import logging
 import uuid
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
@@ -13,14 +13,15 @@ from typing import Any
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 import logs
-from executive.api.events import Event
+from executive.api.events import Event, Where
+from executive.api.joint_state import JointState
 from executive.api.outcome import GoalStatus
 from executive.api.token_bucket import TokenBucket
 from executive.errors import TooMuch, UnknownGoal
 from executive.executive import Executive
 from executive.server.event_hub import EventHub
 from executive.server.limits.cancel_thread import CancelThread
-from hardware import Ability, joint_positions, utc_ns
+from hardware import Ability, utc_ns
 
 from . import protocol as ros
 
@@ -46,7 +47,7 @@ class RosbridgeServer:
     def __init__(self, executive: Executive, canceler: CancelThread, hub: EventHub) -> None:
         self.executive, self.canceler = executive, canceler
         self._clients: set[_Client] = set()
-        self._joints: tuple[float, Mapping[str, float]] | None = None
+        self._joints: tuple[float, JointState] | None = None
         self._measures = executive.robot.can(Ability.MEASURE)
         self._statuses = _GoalStatuses(executive)
         self.goal_bucket = TokenBucket(*GOAL_RATE, executive.clock.now)
@@ -71,9 +72,8 @@ class RosbridgeServer:
             return self._statuses.message()
         if self._joints is None:
             return ""
-        time, positions = self._joints
-        stamp = utc_ns(self.executive.clock, time)
-        return ros.published(topic, ros.joint_state(stamp, positions, self._measures))
+        time, state = self._joints
+        return ros.published(topic, ros.joint_state(utc_ns(self.executive.clock, time), state))
 
     def _handle(self, event: Event) -> None:
         match event:
@@ -83,19 +83,16 @@ class RosbridgeServer:
                 self._for_each(lambda client: client.topic_changed(ros.STATUS))
             case logs.Feedback():
                 self._for_each(lambda client: client.progressed(event))
-            case logs.Measured():
-                self._moved(event.time, event.position)
-            case logs.Sent() if event.joints and not self._measures:
-                self._moved(event.time, event.positions)
+            case logs.Measured() | logs.Sent():
+                self._publish(event.time, event)
             case logs.Transition(goal="active"):
-                status = self.executive.status()
-                if positions := status.measured if self._measures else status.commanded:
-                    self._moved(event.time, tuple(positions.values()))
+                self._publish(event.time, self.executive.where())
 
-    def _moved(self, time: float, actuated: tuple[float, ...]) -> None:
-        """Publish the measured positions [rad], or the commanded ones if there are none."""
-        self._joints = time, joint_positions(self.executive.robot, actuated)
-        self._for_each(lambda client: client.topic_changed(ros.JOINT_STATES))
+    def _publish(self, time: float, report: Event | Where) -> None:
+        """Publish the state of the joints in a report, if it has one."""
+        if state := JointState.of(report, self._measures):
+            self._joints = time, state.of_all_joints(self.executive.robot)
+            self._for_each(lambda client: client.topic_changed(ros.JOINT_STATES))
 
     def _for_each(self, act: Callable[["_Client"], None]) -> None:
         for client in tuple(self._clients):

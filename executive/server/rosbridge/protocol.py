@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from executive.api import strict_json
+from executive.api.joint_state import JointState
 
 ACTION = "/task_server"
 ACTION_TYPE = "arduinobot_msgs/action/ArduinobotTask"
@@ -256,17 +257,14 @@ def error_status(error: BadMessage) -> str:
     return _dump(op="status", level="error", msg=str(error), **named)
 
 
-def joint_state(utc_ns: int, positions: Mapping[str, float], measured: bool) -> dict[str, Any]:
-    """Return a sensor_msgs/JointState of positions by joint [rad].
-
-    `frame_id` says if they are measured or commanded, because joint states do not use this field.
-    """
+def joint_state(utc_ns: int, state: JointState) -> dict[str, Any]:
+    """Return a sensor_msgs/JointState."""
     return {
-        "header": {"stamp": stamp(utc_ns), "frame_id": "measured" if measured else "commanded"},
-        "name": list(positions),
-        "position": list(positions.values()),
-        "velocity": [],
-        "effort": [],
+        "header": {"stamp": stamp(utc_ns), "frame_id": state.frame_id},
+        "name": list(state.position),
+        "position": list(state.position.values()),
+        "velocity": list(state.velocity.values()),
+        "effort": list(state.effort.values()),
     }
 
 

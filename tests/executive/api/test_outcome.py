@@ -1,6 +1,7 @@
 """The final state of a goal and its cause."""
 
 import math
+import os
 
 import pytest
 from py_trees.behaviour import Behaviour
@@ -11,6 +12,7 @@ from py_trees.decorators import FailureIsSuccess
 from executive.api.outcome import GoalState, cause_of
 from executive.goals.run_loop import decide_outcome
 from hardware import ActivationStopped, BadPosition, NotActive, PortNotGiven
+from hardware.errors import PortBusy, PortDenied
 from skills import OutOfBounds
 from skills.motion import MotionCollides, PlanCanceled, PlanTimeout
 from skills.motion.errors import NotFinite, StartInCollision, StartOutOfBounds
@@ -156,3 +158,10 @@ def test_a_cause_keeps_node_joint_value_and_limit() -> None:
 def test_values_and_limits(error: Exception, value: float | None, limit: float | None) -> None:
     cause = cause_of(error)
     assert (cause.value, cause.limit) == (value, limit)
+
+
+def test_a_hint_that_the_message_contains_is_not_repeated() -> None:
+    for owner in (None, 1, os.getpid()):
+        assert cause_of(PortBusy("/dev/ttyACM0", owner)).advice == ""
+    cause = cause_of(PortDenied("/dev/ttyACM0", "dialout"))
+    assert cause.advice == cause.hint == "join the group of the port"

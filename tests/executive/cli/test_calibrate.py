@@ -10,7 +10,7 @@ from hardware import load_robot
 from hardware.description.calibration import calibration_file
 from hardware.drivers.feetech.virtual.bus import Bus
 from hardware.drivers.virtual.board_process import BoardProcess
-from tests.support.arms.bus_arms import bus_arm
+from tests.support.arms.bus_arms import bus_arm, so101_bus
 from tests.support.command_line.pseudo_terminal import PseudoTerminal
 
 pytestmark = pytest.mark.slow
@@ -198,6 +198,26 @@ def test_a_wrong_calibration_by_lerobot_is_refused(
         status, printed = terminal.end()
         assert (status, why in " ".join(printed.split())) == (3, True)
     assert arm.kept() == [(0, 0, 4095)] * 4
+
+
+def test_the_calibration_of_a_robot_that_ships_belongs_to_the_user(tmp_path: Path) -> None:
+    kept = {"drive_mode": 0, "homing_offset": 0, "range_min": 1000, "range_max": 3000}
+    joints = load_robot(Path("so101")).actuated
+    file = tmp_path / "arm.json"
+    file.write_text(json.dumps({each.name: {"id": k, **kept} for k, each in enumerate(joints, 1)}))
+    words = ["calibrate", "--robot", "so101", "--import", str(file), "--port"]
+    own = {"XDG_CONFIG_HOME": str(tmp_path / "config")}
+    with (
+        so101_bus() as bus,
+        PseudoTerminal(tmp_path, *words, bus.port, environment=own) as terminal,
+    ):
+        terminal.until("to the servos, and the file")
+        terminal.type("y\r")
+        status, printed = terminal.end()
+    assert status == 0, printed
+    assert [path.name for path in (tmp_path / "config/armtree").iterdir()] == [
+        "so101.calibration.toml"
+    ]
 
 
 def test_whoever_does_not_hold_the_arm_calibrates_nothing(arm: Arm) -> None:

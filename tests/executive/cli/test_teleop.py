@@ -9,7 +9,7 @@ import pytest
 from executive.replay.verification import verify
 from hardware.drivers.feetech.virtual.bus import Fault
 from hardware.drivers.virtual.board_process import BoardProcess
-from logs import Recording, Sent
+from logs import LeaderState, Recording, Sent
 from tests.support.arms.bus_arms import push, so101_bus, so101_file
 from tests.support.command_line.pseudo_terminal import PseudoTerminal
 
@@ -75,7 +75,9 @@ def test_an_arm_follows_holds_and_stops_before_a_collision(
     assert all(arm.state().torque.values())
     assert all(leader.state().torque.values())
     assert leader.state().positions[1] != push_before
-    assert all(verify(path).holds for path in recordings(tmp_path))
+    made = recordings(tmp_path)
+    assert all(verify(path).holds for path in made)
+    assert any(next(Recording(path).records(LeaderState), None) for path in made)
 
 
 @pytest.mark.parametrize("way", ["Ctrl-C", "closed terminal", "arm fails", "leader unplugged"])
@@ -109,6 +111,39 @@ def test_the_arm_holds_whatever_ends_it(
     state = arm.state()
     assert all(state.torque.values())
     assert state.positions[1] < 2048 + 75 * 4096 / 360
+
+
+def test_an_arm_of_a_server_is_refused_before_the_leader_loses_its_torque(
+    command: list[str], buses: tuple[BoardProcess, BoardProcess], tmp_path: Path
+) -> None:
+    held = ["serve", *command[1:5], "--tcp-port", "0", "--activate"]
+    with PseudoTerminal(tmp_path, *held) as server:
+        server.until("is ready to take commands")
+        with PseudoTerminal(tmp_path, *command) as terminal:
+            status, printed = terminal.end()
+        words = " ".join(printed.split())
+        assert status == 9
+        assert "Do you hold it?" not in words
+        assert f"with Ctrl-C in its terminal or with: kill {server.process.pid}" in words
+        assert words.count("End that program first") == 1
+    assert buses[1].state().torque == dict.fromkeys(range(1, 7), False)  # it was never opened
+
+
+def test_no_virtual_arm_follows_in_place_of_that_of_a_server(
+    command: list[str], tmp_path: Path
+) -> None:
+    robot, leader = command[1:3], command[5:]
+    with PseudoTerminal(tmp_path, "serve", *robot, "--tcp-port", "0", "--activate") as server:
+        server.until("is ready to take commands")
+        with PseudoTerminal(tmp_path, "teleop", *robot, *leader) as terminal:
+            status, printed = terminal.end()
+        words = " ".join(printed.split())
+        assert status == 2
+        assert f"with: kill {server.process.pid}. To have a virtual arm follow" in words
+        with PseudoTerminal(tmp_path, "teleop", *robot, *leader, "--port", "virtual") as terminal:
+            terminal.until("Do you hold it? y/n")
+            terminal.type("n")
+            assert terminal.end()[0] == 0
 
 
 def test_what_is_wrong_is_refused(command: list[str], tmp_path: Path) -> None:

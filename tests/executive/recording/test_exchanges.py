@@ -22,12 +22,17 @@ class Bus:
         return list(self.recorded)
 
     def exchange(
-        self, degrees: float = 0.0, celsius: float = 25.0, volts: float = 12.0, wait: float = 0.2
+        self,
+        degrees: float = 0.0,
+        celsius: float = 25.0,
+        volts: float = 12.0,
+        effort: float = 0.0,
+        wait: float = 0.2,
     ) -> int:
         """Asks and answers, and returns the number of recorded events."""
         self.time += wait
         measurement = Measurement(
-            (math.radians(degrees),), temperature=(celsius,), voltage=(volts,)
+            (math.radians(degrees),), effort=(effort,), temperature=(celsius,), voltage=(volts,)
         )
         return len(
             self.take(
@@ -49,6 +54,12 @@ def test_a_resting_arm_is_recorded_when_something_changes_and_after_10_s() -> No
         0,
     ]
     assert sum(bus.exchange(0.6, 26, 11.4) > 0 for _ in range(510)) == 10  # in 102 s
+
+
+def test_a_push_that_does_not_move_a_resting_arm_is_recorded() -> None:
+    bus = Bus()
+    assert [bus.exchange(effort=0.2), bus.exchange(effort=0.25)] == [4, 0]
+    assert [bus.exchange(effort=0.35), bus.exchange(effort=-0.35)] == [4, 4]
 
 
 def test_every_exchange_after_a_frame_is_recorded() -> None:

@@ -35,5 +35,7 @@ def test_measured_is_beside_commanded_and_rosbridge_says_which_one_it_has(
             joints = json.loads(rosbridge.recv(10))["msg"]
         assert joints["header"]["frame_id"] == "measured"
         assert joints["position"] == list(status["measured"].values())
+        assert len(joints["velocity"]) == len(joints["effort"]) == len(joints["name"])
+        assert joints["effort"] == pytest.approx([*where["measured_effort"].values()], abs=0.1)
     finally:
         served.stop()

@@ -118,6 +118,31 @@ def test_the_model_of_a_calibrated_arm_keeps_what_its_servos_keep(tmp_path: Path
     assert {servo.get("min_angle") for servo in bus.servos} == {900}
 
 
+def test_the_calibration_of_a_robot_that_ships_is_in_the_folder_of_the_user(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
+    shipped = load_robot(Path("so101"))
+    path = calibration_file(shipped.path)
+    assert path == tmp_path / "armtree" / "so101.calibration.toml"
+    assert shipped.calibration is None
+    with pytest.raises(CalibrationMissing, match=str(path)):
+        shipped.link("/dev/ttyACM0")
+    joints = {
+        joint.name: CalibratedJoint(-20.0, 20.0, f"{{ id = {id_}, sign = 1, offset_deg = 0 }}", {})
+        for joint, id_ in zip(shipped.actuated, range(1, 7), strict=True)
+    }
+    write_calibration(path, shipped.name, "by a test", joints)
+    for named in (Path("so101"), shipped.path):
+        robot = load_robot(named)
+        assert robot.calibration == path
+        assert robot.actuated[0].upper == pytest.approx(math.radians(20))
+    monkeypatch.setenv("XDG_CONFIG_HOME", "relative")  # not valid, by the XDG specification
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    own = tmp_path / "home" / ".config" / "armtree" / "so101.calibration.toml"
+    assert calibration_file(shipped.path) == own
+
+
 def test_a_calibration_is_no_robot_of_its_own() -> None:
     shipped = shipped_robots()["so101"]
     assert is_robot_file(shipped)

@@ -20,7 +20,9 @@ from executive.task_runner import TaskRunner
 from executive.testing import SharedPool
 from hardware import Robot, SimulatedClock, load_robot
 from hardware.errors import PortLost
-from logs import Recording, Sent
+from logs import LeaderState, Recording, Sent, table
+from logs.views.table import export
+from logs.views.timeline import timeline
 from skills import Blocked, NullLeader
 from skills.motion.planner import Planner
 
@@ -95,6 +97,39 @@ def test_it_follows_within_the_limits_and_the_recording_proves_it(
             assert abs(b - a) <= joint.velocity * 0.021
     checked = verify(Path(outcome.recording))
     assert checked.holds, checked.text()
+
+
+def test_the_recording_has_the_leader_at_every_step(robot: Robot, tmp_path: Path) -> None:
+    def path(time: float) -> tuple[float, ...]:
+        return (0.2 * time, 0, 0, 0, 0, 0)
+
+    with followed(robot, tmp_path, path) as (outcome, _, executive):
+        assert outcome.success, outcome.text()
+        shown = executive.robot.actuated
+    recording = Path(outcome.recording)
+    leader = [each for each in Recording(recording).records() if isinstance(each, LeaderState)]
+    assert leader[0].joints == tuple(joint.name for joint in shown)
+    steps = [after.time - before.time for before, after in pairwise(leader)]
+    assert steps == pytest.approx([1 / robot.firmware.rate] * len(steps), abs=1e-3)
+    for each in leader:
+        passed = each.time - leader[0].time
+        assert each.positions == pytest.approx(path(passed), abs=1e-6)
+    assert verify(recording).holds
+
+    found = table(recording, "/leader/joint_states")
+    assert found["shoulder_pan"].tolist() == [each.positions[0] for each in leader]
+    trace = next(t for t in timeline(recording).traces if t.joint == "shoulder_pan")
+    assert trace.leader == tuple(each.positions[0] for each in leader)
+
+    joints, _, measured, led = export(recording, tmp_path)
+    rows = led.read_text().splitlines()
+    assert len(rows) == 1 + len(leader)
+    assert rows[0].split(",")[:2] == ["time_s", "shoulder_pan_rad"]
+    head = measured.read_text().splitlines()[0].split(",")
+    suffixes = ("rad", "rad_s", "effort", "celsius", "volt")
+    columns = [f"{joint.name}_{each}" for each in suffixes for joint in shown]
+    assert head[: 1 + len(columns)] == ["time_s", *columns]
+    assert joints.name == f"{recording.stem}.joints.csv"
 
 
 def test_a_collision_stops_it_and_shows_where_it_is_free(robot: Robot, tmp_path: Path) -> None:

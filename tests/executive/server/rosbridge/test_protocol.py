@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 from hypothesis import given, strategies as st
 
+from executive.api.joint_state import JointState
 from executive.server.rosbridge import protocol as ros
 
 GOAL = {
@@ -201,4 +202,9 @@ def test_an_error_is_short() -> None:
 
 @pytest.mark.parametrize(("measured", "name"), [(True, "measured"), (False, "commanded")])
 def test_joint_states_say_whether_they_are_measured(measured: bool, name: str) -> None:
-    assert ros.joint_state(0, {"a": 0.5}, measured)["header"]["frame_id"] == name
+    state = JointState(measured, {"a": 0.5}, {"a": 0.1})
+    message = ros.joint_state(0, state)
+    assert message["header"]["frame_id"] == name
+    assert [message[each] for each in ("name", "position", "velocity", "effort")] == [
+        ["a"], [0.5], [0.1], []
+    ]  # fmt: skip
