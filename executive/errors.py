@@ -90,6 +90,17 @@ class ResultTimeout(GoalError, TimeoutError):
         super().__init__(f"goal {identity} has not ended within {timeout:g} s; request it again")
 
 
+class NotEnded(GoalError, TimeoutError):
+    """A command that `armtree stop` stopped did not end in time."""
+
+    code = "goal.not_ended"
+    exit_status = 8
+    hint = "look at the arm, and switch off its power if it moves"
+
+    def __init__(self, command: str) -> None:
+        super().__init__(f"{command} was told to stop, but has not ended; {self.hint}")
+
+
 class NotExecuting(GoalError):
     """Only an executing goal can be paused."""
 
@@ -450,6 +461,15 @@ class ServerUnreachable(ClientError, ConnectionError):
             f"no server answers at {url}: {why.rstrip('.')}. Start one with armtree serve, or "
             "set its URL with --server URL or ARMTREE_SERVER"
         )
+
+
+class NothingToStop(ServerUnreachable):
+    """This user moves no arm on this machine, and no server answers there."""
+
+    def __init__(self) -> None:
+        self.hint = "stop an arm elsewhere with --server URL, and a Python program with Ctrl-C"
+        why = "nothing was stopped: no armtree command and no server of yours runs on this machine"
+        Exception.__init__(self, f"{why}; {self.hint}")
 
 
 class ServerLost(ServerUnreachable):

@@ -81,11 +81,7 @@ def write(port: int, info: ServerInfo, kind: str = SERVER) -> None:
     Raises:
         OSError: The file cannot be written, or other users have access to its folder.
     """
-    folder = _folder()
-    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-    found = folder.lstat()
-    if found.st_uid != os.getuid() or stat.S_IMODE(found.st_mode) & 0o077:
-        raise PermissionError(f"other users have access to {folder}; chmod 700 it, or remove it")
+    folder = make_folder()
     for other in folder.glob(f"{kind}-*.json"):
         if (left := _read(other)) and not left.is_running:
             other.unlink(missing_ok=True)
@@ -93,6 +89,20 @@ def write(port: int, info: ServerInfo, kind: str = SERVER) -> None:
     with os.fdopen(handle, "w") as stream:
         json.dump(asdict(info), stream)
     os.replace(name, file_of(port, kind))
+
+
+def make_folder() -> Path:
+    """Return the runtime folder of this user. Make it if it does not exist.
+
+    Raises:
+        OSError: It cannot be made, or other users have access to it.
+    """
+    folder = _folder()
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    found = folder.lstat()
+    if found.st_uid != os.getuid() or stat.S_IMODE(found.st_mode) & 0o077:
+        raise PermissionError(f"other users have access to {folder}; chmod 700 it, or remove it")
+    return folder
 
 
 def remove(port: int, info: ServerInfo, kind: str = SERVER) -> None:

@@ -12,10 +12,11 @@ import click
 from executive.api import ADDRESS, NATS_PORT, POOL
 from executive.code_table import exit_status
 
-from .settings import ABOVE_0, PATH, Url, Whole, local_server, option
+from .settings import ABOVE_0, PATH, Url, Whole, option
 from .support.command_group import CommandGroup
 from .support.names import TASK, check_goal_id
 from .support.options import set_option
+from .support.own_arms import local_server
 from .terminal.streams import LogFormatter, echo, echo_result
 
 if TYPE_CHECKING:

@@ -8,9 +8,10 @@ import click
 
 from executive.api.codes import INTERRUPTED_EXIT
 
-from .settings import Whole, local_server, option
+from .settings import Whole, option
 from .support.command_group import command
 from .support.options import robot_option
+from .support.own_arms import local_server
 from .support.process import end_process
 from .terminal.streams import echo
 

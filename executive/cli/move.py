@@ -222,13 +222,11 @@ def _where_lines(found: "Where", source: str) -> Sequence[str]:
 def stop(server: str | None, as_json: bool) -> None:
     """Stop the arm at once, and cancel all goals.
 
-    Without --server, stops the arms of all your servers on this machine; if you have none, that of
-    the server at the default port, even another user's. It is not an emergency stop: keep a switch
-    for the power within reach. A task of `armtree run` is stopped by Ctrl-C.
+    Without --server, stops all your arms on this machine: those of servers, and those of run, move,
+    home, jog, teach, teleop and replay, which then end. If you have none, stops that of the server
+    at the default port, even another user's. A Python program is stopped by Ctrl-C. It is not an
+    emergency stop: keep a switch for the power within reach.
     """
-    from executive.api.token_file import running
-
     from .support.server_requests import stop_all
 
-    urls = [server] if server else [info.url for info in running()]
-    sys.exit(stop_all(urls, as_json))
+    sys.exit(stop_all(server, as_json))

@@ -8,9 +8,10 @@ import click
 
 from executive.api.codes import INTERRUPTED_EXIT
 
-from .settings import local_server, option
+from .settings import option
 from .support.command_group import command
 from .support.options import robot_option
+from .support.own_arms import local_server
 from .terminal.streams import echo
 
 

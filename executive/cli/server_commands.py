@@ -11,10 +11,11 @@ import click
 
 from executive.code_table import exit_status
 
-from .settings import Whole, local_server, option
+from .settings import Whole, option
 from .support.command_group import command, diagnostics
 from .support.names import RECORDING, TASK, check_goal_id, complete_node
 from .support.options import pose_option, robot_option, set_option
+from .support.own_arms import local_server
 from .terminal.streams import echo, echo_result
 
 if TYPE_CHECKING:

@@ -13,6 +13,7 @@ from executive.api.events import Where
 from executive.cli.support.failures import Refusal
 from executive.cli.support.interrupts import Interrupts
 from executive.cli.support.log_handler import recorded_log
+from executive.cli.support.own_arms import stoppable
 from executive.cli.support.process import raise_priority
 from executive.cli.terminal.keyboard import key_by_key
 from executive.cli.terminal.streams import echo
@@ -61,6 +62,7 @@ def run_jog(
     # The shell must not get keys that are typed while the arm stops and the recording is closed.
     with (
         Interrupts() as interrupts,
+        stoppable(echo),
         key_by_key() as keys,
         _arm(server, options) as (port, arm, note),
     ):

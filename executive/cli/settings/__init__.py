@@ -11,7 +11,6 @@ from .option import (
     SETTINGS_SECTION as SETTINGS_SECTION,
     F as F,
     find_setting as find_setting,
-    local_server as local_server,
     option as option,
 )
 from .rows import SETTINGS as SETTINGS, environment_name as environment_name

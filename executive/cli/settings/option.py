@@ -81,9 +81,3 @@ def find_setting(ctx: click.Context, name: str) -> tuple[Any, str]:
     if source is ParameterSource.ENVIRONMENT:
         return found, environment_name(name)
     return found, configured(ctx)[name].place if source is ParameterSource.DEFAULT_MAP else ""
-
-
-def local_server() -> str:
-    """Return the URL of a server on this machine at the port of the settings."""
-    port, _ = find_setting(click.get_current_context(), "tcp_port")
-    return f"http://localhost:{port}"

@@ -1,4 +1,4 @@
-"""Handles SIGINT, SIGTERM, SIGHUP and SIGTSTP during a run."""
+"""Handles SIGINT, SIGTERM, SIGHUP, SIGTSTP and the signal of `armtree stop` during a run."""
 
 import os
 import signal
@@ -17,6 +17,7 @@ from .process import end_process
 T = TypeVar("T")
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+STOP = signal.SIGUSR1  # of `armtree stop`; cancels the run, and never ends the process
 CANCELING = "Canceling: the arm stops. Another Ctrl-C ends this command at once."
 _END = 0  # not the number of a signal
 _LAST_WORDS = (
@@ -27,6 +28,8 @@ _LAST_WORDS = (
 
 class Interrupts:
     """The first signal cancels the run. The second one ends the process. Ctrl-Z suspends it.
+
+    `STOP` cancels it as often as it comes.
 
     One thread reads the signals from a pipe, and another one cancels. Therefore the second signal
     works even if the cancel or the main thread does not return.
@@ -47,9 +50,10 @@ class Interrupts:
         self._wakeup = signal.set_wakeup_fd(self._writer, warn_on_full_buffer=False)
         self._handlers: dict[signal.Signals, Any] = {
             number: signal.signal(number, _do_nothing)
-            for number in _SIGNALS
+            for number in (*_SIGNALS, STOP)
             if not _hangup_ignored(number)
         }
+        self._handlers[STOP] = signal.SIG_IGN  # one that comes late must not kill the process
         self._handlers[signal.SIGTSTP] = signal.signal(signal.SIGTSTP, suspend)
         self._thread = RealClock().spawn(self._handle_signals, "signals")
         return self
@@ -90,12 +94,14 @@ class Interrupts:
     def _handle_signals(self) -> None:
         while (number := os.read(self._reader, 1)[0]) != _END:
             if number in _SIGNALS and number in self._handlers:
-                self._interrupt()
+                if self._canceled:
+                    last_words(self._last)
+                    end_process(INTERRUPTED_EXIT)
+                self._start_cancel()
+            elif number == STOP and not self._canceled:
+                self._start_cancel()
 
-    def _interrupt(self) -> None:
-        if self._canceled:
-            last_words(self._last)
-            end_process(INTERRUPTED_EXIT)
+    def _start_cancel(self) -> None:
         with self._lock:
             self._canceled = True
             if self._cancel:

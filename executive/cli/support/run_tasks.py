@@ -32,6 +32,7 @@ from trees.compile.arguments import read_arguments
 from .failures import Refusal
 from .interrupts import CANCELING, Interrupts
 from .log_handler import recorded_log
+from .own_arms import stoppable
 from .process import raise_priority
 
 
@@ -61,6 +62,7 @@ def execute(
     """
     raise_priority()
     with Interrupts() as interrupts, view_for(as_json, verbose) as view, ExitStack() as stack:
+        stack.enter_context(stoppable(view.put))
         try:
             arguments = read_arguments(settings, [number_of(task) for task in tasks])
             executive = stack.enter_context(

@@ -4,6 +4,7 @@ import dataclasses
 import json
 import re
 import shlex
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -15,18 +16,20 @@ from click.core import ParameterSource
 from executive.api import token_file
 from executive.api.events import Status, Where
 from executive.api.outcome import CancelCode, CancelResult
-from executive.cli.settings import configured, environment_name, local_server
+from executive.cli.settings import configured, environment_name
 from executive.cli.terminal.streams import echo
 from executive.client.synchronous import Client
-from executive.errors import ClientError
+from executive.errors import ClientError, NotEnded, NothingToStop, ServerUnreachable
 from logs import goal_title
 
 from .failures import Refusal, print_error
+from .own_arms import own_runs, running_server, server_at_port
 
 if TYPE_CHECKING:
     from hardware import Robot
 
 _QUESTION_ID = re.compile("[0-9a-f]{8}")
+_LONGEST_END = 10.0  # longest time in which a stopped command completes its recording [s]
 _NO_QUESTION = "there is no open question"
 
 
@@ -44,10 +47,7 @@ def find_server(server: str | None) -> str | None:
     if not server:
         if context.get_parameter_source("port") is ParameterSource.COMMANDLINE:
             return None
-        found = [info.url for info in token_file.running()]
-        if len(found) > 1:
-            raise Refusal(f"several servers run; give --server URL: {', '.join(found)}")
-        server = found[0] if found else None
+        server = running_server()
     if server and (given := context.params.get("robot")):
         from hardware import load_robot  # a stop does not need this import
 
@@ -97,12 +97,45 @@ def holds(held: Mapping[str, Any], robot: "Robot") -> bool:
     return held["name"] == robot.name and joints >= {joint.name for joint in robot.joints}
 
 
-def stop_all(urls: Sequence[str], as_json: bool) -> int:
+def stop_all(server: str | None, as_json: bool) -> int:
+    """Stop arms at the same time, and print the result of each.
+
+    Args:
+        server: URL of the server whose arm is stopped. None for all arms of this user on this
+            machine: of servers, and of commands such as `armtree run`. Without any, the arm of
+            the server at the port of the settings is stopped, even another user's.
+        as_json: True to print JSON.
+
+    Returns:
+        The exit status: 0 if all have stopped.
+    """
+    if server:
+        return _stop_servers([server], as_json)
+    with own_runs() as runs:
+        deadline = time.monotonic() + _LONGEST_END
+        for run in runs:
+            run.stop()
+        urls = [info.url for info in token_file.running()]
+        if not (runs or urls):
+            return _stop_servers([server_at_port()], as_json, own=False)
+        status = _stop_servers(urls, as_json)
+        for run in runs:
+            if not run.wait(deadline):
+                status = print_error(NotEnded(f"{run.command} (process {run.pid})"))
+            elif as_json:
+                echo(json.dumps({"command": run.command, "process": run.pid}))
+            else:
+                echo(f"Stopped the arm of {run.command} (process {run.pid}), which has ended")
+    return status
+
+
+def _stop_servers(urls: Sequence[str], as_json: bool, own: bool = True) -> int:
     """Stop the arms of servers at the same time, and print the result of each.
 
     Args:
-        urls: URLs of the servers; empty for the one at the port of the settings.
+        urls: URLs of the servers.
         as_json: True to print JSON.
+        own: False if this user has started no server.
 
     Returns:
         The exit status: 0 if all have stopped.
@@ -113,11 +146,12 @@ def stop_all(urls: Sequence[str], as_json: bool) -> int:
             try:
                 return client.url, client.stop()
             except ClientError as error:
-                return client.url, error
+                nothing = isinstance(error, ServerUnreachable) and not own
+                return client.url, NothingToStop() if nothing else error
 
     status = 0
     with ThreadPoolExecutor(len(urls) or 1, "stop") as threads:
-        for url, answer in threads.map(stop, urls or [local_server()]):
+        for url, answer in threads.map(stop, urls):
             if isinstance(answer, ClientError):
                 status = print_error(answer)
             elif as_json:
@@ -125,7 +159,7 @@ def stop_all(urls: Sequence[str], as_json: bool) -> int:
             else:
                 canceled = ", ".join(answer.goals)
                 done = f"canceled {canceled}" if canceled else "no goal was under way"
-                whose = "" if urls else ", which another user or session started"
+                whose = "" if own else ", which another user or session started"
                 echo(f"Stopped the arm of {url}{whose}; {done}")
     return status
 

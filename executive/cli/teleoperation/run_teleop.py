@@ -19,6 +19,7 @@ from executive.cli.jogging.run_jog import pose_words
 from executive.cli.support.failures import Refusal
 from executive.cli.support.interrupts import Interrupts
 from executive.cli.support.log_handler import recorded_log
+from executive.cli.support.own_arms import stoppable
 from executive.cli.support.process import raise_priority
 from executive.cli.support.run_tasks import server_with
 from executive.cli.support.server_requests import holds
@@ -73,6 +74,7 @@ def run_teleop(
     leader = HandGuidedArm(leading, leading.link(port))
     with (
         Interrupts() as interrupts,
+        stoppable(echo),
         key_by_key() as keys,
         open_executive(setup, leader=leader, report=echo) as executive,
         recorded_log(executive),

@@ -130,6 +130,29 @@ def test_stop_stops_every_server_of_this_machine(serve: Serve, folder: Path) -> 
     assert (status, json.loads(out)) == (0, {"server": url, "return_code": 0, "goals": []})
 
 
+def test_every_command_finds_the_only_server_of_this_user(serve: Serve, folder: Path) -> None:
+    """It need not listen on the default port."""
+    served = serve()
+    goal = served.executive.send(10).identity
+    assert f"          {goal}\n" in type_command(folder, "status")[1]
+    assert type_command(folder, "cancel", goal)[:2] == (0, f"canceling {goal}\n")
+    serve()
+    status, out, error = type_command(folder, "status")
+    assert (status, out) == (2, "")
+    assert "several servers run; give --server URL" in error
+
+
+def test_of_several_servers_the_setting_chooses_one(
+    serve: Serve, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    servers = [serve(), serve()]
+    for served in servers:
+        monkeypatch.setenv("ARMTREE_TCP_PORT", str(served.server.port))
+        assert f"by server {served.server.url}" in type_command(folder, "where")[1]
+    monkeypatch.setenv("ARMTREE_TCP_PORT", "9")
+    assert "several servers run" in type_command(folder, "status")[2]
+
+
 def test_a_stop_reports_the_server_that_does_not_answer(serve: Serve, folder: Path) -> None:
     serve()
     status, out, error = type_command(folder, "stop", "--server", "http://127.0.0.1:9")

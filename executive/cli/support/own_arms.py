@@ -1,0 +1,138 @@
+"""The arms that this user moves on this machine: of servers, and of commands such as `armtree run`.
+
+Each of these commands has a file in the runtime folder and locks it. The kernel releases the lock
+when the process ends, so a file whose lock is held belongs to the process that its name says.
+"""
+
+import fcntl
+import os
+import select
+import signal
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import click
+
+from executive.api import token_file
+from executive.cli.settings import find_setting
+
+from .failures import Refusal
+from .interrupts import STOP
+
+
+@dataclass(frozen=True, slots=True)
+class OwnRun:
+    """A command that moves an arm of its own.
+
+    Attributes:
+        pid: Its process id.
+        command: Its name, such as `armtree run`.
+        process: File descriptor of the process. It stays valid if the process id is used again.
+    """
+
+    pid: int
+    command: str
+    process: int
+
+    def stop(self) -> None:
+        """Tell the command to stop its arm and end."""
+        with suppress(ProcessLookupError):  # it has just ended
+            signal.pidfd_send_signal(self.process, STOP)
+
+    def wait(self, deadline: float) -> bool:
+        """Wait until the process has ended, at most until a monotonic time [s].
+
+        Returns:
+            True if it has ended.
+        """
+        left = max(deadline - time.monotonic(), 0.0)
+        return bool(select.select([self.process], [], [], left)[0])
+
+
+@contextmanager
+def stoppable(report: Callable[[str], None]) -> Iterator[None]:
+    """Let `armtree stop` find the current command during this context, inside of `Interrupts`.
+
+    Args:
+        report: Callback for a line if this is not possible.
+    """
+    with ExitStack() as stack:
+        try:
+            path = token_file.make_folder() / f"run-{os.getpid()}.lock"
+            new = path.with_suffix(".new")  # gets its name when it is locked
+            stream = stack.enter_context(new.open("w"))
+            stack.callback(new.unlink, missing_ok=True)
+            fcntl.lockf(stream, fcntl.LOCK_EX)
+            stream.write(click.get_current_context().command_path)
+            stream.flush()
+            new.rename(path)
+            stack.callback(path.unlink, missing_ok=True)
+        except OSError as error:
+            report(f"`armtree stop` cannot stop this command, only Ctrl-C can: {error}")
+        yield
+
+
+@contextmanager
+def own_runs() -> Iterator[list[OwnRun]]:
+    """Yield the commands of this user on this machine that move an arm of their own."""
+    with ExitStack() as stack:
+        try:
+            files = sorted(token_file.make_folder().glob("run-*.lock"))
+        except OSError:
+            files = []  # no command could make a file
+        yield [run for file in files if (run := _find(file, stack))]
+
+
+def _find(file: Path, stack: ExitStack) -> OwnRun | None:
+    """Return the command of a file, or None if it has ended."""
+    pid = int(file.stem.removeprefix("run-"))
+    try:
+        process = os.pidfd_open(pid)
+        stack.callback(os.close, process)
+        stream = stack.enter_context(file.open("r+"))
+    except OSError:  # the process or its file is gone
+        file.unlink(missing_ok=True)
+        return None
+    try:
+        fcntl.lockf(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:  # the process has the lock, so `process` is no later process with its id
+        return OwnRun(pid, stream.read(), process)
+    file.unlink(missing_ok=True)
+    return None
+
+
+def running_server() -> str | None:
+    """Return the URL of the only running server of this user, or None if none runs.
+
+    Of several, it is the one at the TCP port that the user has set.
+
+    Raises:
+        Refusal: Several servers run.
+    """
+    found = [info.url for info in token_file.running()]
+    if len(found) > 1:
+        port, place = find_setting(click.get_current_context(), "tcp_port")
+        chosen = [url for url in found if place and urlsplit(url).port == port]
+        if not chosen:
+            raise Refusal(f"several servers run; give --server URL: {', '.join(found)}")
+        found = chosen
+    return found[0] if found else None
+
+
+def server_at_port() -> str:
+    """Return the URL of a server on this machine at the port of the settings."""
+    port, _ = find_setting(click.get_current_context(), "tcp_port")
+    return f"http://localhost:{port}"
+
+
+def local_server() -> str:
+    """Return the URL of the running server of this user, else of a server at the set port.
+
+    Raises:
+        Refusal: Several servers run.
+    """
+    return running_server() or server_at_port()

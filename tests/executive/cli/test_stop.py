@@ -1,0 +1,93 @@
+"""`armtree stop` while another process of this user moves an arm of its own."""
+
+import json
+import os
+import signal
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from executive.cli.support import server_requests
+from tests.end_to_end.test_command_line import robot, start
+from tests.support.command_line.pseudo_terminal import PseudoTerminal
+from tests.support.command_line.typed import typed
+
+pytestmark = pytest.mark.slow
+
+__all__ = ["robot"]
+
+
+@pytest.fixture
+def run(
+    tmp_path: Path, robot: Path, monkeypatch: pytest.MonkeyPatch
+) -> Iterator["subprocess.Popen[str]"]:
+    """A run in the middle of its first motion."""
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    with start(tmp_path, "run", "1", "--port", "virtual", "--robot", str(robot), "--json") as run:
+        assert run.stdout
+        while json.loads(run.stdout.readline())["event"] != "sent":
+            pass
+        yield run
+        run.kill()
+
+
+def test_stop_cancels_a_run_and_waits_for_its_end(
+    run: "subprocess.Popen[str]", tmp_path: Path
+) -> None:
+    status, out, error = typed(tmp_path, "stop")
+    assert (status, error) == (0, "")
+    stopped = f"Stopped the arm of armtree run (process {run.pid}), which has ended\n"
+    assert out == stopped
+    printed, _ = run.communicate(timeout=60)
+    outcome = json.loads(printed.splitlines()[-1])
+    assert (run.returncode, outcome["code"]) == (7, "goal.canceled")
+    assert not list((tmp_path / "armtree").iterdir())
+    assert typed(tmp_path, "stop")[0] == 13
+
+
+def test_stop_says_that_a_run_does_not_end(
+    run: "subprocess.Popen[str]", tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A second stop does not end it at once, so its recording is complete in the end."""
+    monkeypatch.setattr(server_requests, "_LONGEST_END", 0.1)
+    run.send_signal(signal.SIGSTOP)
+    os.waitid(os.P_PID, run.pid, os.WSTOPPED)
+    for _ in range(2):
+        status, out, error = typed(tmp_path, "stop")
+        assert (status, out) == (8, "")
+        assert f"armtree run (process {run.pid}) was told to stop, but has not ended" in error
+    run.send_signal(signal.SIGCONT)
+    typed(tmp_path, "stop")
+    printed, _ = run.communicate(timeout=60)
+    assert json.loads(printed.splitlines()[-1])["code"] == "goal.canceled"
+
+
+def test_stop_signals_no_process_but_a_run(run: "subprocess.Popen[str]", tmp_path: Path) -> None:
+    """The id of a killed run may be that of another process later."""
+    (file,) = (tmp_path / "armtree").iterdir()
+    run.kill()
+    run.wait()
+    with subprocess.Popen(["cat"], stdin=subprocess.PIPE) as other:
+        later = file.rename(file.with_stem(f"run-{other.pid}"))
+        status, out, error = typed(tmp_path, "stop")
+        assert (status, out) == (13, "")
+        assert "nothing was stopped: no armtree command and no server of yours runs" in error
+        assert not later.exists()
+        assert other.poll() is None
+        other.communicate()
+    assert other.returncode == 0
+
+
+def test_stop_ends_a_jog(tmp_path: Path, robot: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    jog = ["jog", "--port", "virtual", "--robot", str(robot)]
+    with PseudoTerminal(tmp_path, *jog) as terminal:
+        terminal.until("The first step opens the port")
+        status, out, _ = typed(tmp_path, "stop", "--json")
+        said = json.loads(out)
+        assert (status, said["command"]) == (0, "armtree jog")
+        status, printed = terminal.end()
+    assert status == 130
+    assert "The arm holds at" in printed
