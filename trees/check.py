@@ -27,6 +27,7 @@ from .compile.arguments import wrong
 from .compile.compiler import CompiledTree, TreeCompiler
 from .compile.data_flow import short_name
 from .compile.port_types import declarations, known_skills
+from .declarations import Declaration
 from .errors import FileError, Mistake, Place, TreeError
 from .reading.document import Located, StandIn, nested
 from .reading.grammar import PosesFile
@@ -130,10 +131,18 @@ def _how_to_add(name: str) -> str:
     """Return the skills that add a body, and the text of the first one."""
     kinds = {n: kind for n, kind in known_skills().items() if kind.world_change is WorldChange.ADDS}
     first, *others = kinds
-    ports = {port: "…" for port, each in declarations(kinds[first]).items() if each.needed}
+    declared = declarations(kinds[first]).items()
+    ports = {port: _example(each) for port, each in declared if each.needed}
     written = ", ".join(f"{port}: {value}" for port, value in (ports | {"body": name}).items())
     more = f"; or with {', '.join(others)}" if others else ""
-    return f": add it above, such as with {first}: {{{written}}}{more}"
+    return f": add it above, such as with {first}: {{{written}}}, with its own numbers{more}"
+
+
+def _example(declared: Declaration) -> str:
+    """Return an example value: of three lengths, only a size has a least value."""
+    if declared.type != "list of length":
+        return "…"
+    return "[12 cm, 10 cm, 2 cm]" if declared.least is None else "[4 cm, 4 cm, 4 cm]"
 
 
 def _names_body(library: Library, name: str, but: Path) -> bool:

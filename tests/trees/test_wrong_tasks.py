@@ -42,7 +42,7 @@ WRONG = [
      "with: {joints: {joint_1: 20 deg}}", f"      {MOVE}"),
     ("gripper: open", "gripper: {joint_4: -0.3, joint_5: -0.3}", "7:53 joint_5 = "
      "-17.189 deg contradicts joint_4 = -17.189 deg; it follows, as -1 times joint_4: leave "
-     "joint_5 out", ""),
+     "joint_5 out", "      with: {arm: upright, gripper: {joint_4: -0.3}}"),
     ("arm: upright", "arm: open", "7:19 the arm has joint_1, joint_2, joint_3, not "
      "joint_4", ""),
     (REACH, "with: upright", "7:13 subtree reach needs the names of its ports: write with: {arm: "
@@ -85,7 +85,8 @@ NODES = [
      "a time above 1.71 s", "      after: 3 s"),
     ("Attach: {body: cube, link: claw_support}", "10:22 no node before this adds a body cube: "
      "add it above, such as with AddBox: {body: cube, "
-     "position: …, size: …}; or with AddSphere, AddCylinder", ""),
+     "position: [12 cm, 10 cm, 2 cm], size: [4 cm, 4 cm, 4 cm]}, with its own numbers; "
+     "or with AddSphere, AddCylinder", ""),
     ("AddBox: {body: b, size: [10, 10, 10], position: [20 cm, 0, 0]}", "10:31 AddBox: size 10 m "
      "is far beyond the reach of this arm, 0.26 m; did you mean [10 mm, 10 mm, 10 mm]?",
      "    - AddBox: {body: b, size: [10 mm, 10 mm, 10 mm], position: [20 cm, 0, 0]}"),

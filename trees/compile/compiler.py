@@ -33,7 +33,7 @@ from .port_types import (
     writers_of,
 )
 from .scope import Scope, resolve
-from .skill_hooks import SkillHooks
+from .skill_hooks import SkillHooks, named_port
 from .sources import Sources
 from .unknown_skill import is_nothing, meant, why_unknown
 from .values_by_port import as_mapping, as_subtree, by_port, with_port
@@ -351,7 +351,8 @@ class TreeCompiler:
         kind = self._skills.get(spec.skill)
         if kind is None:
             subtrees = self._library.subtrees()
-            name = meant(spec, self._skills, subtrees) if spec.skill else ""
+            poses = self._sources.poses
+            name = meant(spec, self._skills, subtrees, poses) if spec.skill else ""
             if name in subtrees:
                 return self._node(self._as_subtree(spec, name, shown), scope)
             if name in self._skills:
@@ -416,7 +417,7 @@ class TreeCompiler:
                 writers = writers_of(port, wanted)
                 types[port] = self._keys.read(value, wanted.type, what, self._mistakes, writers)
             elif value is not None:
-                fitted = self._fit(value, wanted, what)
+                fitted = self._fit(value, wanted, named_port(value.place, spec.skill, port))
                 inputs[port] = REFUSED if fitted is None else port_value(fitted)
                 literal = type_of(inputs[port]) if wanted.type == ANY else wanted.type
                 types[port] = value.declared or literal

@@ -1,5 +1,6 @@
 """Calls of skills' hooks before a run. An error in a hook affects only its own node."""
 
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ from skills import Context, Skill, SkillBroken, SkillError, known_errors
 from skills.motion import Body, MotionError, ToolQuery, shown
 from trees.errors import Correction, Mistake, Place
 from trees.reading.document import Located
+from trees.reading.lines import left_out
 from trees.reading.literals import in_other_unit, in_smaller_units
 
 from .leaf import Leaf
@@ -48,11 +50,23 @@ class RefusedInput:
     @property
     def mistake(self) -> Mistake:
         """The refusal, as a mistake in a file."""
-        # A skill inside a subtree has no name here, because the user did not write it.
-        _, subtree, within = f"{self.place.location}.".rpartition(".with.")
-        inside = subtree and f".{self.kind}." not in within
+        inside = port_of_subtree(self.place, self.kind)
         words = str(self.error) if inside else f"{self.kind}: {self.error}"
         return Mistake(self.place, words, self.instead)
+
+
+def port_of_subtree(place: Place, skill: str) -> str:
+    """Return the port of a subtree that has a value; empty if the value is written at the skill.
+
+    A skill inside a subtree has no name in messages, because the user did not write it.
+    """
+    _, subtree, within = f"{place.location}.".rpartition(".with.")
+    return re.split(r"[.[]", within)[0] if subtree and f".{skill}." not in within else ""
+
+
+def named_port(place: Place, skill: str, port: str) -> str:
+    """Return the name for a port of a skill in messages about a value."""
+    return port_of_subtree(place, skill) or f"{skill}.{port}"
 
 
 class SkillHooks:
@@ -100,6 +114,10 @@ class SkillHooks:
                 step = fault.location[-1] if isinstance(fault, SkillError) else ""
                 there = place.replaced(str(step), name)
                 instead = there or place.replaced(str(value.value), name)
+            if value and str(fault).endswith(
+                f"leave {value.label.location.rpartition('.')[2]} out"
+            ):
+                instead = left_out(place)
             if value and (units := _in_smaller_unit(leaf, robot, inputs, fault)):
                 unit, near = units
                 old, right = value.place.brackets or str(value.value), _with_unit(value, near)

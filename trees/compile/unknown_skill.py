@@ -9,11 +9,20 @@ from trees.reading.document import Located
 from trees.reading.node_parser import synonyms
 from trees.reading.specs import SkillNode, Value
 
+_TO_POSE = "move_joints"  # shipped subtree that moves to a pose
 
-def meant(spec: SkillNode, skills: Mapping[str, type[Skill]], subtrees: Collection[str]) -> str:
+
+def meant(
+    spec: SkillNode,
+    skills: Mapping[str, type[Skill]],
+    subtrees: Collection[str],
+    poses: Collection[str],
+) -> str:
     """Return the likely skill, kind of node or subtree for an unknown name; empty if unclear."""
     value = spec.ports.get("")
     text = value.value if isinstance(value, Located) else None
+    if text in poses and _TO_POSE in subtrees and _TO_POSE.startswith(f"{spec.skill}_"):
+        return _TO_POSE
     if isinstance(text, str) and (name := closest(f"{text}_{spec.skill}", subtrees, 0.85)):
         return name  # such as `gripper: open`
     if len([name for name in subtrees if name.startswith(f"{spec.skill}_")]) > 1:

@@ -60,7 +60,7 @@ def by_port(
         wrong(place, f"a colon separates `{ports[0]}` from its value, not `=`", right)
         return {ports[0]: replace(value, value=pair[1])}
     if "" in given:
-        wrong(place, why, place.replaced(written, wanted))
+        wrong(place, why, place.replaced(written, wanted) or place.replaced(text, wanted))
         return {ports[0]: value}
     # Place of the bracket, if there is one.
     before = replace(value.label, column=value.label.column - 1)

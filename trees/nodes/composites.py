@@ -105,6 +105,7 @@ class SequenceKind(_InTurn):
     """Runs its children one after the other, until one fails."""
 
     name = "sequence"
+    synonyms = ("steps", "actions")
     with_memory, reactive = composites.Sequence, ReactiveSequence
     groot_tag = "Sequence"
 

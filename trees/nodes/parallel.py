@@ -72,6 +72,7 @@ class ParallelKind(ControlNodeKind):
     """Runs its children at the same time."""
 
     name = "parallel"
+    synonyms = ("concurrent", "together")
     options = {
         "policy": Declaration(
             "text",

@@ -17,7 +17,7 @@ from trees.errors import Correction, FileError, Mistake, Mistakes
 
 from .document import Located, NotYaml, draft_document, names_within, nested
 from .literals import fit, measured
-from .node_parser import NodeParser
+from .node_parser import NodeParser, synonyms
 from .repairs import repairing
 from .specs import ControlNode, Key, SkillNode, SubtreeNode, TreeNode, Value
 
@@ -278,15 +278,22 @@ class _Parser:
             key: value
             for key, value in values.items()
             if self.nodes.is_control(key)
+            or _listed_kind(key, value)
             or (head == "poses" and isinstance(value.value, dict) and key not in known)
         }
-        if not below or corrections(values, (head,)):
+        (first, *_) = below or [""]
+        kind = _listed_kind(first, below[first]) if first else ""
+        if not below or (corrections(values, (head,)) and not kind):
             return values
-        (first, *_) = below
         label = below[first].label
-        self._wrong(label, f"{first} must be below the key {head}", self._below(head, below))
+        why, right = f"{first} must be below the key {head}", self._below(head, below)
+        if kind:
+            why += f", as {kind}"
+            right = right and replace(right, text=right.text.replace(first, kind, 1))
+        self._wrong(label, why, right)
         rest = {key: value for key, value in values.items() if key not in below}
-        return {**rest, head: Located(label, below, label)}
+        inner = {kind if kind and key == first else key: each for key, each in below.items()}
+        return {**rest, head: Located(label, inner, label)}
 
     def _below(self, head: str, below: Mapping[str, Located]) -> Correction | None:
         """Return the lines of adjacent keys, indented below another key."""
@@ -491,6 +498,11 @@ def _type_of(value: Located) -> str:
     """Return the type of a number, a quantity or a boolean; else an empty text."""
     kinds = {int: "integer", float: "number", bool: "boolean"}
     return measured(value) or kinds.get(type(value.value), "")
+
+
+def _listed_kind(key: str, value: Located) -> str:
+    """Return the kind of control node that a key above a list means; empty if it means none."""
+    return synonyms().get(key, "") if isinstance(value.value, list) else ""
 
 
 def _values(node: TreeNode) -> Iterator[Value]:

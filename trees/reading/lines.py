@@ -54,6 +54,19 @@ def added_below(place: Place, line: str) -> Correction | None:
     return Correction(text, place.line + len(old), 0) if old else None
 
 
+def left_out(place: Place) -> Correction | None:
+    """Return the line without the key at a place of a mapping in braces, and without its value."""
+    line = place.lines[place.line - 1] if 0 < place.line <= len(place.lines) else ""
+    before, after = line[: place.column - 1].rstrip(), line[place.column - 1 :]
+    value = re.match(r"\w+: [^][{},#]+(, *)?", after)
+    if value is None or not before.endswith((",", "{")):
+        return None
+    if before.endswith(",") and not value[1]:
+        before = before[:-1]
+    rest = after[value.end() :]
+    return Correction(before + (" " if before.endswith(",") else "") + rest, place.line)
+
+
 def as_mapping(value: Located) -> Correction | None:
     """Return a list of mappings as one mapping."""
     items = value.value if isinstance(value.value, list) else []

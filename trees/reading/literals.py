@@ -18,6 +18,7 @@ from .lines import as_mapping
 _NUMBER = r"([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)"
 _PRODUCT = re.compile(rf"([-+]?)(?:{_NUMBER}|pi) ?([*/]) ?(?:{_NUMBER}|pi)( ?[a-z]+)?")
 _QUANTITY = re.compile(rf"{_NUMBER} ?([A-Za-z\xb0]\S*)")
+_WIDTH = re.compile(rf"{_NUMBER} ?(mm|cm|m)")
 _PYTHON: Mapping[str, tuple[type, ...]] = {
     "integer": (int,),
     "boolean": (bool,),
@@ -270,19 +271,7 @@ def _positions(
     value: Located, poses: Mapping[str, Mapping[str, float]], wrong: Wrong
 ) -> dict[str, float | StandIn] | None:
     if isinstance(value.value, str):
-        if value.value in poses:
-            return dict(poses[value.value]) or None  # an empty pose is wrong and already reported
-        near = closest(value.value, poses)
-        there = f"no pose {value.value}; {there_are(value.value, poses)}"
-        # The form of `armtree move`.
-        if pairs := re.findall(r"(\w+) ?[=:] ?([^\s,=:]+)", value.value):
-            near = f"{{{', '.join(f'{joint}: {position}' for joint, position in pairs)}}}"
-            there = f"joint values are a mapping; write {near}"
-        instead = value.place.replaced(value.value, near)
-        if value.value == _HOME:
-            there += "; `armtree pose save home` saves the one of `armtree home`"
-        wrong(value.place, there, instead)
-        return None
+        return _pose(value, value.value, poses, wrong)
     items = value.value if isinstance(value.value, list) else []
     if items and all(str(item.value) in poses for item in items):
         names = " and ".join(str(item.value) for item in items)
@@ -307,6 +296,29 @@ def _positions(
         joint: _number(item, "angle", wrong, finite=False) for joint, item in value.value.items()
     }
     return {joint: REFUSED if number is None else number for joint, number in fitted.items()}
+
+
+def _pose(
+    value: Located, name: str, poses: Mapping[str, Mapping[str, float]], wrong: Wrong
+) -> dict[str, float | StandIn] | None:
+    if name in poses:
+        return dict(poses[name]) or None  # an empty pose is wrong and already reported
+    near = closest(name, poses)
+    there = f"no pose {name}; {there_are(name, poses)}"
+    if width := _WIDTH.fullmatch(name):
+        there = (
+            "a task takes the joint of the gripper, not its width: write the angle that "
+            f"`armtree plan width={width[1]}{width[2]}` prints, such as {{joint_4: -12 deg}}"
+        )
+    # The form of `armtree move`.
+    if pairs := re.findall(r"(\w+) ?[=:] ?([^\s,=:]+)", name):
+        near = f"{{{', '.join(f'{joint}: {position}' for joint, position in pairs)}}}"
+        there = f"joint values are a mapping; write {near}"
+    instead = value.place.replaced(name, near)
+    if name == _HOME:
+        there += "; `armtree pose save home` saves the one of `armtree home`"
+    wrong(value.place, there, instead)
+    return None
 
 
 def _no_angles(

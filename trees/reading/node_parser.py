@@ -9,6 +9,7 @@ from hardware.spelling import corrections, did_you_mean, there_are
 from trees.errors import Correction, Mistakes, Place
 
 from .document import Located, names_within, nested
+from .foreign_loops import EXAMPLES, is_amount, read_loop
 from .lines import added_below, as_mapping, block, key_block, replaced_block
 from .specs import ControlNode, Key, SkillNode, SubtreeNode, TreeNode, Value
 
@@ -19,10 +20,7 @@ MAX_NUMBER = 2**31 - 1
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 _WORDS = re.compile(r"[a-z]+( [a-z]+)+")
-_EXAMPLES = {"integer": "3", "duration": "1 s"}  # example values of an option, by type
 _FILES = {"subtree": ("with", "name"), "task": ("with", "name")}
-
-_AMOUNT = re.compile(r"[0-9.]+ ?([a-z]+)?")
 
 
 class NodeParser:
@@ -48,7 +46,10 @@ class NodeParser:
         keys = nested(value)
         heads = [key for key in keys if key in _heads()]
         rest = [key for key in keys if key != "name"]
-        whole = len(heads) == 1 and heads[0] in _kinds() and not _is_amount(keys[heads[0]])
+        whole = len(heads) == 1 and heads[0] in _kinds() and not is_amount(keys[heads[0]])
+        if keys and (loop := read_loop(value.place, keys, _kinds())):
+            self._wrong(value.place, loop.why, loop.right)
+            return self._headed(value.place, loop.kind, loop.keys)
         if not whole and (counted := self._counted(value, keys)):
             return counted
         if len(heads) == 1:
@@ -79,7 +80,7 @@ class NodeParser:
         words = {**{kind: kind for kind in _kinds()}, **synonyms(), **_option_kinds()}
         for word, item in keys.items():
             kind = words.get(word, "")
-            if not kind or _kinds()[kind].many or not _is_amount(item):
+            if not kind or _kinds()[kind].many or not is_amount(item):
                 continue
             option, *options = _kinds()[kind].options
             beside = {key: each for key, each in keys.items() if key in options}
@@ -194,7 +195,7 @@ class NodeParser:
         options = {key: self.wired(keys[key]) for key in known.options if key in keys}
         for option, declared in known.options.items():
             if declared.needed and option not in keys:
-                example = _EXAMPLES.get(declared.type, "…")
+                example = EXAMPLES.get(declared.type, "…")
                 why = f"{kind} needs {option}: {declared.description}; write it below, in the"
                 right = added_below(place, f"{option}: {example}")
                 self._wrong(place, f"{why} column of {kind}", right)
@@ -219,7 +220,7 @@ class NodeParser:
         return {**keys, **lost, kind: replace(keys[kind], value=left)} if lost else keys
 
     def _children(self, kind: str, inner: Located) -> tuple[TreeNode, ...]:
-        if _kinds()[kind].only_asks and _is_amount(inner):
+        if _kinds()[kind].only_asks and is_amount(inner):
             from skills import wait_node  # slow; only for a mistake
 
             wait = wait_node(inner.as_yaml())
@@ -359,10 +360,15 @@ def _beside() -> set[str]:
 
 def _likely(words: Collection[str]) -> dict[str, str]:
     """Return the likely first keys of nodes for unknown words."""
-    lower = [word for word in words if not word[:1].isupper() or word.lower() in _heads()]
-    return corrections(lower, _heads()) or {
-        word: kind for word, kind in synonyms().items() if word in words
-    }
+    named = {word: kind for word, kind in synonyms().items() if word in words}
+    own = _beside()
+    lower = [word for word in words if word not in own and _is_lower(word)]
+    return named or corrections(lower, _heads())
+
+
+def _is_lower(word: str) -> bool:
+    """Return True if a word is no name of a skill."""
+    return not word[:1].isupper() or word.lower() in _heads()
 
 
 def synonyms() -> dict[str, str]:
@@ -373,13 +379,6 @@ def synonyms() -> dict[str, str]:
 def _option_kinds() -> dict[str, str]:
     """Return the kinds of control nodes by their first option."""
     return {next(iter(kind.options)): name for name, kind in _kinds().items() if kind.options}
-
-
-def _is_amount(value: Located) -> bool:
-    """Return True if a value is a number, with or without a unit."""
-    plain = value.value
-    number = isinstance(plain, int | float) and not isinstance(plain, bool)
-    return number or (isinstance(plain, str) and _AMOUNT.fullmatch(plain) is not None)
 
 
 def is_number(value: object) -> TypeGuard[int]:
