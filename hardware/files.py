@@ -43,13 +43,23 @@ def write_file(path: Path, data: bytes) -> None:
     """Replace the content of a file atomically. A crash leaves the old or the new content.
 
     Args:
-        path: The file. It need not exist. A symbolic link stays, and its target is replaced.
+        path: The file. It need not exist. A symbolic link stays, and its target is replaced. A pipe
+            or a device is written.
         data: The new content.
 
     Raises:
-        OSError: The file cannot be written. It is unchanged.
+        OSError: The file cannot be written. It is unchanged. `filename` is its path.
     """
-    path = path.resolve()
+    try:
+        _write(path.resolve(), data)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(path)) from error
+
+
+def _write(path: Path, data: bytes) -> None:
+    if path.exists() and not path.is_file():
+        path.write_bytes(data)
+        return
     new = path.with_name(f".{path.name}.{os.getpid()}")
     try:
         with new.open("wb") as stream:

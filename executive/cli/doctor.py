@@ -95,6 +95,7 @@ def doctor(
 def _write_report(path: Path, checks: "list[Check]", ports: "list[SerialPort]") -> None:
     """Write the results to a JSON file. Raises OSError if this fails."""
     from executive.recording.versions import versions
+    from hardware import write_file
 
     found = {
         "armtree_report": 1,
@@ -105,7 +106,7 @@ def _write_report(path: Path, checks: "list[Check]", ports: "list[SerialPort]") 
         "checks": [asdict(check) for check in checks],
         "serial_ports": [asdict(port) for port in ports],
     }
-    path.write_text(json.dumps(found, indent=2) + "\n")
+    write_file(path, f"{json.dumps(found, indent=2)}\n".encode())
 
 
 def _given(context: click.Context, *names: str) -> Iterator[str]:

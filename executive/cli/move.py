@@ -114,7 +114,7 @@ def home(speed: float) -> "Move":
     """Move to the home of the robot.
 
     That is the pose `home` of your poses.yaml. Without one, the robot file says which pose, and
-    without that it is the boot pose.
+    without that it is the start pose.
     """
     from executive.api.move import HOME, Move
 

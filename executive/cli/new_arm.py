@@ -78,7 +78,7 @@ def new_arm(
     Example:
       armtree new-arm so101.urdf
     """  # noqa: D301
-    from hardware import load_robot, shipped_robots
+    from hardware import load_robot, shipped_robots, write_file
     from hardware.description.new_robot import (
         UrdfUnusable,
         draft_robot,
@@ -115,7 +115,7 @@ def new_arm(
     boots = dict(zip((joint.name for joint in robot.actuated), allowed.boot, strict=True))
     moved = [replace(joint, boot=boots.get(joint.name, joint.boot)) for joint in robot.joints]
     robot = replace(robot, joints=tuple(moved))
-    output.write_text(robot_text(robot, output.parent, allowed.reasons))
+    write_file(output, robot_text(robot, output.parent, allowed.reasons).encode())
     robot = load_robot(output)
     saved = create_poses(robot, trees, allowed.poses, _SWAP) if allowed.poses else None
     for line in _report(robot, allowed, saved):
@@ -144,7 +144,7 @@ def _report(robot: "Robot", allowed: "AllowedPairs", saved: Path | None) -> list
         "gripper": ", ".join(robot.groups["gripper"]) or "none",
         "tool": robot.tool.link if robot.tool else "",
         "poses": f"{poses}, in {saved}" if saved else "none saved",
-        "boot pose": f"{pose}; {free}",
+        robot.firmware.words.start_pose: f"{pose}; {free}",
         "pairs": f"{allowed.count} of links; {len(allowed.reasons)} are not checked: {counts}",
     }
     return [

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from hardware import DISPLAY_UNITS
+from hardware import DISPLAY_UNITS, write_file
 from hardware.printable import plural, printable
 
 from .settings import PATH, Whole, option
@@ -178,7 +178,7 @@ def schema(trees: Path | None, robot: Path | None, output: Path | None) -> None:
 
     text = schema_text(load_library(trees, robot)[1])
     if output:
-        output.write_text(text)
+        write_file(output, text.encode())
         echo(output)
     else:
         echo(text, nl=False, whole=True)
@@ -259,7 +259,7 @@ def show(
 
         text = DRAWINGS[form](tree_of(subject), False)
     if output:
-        output.write_text(click.unstyle(text) + "\n")
+        write_file(output, f"{click.unstyle(text)}\n".encode())
         echo(output)
     else:
         shown = fit(text, sys.stdout) if form == "text" else printable(text)

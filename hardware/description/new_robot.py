@@ -52,7 +52,7 @@ _JOINT = """
 [joints.{key}]{pad}# {limits}
 velocity = {velocity:<19}# [{unit}/s]{note}
 acceleration = {acceleration:<15g}# [{unit}/s2]; a URDF has none
-boot = {boot:<23}# position when the board has booted [{unit}]
+boot = {boot:<23}# position in the start pose [{unit}]
 # wire = {{}}
 """
 _GRIPPER = """

@@ -103,7 +103,7 @@ class Robot:
         calibration: Its calibration file, or None if there is none.
         guards: Limits of what the board measures; unused if it measures nothing.
         links: Names of all links.
-        home: Target of `armtree home`: poses and JOINT=VALUE; empty for the boot pose.
+        home: Target of `armtree home`: poses and JOINT=VALUE; empty for the start pose.
         meshes: Files of meshes by their names in the URDF. Only for meshes that are not beside the
             URDF, as in a recording.
     """

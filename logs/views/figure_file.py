@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from hardware import write_file
 from logs.errors import RecordingError
 from logs.records.file_format import MAGIC
 
@@ -31,7 +32,7 @@ def save(figure: Figure, output: Path) -> None:
     FigureCanvasAgg(figure)
     image = BytesIO()  # savefig seeks, and a pipe cannot seek
     figure.savefig(image, format=output.suffix.lower()[1:] or "png")
-    output.write_bytes(image.getvalue())
+    write_file(output, image.getvalue())
 
 
 def widen(panel: Axes) -> None:

@@ -61,7 +61,8 @@ def test_a_file_is_replaced_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPa
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(OSError, match="No space left"):
+    with pytest.raises(OSError, match="No space left") as refused:
         write_file(file, b"newer")
+    assert refused.value.filename == str(file)
     assert file.read_bytes() == b"new"
     assert sorted(os.listdir(tmp_path)) == ["file", "link"]

@@ -39,10 +39,11 @@ def print_error(error: Exception) -> int:
         echo(shown.getvalue(), err=True, nl=False)
         return _print_json(cause_of(UsageError(error.format_message())), error)
     known = error
-    if isinstance(error, OSError) and error.filename:
+    if isinstance(error, OSError) and error.errno == errno.ENOSPC:
+        file = f"{error.filename}: " if error.filename else ""
+        known = FileUnusable(f"{file}the disk is full; make room, then try again")
+    elif isinstance(error, OSError) and error.filename:
         known = FileUnusable(f"{error.filename}: {error.strerror}; check the path")
-    elif isinstance(error, OSError) and error.errno == errno.ENOSPC:
-        known = FileUnusable("the disk is full; make room, then try again")
     elif not isinstance(error, ArmtreeError):
         known = InternalError(f"{error!r}; --debug shows where")
     cause = cause_of(known)

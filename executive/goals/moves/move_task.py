@@ -83,7 +83,7 @@ def draft_move(text: str) -> Draft:
 def poses_with_home(robot: Robot, poses: Poses) -> Mapping[str, Mapping[str, float]]:
     """Return the poses with the pose `home`, if none of them has that name.
 
-    The pose is the home in the robot file, or else the boot pose.
+    The pose is the home in the robot file, or else the start pose.
 
     Raises:
         BadTarget: The robot file names poses that do not exist.

@@ -21,7 +21,7 @@ def listed_poses(robot: Robot, library: Library) -> Iterator[tuple[str, Mapping[
     poses, _ = library.poses()
     files, _ = library.draft_poses()
     if HOME not in poses:
-        source = "home of the robot file" if robot.home else "boot pose"
+        source = "home of the robot file" if robot.home else robot.firmware.words.start_pose
         yield HOME, poses_with_home(robot, poses)[HOME], source
     for name, positions in poses.items():
         (*_, file) = (file for file in files if name in file.poses)

@@ -114,7 +114,7 @@ def test_a_file_of_another_program_is_not_drawn(tmp_path: Path, picked: Path) ->
 def test_a_full_disk_is_no_internal_error_and_a_figure_goes_to_a_pipe(
     tmp_path: Path, picked: Path
 ) -> None:
-    full = "Error: the disk is full; make room, then try again [file]\n"
+    full = "Error: /dev/full: the disk is full; make room, then try again [file]\n"
     assert finish(tmp_path, "log", "plot", str(picked), "-o", "/dev/full") == (3, "", full)
     status, out, _ = finish(tmp_path, "log", "diff", str(picked), str(picked), "-o", "/dev/full")
     assert (status, "/dev/full" in out) == (3, False)
