@@ -101,14 +101,14 @@ def ls(robot: Path | None, trees: Path | None, as_json: bool) -> None:
 def show(name: str, robot: Path | None, trees: Path | None, as_json: bool) -> None:
     """Print the joints of a pose, the point of the tool, and where the pose is from."""
     from executive.goals.moves.poses import listed_poses
-    from hardware.spelling import choices
+    from hardware.spelling import there_are
     from trees.errors import PoseUnknown
 
     loaded, library = load_library(trees, robot)
     poses = {each: (positions, source) for each, positions, source in listed_poses(loaded, library)}
     if name not in poses:
         folder = trees or library.shipped[-1]
-        why = f"no pose {name} is here; there are {choices(name, poses)}"
+        why = f"no pose {name} is here; {there_are(name, poses)}"
         raise PoseUnknown.at(folder, why)
     positions, source = poses[name]
     moves_tool = all(joint.name in positions for joint in loaded.actuated_in("arm"))

@@ -10,7 +10,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.nodes import CollectionNode, Node
 
 from hardware import Joint, Robot, write_file
-from hardware.spelling import choices
+from hardware.spelling import there_are
 from trees.declarations import UNITS
 from trees.errors import FileError, Mistake, Place, PoseUnknown
 from trees.reading.document import read_text
@@ -126,7 +126,7 @@ def remove_pose(robot: Robot, folder: Path, name: str) -> Path:
             why = f"pose {name} ships with armtree and stays; `armtree pose save` can replace it"
             raise FileError.at(folder, why)
         own = [each for file in files for each in file.poses]
-        raise PoseUnknown.at(folder, f"no pose {name} is here; there are {choices(name, own)}")
+        raise PoseUnknown.at(folder, f"no pose {name} is here; {there_are(name, own)}")
     new = _without_pose(file.text, name)
     if name in file.replaces:
         new = _with_replaces(new, [each for each in file.replaces if each != name])

@@ -9,7 +9,7 @@ from typing import Any
 from hardware import BadPosition, Robot
 from hardware.description.gripper import WIDTH
 from hardware.printable import plural
-from hardware.spelling import choices, did_you_mean
+from hardware.spelling import did_you_mean, there_are
 from skills import (
     TOOL_PORTS,
     BadTarget,
@@ -82,7 +82,8 @@ def read_words(
         joint = name.removesuffix("+")
         if not equals:
             if word not in poses:
-                raise BadTarget(_no_pose(word, words, poses, also, quoted))
+                offers = [*([f"{WIDTH}=20mm"] if robot.gripper else []), "x y z of the tool", *also]
+                raise BadTarget(_no_pose(word, words, poses, offers, quoted))
             joints |= poses[word]
             _check_names(poses[word], units)
             continue
@@ -209,10 +210,10 @@ def _check_spelling(words: Sequence[str], units: Mapping[str, str], quoted: bool
 
 
 def _no_pose(
-    word: str, words: Sequence[str], poses: Poses, also: Sequence[str], quoted: bool
+    word: str, words: Sequence[str], poses: Poses, offers: Sequence[str], quoted: bool
 ) -> str:
     """Return the message for one of several words that is not a pose."""
-    if TASK in also and word.isdecimal():
+    if TASK in offers and word.isdecimal():
         why = f"{word!r} is the number of a task, which must be the only word"
         return f"{why}; plan one task at a time, or give x y z of the tool"
     if _NUMBER.fullmatch(word):
@@ -222,16 +223,17 @@ def _no_pose(
             return f"{given} is a point for the tool; leave out the other words"
         point = f"x y z, such as 0.1 0.1 8cm{' in quotes' * quoted}"
         why = f"{given} has {plural(len(numbers), 'number')}; the point for the tool has three"
-        return f"{why}, {point}. Or say what moves: JOINT=VALUE or width=20mm"
-    others = ["JOINT=VALUE", "JOINT+=CHANGE", "width=20mm", "x y z of the tool", *also]
+        moves = " or ".join(["JOINT=VALUE", *(each for each in offers if each.startswith(WIDTH))])
+        return f"{why}, {point}. Or say what moves: {moves}"
+    others = ["JOINT=VALUE", "JOINT+=CHANGE", *offers]
     instead = f"{', '.join(others[:-1])} or {others[-1]}"
     instead += ", all of it in one pair of quotes" if quoted else ""
-    there = choices(word, poses)
+    there = there_are(word, poses)
     stop = "" if there.endswith("?") else "."
-    return f"{word!r} is not a pose; there are {there}{stop} Or give {instead}"
+    return f"{word!r} is not a pose; {there}{stop} Or give {instead}"
 
 
 def _check_names(names: Collection[str], actuated: Collection[str]) -> None:
     for name in names:
         if name not in actuated:
-            raise BadTarget(f"{name} is not an actuated joint; there are {choices(name, actuated)}")
+            raise BadTarget(f"{name} is not an actuated joint; {there_are(name, actuated)}")

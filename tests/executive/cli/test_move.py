@@ -44,6 +44,16 @@ def test_a_wrong_move_opens_no_port(
     assert list(folder.glob("*.mcap")) == []
 
 
+def test_only_what_the_arm_has_is_offered(folder: Path) -> None:
+    """This arm has one pose and no gripper."""
+    status, out, _ = type_command(folder, "move", "foldd", "--robot", str(DATA / "endless.toml"))
+    assert status == 4
+    offered = "there is only home. Or give JOINT=VALUE, JOINT+=CHANGE or x y z of the tool [goal."
+    assert f"'foldd' is not a pose; {offered}" in out
+    out = type_command(folder, "move", "0.1", "0.1", "--robot", str(DATA / "endless.toml"))[1]
+    assert "Or say what moves: JOINT=VALUE [goal." in out
+
+
 def test_an_unknown_option_is_no_number(folder: Path) -> None:
     status, _, error = type_command(folder, "move", "--sped", "0.1")
     assert (status, "No such option '--sped'" in error) == (2, True)
