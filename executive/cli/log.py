@@ -307,7 +307,8 @@ def prune(folder: Path, days: float | None, mb: float | None, dry_run: bool, as_
 
     Pictures beside a recording, with its name, are deleted with it.
 
-    The default of FOLDER is the setting `recordings`, which is ./recordings by default.
+    The default of FOLDER is the setting `recordings`, which is ./recordings by default. Without
+    --days and --mb, the settings `keep_days` and `keep_mb` say what to delete.
 
     \b
     Example:
@@ -317,7 +318,10 @@ def prune(folder: Path, days: float | None, mb: float | None, dry_run: bool, as_
     from logs.writing.retention import Rule, prune as delete_old
 
     if days is None and mb is None:
-        raise click.UsageError("give --days, --mb or both")
+        context = click.get_current_context()
+        days, mb = (find_setting(context, name)[0] for name in ("keep_days", "keep_mb"))
+    if days is None and mb is None:
+        raise click.UsageError("give --days, --mb or both; or set keep_days or keep_mb")
     _recordings_in(folder)  # warns of a misspelt folder
     clock = RealClock()
     utc = utc_ns(clock) / 1e9

@@ -1,16 +1,18 @@
 """Recordings by name: `latest`, `latest:TASK`, or the beginning of a file's name."""
 
 import re
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
-from hardware.spelling import choices
+from hardware.spelling import suggestion
 from logs.errors import LogError, NoSuchRecording
 from logs.records.records import MOVE, goal_title
 
 from .reader import read
 
 LATEST = "latest"
+_SHOWN = 5  # largest number of recordings in a message
 _RUN = re.compile(r"(\d{8}T\d{6}\.\d{3}Z)-(\d+|move)\.mcap")  # names from `recording_path`
 
 
@@ -86,11 +88,21 @@ def find_recording(given: str, folder: Path) -> Path:
         case [name]:
             return folder / name
         case []:
-            there = [LATEST, *there] if there else []
-            why = f"no recording here begins with {begin}; there are {choices(begin, there)}"
+            near = suggestion(begin, [LATEST, *there])
+            why = (
+                f"no recording here begins with {begin}{near}" if there else "no recording is here"
+            )
+            why += f"; the newest: {_newest(there)}" if there and not near else ""
         case names:
-            why = f"{len(names)} recordings here begin with {begin}: {choices(begin, names)}"
+            why = f"{len(names)} recordings here begin with {begin}; the newest: {_newest(names)}"
     raise NoSuchRecording(folder, why)
+
+
+def _newest(names: Sequence[str]) -> str:
+    """Return the names of the newest recordings. A renamed one counts as old."""
+    by_time = sorted(names, key=lambda name: (name[:1].isdecimal(), name), reverse=True)
+    shown, more = by_time[:_SHOWN], len(names) - _SHOWN
+    return ", ".join(shown) + (f" and {more} more" if more > 0 else "")
 
 
 def _latest(folder: Path, task: str) -> Path:

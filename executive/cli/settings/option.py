@@ -27,15 +27,29 @@ class SettingOption(click.Option):
         """Return the default, which follows the help text. Errors name the range."""
         return {"default": extra} if (extra := super().get_help_extra(ctx).get("default")) else {}
 
+    def get_error_hint(self, ctx: click.Context | None) -> str:
+        """Return the place of the value, for an error: its option, variable or file."""
+        source = ctx.get_parameter_source(self.name) if ctx and self.name else None
+        if source is ParameterSource.ENVIRONMENT:
+            return str(self.envvar)
+        if ctx and self.name and source is ParameterSource.DEFAULT_MAP:
+            return configured(ctx)[self._setting].place
+        return click.Parameter.get_error_hint(self, ctx)
+
+    @property
+    def _setting(self) -> str:
+        """Name of the setting. The function's parameter may have another name."""
+        (flag, *_) = self.opts
+        return flag.removeprefix("--").replace("-", "_")
+
     def consume_value(
         self, ctx: click.Context, opts: Mapping[str, Any]
     ) -> tuple[Any, ParameterSource]:
         """Return the value and its source."""
         value, source = super().consume_value(ctx, opts)
-        (flag, *_) = self.opts
         if source in (ParameterSource.COMMANDLINE, ParameterSource.ENVIRONMENT):
             return value, source
-        if found := configured(ctx).get(flag.removeprefix("--").replace("-", "_")):
+        if found := configured(ctx).get(self._setting):
             return found.value, ParameterSource.DEFAULT_MAP
         return value, source
 

@@ -19,9 +19,14 @@ class Finite(click.FloatRange):
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> float:
         """Return the number. Raise a usage error for any other text."""
-        number: float = super().convert(value, param, ctx)
+        try:
+            number = float(value)
+        except ValueError:
+            number = math.nan
         if not math.isfinite(number):
             self.fail(f"{value} is not a finite number", param, ctx)
+        if why := _outside(self, number):
+            self.fail(f"{value} {why}", param, ctx)
         return number
 
 
@@ -29,6 +34,27 @@ class Whole(click.IntRange):
     """A whole number in a range."""
 
     name = "whole number"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
+        """Return the number. Raise a usage error for any other text."""
+        try:
+            number = int(value)
+        except ValueError:
+            self.fail(f"{value} is not a whole number", param, ctx)
+        if why := _outside(self, number):
+            self.fail(f"{value} {why}", param, ctx)
+        return number
+
+
+def _outside(kind: click.FloatRange | click.IntRange, number: float) -> str:
+    """Return what is wrong with a number outside a range; empty if it is in the range."""
+    if kind.min is not None and kind.min_open and number <= kind.min:
+        return f"is not above {kind.min:g}"
+    if kind.min is not None and number < kind.min:
+        return f"is less than {kind.min:g}"
+    if kind.max is not None and number > kind.max:
+        return f"is more than {kind.max:g}"
+    return ""
 
 
 class Url(click.types.StringParamType):

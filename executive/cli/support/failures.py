@@ -1,7 +1,6 @@
 """Errors on the terminal, and the exit status for each."""
 
 import errno
-import io
 import json
 import sys
 from collections.abc import Callable, Iterable
@@ -13,10 +12,14 @@ import click
 from executive.cli.terminal.streams import echo
 from executive.code_table import exit_status
 from hardware import ArmtreeError, InternalError
+from hardware.spelling import did_you_mean
 
 if TYPE_CHECKING:
     from executive.api.outcome import Cause
     from trees import Mistake
+
+
+_QUOTE = "'"
 
 
 class Refusal(click.ClickException):
@@ -34,10 +37,14 @@ def print_error(error: Exception) -> int:
     from executive.api.outcome import cause_of
     from executive.errors import FileUnusable, UsageError
 
+    if isinstance(error, click.exceptions.NoArgsIsHelpError):
+        error.show()
+        return error.exit_code
     if isinstance(error, click.ClickException):
-        error.show(shown := io.StringIO())
-        echo(shown.getvalue(), err=True, nl=False)
-        return _print_json(cause_of(UsageError(error.format_message())), error)
+        words = _usage_words(error)
+        shown = f"{words} [{UsageError.code}]".replace("\n", "\n  ")
+        echo(f"Error: {shown}", err=True)
+        return _print_json(cause_of(UsageError(words)), error)
     known = error
     if isinstance(error, OSError) and error.errno == errno.ENOSPC:
         file = f"{error.filename}: " if error.filename else ""
@@ -53,6 +60,20 @@ def print_error(error: Exception) -> int:
     lines = f"{words} [{cause.code}]".replace("\n", "\n  ")
     echo(f"Error: {lines}{more}", err=True)
     return _print_json(cause, error)
+
+
+def _usage_words(error: click.ClickException) -> str:
+    """Return the message of a wrong command line, with the command that shows the right one."""
+    words = error.format_message().rstrip(".")
+    if isinstance(error, click.NoSuchOption):
+        near, *_ = error.possibilities or [""]
+        words = error.message.rstrip(".") + did_you_mean(near)
+    elif isinstance(error, click.BadParameter) and error.param and error.message:
+        words = f"{error.param.get_error_hint(error.ctx).replace(_QUOTE, '')}: {error.message}"
+        words = words.rstrip(".")
+    if not isinstance(error, click.UsageError) or error.ctx is None or words.endswith("?"):
+        return words
+    return f"{words}; see {error.ctx.command_path} --help"
 
 
 def _print_json(cause: "Cause", error: Exception) -> int:

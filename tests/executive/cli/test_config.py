@@ -102,7 +102,7 @@ def test_commands_use_the_files(project: Path) -> None:
         ("port = 1", ":1: port: 1 is not a text"),
         ("seed = 0", ":1: seed: 0 is not from 1 to "),
         ("seed = 1.5", ":1: seed: 1.5 is not a whole number"),
-        ("recording_timeout = 0", ":1: recording_timeout: 0.0 is not in the range"),
+        ("recording_timeout = 0", ":1: recording_timeout: 0.0 is not above 0"),
         ("recording_timeout = nan", ":1: recording_timeout: nan is not allowed"),
         ('policy = "quue"', ":1: policy: 'quue' is not one of "),
         ('\nserver = "arm"', ":2: server: 'arm' is not the URL of a server"),

@@ -100,11 +100,11 @@ def test_the_log_is_printed_wherever_verbose_is(
         ("mvoe", "; did you mean move?"),
         ("pose sve", "; did you mean save?"),
         ("log latest", "; did you mean armtree log show latest?"),
-        ("xyz", ""),
+        ("xyz", "; see armtree --help"),
     ],
 )
 def test_a_misspelt_command_is_corrected(words: str, near: str, tmp_path: Path) -> None:
     """A command that is not imported yet is suggested, too."""
     status, out, errors = typed(tmp_path, *words.split())
     assert (status, out) == (2, "")
-    assert errors.endswith(f"No such command {words.split()[-1]!r}{near}\n")
+    assert errors == f"Error: No such command {words.split()[-1]!r}{near} [usage]\n"

@@ -111,7 +111,9 @@ def test_moves_on_the_server_of_this_machine(serve: Serve, folder: Path) -> None
 def test_a_speed_is_a_share(folder: Path, command: tuple[str, ...], speed: str) -> None:
     status, out, error = type_command(folder, *command, "--port", "virtual", "--speed", speed)
     assert (status, out) == (2, "")
-    assert "Invalid value for '--speed'" in error
+    assert error.startswith(f"Error: --speed: {speed} is ")
+    assert error.endswith(f"; see armtree {command[0]} --help [usage]\n")
+    assert error.count("\n") == 1
 
 
 def test_a_move_needs_an_active_arm(typed: tuple[Served, Typed]) -> None:

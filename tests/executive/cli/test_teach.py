@@ -202,7 +202,7 @@ def test_an_arm_that_is_moved_by_hand_holds_at_the_end(tmp_path: Path) -> None:
         (["1", "fetch"], 3, "task 1 is in "),
         (["5", "pick"], 3, "task 1 is called pick already; give another name"),
         (["5", "a b"], 3, "'a b' is not a name"),
-        (["x", "fetch"], 2, "'x' is not a valid whole number"),
+        (["x", "fetch"], 2, "x is not a whole number"),
         (["5", "fetch"], 2, "a jog needs a terminal"),
     ],
 )

@@ -330,15 +330,21 @@ def test_a_killed_run_is_recovered_by_the_next_run_and_by_command(
     assert finish(tmp_path, "replay", str(left), str(copy), "--verify", "--jobs", "1")[0] == 10
 
 
-def test_pinned_recordings_outlive_the_rule(tmp_path: Path, picked: Path) -> None:
+def test_pinned_recordings_outlive_the_rule(
+    tmp_path: Path, picked: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     folder = str(picked.parent)
     os.utime(picked, (0, 0))
     assert finish(tmp_path, "log", "pin", str(picked))[0] == 0
     assert "pinned" in finish(tmp_path, "log", "ls", folder)[1]
     assert finish(tmp_path, "log", "prune", folder, "--days", "1")[1] == ""
     assert finish(tmp_path, "log", "pin", "--off", str(picked))[0] == 0
+    monkeypatch.setenv("ARMTREE_KEEP_DAYS", "1")
+    assert "would be deleted" in finish(tmp_path, "log", "prune", folder, "--dry-run")[1]
+    monkeypatch.delenv("ARMTREE_KEEP_DAYS")
     assert "deleted" in finish(tmp_path, "log", "prune", folder, "--days", "1")[1]
     assert not picked.exists()
+    assert "set keep_days or keep_mb" in finish(tmp_path, "log", "prune", folder)[2]
     nowhere = ["log", "prune", str(tmp_path / "recodings"), "--days", "1"]
     assert "there are no recordings here" in finish(tmp_path, *nowhere)[2]
 

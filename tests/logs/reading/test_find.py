@@ -15,6 +15,7 @@ TASKS = {
     "20261122T113155.123Z-move": "",
 }
 NEWEST, OLDEST = "20261122T103155.123Z-1.mcap", "20261121T103155.123Z-1.mcap"
+SECOND, SERVER = "20261121T103156.123Z-0.mcap", "20261123T103155.123Z-server.mcap"
 MOVED = "20261122T113155.123Z-move.mcap"
 
 
@@ -60,8 +61,15 @@ def test_a_path_is_itself(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("given", "why"),
     [
-        ("20261121", f"2 recordings here begin with 20261121: {OLDEST}, 20261121T103156.123Z-0"),
-        ("x", "no recording here begins with x; there are "),
+        (
+            "20261121",
+            f"2 recordings here begin with 20261121; the newest: {SECOND}, {OLDEST}",
+        ),
+        (
+            "x",
+            f"no recording here begins with x; the newest: {SERVER}, {MOVED}, {NEWEST}, ",
+        ),
+        ("lates", "no recording here begins with lates; did you mean latest?"),
         ("latest:7", "no run of 7 is recorded here; there are runs of move, task 0, task 1"),
         ("latest:rest", "no run of rest is recorded here; there are runs of move, task 0, task 1"),
     ],
@@ -69,6 +77,15 @@ def test_a_path_is_itself(folder: Path) -> None:
 def test_a_wrong_name_is_reported_with_the_right_ones(folder: Path, given: str, why: str) -> None:
     with pytest.raises(NoSuchRecording, match=re.escape(f"{folder}: {why}")):
         find_recording(given, folder)
+
+
+def test_of_many_recordings_the_newest_are_named(tmp_path: Path) -> None:
+    names = [f"20261121T1031{second:02}.123Z-1.mcap" for second in range(10, 20)]
+    for name in names:
+        (tmp_path / name).touch()
+    newest = f"{', '.join(names[:4:-1])} and 5 more"
+    with pytest.raises(NoSuchRecording, match=f"begins with nope; the newest: {newest}"):
+        find_recording("nope", tmp_path)
 
 
 @pytest.mark.parametrize("given", ["latest", "latest:pick", "20261121"])

@@ -20,7 +20,7 @@ def test_a_run_on_the_arm_of_a_server_offers_to_send(serve: Serve, tmp_path: Pat
         return typed(tmp_path, "run", *words, "--set", "x=1")[2]
 
     url, trees = served.server.url, ("--trees", str(served.tasks))
-    own = "to run on a virtual arm instead, add --port virtual\n"
+    own = "to run on a virtual arm instead, add --port virtual [usage]\n"
     held = "Error: an armtree server has the arm"
     assert refusal("11", *trees) == (
         f"{held}; give armtree send 11 --wait --set x=1 --server {url}; {own}"
