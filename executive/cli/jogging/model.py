@@ -283,11 +283,15 @@ class Jog:
 
     def _listed(self, where: Where, most: int) -> Iterator[str]:
         longest = max(_NAMED, *(len(each.name) for each in self.axes))
+        counted = len(self.axes) > most > 2
+        most -= counted  # for the line that counts the others
         first = min(max(self.selected - most // 2, 0), max(len(self.axes) - most, 0))
         for number, axis in enumerate(self.axes[first : first + most], first):
             mark = ">" if number == self.selected else " "
             key = number + 1 if axis.column is None else _TOOL[axis.column]
             yield f"{mark} {key:>2} {axis.name:<{longest}}{axis.shown(where)}"
+        if counted:
+            yield f"     … {len(self.axes) - most} more"
 
     def _state(self, where: Where, width: int) -> list[str]:
         """Return the line with the size of a step, the gripper's width and the current move."""

@@ -73,6 +73,7 @@ def read_words(
     """
     units = {joint.name: joint.unit for joint in robot.actuated}
     _check_spelling(words, units, quoted)
+    _check_poses([word for word in words if word in poses], poses)
     if is_point(words, poses):
         x, y, z = read_value("point", f"[{', '.join(words)}]", declaration(TOOL_PORTS["point"]))
         return Words({}, {}, (x, y, z))
@@ -84,8 +85,8 @@ def read_words(
             if word not in poses:
                 offers = [*([f"{WIDTH}=20mm"] if robot.gripper else []), "x y z of the tool", *also]
                 raise BadTarget(_no_pose(word, words, poses, offers, quoted))
-            joints |= poses[word]
             _check_names(poses[word], units)
+            joints |= poses[word]
             continue
         if joint == WIDTH and WIDTH not in units:
             if joint != name:
@@ -207,6 +208,17 @@ def _check_spelling(words: Sequence[str], units: Mapping[str, str], quoted: bool
         if any(word in units for units in UNITS.values()):
             why = f"{word!r} is separated from its number; write {before}{word} as one word"
             raise BadTarget(why if quoted else f"{why}, or both in quotes")
+
+
+def _check_poses(names: Sequence[str], poses: Poses) -> None:
+    """Check that no two poses move a joint to different positions."""
+    given = dict[str, str]()  # pose by joint
+    for name in names:
+        for joint, position in poses[name].items():
+            earlier = given.setdefault(joint, name)
+            if poses[earlier][joint] != position:
+                why = f"{earlier} and {name} move {joint} to different positions"
+                raise BadTarget(f"{why}; give one of them, or make two moves")
 
 
 def _no_pose(

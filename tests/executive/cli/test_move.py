@@ -29,6 +29,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (("foldd",), 4, "did you mean folded? Or give JOINT=VALUE"),
         (("--by", "folded"), 4, "folded is a pose, not a change"),
         (("0.1", "0.1"), 4, "such as 0.1 0.1 8cm. Or say what moves: JOINT=VALUE or width=20mm"),
+        (("open", "closed"), 4, "open and closed move joint_4 to different positions; give one"),
         (("9", "9", "9"), 4, "point 9 m is far beyond the reach of this arm, 0.26 m"),
         pytest.param(("0.5", "0", "0.1"), 5, "The tool cannot reach", marks=pytest.mark.slow),
     ],

@@ -376,7 +376,7 @@ def test_a_path_that_is_not_there_is_no_bug(tmp_path: Path, picked: Path) -> Non
             ["export", str(picked), "-o", str(gone)],
             f"{gone}/pick.joints.csv: No such file or directory",
         ),
-        (["pin", str(gone)], f"{tmp_path}: no recording here begins with gone"),
+        (["pin", str(gone)], f"{tmp_path}: no recording is here"),
     ):
         status, _, err = finish(tmp_path, "log", *command)
         assert status == 3

@@ -240,3 +240,10 @@ def test_the_last_steps_are_beside_the_joints(size: tuple[int, int]) -> None:
         "3",
         "deg",
     ]
+
+
+def test_a_low_screen_counts_the_axes_that_it_leaves_out() -> None:
+    shown = drawn(begun(), rows=10)
+    assert len(shown) == 10
+    assert shown[3:5] == ["   3 finger              -5.7 deg", "     … 3 more"]
+    assert not any("more" in line for line in drawn(begun(), rows=12))
