@@ -79,6 +79,9 @@ def execute(
             return [outcome]
         view.put(executive.where())
         view.put(port_line(executive))
+        reported = executive.robot.firmware.reports_pose and executive.port != VIRTUAL
+        if isinstance(tasks[0], Move) and not reported:
+            view.put(_start_line(executive))
         source = click.get_current_context().get_parameter_source("port")
         if known and executive.port == VIRTUAL and source is not ParameterSource.COMMANDLINE:
             for server in token_file.running():
@@ -100,6 +103,13 @@ def execute(
         if remaining:
             view.put(f"not started: {', '.join(map(logs.goal_title, remaining))}")
         return outcomes
+
+
+def _start_line(executive: Executive) -> str:
+    """Return a line with the pose in which a move starts, because the last move is forgotten."""
+    names = (joint.name for joint in executive.robot.actuated)
+    pose = executive.robot.words(dict(zip(names, executive.start_pose.find(), strict=True)))
+    return f"Starts at {pose}; `armtree serve --activate` keeps the pose between moves"
 
 
 def _show(view: View, event: Event) -> None:

@@ -40,7 +40,7 @@ def test_a_wrong_move_opens_no_port(
     found, out, error = type_command(folder, "move", *words, "--port", "virtual")
     assert (found, error) == (status, "")
     assert why in out
-    assert out.count("\n") == len(("Port", "move not started: "))
+    assert out.count("\n") == len(("Port", "Starts at", "move not started: "))
     assert "move not started: " in out
     assert list(folder.glob("*.mcap")) == []
 
@@ -73,6 +73,15 @@ def test_where_after_a_move_is_its_target(folder: Path) -> None:
     assert type_command(folder, "move", "joint_1=70.9deg", "--port", "virtual")[0] == 0
     status, out, _ = type_command(folder, "where")
     assert (status, out.splitlines()[1]) == (0, "joint_1         70.9 deg commanded")
+
+
+@pytest.mark.slow
+def test_a_move_without_a_server_says_where_it_starts(folder: Path) -> None:
+    start = "Starts at joint_1 0.0 deg, joint_2 0.0 deg, joint_3 0.0 deg, joint_4 0.0 deg; `arm"
+    for change in ("2deg", "3deg"):
+        status, out, _ = type_command(folder, "move", "--by", f"joint_1={change}")
+        assert (status, start in out) == (0, True)
+    assert "joint_1          3.0 deg" in type_command(folder, "where")[1]
 
 
 @pytest.mark.slow
