@@ -19,6 +19,7 @@ from xml.etree.ElementTree import Element
 
 from hardware.files import read_file
 from hardware.joints import Joint, Mimic
+from hardware.spelling import there_are
 
 Vector = tuple[float, float, float]
 
@@ -283,10 +284,15 @@ def _tree_mistakes(joints: list[Element], links: tuple[str, ...]) -> Iterator[Ur
     }
     above = dict[str, str]()  # the joint above each link
     for name, (parent, child) in ends.items():
-        for link in (parent, child):
-            if link not in links:
-                there = f"there is no link {link!r}; there are {', '.join(links)}"
-                yield UrdfError(f"joint {name}: {there}")
+        for tag, link in (("parent", parent), ("child", child)):
+            if not link:
+                yield UrdfError(f'joint {name} has no {tag}; write <{tag} link="NAME"/> in it')
+            elif link not in links:
+                why = f"joint {name}: its {tag} {link} is no link; {there_are(link, links)}"
+                add = (
+                    "" if why.endswith("?") else f'; name one of them, or add <link name="{link}"/>'
+                )
+                yield UrdfError(why + add)
         if child in above:
             what = f"its child {child} is the child of {above[child]} already"
             yield UrdfError(f"joint {name}: {what}; let one of the two move another link")
@@ -297,7 +303,9 @@ def _tree_mistakes(joints: list[Element], links: tuple[str, ...]) -> Iterator[Ur
         yield UrdfError("has no links; give it at least one")
     if len(roots) > 1:
         why = f"links {' and '.join(roots)} have no parent joint, which only one link may lack"
-        yield UrdfError(f"{why}; let each other one be the child of a joint")
+        joint = f'<parent link="{roots[0]}"/><child link="{roots[1]}"/>'
+        fixed = f'<joint name="to_{roots[1]}" type="fixed">{joint}</joint>'
+        yield UrdfError(f"{why}; give each other one a joint, such as {fixed}")
 
 
 def _loop_mistakes(
@@ -388,7 +396,8 @@ def _limits(kind: str, limit: Element | None, wrong: list[str]) -> tuple[float, 
     if not bounded:
         return -math.inf, math.inf, velocity
     if lower > upper:
-        wrong.append(f"lower {lower:g} is above upper {upper:g}")
+        right = f'lower="{upper:g}" upper="{lower:g}"'
+        wrong.append(f"lower {lower:g} is above upper {upper:g}; write {right}")
     return lower, upper, velocity
 
 
