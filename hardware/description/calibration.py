@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from hardware.files import user_folder
+from hardware.files import user_folder, write_file
 from hardware.toml_table import TomlTable
 
 ROBOTS = Path(__file__).parents[1] / "robots"  # the robots that ship
@@ -116,4 +116,4 @@ def write_calibration(
             f"before = {{ {before} }}",
         ]
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text("\n".join(lines) + "\n")
+    write_file(path, ("\n".join(lines) + "\n").encode())
