@@ -84,26 +84,27 @@ def calibrate(
         return
     with arm.servo_bus(line, arm.serial.baud, RealClock()) as bus:
         calibrator = Calibrator(arm, bus, answering(arm, bus, line))
-        if restore:
-            _restore(arm, calibrator)
-        elif imported:
-            echo(f"LeRobot has written the values of {imported} to the servos of its arm.")
-            kept = read_lerobot(imported, arm.actuated, arm.servos)
-            _finish(arm, calibrator, kept, f"from {imported.name} of LeRobot")
-        else:
-            _confirm("The torque goes off, and gravity moves the arm. Do you hold it?")
-            bus.release([*arm.servos.values()])
-            try:
+        before = _before(arm, calibrator) if restore else {}
+        kept = read_lerobot(imported, arm.actuated, arm.servos) if imported else {}
+        # Values that move the zero of a servo would move an arm with torque.
+        _confirm("The torque goes off, and gravity moves the arm. Do you hold it?")
+        bus.release([*arm.servos.values()])
+        try:
+            if restore:
+                _restore(calibrator, before)
+            elif imported:
+                echo(f"LeRobot has written the values of {imported} to the servos of its arm.")
+                _finish(arm, calibrator, kept, f"from {imported.name} of LeRobot")
+            else:
                 _sweep(calibrator)
-            except (KeyboardInterrupt, click.exceptions.Exit):
-                echo("Nothing was written. The servos have no torque: hold the arm.")
-                raise
-            for text in _table(calibrator.rows):
-                echo(text, whole=True)
-            _finish(arm, calibrator, calibrator.kept(centre), "swept by hand")
+                for text in _table(calibrator.rows):
+                    echo(text, whole=True)
+                _finish(arm, calibrator, calibrator.kept(centre), "swept by hand")
+        finally:
+            echo("The servos have no torque: hold the arm.")
     given = {"--robot": robot, "--port": port}
     words = [word for name, value in given.items() if value for word in (name, str(value))]
-    echo("The servos have no torque. Next, type:")
+    echo("Next, type:")
     echo(shlex.join(["armtree", "doctor", "--open", *words]), whole=True)
 
 
@@ -115,6 +116,14 @@ def _confirm(question: str) -> None:
 
 def _sweep(calibrator: "Calibrator") -> None:
     """Show the ranges of the joints until a person presses Enter."""
+    try:
+        _show_ranges(calibrator)
+    except (KeyboardInterrupt, click.exceptions.Exit):
+        echo("Nothing was written.")
+        raise
+
+
+def _show_ranges(calibrator: "Calibrator") -> None:
     note = ""
     with key_by_key() as keyboard, FullScreen(sys.stdout) as screen:
         if keyboard is None:
@@ -166,13 +175,17 @@ def _finish(
     echo(f"{calibrator.path} is written; the servos hold the same values, as read back")
 
 
-def _restore(arm: "Robot", calibrator: "Calibrator") -> None:
+def _before(arm: "Robot", calibrator: "Calibrator") -> dict[str, dict[str, int]]:
+    """Return the values of each servo before the first calibration."""
     from hardware import DescriptionError
     from hardware.description.calibration import values_before
 
-    before = values_before(calibrator.path, arm.name)
-    if not before:
-        raise DescriptionError(calibrator.path, 0, "is not there, so there is nothing to restore")
+    if before := values_before(calibrator.path, arm.name):
+        return before
+    raise DescriptionError(calibrator.path, 0, "is not there, so there is nothing to restore")
+
+
+def _restore(calibrator: "Calibrator", before: Mapping[str, Mapping[str, int]]) -> None:
     changes = calibrator.changes(before)
     _show(changes)
     _confirm(f"Write {_values(changes)} to the servos, and delete {calibrator.path}?")

@@ -80,7 +80,11 @@ class ServoBus(Protocol):
         """Return the positions of the servos that answer [ticks], by id."""
 
     def release(self, ids: Sequence[int]) -> None:
-        """Switch the torque of servos off."""
+        """Switch the torque of servos off, and read this back.
+
+        Raises:
+            NotReleased: A servo still has torque, or does not answer.
+        """
 
     def keep(self, servo: int, values: Mapping[str, int]) -> None:
         """Write stored values of a servo, by their names in `ServoReport.kept`, and read them back.

@@ -11,7 +11,8 @@ BoardError
 ├── CalibrationMissing        the arm must be calibrated before it moves
 ├── CalibrationDiffers        stored values of a servo differ from the calibration file
 ├── SeamInside                a joint passes the seam of its servo's turn
-└── NotKept                   a servo does not store a written value
+├── NotKept                   a servo does not store a written value
+└── NotReleased               a servo still has torque after it was switched off
 """
 
 from collections.abc import Iterable, Sequence
@@ -188,4 +189,19 @@ class NotKept(BoardError):
             f"{name} = {value} was written to servo {servo}, which {reads}. Check the cable and "
             "the power, then run `armtree calibrate --restore`, which writes the values that were "
             "there before"
+        )
+
+
+class NotReleased(BoardError):
+    """The torque of a servo was switched off, and the servo does not confirm it."""
+
+    code = "hw.not_released"
+    hint = "check the cable and the power of the servo, then run the command again"
+
+    def __init__(self, servos: Iterable[int]) -> None:
+        named = ", ".join(map(str, servos))
+        super().__init__(
+            f"The torque was switched off, but these servos do not report that: {named}. Nothing "
+            "was written. The other servos have no torque: hold the arm. Check the cables and the "
+            "power, then run this again"
         )

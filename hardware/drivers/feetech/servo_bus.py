@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from hardware.clock import Clock
 from hardware.drivers.servo_bus import Found, ServoReport
-from hardware.drivers.servo_errors import NotKept
+from hardware.drivers.servo_errors import NotKept, NotReleased
 from hardware.errors import HardwareError, PortLost
 from hardware.link.link import Link
 
@@ -77,9 +77,15 @@ class FeetechBus:
         }
 
     def release(self, ids: Sequence[int]) -> None:
-        """Switch the torque of servos off."""
+        """Switch the torque of servos off, and read this back.
+
+        Raises:
+            NotReleased: A servo still has torque, or does not answer.
+        """
         for servo in ids:
             self._put(servo, "torque_enable", 0)
+        if holding := [servo for servo in ids if self._get(servo, "torque_enable") != 0]:
+            raise NotReleased(holding)
 
     def keep(self, servo: int, values: Mapping[str, int]) -> None:
         """Write stored values of a servo, and read them back.
@@ -89,14 +95,18 @@ class FeetechBus:
         Raises:
             NotKept: The servo reads back another value, or does not answer.
         """
+        first = servo
         self._put(servo, "lock", 0)
-        for name, value in values.items():
-            register = KEPT[name]
-            self._put(servo, register, value)
-            servo = value if name == "id" else servo
-            if (kept := self._get(servo, register)) != value:
-                raise NotKept(servo, name, value, kept)
-        self._put(servo, "lock", 1)
+        try:
+            for name, value in values.items():
+                register = KEPT[name]
+                self._put(servo, register, value)
+                servo = value if name == "id" else servo
+                if (kept := self._get(servo, register)) != value:
+                    raise NotKept(servo, name, value, kept)
+        finally:
+            for each in {first, servo}:  # a new id may not have been taken
+                self._put(each, "lock", 1)
 
     def _report(self, servo: int) -> ServoReport | None:
         """Return the report of a servo; None if its answer is incomplete."""

@@ -5,9 +5,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+import serial
 
 from hardware import load_robot
 from hardware.description.calibration import calibration_file
+from hardware.drivers.feetech.packets import sync_write
+from hardware.drivers.feetech.registers import STS
 from hardware.drivers.feetech.virtual.bus import Bus
 from hardware.drivers.virtual.board_process import BoardProcess
 from tests.support.arms.bus_arms import bus_arm, so101_bus
@@ -41,6 +44,30 @@ class Arm:
         names = "offset", "min_angle", "max_angle"
         return [tuple(each[name] for name in names) for each in self.board.call("kept")]
 
+    def physical(self) -> list[float]:
+        """Where the shaft of each servo is, without the offset that it subtracts [ticks]."""
+        positions = self.board.state().positions.values()
+        return [q + offset for q, (offset, *_) in zip(positions, self.kept(), strict=True)]
+
+    def torque_on(self) -> None:
+        """Holds the arm where it is, as a program does that ended before."""
+        goals = {k: round(q) for k, q in self.board.state().positions.items()}
+        with serial.Serial(self.board.port, 1_000_000) as port:
+            for name, values in (
+                ("goal_position", goals),
+                ("torque_enable", dict.fromkeys(goals, 1)),
+            ):
+                packed = {servo: STS.pack(name, value) for servo, value in values.items()}
+                port.write(sync_write(STS.registers[name].address, packed))
+                port.flush()
+            assert any(all(self.board.state().torque.values()) for _ in range(10_000))
+
+    def hold(self, terminal: PseudoTerminal) -> None:
+        """Says that a person holds the arm, which has torque until then."""
+        terminal.until("Do you hold it?")
+        assert all(self.board.state().torque.values())
+        terminal.type("y\r")
+
     def turn(self, terminal: PseudoTerminal, servo: int, *places: int) -> None:
         """Turns a servo by hand to places, one after the other, in steps that the table sees."""
         now = round(self.board.state().positions[servo])
@@ -67,9 +94,7 @@ def arm(tmp_path: Path) -> Iterator[Arm]:
 
 def test_an_arm_is_calibrated_and_restored(arm: Arm) -> None:
     with arm.calibrate() as terminal:
-        terminal.until("Do you hold it?")
-        assert all(arm.board.state().torque.values())
-        terminal.type("y\r")
+        arm.hold(terminal)
         shown = terminal.until("turn it", "2048")
         assert not any(arm.board.state().torque.values())
         terminal.type("\r")
@@ -96,8 +121,11 @@ def test_an_arm_is_calibrated_and_restored(arm: Arm) -> None:
     for joint, (low, high) in zip(robot.actuated, ENDS.values(), strict=True):
         assert joint.upper - joint.lower < (high - low - 20) * 2 * 3.1416 / 4096
 
+    arm.torque_on()
     with arm.calibrate("--restore") as terminal:
+        arm.hold(terminal)
         terminal.until("Write 8 values to the servos, and delete")
+        assert not any(arm.board.state().torque.values())
         terminal.type("y\r")
         assert terminal.end()[0] == 0
     assert arm.kept() == [(0, 0, 4095)] * 4
@@ -174,13 +202,46 @@ def lerobot(path: Path, **changes: object) -> Path:
     return path
 
 
-def test_a_calibration_by_lerobot_is_taken(arm: Arm, tmp_path: Path) -> None:
+def test_a_calibration_by_lerobot_is_taken_and_restored_without_torque(
+    arm: Arm, tmp_path: Path
+) -> None:
+    """A new offset moves a servo with torque, so the torque is off first."""
+    there = arm.physical()
     with arm.calibrate("--import", str(lerobot(tmp_path / "arm.json"))) as terminal:
+        arm.hold(terminal)
         terminal.until("Write 12 values to the servos")
         terminal.type("y\r")
-        assert terminal.end()[0] == 0
+        status, printed = terminal.end()
+        assert (status, "The servos have no torque: hold the arm." in printed) == (0, True)
     assert arm.kept() == [(10 * k, *ends) for k, ends in ENDS.items()]
     assert load_robot(arm.file).calibration
+    assert not any(arm.board.state().torque.values())
+    assert arm.physical() == there
+
+    arm.torque_on()
+    before = arm.physical()
+    with arm.calibrate("--restore") as terminal:
+        arm.hold(terminal)
+        terminal.until("Write 12 values to the servos, and delete")
+        terminal.type("y\r")
+        status, printed = terminal.end()
+        assert (status, "The servos have no torque: hold the arm." in printed) == (0, True)
+    assert arm.kept() == [(0, 0, 4095)] * 4
+    assert not any(arm.board.state().torque.values())
+    assert arm.physical() == before
+
+
+@pytest.mark.parametrize("options", [(), ("--import", "arm.json")])
+def test_whoever_does_not_hold_the_arm_calibrates_nothing(
+    arm: Arm, tmp_path: Path, options: tuple[str, ...]
+) -> None:
+    lerobot(tmp_path / "arm.json")
+    with arm.calibrate(*options) as terminal:
+        terminal.until("Do you hold it?")
+        terminal.type("n\r")
+        assert terminal.end()[0] == 130
+    assert all(arm.board.state().torque.values())
+    assert arm.kept() == [(0, 0, 4095)] * 4
 
 
 @pytest.mark.parametrize(
@@ -211,6 +272,8 @@ def test_the_calibration_of_a_robot_that_ships_belongs_to_the_user(tmp_path: Pat
         so101_bus() as bus,
         PseudoTerminal(tmp_path, *words, bus.port, environment=own) as terminal,
     ):
+        terminal.until("Do you hold it?")
+        terminal.type("y\r")
         terminal.until("to the servos, and the file")
         terminal.type("y\r")
         status, printed = terminal.end()
@@ -220,24 +283,16 @@ def test_the_calibration_of_a_robot_that_ships_belongs_to_the_user(tmp_path: Pat
     ]
 
 
-def test_whoever_does_not_hold_the_arm_calibrates_nothing(arm: Arm) -> None:
-    with arm.calibrate() as terminal:
-        terminal.until("Do you hold it?")
-        terminal.type("n\r")
-        assert terminal.end()[0] == 130
-    assert all(arm.board.state().torque.values())
-
-
 @pytest.mark.parametrize(("key", "status"), [("q", 0), ("\x03", 130)])
 def test_whoever_leaves_learns_that_the_servos_have_no_torque(
     arm: Arm, key: str, status: int
 ) -> None:
     with arm.calibrate() as terminal:
-        terminal.until("Do you hold it?")
-        terminal.type("y\r")
+        arm.hold(terminal)
         terminal.until("Turn every joint by hand")
         terminal.type(key)
-        left = "Nothing was written. The servos have no torque: hold the arm."
         ended, printed = terminal.end()
-        assert (ended, left in printed) == (status, True)
+        assert ended == status
+        for left in ("Nothing was written.", "The servos have no torque: hold the arm."):
+            assert left in printed
     assert arm.kept() == [(0, 0, 4095)] * 4

@@ -1,0 +1,53 @@
+"""Requests to single servos, on a virtual bus in simulated time."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pytest
+
+from hardware import BoardLink, SimulatedClock
+from hardware.drivers.feetech.registers import STS
+from hardware.drivers.feetech.servo_bus import FeetechBus
+from hardware.drivers.feetech.virtual.bus import Bus, Fault
+from hardware.drivers.feetech.virtual.servo import Servo
+from hardware.drivers.servo_errors import NotKept, NotReleased
+
+
+class Stubborn(Servo):
+    """A servo that ignores writes to a register."""
+
+    ignored = "torque_enable"
+
+    def write(self, address: int, values: bytes) -> None:
+        if address != STS.registers[self.ignored].address:
+            super().write(address, values)
+
+
+@contextmanager
+def opened(*servos: Servo, faults: tuple[Fault, ...] = ()) -> Iterator[FeetechBus]:
+    clock = SimulatedClock()
+    link = BoardLink(Bus(servos, 1_000_000, faults), clock)
+    with clock.working(), FeetechBus(STS, link, clock) as bus:
+        yield bus
+
+
+@pytest.mark.parametrize("silent", [False, True])
+def test_torque_that_stays_on_is_an_error(silent: bool) -> None:
+    second = Servo(STS, 2, 2048) if silent else Stubborn(STS, 2, 2048)
+    servos = Servo(STS, 1, 2048), second
+    for servo in servos:
+        servo.put("torque_enable", 1)
+    faults = (Fault("lose", 2, 0.0, 100),) if silent else ()
+    why = "do not report that: 2. Nothing was written"
+    with opened(*servos, faults=faults) as bus, pytest.raises(NotReleased, match=why):
+        bus.release([1, 2])
+    assert not servos[0].get("torque_enable")
+
+
+def test_a_value_that_is_not_kept_leaves_the_memory_locked() -> None:
+    servo = Stubborn(STS, 1, 2048)
+    servo.ignored = "min_angle"
+    with opened(servo) as bus, pytest.raises(NotKept):
+        bus.keep(1, {"homing": 5, "least": 100, "most": 4000})
+    assert servo.get("lock") == 1
+    assert (servo.kept["offset"], servo.kept["max_angle"]) == (5, 4095)
