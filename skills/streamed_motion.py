@@ -133,7 +133,7 @@ class StreamedMotion(Skill, register=False):
         if playback.playing:  # the arm still decelerates
             return Status.RUNNING
         self._paused = False
-        if playback.state is not PlaybackState.STOPPED:
+        if playback.gripped or playback.state is not PlaybackState.STOPPED:
             return self._follow(playback)
         position = self.context.arm.commanded
         if not _stopped_at(playback, self._start, position):
@@ -174,7 +174,9 @@ class StreamedMotion(Skill, register=False):
             return Status.RUNNING
         if playback.error:
             raise playback.error
-        if playback.state is PlaybackState.STOPPED:
+        if playback.gripped:  # a stop of it only holds what it has gripped
+            self.feedback_message += "; the gripper holds an object"
+        elif playback.state is PlaybackState.STOPPED:
             raise Interrupted(f"the motion was stopped after {self.feedback_message}")
         return Status.SUCCESS
 

@@ -21,6 +21,7 @@ from hardware.printable import plural
 from logs import (
     Goal,
     LogError,
+    Measured,
     NodeStatus,
     Plan,
     Record,
@@ -113,7 +114,7 @@ def verify(path: Path) -> Verification:
     """Verify one recording. Plan in this process."""
     try:
         recording = Recording(path)
-        records = tuple(recording.records(Sent, Schedule, Plan, Goal, Result, NodeStatus))
+        records = tuple(recording.records(Sent, Schedule, Plan, Goal, Result, NodeStatus, Measured))
         if isinstance(cut := why_incomplete(recording), RecordingInUse):
             raise cut
         checks = _checks(recording, records)

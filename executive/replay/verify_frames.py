@@ -3,6 +3,7 @@
 Each function returns the first difference in words, or an empty string if there is none.
 """
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise, takewhile, zip_longest
 
@@ -11,13 +12,16 @@ from executive.api.outcome import GoalState
 from executive.errors import GoalCanceled
 from hardware import HardwareError, Robot, Schedule as CompiledSchedule, compile_schedule
 from hardware.printable import wire_text
-from logs import Goal, NodeStatus, Record, Result, Schedule, Sent, goal_title
+from logs import Goal, Measured, NodeStatus, Record, Result, Schedule, Sent, goal_title
 from trees.export.resolved import RESOLVED
 
 from .recorded_run import RecordedRun
 
 # Rounding of a clock that has run for months [s].
 _TOLERANCE = 1e-6
+
+# Measurements of a joint at rest that differ by less may be missing in the recording [rad].
+_AT_REST = math.radians(0.5)
 
 _SUCCESS = "SUCCESS"
 
@@ -39,7 +43,7 @@ def _goal_difference(run: RecordedRun) -> str:
         return ""
     if not recording.messages:
         return "nothing is recorded"
-    ran = RESOLVED in recording.files or any(not isinstance(record, Sent) for record in records)
+    ran = RESOLVED in recording.files or any(not isinstance(r, Sent | Measured) for r in records)
     if ran and not any(isinstance(record, Goal) for record in records):
         return "no goal is recorded"
     ended = {record.goal_id for record in records if isinstance(record, Result)}
@@ -67,7 +71,7 @@ def _motions_difference(robot: Robot, records: Sequence[Record], whole: bool) ->
     for number, (part, stopped) in enumerate(zip(parts, _stopped(parts, whole), strict=True)):
         sent = [record for record in part if isinstance(record, Sent) and record.joints]
         schedule = part[0] if part and isinstance(part[0], Schedule) else None
-        words = _positions_difference(robot, sent) or _holds_difference(part, held)
+        words = _positions_difference(robot, sent) or _holds_difference(part, held, robot)
         if not words and schedule:
             compiled, words = _compiled(robot, schedule)
             words = words or _sent_difference(schedule, sent, stopped)
@@ -123,24 +127,40 @@ def _positions_difference(robot: Robot, sent: Iterable[Sent]) -> str:
     return ""
 
 
-def _holds_difference(records: Iterable[Record], last: bytes | None) -> str:
-    """Check that each hold repeats the previous frame.
+def _holds_difference(records: Iterable[Record], last: bytes | None, robot: Robot) -> str:
+    """Check that each hold repeats the previous frame, or loosens a gripper.
 
     A server's own recording has no frames of goals, so the last frame after a goal is unknown.
     """
     elsewhere = False
+    before: Sent | None = None
+    measured: Measured | None = None
     for record in records:
         match record:
             case Goal() if record.elsewhere:
-                elsewhere, last = True, None
+                elsewhere, last, before = True, None, None
             case Result() if elsewhere:
-                last = None
+                last, before = None, None
+            case Measured():
+                measured = record
             case Sent() if record.joints:
                 if record.hold and last not in (None, record.data):
                     assert last
-                    return f"the hold {record.text} does not repeat {wire_text(last)}"
-                last = record.data
+                    if not (before and measured and _loosens(robot, before, record, measured)):
+                        return f"the hold {record.text} does not repeat {wire_text(last)}"
+                last, before = record.data, record
     return ""
+
+
+def _loosens(robot: Robot, before: Sent, hold: Sent, measured: Measured) -> bool:
+    """Return True if a hold only moves grippers, each nearer to where it is measured."""
+    rows = zip(hold.joints, before.positions, hold.positions, measured.position, strict=True)
+    for name, then, now, there in rows:
+        low, high = sorted((then, there))
+        near = name in robot.groups["gripper"] and low - _AT_REST <= now <= high + _AT_REST
+        if then != now and not near:
+            return False
+    return True
 
 
 def _compiled(robot: Robot, recorded: Schedule) -> tuple[CompiledSchedule | None, str]:

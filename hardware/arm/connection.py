@@ -2,7 +2,7 @@
 
 import logging
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 from hardware.clock import Clock
 from hardware.description.guards import TORQUE_OFF
@@ -99,13 +99,8 @@ class Connection:
             period,
             self._fault,
             self._ready,
-            self._check_arrived,
-            self._robot.guards.settle_s if self._robot.can(Ability.MEASURE) else 0.0,
+            self._measured_guard,
         )
-
-    def _check_arrived(self, goal: Sequence[float]) -> None:
-        if measured := self.session.measured:
-            self._measured_guard.check_arrived(goal, measured)
 
     def send_start_commands(self) -> None:
         """Send the start commands of the board, and switch the torque on."""

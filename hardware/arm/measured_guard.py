@@ -2,7 +2,9 @@
 
 import logging
 import math
+import threading
 from collections.abc import Collection, Sequence
+from contextlib import suppress
 
 from hardware.description.guards import Guards
 from hardware.drivers.board_protocol import Measurement
@@ -18,8 +20,16 @@ from hardware.joints import Joint
 logger = logging.getLogger(__name__)
 
 
+_STANDS = 0.05  # velocity of a joint that stands still, or less [rad/s]
+_LEAST_SQUEEZE = 0.1  # smaller differences are within the dead zone of a servo [deg]
+
+
 class MeasuredGuard:
-    """Checks measurements of one activation. Not thread-safe.
+    """Checks measurements of one activation. Thread-safe.
+
+    A gripper may close on an object. It then stands still and pushes. `loosened` returns a pose in
+    which it pushes less: with a third of the difference from where it is measured, and at most
+    with `squeeze_deg`.
 
     Args:
         joints: The actuated joints. The positions of prismatic joints are not checked.
@@ -31,6 +41,9 @@ class MeasuredGuard:
         self._joints, self._guards, self._free = joints, guards, free
         self._since = dict[tuple[str, str], float]()  # time at which a joint exceeded a limit [s]
         self._warned = set[tuple[str, str]]()
+        self._stalled = set[str]()  # names of free joints that have pushed for too long
+        self._measured: Measurement | None = None
+        self._lock = threading.Lock()
 
     def check(self, commanded: Sequence[float], measured: Measurement, now: float) -> None:
         """Check one measurement.
@@ -46,33 +59,96 @@ class MeasuredGuard:
             ServoTooHot: A servo is too hot.
             SupplyTooLow: The voltage of a servo is too low.
         """
-        guards = self._guards
-        for k, joint in enumerate(self._joints):
-            error = math.degrees(abs(commanded[k] - measured.position[k]))
-            error = error if joint.unit == "rad" else 0.0
-            effort = abs(measured.effort[k]) if measured.effort else 0.0
-            stalls = effort >= guards.stall_effort and error >= guards.stall_deg
-            if self._lasts("stall", joint, stalls, now, guards.stall_s):
-                raise JointStalled(joint.name, effort, guards.stall_effort, error)
-            if self._lasts("error", joint, error > guards.following_deg, now, guards.following_s):
-                values = math.degrees(commanded[k]), math.degrees(measured.position[k])
-                raise JointNotFollowing(joint.name, *values, guards.following_deg)
-            if measured.temperature:
-                self._check_temperature(joint, measured.temperature[k])
-            if measured.voltage:
-                self._check_voltage(joint, measured.voltage[k])
+        with self._lock:
+            self._measured = measured
+            for k, joint in enumerate(self._joints):
+                check = self._check_grip if joint.name in self._free else self._check_position
+                if joint.unit == "rad":
+                    effort = self._standing_effort(k, measured)
+                    check(joint, commanded[k], measured.position[k], effort, now)
+                if measured.temperature:
+                    self._check_temperature(joint, measured.temperature[k])
+                if measured.voltage:
+                    self._check_voltage(joint, measured.voltage[k])
 
-    def check_arrived(self, goal: Sequence[float], measured: Measurement) -> None:
-        """Check that the joints are at the end of a motion.
+    def _standing_effort(self, k: int, measured: Measurement) -> float:
+        """Return the effort of a joint that stands still and draws current; 0 of any other."""
+        moves = measured.velocity and abs(measured.velocity[k]) > _STANDS
+        idles = measured.current and abs(measured.current[k]) < self._guards.stall_a
+        return 0.0 if moves or idles or not measured.effort else abs(measured.effort[k])
+
+    def _check_position(
+        self, joint: Joint, commanded: float, measured: float, effort: float, now: float
+    ) -> None:
+        guards, error = self._guards, math.degrees(abs(commanded - measured))
+        stalls = effort >= guards.stall_effort and error >= guards.stall_deg
+        if self._lasts("stall", joint, stalls, now, guards.stall_s):
+            raise JointStalled(joint.name, effort, guards.stall_effort, error)
+        if self._lasts("error", joint, error > guards.following_deg, now, guards.following_s):
+            values = math.degrees(commanded), math.degrees(measured)
+            raise JointNotFollowing(joint.name, *values, guards.following_deg)
+
+    def _check_grip(
+        self, joint: Joint, commanded: float, measured: float, effort: float, now: float
+    ) -> None:
+        guards, error = self._guards, math.degrees(abs(commanded - measured))
+        pushes = effort >= guards.grip_effort and error >= _LEAST_SQUEEZE
+        if self._lasts("grip", joint, pushes, now, guards.stall_s):
+            self._stalled.add(joint.name)
+        else:
+            self._stalled.discard(joint.name)
+
+    def loosened(self, commanded: Sequence[float], now: float) -> tuple[float, ...] | None:
+        """Return a pose in which stalled grippers push less; None if none is stalled.
+
+        Args:
+            commanded: Commanded positions, one per joint [rad].
+            now: Time [s]. The time until a gripper counts as stalled begins again.
+        """
+        with self._lock:
+            if not self._stalled or not self._measured:
+                return None
+            pose, squeeze = list(commanded), math.radians(self._guards.squeeze_deg)
+            for k, joint in enumerate(self._joints):
+                if joint.name in self._stalled:
+                    there = self._measured.position[k]
+                    less = (commanded[k] - there) / 3
+                    near = there + min(max(less, -squeeze), squeeze)
+                    pose[k] = min(max(near, joint.lower), joint.upper)
+                    self._since["grip", joint.name] = now
+            self._stalled.clear()
+            return tuple(pose)
+
+    @property
+    def stalled(self) -> bool:
+        """True if a gripper has pushed against an object for too long."""
+        return bool(self._stalled)
+
+    @property
+    def settle_s(self) -> float:
+        """Longest time from the last frame until the joints arrive [s]; 0 if none is measured."""
+        return self._guards.settle_s if self._measured else 0.0
+
+    def has_settled(self, goal: Sequence[float]) -> bool:
+        """Return True if the joints are at the end of a motion, and no gripper pushes too hard."""
+        with suppress(NotArrived):
+            self.check_arrived(goal)
+            with self._lock:
+                return not any(kind == "grip" for kind, _ in self._since)
+        return False
+
+    def check_arrived(self, goal: Sequence[float]) -> None:
+        """Check that the joints are at the end of a motion. Grippers need not be there.
 
         Args:
             goal: Commanded positions at the end, one per joint [rad].
-            measured: The last measurement.
 
         Raises:
             NotArrived: A joint is not at its end position.
         """
-        for joint, *positions in zip(self._joints, goal, measured.position, strict=True):
+        if self._measured is None:
+            return
+        for joint, *positions in zip(self._joints, goal, self._measured.position, strict=True):
             end, there = map(math.degrees, positions)
             limit = self._guards.settle_deg
             bound = joint.unit == "rad" and joint.name not in self._free

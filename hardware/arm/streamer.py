@@ -2,8 +2,7 @@
 
 import logging
 import math
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable
 from enum import Enum
 
 from hardware.clock import Clock
@@ -12,6 +11,7 @@ from hardware.errors import HardwareError, NotActive, NotArrived, StaleGeneratio
 from .board_session import BoardSession
 from .events import OBSERVER_TIMEOUT
 from .interfaces import Claim
+from .measured_guard import MeasuredGuard
 from .schedule import Schedule
 from .write_guard import WriteGuard
 
@@ -47,6 +47,7 @@ class Playback:
         state: State of the playback.
         error: The error if it failed, else None.
         max_lateness: Largest lateness of a frame so far [s].
+        gripped: True if a gripper closed on an object. The motion then ends there.
     """
 
     def __init__(
@@ -58,6 +59,7 @@ class Playback:
         self.state = PlaybackState.PLAYING
         self.error: HardwareError | None = None
         self.max_lateness = 0.0
+        self.gripped = False
         self._on_change = on_change
 
     @property
@@ -83,7 +85,8 @@ class Playback:
 
     def note_acknowledged(self, acknowledged: int) -> None:
         """Update `arrived` from the number of frames acknowledged since the port was opened."""
-        self.arrived = max(self.arrived, acknowledged - self._sent_before)
+        arrived = min(acknowledged - self._sent_before, self.written)  # a hold is no setpoint
+        self.arrived = max(self.arrived, arrived)
 
     def finish(self, state: PlaybackState, error: HardwareError | None = None) -> None:
         """Set the final state. Only the first call counts."""
@@ -110,9 +113,7 @@ class Streamer:
         on_fault: Callback for errors. It must close this streamer.
         ready: Callback that waits until the next frame may be sent, at most for its argument [s].
             It returns True if the frame may be sent, and ends the motion with `WriteRefused`.
-        check_arrived: Callback that raises `NotArrived` if the joints are not measured at positions
-            [rad].
-        settle: Longest time from the last frame until the joints arrive [s].
+        measured: The measured guard.
 
     Attributes:
         thread: The thread. It ends soon after the streamer is closed.
@@ -126,12 +127,11 @@ class Streamer:
         period: float,
         on_fault: Callable[[BaseException], None],
         ready: Callable[[float], bool],
-        check_arrived: Callable[[Sequence[float]], None],
-        settle: float,
+        measured: MeasuredGuard,
     ) -> None:
         self._guard, self._session, self._clock = guard, session, clock
         self._period, self._on_fault, self._ready = period, on_fault, ready
-        self._check_arrived, self._settle = check_arrived, settle
+        self._measured = measured
         self._signal = clock.signal()
         self._playback: Playback | None = None
         self._braking: tuple[float, float] | None = None  # start and duration [s]
@@ -281,9 +281,11 @@ class Streamer:
                     return None if self._closing else self._playback
 
     def _play(self, playback: Playback) -> None:
-        origin = self._clock.now()
-        for setpoint in playback.schedule.setpoints:
+        origin, schedule = self._clock.now(), playback.schedule
+        for setpoint in schedule.setpoints:
             self._wait_for_frame(playback, origin + setpoint.time)
+            if self._loosen(playback):
+                break
             self._wait_until_ready(playback)
             due = self._due(origin + setpoint.time)
             if due == math.inf:
@@ -296,29 +298,47 @@ class Streamer:
             with self._signal:
                 playback.note_written(late, self._session.acknowledged)
             playback.notify()
-        self._wait_until_ready(playback)
-        self._guard.write(playback.schedule.end, playback.claim, self._clock.now())
-        if playback.schedule.setpoints:
-            self._sleep(playback, max(origin + playback.schedule.duration, self._guard.done))
+        else:
+            self._wait_until_ready(playback)
+            self._guard.write(schedule.end, playback.claim, self._clock.now())
+            if schedule.setpoints:
+                self._sleep(playback, max(origin + schedule.duration, self._guard.done))
+        if schedule.setpoints:
             self._sleep(playback, math.inf, self._session.all_acknowledged)
-            if not playback.schedule.continues:
+            if not schedule.continues:
                 self._wait_until_settled(playback)
 
+    def _loosen(self, playback: Playback) -> bool:
+        """Loosen a stalled gripper if the rest of the motion moves it alone.
+
+        Returns:
+            True if a frame was sent. The gripper holds an object, and the motion ends there.
+        """
+        commanded = self._guard.commanded
+        pose = self._measured.loosened(commanded, self._clock.now())
+        if pose is None:
+            return False
+        rest = playback.schedule.setpoints[playback.written :]
+        others = [k for k, (q, held) in enumerate(zip(pose, commanded, strict=True)) if q == held]
+        if any(each.positions[k] != commanded[k] for each in rest for k in others):
+            return False
+        playback.gripped |= self._guard.loosen(pose, playback.claim)
+        return playback.gripped
+
     def _wait_until_settled(self, playback: Playback) -> None:
-        """Wait until the joints are measured at the end of the motion.
+        """Wait until the joints are measured at the end of the motion, and loosen the gripper.
 
         Raises:
             NotArrived: The joints need too long.
         """
-
-        def settled() -> bool:
-            with suppress(NotArrived):
-                self._check_arrived(playback.schedule.end)
-                return True
-            return False
-
-        self._sleep(playback, self._clock.now() + self._settle, settled)
-        self._check_arrived(playback.schedule.end)
+        end, measured = playback.schedule.end, self._measured
+        until = self._clock.now() + measured.settle_s
+        while self._clock.now() < until and not measured.has_settled(end):
+            self._sleep(playback, until, lambda: measured.stalled or measured.has_settled(end))
+            if measured.stalled:
+                self._wait_for_frame(playback, self._clock.now())
+                self._loosen(playback)
+        measured.check_arrived(end)
 
     def _wait_for_frame(self, playback: Playback, planned: float) -> None:
         """Wait until a frame with this planned time [s] is due. Braking may delay it."""

@@ -261,6 +261,33 @@ class WriteGuard:
                 self._send(self._last_frame, self._commanded, None)
         self._outbox.deliver()
 
+    def loosen(self, positions: Sequence[float], claim: Claim) -> bool:
+        """Command positions nearer to where standing joints are measured, as a hold.
+
+        The joints push against an object and stand still. Therefore their velocity is not checked.
+
+        Args:
+            positions: One position per actuated joint [rad].
+            claim: Claim of the motion.
+
+        Returns:
+            True if a frame was sent; False if it equals the last one.
+
+        Raises:
+            WriteRefused: The arm is not active, the claim has ended, or a position is invalid.
+            LinkError: The port failed.
+        """
+        with self._lock:
+            self._check_active()
+            self._claims.check(claim)
+            target = self._target(positions, claim)
+            frame = self._codec.encode(target)
+            if changed := frame != self._last_frame:
+                self._send(frame, target, None)
+                self._commanded = target
+        self._outbox.deliver()
+        return changed
+
     def _check_active(self) -> None:
         if self._closed or not self._is_active():
             raise NotActive("the arm is not active; configure and activate it first")

@@ -13,8 +13,12 @@ class Guards:
         following_deg: Largest difference of a measured from a commanded position [deg].
         following_s: Longest time with a larger difference [s].
         stall_effort: Effort of a stalled joint or more, as a part of the largest torque.
+        stall_a: Current of a stalled joint or more [A]; unused if no current is measured.
         stall_deg: Smallest difference from the commanded position of a stalled joint [deg].
-        stall_s: Longest time with such an effort and difference [s].
+        stall_s: Longest time with such an effort, current and difference [s].
+        grip_effort: Effort of a gripper that pushes against an object, or more.
+        squeeze_deg: Largest difference of a gripper that holds an object from its commanded
+            position [deg].
         settle_deg: Largest difference between a joint of the arm and the end of a motion [deg].
         settle_s: Longest time from the last frame until the joints are there [s].
         warn_c: Temperature of a servo at which armtree begins to warn [C].
@@ -27,8 +31,11 @@ class Guards:
     following_deg: float = 10.0
     following_s: float = 0.03
     stall_effort: float = 0.9
+    stall_a: float = 0.2
     stall_deg: float = 2.0
     stall_s: float = 0.08
+    grip_effort: float = 0.6
+    squeeze_deg: float = 1.5
     settle_deg: float = 3.0
     settle_s: float = 1.0
     warn_c: float = 55.0

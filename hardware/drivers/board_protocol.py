@@ -17,6 +17,7 @@ class Measurement:
         effort: Parts of the largest torque of the servo, from -1 to 1.
         temperature: Temperatures of the servos [C].
         voltage: Voltages of their supply [V].
+        current: Currents of the servos [A].
     """
 
     position: tuple[float, ...]
@@ -24,6 +25,7 @@ class Measurement:
     effort: tuple[float, ...] = ()
     temperature: tuple[float, ...] = ()
     voltage: tuple[float, ...] = ()
+    current: tuple[float, ...] = ()
 
 
 class BoardProtocol:

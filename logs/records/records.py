@@ -11,7 +11,7 @@ from typing import Any
 from hardware.printable import wire_text
 
 # Names of measured quantities.
-QUANTITIES = ("position", "velocity", "effort", "temperature", "voltage")
+QUANTITIES = ("position", "velocity", "effort", "temperature", "voltage", "current")
 MOVE = -1  # task number of a move, because a move has no task file
 _AT_ONCE = 0.1  # largest delay of a goal that counts as not queued [s]
 
@@ -75,6 +75,7 @@ class Measured:
         effort: Measured parts of the largest torque of the servos, -1 to 1, (J,).
         temperature: Temperatures of the servos [C], (J,).
         voltage: Voltages of their supply [V], (J,).
+        current: Currents of the servos [A], (J,).
     """
 
     time: float
@@ -84,6 +85,7 @@ class Measured:
     effort: tuple[float, ...]
     temperature: tuple[float, ...]
     voltage: tuple[float, ...]
+    current: tuple[float, ...]
 
 
 @dataclass(frozen=True, slots=True)

@@ -100,8 +100,8 @@ class BusProtocol(BoardProtocol):
     def torque_commands(self, on: bool) -> Sequence[bytes]:
         """Return the commands that release the servos, or hold them at their positions.
 
-        The goal comes before the torque. The torque of a servo without torque rises slowly, if its
-        series can limit it.
+        The goal comes before the torque. The largest torque rises slowly from its present value, if
+        the series can limit it.
         """
         self._holds = on
         if not on:
@@ -109,13 +109,15 @@ class BusProtocol(BoardProtocol):
         self.boot_frame = self._wires.frame(self._values("position"))
         most, holding = self._values("max_torque"), self._values("torque_enable")
         enable = self._enable(1)
-        if "torque_limit" not in self._series.registers or all(holding):
+        if "torque_limit" not in self._series.registers:
+            return [self.boot_frame.data, enable]
+        # A program that ended while the torque rose has left a small limit.
+        present = self._values("torque_limit")
+        lows = [low if holds else 0 for low, holds in zip(present, holding, strict=True)]
+        if lows == most:
             return [self.boot_frame.data, enable]
         limits = [
-            [
-                top if holds else top * part // _RAMP
-                for top, holds in zip(most, holding, strict=True)
-            ]
+            [low + (top - low) * part // _RAMP for low, top in zip(lows, most, strict=True)]
             for part in range(1, _RAMP + 1)
         ]
         ramp = [self._wires.command("torque_limit", each) for each in limits]
@@ -225,8 +227,10 @@ class BusProtocol(BoardProtocol):
         if self._asked:
             self.next_poll = now
             return
-        names = ("position", "speed", "load", "temperature", "voltage")
-        self.measured = self._wires.measurement(*map(self._values, names))
+        names = ("position", "speed", "load", "temperature", "voltage", "max_torque")
+        has_current = "current" in self._series.registers
+        currents = self._values("current") if has_current else []
+        self.measured = self._wires.measurement(*map(self._values, names), currents)
         self.boot_frame = self.boot_frame or self._wires.frame(self._values("position"))
         if now - self._state_time >= _STATE_PERIOD:
             self._asked.append(self._state)

@@ -55,10 +55,10 @@ class Series:
         """First address and length of three parts of the memory.
 
         The first part survives without power. The second part begins with the torque. The third
-        part has the measured values; each cycle reads it.
+        part, the end of the second, has the measured values; each cycle reads it.
         """
         first = [self.registers[name].address for name in ("torque_enable", "position")]
-        last = self.registers["temperature"]
+        last = self.registers["current" if "current" in self.registers else "temperature"]
         end = last.address + last.size
         return (0, first[0]), (first[0], end - first[0]), (first[1], end - first[1])
 
@@ -154,6 +154,8 @@ KEPT = {
     "least": "min_angle",
     "most": "max_angle",
 }
+
+CURRENT_UNIT = 0.0065  # unit of the register `current` [A]
 
 # Speeds of the line by the value of the register `baud_rate` [bit/s].
 BAUDS = (1_000_000, 500_000, 250_000, 128_000, 115_200, 76_800, 57_600, 38_400)

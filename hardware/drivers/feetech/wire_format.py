@@ -9,7 +9,7 @@ from hardware.drivers.wire_format import Frame
 from hardware.joints import Joint, check_positions
 
 from .packets import sync_write
-from .registers import Series
+from .registers import CURRENT_UNIT, Series
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,16 +92,25 @@ class ServoFormat:
         loads: Sequence[int],
         temperatures: Sequence[int],
         voltages: Sequence[int],
+        most: Sequence[int],
+        currents: Sequence[int],
     ) -> Measurement:
-        """Return a measurement from the registers of all servos, one value per joint."""
+        """Return a measurement from the registers of all servos, one value per joint.
+
+        A servo pushes with at most `max_torque`, here `most`, so its effort is a part of that.
+        """
         signs = [wire.sign for wire in self._wires]
         wired = zip(self._wires, positions, strict=True)
         return Measurement(
             tuple(self._position(wire, ticks) for wire, ticks in wired),
             tuple(s * v / self._per_radian for s, v in zip(signs, speeds, strict=True)),
-            tuple(s * load / 1000 for s, load in zip(signs, loads, strict=True)),
+            tuple(
+                s * min(max(load / max(top, 1), -1.0), 1.0)
+                for s, load, top in zip(signs, loads, most, strict=True)
+            ),
             tuple(map(float, temperatures)),
             tuple(volts / 10 for volts in voltages),
+            tuple(s * amps * CURRENT_UNIT for s, amps in zip(signs, currents, strict=False)),
         )
 
     def _position(self, wire: ServoWire, ticks: int) -> float:

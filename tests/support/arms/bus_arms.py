@@ -102,8 +102,8 @@ class BusRig:
 
 
 @contextlib.contextmanager
-def rig(folder: Path, *faults: Fault, guards: str = "") -> Iterator[BusRig]:
-    robot_file = bus_arm(folder)
+def rig(folder: Path, *faults: Fault, guards: str = "", series: str = "sts") -> Iterator[BusRig]:
+    robot_file = bus_arm(folder, series)
     robot_file.write_text(f"{robot_file.read_text()}\n[guards]\n{guards}\n")
     made = BusRig(robot_file, list(faults))
     with made.clock.working(), made.arm:

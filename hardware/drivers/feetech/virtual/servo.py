@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from hardware.drivers.feetech.registers import MEMORY, Series
+from hardware.drivers.feetech.registers import CURRENT_UNIT, MEMORY, Series
 
 _STEP = 0.001  # step of the integration [s]
 _TOP_SPEED = 3400.0  # speed without a goal speed: largest of `st3215` [ticks/s]
@@ -13,7 +13,8 @@ _SUPPLY, _SAG = 12.0, 0.4  # voltage without load, and its drop at full load [V]
 _AMBIENT, _HEAT, _COOLING = 25.0, 50.0, 300.0  # [C], rise at full load [C], time constant [s]
 _STALL_CURRENT = 2.7  # current at full load [A]
 _STALL_TIME = 0.5  # time until a blocked servo reports an overload [s]
-_CURRENT_UNIT = 0.0065  # [A]
+_OVERLOAD = 0.8  # part of the torque from which a blocked servo is overloaded
+_PUSH = 1 / 60  # load of a servo that an object blocks, for each tick to its goal
 
 # Registers that decide how it moves; a series may lack the last two.
 _LIMITED = ("goal_position", "min_angle", "max_angle")
@@ -62,7 +63,8 @@ class Servo:
         gravity: Load of holding the arm in the middle, as a part of the largest torque.
 
     Attributes:
-        blocked: True if it cannot move.
+        blocked: True if it cannot move. It then pushes with its full torque.
+        stops: Positions between which an object keeps it, once it is there [ticks].
         supply: Voltage of its supply without a load [V].
         ambient: Temperature around it [C].
     """
@@ -70,12 +72,13 @@ class Servo:
     def __init__(self, series: Series, servo: int, position: int, gravity: float = 0.0) -> None:
         self.series, self._gravity = series, gravity
         self._memory, self._id = bytearray(MEMORY), series.registers["id"].address
-        self._reports = series.blocks[2][0]  # first address of the measured values
+        self._reports = series.registers["position"].address  # first address of the measured values
         self._settings: _Settings | None = None  # settings in its memory; None if not read yet
         self.blocked, self.supply, self.ambient = False, _SUPPLY, _AMBIENT
+        self.stops = -math.inf, math.inf
         self._position, self._speed, self._load = float(position), 0.0, 0.0
         self._temperature, self._now = _AMBIENT, 0.0
-        self._stalled = 0.0  # time that it has been blocked [s]
+        self._stalled = 0.0  # time that it has been blocked and overloaded [s]
         for name, register in series.registers.items():
             self.put(name, register.initial)
         self.put("id", servo)
@@ -206,14 +209,22 @@ class Servo:
         wanted = math.copysign(top, ahead) if ahead else 0.0
         change = min(max(wanted - self._speed, -most * _STEP), most * _STEP)
         self._speed = 0.0 if self.blocked else self._speed + change
-        self._position += self._speed * _STEP
-        if abs(ahead) <= 0.5:  # less than a tick
+        (least, last), before = self.stops, self._position
+        self._position = moved = before + self._speed * _STEP
+        if least <= before <= last:
+            self._position = min(max(moved, least), last)
+        touches = self._position != moved
+        if abs(ahead) <= 0.5 or touches:  # less than a tick
             self._speed = 0.0
         accelerating = 0.3 * change / (most * _STEP)
         self._load = self._held() + accelerating
-        if self.blocked and ahead:
-            self._load = math.copysign(settings.effort, ahead)
-            self._stalled += _STEP
+        if ahead and (self.blocked or touches):
+            push = settings.effort if self.blocked else min(settings.effort, _PUSH * abs(ahead))
+            self._load = math.copysign(push, ahead)
+            overloaded = push >= _OVERLOAD * settings.effort
+            self._stalled = self._stalled + _STEP if overloaded else 0.0
+        elif ahead:
+            self._stalled = 0.0
 
     def _held(self) -> float:
         """Return the load of gravity, as a part of the largest torque."""
@@ -248,7 +259,7 @@ class Servo:
             "temperature": round(self._temperature),
             "status": self._errors(),
             "moving": int(self._speed != 0.0),
-            "current": round(self._load * _STALL_CURRENT / _CURRENT_UNIT),
+            "current": round(self._load * _STALL_CURRENT / CURRENT_UNIT),
         }
         for name in values.keys() & self.series.registers.keys():
             self._store(name, values[name])

@@ -180,6 +180,28 @@ def test_a_blocked_joint_no_longer_pushes_after_the_fault(tmp_path: Path) -> Non
         assert abs(made.bus.servos[0].get("goal_position") - made.bus.servos[0].position) <= 1
 
 
+@pytest.mark.parametrize("series", ["sts", "scs"])
+def test_a_servo_with_a_low_torque_limit_stalls(tmp_path: Path, series: str) -> None:
+    """Its load never reaches the largest torque of its series. Only `sts` measures a current."""
+    with rig(tmp_path, Fault("block", 1, 2.0), series=series) as made:
+        for servo in made.bus.servos:
+            servo.put("max_torque", 300)
+        made.arm.activate()
+        assert isinstance(made.play(PICK, 4.0), JointStalled)
+        assert made.arm.failure
+        (measured,) = [e.measurement for e in made.events if isinstance(e, Measured)][-1:]
+        assert abs(measured.effort[0]) == 1.0
+        assert [round(abs(amps), 2) for amps in measured.current[:1]] == (
+            [0.81] if series == "sts" else []
+        )
+
+
+def test_a_full_load_without_current_is_no_stall(tmp_path: Path) -> None:
+    with rig(tmp_path, Fault("block", 1, 1.0), guards="stall_a = 9") as made:
+        made.arm.activate()
+        assert isinstance(made.play(PICK, 2.0), JointNotFollowing)
+
+
 def test_a_fault_may_let_the_joints_go(tmp_path: Path) -> None:
     with rig(tmp_path, Fault("block", 1, 2.0), guards='on_fault = "torque_off"') as made:
         made.arm.activate()

@@ -78,6 +78,21 @@ def test_an_arm_that_holds_keeps_its_torque(tmp_path: Path) -> None:
         assert written(made, "torque_limit") == []
 
 
+def test_a_ramp_that_was_cut_off_goes_on_from_its_limit(tmp_path: Path) -> None:
+    """A program that ended while the torque rose has left a servo with torque and a small limit."""
+    with rig(tmp_path) as made:
+        for servo in made.bus.servos:
+            servo.put("torque_enable", 1)
+            servo.put("torque_limit", 66)
+        made.bus.servos[0].put("torque_limit", 1000)
+        made.arm.activate()
+        rows = written(made, "torque_limit")
+        assert {row[0] for row in rows} == {1000}
+        limits = [66, *(row[1] for row in rows)]
+        assert max(after - before for before, after in pairwise(limits)) <= 63
+        assert all(servo.get("torque_limit") == 1000 for servo in made.bus.servos)
+
+
 def test_a_person_moves_an_arm_without_torque(tmp_path: Path) -> None:
     with rig(tmp_path) as made:
         made.arm.activate()

@@ -1,0 +1,59 @@
+"""The SO-101 grasps an object, which blocks its gripper, on the model of its bus."""
+
+import math
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from executive.replay.verification import verify
+from executive.session import open_executive
+from executive.setup import Setup
+from executive.task_runner import TaskRunner
+from executive.testing import SharedPool
+from hardware import BoardLink, SimulatedClock, load_robot
+from hardware.drivers.feetech.virtual.bus import Bus
+from logs import NodeStatus, Recording, Sent
+
+SQUEEZE = 1.5  # [deg]
+SOFT, HARD = 1 / 60, 1.0  # load of a blocked servo for each tick to its goal
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("width", "most", "push"),
+    [
+        *((width, most, SOFT) for width in (25.0, 6.0, 1.0) for most in (1000, 500)),
+        *((25.0, 1000, HARD), (6.0, 500, HARD), (1.0, 1000, HARD)),
+    ],
+)
+def test_a_pick_holds_the_object_and_overloads_no_servo(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, width: float, most: int, push: float
+) -> None:
+    monkeypatch.setattr("hardware.drivers.feetech.virtual.servo._PUSH", push)
+    robot, clock = load_robot(Path("so101")), SimulatedClock()
+    model = robot.model()
+    assert isinstance(model, Bus)
+    for servo in model.servos:
+        servo.put("max_torque", most)
+    there = robot.wire_format.encode([0.0] * 5 + [math.radians(width)]).servos[5]
+    model.servos[5].stops = there, math.inf
+    setup = Setup(robot=robot, recordings=tmp_path, single_user=True)
+    with (
+        closing(SharedPool(robot, 1, clock)) as pool,
+        clock.working(),
+        open_executive(setup, clock=clock, link=BoardLink(model, clock), pool=pool) as executive,
+    ):
+        executive.start()
+        outcome = TaskRunner(executive).run(1)
+        assert outcome.success, outcome.text()
+    recording = Recording(Path(outcome.recording))
+    nodes = [r for r in recording.records(NodeStatus) if isinstance(r, NodeStatus)]
+    said = [node.message for node in nodes if "the gripper holds an object" in node.message]
+    holds = [r.positions[5] for r in recording.records(Sent) if isinstance(r, Sent) and r.hold]
+    loosened = width > SQUEEZE or push == HARD  # else the end of the motion is near enough
+    assert (len(said), len(holds) >= 3) == (3 * loosened, loosened)
+    for q in holds:
+        assert width - SQUEEZE - 0.2 <= math.degrees(q) <= width
+    verified = verify(Path(outcome.recording))
+    assert verified.holds, verified.text()
