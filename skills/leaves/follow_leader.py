@@ -122,12 +122,21 @@ class FollowLeader(Skill):
     def _ahead(self, start: Sequence[float], target: Sequence[float]) -> tuple[float, ...]:
         """Return the joint positions after one period: towards the leader, within their limits.
 
-        Each joint is slow enough to stop at the leader's position.
+        Each joint is slow enough to stop at the leader's position. All of them together stay within
+        `acceleration_sum` at any time, because each one has its share of it. A measured gripper is
+        led by `squeeze_deg` at most, so that it holds an object and does not overload its servo.
         """
         speed, period, positions = self.get_input("speed"), self._period, []
-        for column, joint in enumerate(self.context.robot.actuated):
-            most, at = speed**2 * joint.acceleration, start[column]
-            left = _clip(target[column], joint.lower, joint.upper) - at
+        robot, measured = self.context.robot, self.context.arm.measured
+        total = speed**2 * sum(joint.acceleration for joint in robot.actuated)
+        share = min(1.0, robot.acceleration_sum / total)
+        squeeze = math.radians(robot.guards.squeeze_deg)
+        for column, joint in enumerate(robot.actuated):
+            most, at, goal = share * speed**2 * joint.acceleration, start[column], target[column]
+            if measured and joint.name in robot.groups["gripper"] and joint.unit == "rad":
+                there = measured.position[column]
+                goal = _clip(goal, there - squeeze, there + squeeze)
+            left = _clip(goal, joint.lower, joint.upper) - at
             change = most * period
             stoppable = math.sqrt(change**2 + 2 * most * abs(left)) - change
             wanted = min(stoppable, abs(left) / period, speed * joint.velocity)

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,8 @@ from executive.session import open_executive
 from executive.setup import Setup
 from executive.task_runner import TaskRunner
 from executive.testing import SharedPool
-from hardware import Robot, SimulatedClock, load_robot
+from hardware import BoardLink, Robot, SimulatedClock, load_robot
+from hardware.drivers.feetech.virtual.bus import Bus
 from hardware.errors import PortLost
 from logs import LeaderState, Recording, Sent, table
 from logs.views.table import export
@@ -56,12 +58,15 @@ class Hand:
 
 @contextmanager
 def followed(
-    robot: Robot, folder: Path, path: Path_ | None
+    robot: Robot, folder: Path, path: Path_ | None, stop: float = -math.inf
 ) -> Iterator[tuple[Outcome, Any, Executive]]:
     clock = SimulatedClock()
     hand = Hand(clock, path) if path else NullLeader()
     setup = Setup(robot=robot, recordings=folder, single_user=True)
-    link = robot.simulated_link(clock)
+    bus = robot.model()
+    assert isinstance(bus, Bus)
+    bus.servos[5].stops = stop, math.inf
+    link = BoardLink(bus, clock)
     with (
         closing(SharedPool(robot, 1, clock)) as pool,
         clock.working(),
@@ -130,6 +135,43 @@ def test_the_recording_has_the_leader_at_every_step(robot: Robot, tmp_path: Path
     columns = [f"{joint.name}_{each}" for each in suffixes for joint in shown]
     assert head[: 1 + len(columns)] == ["time_s", *columns]
     assert joints.name == f"{recording.stem}.joints.csv"
+
+
+def test_the_accelerations_together_stay_within_their_limit(robot: Robot, tmp_path: Path) -> None:
+    """All joints speed up and slow down at once, on a supply that bears half of that."""
+    weak = replace(robot, acceleration_sum=6.0)
+
+    def path(time: float) -> tuple[float, ...]:
+        return (0.3, -0.3, 0.3, 0.3, 0.3, 0.3) if time < 2.0 else ZERO
+
+    with followed(weak, tmp_path, path) as (outcome, _, _):
+        assert outcome.success, outcome.text()
+    frames = [frame for frame in sent(outcome) if not frame.hold]
+    assert len(frames) > 80
+    assert max(map(largest_sum, frames, frames[1:], frames[2:])) <= 6.0 * 1.01
+    assert max(frame.positions[5] for frame in frames) == pytest.approx(0.3, abs=0.03)
+
+
+def largest_sum(a: Sent, b: Sent, c: Sent) -> float:
+    """The sum of the accelerations of all joints in two periods of frames [rad/s2]."""
+    assert a.scheduled is not None
+    assert c.scheduled is not None
+    if c.scheduled - a.scheduled > 0.041:
+        return 0.0  # a joint turned by less than a tick in between
+    rows = zip(a.positions, b.positions, c.positions, strict=True)
+    return sum(abs(q - 2 * p + o) for o, p, q in rows) / 0.02**2
+
+
+def test_a_gripper_that_closes_on_an_object_holds_it(robot: Robot, tmp_path: Path) -> None:
+    def path(time: float) -> tuple[float, ...]:
+        return (*ZERO[:5], 1.0 if time < 2.0 else 0.0)
+
+    there = robot.wire_format.encode([*ZERO[:5], 0.4]).servos[5]
+    with followed(robot, tmp_path, path, stop=there) as (outcome, _, executive):
+        assert outcome.success, outcome.text()
+        commanded = executive.where().commanded
+        assert commanded
+        assert commanded["gripper"] == pytest.approx(0.4 - math.radians(1.5), abs=0.01)
 
 
 def test_a_collision_stops_it_and_shows_where_it_is_free(robot: Robot, tmp_path: Path) -> None:
