@@ -151,12 +151,13 @@ class Where:
         width: Distance between the fingers at the commanded position [m]; None if the arm is not
             active, or its robot file has no `pads`.
         measured: Measured position by joint [rad]; None if the arm is not active, or its board
-            measures none. The next five are None in the same cases.
+            measures none. The next six are None in the same cases.
         measured_velocity: Measured velocity by joint [rad/s].
         measured_effort: Measured part of the largest torque of the servo by joint, -1 to 1.
         temperature: Temperature of the servo by joint [C].
         voltage: Voltage of the servo's supply by joint [V].
         current: Current of the servo by joint [A].
+        lost: Number of lost answers of the servo since the port was opened, by joint.
     """
 
     arm: State = State.UNCONFIGURED
@@ -172,6 +173,7 @@ class Where:
     temperature: Mapping[str, float] | None = None
     voltage: Mapping[str, float] | None = None
     current: Mapping[str, float] | None = None
+    lost: Mapping[str, float] | None = None
 
     @classmethod
     def of(

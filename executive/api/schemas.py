@@ -289,6 +289,10 @@ WHERE = answer(
     temperature=described(_or_null(_BY_JOINT), "Temperature of the servo [C], by joint."),
     voltage=described(_or_null(_BY_JOINT), "Voltage of its supply [V], by joint."),
     current=described(_or_null(_BY_JOINT), "Current of the servo [A], by joint."),
+    lost=described(
+        _or_null(_BY_JOINT),
+        "Number of lost answers of the servo since the port was opened, by joint.",
+    ),
     tool=described(_or_null(_VECTOR), "x, y, z of the tool at the commanded position [m]."),
     width=described(
         _or_null(NUMBER), "Distance between the fingers at the commanded position [m]."

@@ -6,8 +6,14 @@ from collections.abc import Callable
 
 from hardware import ArmEvent, BytesReceived, CommandSent, FrameSent, Measured, Measurement
 
-# Largest change of a resting arm that counts as noise: [rad], part of the torque, [C], [V].
-_CHANGES = {"position": math.radians(0.5), "effort": 0.1, "temperature": 1.0, "voltage": 0.5}
+# Largest change of a resting arm that counts as noise: [rad], part of the torque, [C], [V], answers.
+_CHANGES = {
+    "position": math.radians(0.5),
+    "effort": 0.1,
+    "temperature": 1.0,
+    "voltage": 0.5,
+    "lost": 1.0,
+}
 _LONGEST = 10.0  # longest time between records of a resting arm [s]
 
 

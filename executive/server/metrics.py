@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 
-from prometheus_client import CollectorRegistry, Counter, Histogram, generate_latest
+from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, generate_latest
 from prometheus_client.core import GaugeMetricFamily, Metric
 from prometheus_client.registry import Collector
 
@@ -64,6 +64,12 @@ class Metrics:
         self._frames = Counter(
             "armtree_frames", "Frames that were sent.", ["hold"], registry=self._registry
         )
+        self._lost = Gauge(
+            "armtree_lost_answers",
+            "Lost answers of a servo since the port was opened.",
+            ["joint"],
+            registry=self._registry,
+        )
         self._lateness = Histogram(
             "armtree_frame_lateness_seconds",
             "Delay of a frame after its scheduled time.",
@@ -80,6 +86,9 @@ class Metrics:
                 self._frames.labels("true" if event.hold else "false").inc()
                 if event.scheduled is not None:
                     self._lateness.observe(max(0.0, event.time - event.scheduled))
+            case logs.Measured():
+                for joint, lost in zip(event.joints, event.lost, strict=False):
+                    self._lost.labels(joint).set(lost)
 
     def text(self) -> bytes:
         """Return all metrics in Prometheus' text format."""

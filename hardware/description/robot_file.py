@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
 from hardware.drivers.driver import Driver, load_driver
@@ -24,6 +24,7 @@ from .urdf import Urdf, UrdfError, UrdfJoint
 BAUD_RATES = range(1200, 4_000_001)  # [bit/s]; at 1200 a frame of 20 bytes takes 0.17 s
 MAX_BOOT_WAIT = 60.0  # [s]
 MAX_BRAKE = 10.0  # [s]
+MAX_LOST = 100  # lost answers in a row
 _ROUNDING = 1.0 + 1e-9  # factor of a velocity limit: allows rounding errors of multipliers
 
 
@@ -119,6 +120,13 @@ def _board(root: TomlTable, driver: Driver | NullDriver) -> tuple[Serial, Firmwa
         return Serial(port=VIRTUAL, baud=NO_BAUD, boot_wait=0.0), NO_FIRMWARE
     table = root.table("serial")
     firmware = driver.firmwares[table.choice("firmware", driver.firmwares)]
+    if firmware.most_rate:
+        least, most = firmware.rate, firmware.most_rate
+        rate = table.number("rate_hz", least=least, most=most, default=least)
+        firmware = replace(firmware, rate=rate)
+    if firmware.lost_answers and "lost_answers" in table:
+        lost = table.integer("lost_answers", range(1, MAX_LOST + 1))
+        firmware = replace(firmware, lost_answers=lost)
     serial = Serial(
         port=table.text("port", default=""),
         baud=table.integer("baud", BAUD_RATES),

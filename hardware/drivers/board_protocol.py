@@ -18,6 +18,7 @@ class Measurement:
         temperature: Temperatures of the servos [C].
         voltage: Voltages of their supply [V].
         current: Currents of the servos [A].
+        lost: Numbers of lost answers of the servos since the port was opened.
     """
 
     position: tuple[float, ...]
@@ -26,6 +27,7 @@ class Measurement:
     temperature: tuple[float, ...] = ()
     voltage: tuple[float, ...] = ()
     current: tuple[float, ...] = ()
+    lost: tuple[float, ...] = ()
 
 
 class BoardProtocol:

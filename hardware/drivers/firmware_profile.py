@@ -44,6 +44,9 @@ class Firmware:
     Attributes:
         name: Name in a robot file.
         rate: Rate at which motions are sampled into frames [Hz].
+        most_rate: Largest rate that a robot file may choose [Hz]; 0 if the rate is fixed.
+        lost_answers: Lost answers of a servo in a row that are a fault; 0 for a board without
+            requests. A robot file may override this.
         max_step: Largest change of one frame: the sum over all servos.
         boot_time: Time from opening the port until the board reads from its line [s].
         baud: Speed of its line [bit/s]; 0 if any speed is possible.
@@ -70,6 +73,8 @@ class Firmware:
     reports_pose: bool = False
     abilities: frozenset[Ability] = frozenset()
     bauds: tuple[int, ...] = ()
+    most_rate: float = 0.0
+    lost_answers: int = 0
     words: Words = Words()
 
     def service_time(self, before: Sequence[int], after: Sequence[int]) -> float:

@@ -11,7 +11,7 @@ from typing import Any
 from hardware.printable import wire_text
 
 # Names of measured quantities.
-QUANTITIES = ("position", "velocity", "effort", "temperature", "voltage", "current")
+QUANTITIES = ("position", "velocity", "effort", "temperature", "voltage", "current", "lost")
 MOVE = -1  # task number of a move, because a move has no task file
 _AT_ONCE = 0.1  # largest delay of a goal that counts as not queued [s]
 
@@ -76,6 +76,7 @@ class Measured:
         temperature: Temperatures of the servos [C], (J,).
         voltage: Voltages of their supply [V], (J,).
         current: Currents of the servos [A], (J,).
+        lost: Numbers of lost answers of the servos since the port was opened, (J,).
     """
 
     time: float
@@ -86,6 +87,7 @@ class Measured:
     temperature: tuple[float, ...]
     voltage: tuple[float, ...]
     current: tuple[float, ...]
+    lost: tuple[float, ...]
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,7 +20,8 @@ from .virtual.bus import Bus
 from .virtual.servo import Servo
 from .wire_format import ServoFormat, ServoWire
 
-_RATE = 50.0  # [Hz]
+_RATE, _MOST_RATE = 50.0, 100.0  # [Hz]
+_LOST_ANSWERS = 5  # lost answers of a servo in a row that are a fault
 _MAX_STEP = 400  # largest total step of one frame [ticks]; six servos at top speed need 408
 _GRAVITY = 0.2  # load of a joint of the model, as a part of the largest torque
 
@@ -38,6 +39,8 @@ FIRMWARES = {
     name: Firmware(
         name,
         rate=_RATE,
+        most_rate=_MOST_RATE,
+        lost_answers=_LOST_ANSWERS,
         max_step=_MAX_STEP,
         resets=False,
         reports_pose=True,
@@ -105,7 +108,7 @@ class Feetech:
     ) -> BusProtocol:
         """Return the protocol of a bus: its requests and answers."""
         series = _SERIES[firmware.name]
-        return BusProtocol(series, ServoFormat(series, joints))
+        return BusProtocol(series, ServoFormat(series, joints), firmware.lost_answers)
 
     def link(self, joints: Sequence[Joint], firmware: Firmware, baud: int, port: str) -> Link:
         """Return a serial port."""

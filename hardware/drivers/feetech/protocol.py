@@ -34,10 +34,10 @@ _REMEMBERED = 0.99  # factor that the slowest cycle decays by in each cycle
 _PERIOD = 0.02  # period of requests without a frame, while the arm may move [s]
 _IDLE_PERIOD = 0.2  # period of requests while nothing moves [s]
 _SETTLING = 1.0  # time after a frame in which the arm may move [s]
-LOST_REQUESTS = 5  # unanswered requests in a row that are a fault of a servo
-_ALL_LOST = 10  # the same if no servo answers: the host or adapter may be busy
+_TIMES_ALL = 2  # times as many may be lost if no servo answers: the host or adapter may be busy
 _STATE_PERIOD = 0.1  # period of requests that include the torque [s]
 _LIMP = 5  # answers that may still report no torque after it was switched on
+_MEASURED = {"position", "speed", "load", "max_torque", "temperature", "voltage", "current"}
 _RAMP = 15  # steps in which torque rises, one in each period of frames
 
 
@@ -47,13 +47,11 @@ class BusProtocol(BoardProtocol):
     Args:
         series: Series of the servos.
         wires: Wire format of the joints.
-
-    Attributes:
-        lost: Number of lost answers of each servo since the port was opened.
+        allowed: Lost answers of a servo in a row that are a fault.
     """
 
-    def __init__(self, series: Series, wires: ServoFormat) -> None:
-        self._series, self._wires = series, wires
+    def __init__(self, series: Series, wires: ServoFormat, allowed: int) -> None:
+        self._series, self._wires, self._allowed = series, wires, allowed
         self._joints = {servo: joint for joint, servo in wires.servos.items()}
         kept, self._state, self._cycle = series.blocks
         self._asked = [self._state, kept]  # the next requests; after them, only the cycle repeats
@@ -74,7 +72,7 @@ class BusProtocol(BoardProtocol):
         # Number of answers without torque still allowed.
         self._limp = dict.fromkeys(self._joints, _LIMP)
         self._memories = {servo: bytearray(MEMORY) for servo in self._joints}
-        self.lost = dict.fromkeys(self._joints, 0)
+        self._lost = dict.fromkeys(self._joints, 0)  # lost answers since the port was opened
         self.next_poll = -math.inf  # request the positions at once
 
     def check_booted(self, port: str, waited: float) -> None:
@@ -144,11 +142,11 @@ class BusProtocol(BoardProtocol):
         """
         if not self._waiting:
             self._begun = now
-        allowed = LOST_REQUESTS if self._answers else _ALL_LOST
+        allowed = self._allowed * (1 if self._answers else _TIMES_ALL)
         self._store_answers()
         counts = now - self.next_poll < _HOST_LATE
         for servo in self._waiting:
-            self.lost[servo] += 1
+            self._lost[servo] += 1
             self._silent[servo] += counts
             if self.boot_frame and self._silent[servo] >= allowed:
                 raise ServoSilent(servo, self._joints[servo], self._silent[servo])
@@ -227,10 +225,9 @@ class BusProtocol(BoardProtocol):
         if self._asked:
             self.next_poll = now
             return
-        names = ("position", "speed", "load", "temperature", "voltage", "max_torque")
-        has_current = "current" in self._series.registers
-        currents = self._values("current") if has_current else []
-        self.measured = self._wires.measurement(*map(self._values, names), currents)
+        present = _MEASURED & self._series.registers.keys()
+        values = {name: self._values(name) for name in present}
+        self.measured = self._wires.measurement(values, list(self._lost.values()))
         self.boot_frame = self.boot_frame or self._wires.frame(self._values("position"))
         if now - self._state_time >= _STATE_PERIOD:
             self._asked.append(self._state)

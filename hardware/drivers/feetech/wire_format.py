@@ -1,7 +1,7 @@
 """The wire format: joint positions to one sync write of all goal positions, and back."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from hardware.drivers.board_protocol import Measurement
@@ -85,32 +85,27 @@ class ServoFormat:
             for joint, wire, ticks in zip(self._joints, self._wires, frame.servos, strict=True)
         )
 
-    def measurement(
-        self,
-        positions: Sequence[int],
-        speeds: Sequence[int],
-        loads: Sequence[int],
-        temperatures: Sequence[int],
-        voltages: Sequence[int],
-        most: Sequence[int],
-        currents: Sequence[int],
-    ) -> Measurement:
-        """Return a measurement from the registers of all servos, one value per joint.
+    def measurement(self, values: Mapping[str, Sequence[int]], lost: Sequence[int]) -> Measurement:
+        """Return a measurement.
 
-        A servo pushes with at most `max_torque`, here `most`, so its effort is a part of that.
+        Args:
+            values: Values of the registers for them and of `max_torque`, one per joint. The
+                effort is a part of `max_torque`, because a servo pushes no more. A series may lack
+                the register `current`.
+            lost: Number of lost answers of each servo.
         """
         signs = [wire.sign for wire in self._wires]
-        wired = zip(self._wires, positions, strict=True)
+        wired = zip(self._wires, values["position"], strict=True)
+        loads = zip(signs, values["load"], values["max_torque"], strict=True)
+        currents = zip(signs, values.get("current", ()), strict=False)
         return Measurement(
             tuple(self._position(wire, ticks) for wire, ticks in wired),
-            tuple(s * v / self._per_radian for s, v in zip(signs, speeds, strict=True)),
-            tuple(
-                s * min(max(load / max(top, 1), -1.0), 1.0)
-                for s, load, top in zip(signs, loads, most, strict=True)
-            ),
-            tuple(map(float, temperatures)),
-            tuple(volts / 10 for volts in voltages),
-            tuple(s * amps * CURRENT_UNIT for s, amps in zip(signs, currents, strict=False)),
+            tuple(s * v / self._per_radian for s, v in zip(signs, values["speed"], strict=True)),
+            tuple(s * min(max(load / max(most, 1), -1.0), 1.0) for s, load, most in loads),
+            tuple(map(float, values["temperature"])),
+            tuple(volts / 10 for volts in values["voltage"]),
+            tuple(s * amps * CURRENT_UNIT for s, amps in currents),
+            tuple(map(float, lost)),
         )
 
     def _position(self, wire: ServoWire, ticks: int) -> float:

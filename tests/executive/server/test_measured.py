@@ -7,6 +7,7 @@ import pytest
 from websockets.sync.client import connect
 
 from hardware import BoardLink, RealClock, load_robot
+from hardware.drivers.feetech.virtual.bus import Bus, Fault
 from skills.motion import Pool
 from tests.support.servers.serving import Served
 
@@ -23,8 +24,15 @@ def test_measured_is_beside_commanded_and_rosbridge_says_which_one_it_has(
     assert model
     link = BoardLink(model, real_clock)
     served = Served(robot, real_pool, tmp_path, real_clock, link)
+    assert isinstance(model, Bus)
     served.start(active=True, rosbridge=True)
     try:
+        model.fail(real_clock.now(), Fault("lose", 6, 0.0, 2))
+        while served.ask("GET", "/api/where")[1]["lost"]["gripper"] < 2:
+            assert served.ask("GET", "/api/status")[1]["arm"] == "active"
+        metrics = served.ask("GET", "/metrics")[1].decode()
+        assert 'armtree_lost_answers{joint="gripper"} 2.0' in metrics
+        assert 'armtree_lost_answers{joint="wrist_roll"} 0.0' in metrics
         status = served.ask("GET", "/api/status")[1]
         assert status["measured"].keys() == status["commanded"].keys()
         where = served.ask("GET", "/api/where")[1]

@@ -37,7 +37,7 @@ def share(picture: Any, colour: tuple[int, int, int]) -> float:
 def test_what_was_measured_is_drawn_beside_what_was_commanded(tmp_path: Path) -> None:
     records = RUNS["ok"]
     late = [
-        Measured(each.time + 0.05, each.joints, tuple(q + 0.1 for q in each.positions), *[()] * 5)
+        Measured(each.time + 0.05, each.joints, tuple(q + 0.1 for q in each.positions), *[()] * 6)
         for each in records
         if isinstance(each, Sent) and each.joints
     ]

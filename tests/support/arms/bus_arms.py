@@ -102,9 +102,12 @@ class BusRig:
 
 
 @contextlib.contextmanager
-def rig(folder: Path, *faults: Fault, guards: str = "", series: str = "sts") -> Iterator[BusRig]:
+def rig(
+    folder: Path, *faults: Fault, guards: str = "", serial: str = "", series: str = "sts"
+) -> Iterator[BusRig]:
     robot_file = bus_arm(folder, series)
-    robot_file.write_text(f"{robot_file.read_text()}\n[guards]\n{guards}\n")
+    text = robot_file.read_text().replace("[serial]", f"[serial]\n{serial}")
+    robot_file.write_text(f"{text}\n[guards]\n{guards}\n")
     made = BusRig(robot_file, list(faults))
     with made.clock.working(), made.arm:
         made.arm.configure()

@@ -4,6 +4,7 @@ import logging
 import math
 from collections import Counter
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -137,6 +138,20 @@ def test_lost_and_damaged_answers_are_asked_for_again(tmp_path: Path) -> None:
         made.arm.activate()
         assert made.play(PICK, 4.0) is None
         assert not made.faults
+        assert made.arm.measured
+        assert made.arm.measured.lost == (0, 3, 0, 3)
+
+
+def test_the_robot_file_says_how_many_answers_may_be_lost_and_how_often_it_asks(
+    tmp_path: Path,
+) -> None:
+    keys = "rate_hz = 100\nlost_answers = 2"
+    with rig(tmp_path, Fault("lose", 2, 2.0, 2), serial=keys) as made:
+        made.arm.activate()
+        with pytest.raises(ServoSilent, match="Servo 2 of joint_2 did not answer 2 requests"):
+            raise made.play(PICK, 4.0) or AssertionError("it ended well")
+        due = [e.scheduled for e in made.events if isinstance(e, FrameSent) and e.scheduled]
+        assert min(b - a for a, b in pairwise(due)) == pytest.approx(0.01)
 
 
 @pytest.mark.slow
@@ -247,6 +262,8 @@ def test_a_servo_that_vanishes_from_a_resting_arm_is_a_fault(tmp_path: Path) -> 
         ),
         ("[groups]", '[guards]\non_fault = "fall"\n[groups]', "on_fault: .* hold"),
         ("[groups]", "[guards]\nmost_f = 9\n[groups]", "most_f"),
+        ("baud =", "rate_hz = 200\nbaud =", "rate_hz: 200 is not allowed"),
+        ("baud =", "lost_answers = 0\nbaud =", "lost_answers: 0 is not from 1 to 100"),
         ("id = 2", "id = 1", "joint_2: its servo 1 is the servo of joint_1 already"),
         ("id = 2", "id = 254", "id: 254 is not from 0 to 252"),
         ("offset_deg = 0", "offset_deg = 120", "joint_1: servo 1 cannot reach the limit 90 deg"),
