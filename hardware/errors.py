@@ -289,9 +289,11 @@ class MeasuredFault(BoardError):
         limit: Its limit.
     """
 
-    def __init__(self, joint: str, value: float, limit: float, message: str) -> None:
+    def __init__(
+        self, joint: str, value: float, limit: float, message: str, effect: str = ""
+    ) -> None:
         self.joint, self.value, self.limit = joint, value, limit
-        super().__init__(message)
+        super().__init__(f"{message}. {effect}" if effect else message)
 
 
 class JointNotFollowing(MeasuredFault):
@@ -300,7 +302,9 @@ class JointNotFollowing(MeasuredFault):
     code = "hw.not_following"
     hint = "free the joint and check its servo, then configure and activate"
 
-    def __init__(self, joint: str, commanded: float, measured: float, limit: float) -> None:
+    def __init__(
+        self, joint: str, commanded: float, measured: float, limit: float, effect: str
+    ) -> None:
         error = abs(commanded - measured)
         super().__init__(
             joint,
@@ -309,6 +313,7 @@ class JointNotFollowing(MeasuredFault):
             f"{joint} is commanded to {commanded:.1f} deg and measured at {measured:.1f} deg: "
             f"{error:.1f} deg apart; the limit is {limit:g} deg (following_deg). Free the joint, "
             "or move more slowly",
+            effect,
         )
 
 
@@ -318,13 +323,14 @@ class JointStalled(MeasuredFault):
     code = "hw.stalled"
     hint = "free the joint, then configure and activate"
 
-    def __init__(self, joint: str, effort: float, limit: float, error: float) -> None:
+    def __init__(self, joint: str, effort: float, limit: float, error: float, effect: str) -> None:
         super().__init__(
             joint,
             effort,
             limit,
             f"{joint} pushes with {effort:.0%} of its torque, {error:.1f} deg from its commanded "
             f"position; the limit is {limit:.0%} (stall_effort). Free the joint, or lift less",
+            effect,
         )
 
 
@@ -354,10 +360,9 @@ class ServoTooHot(MeasuredFault):
     code = "hw.servo_hot"
     hint = "let the servo cool down, then configure and activate"
 
-    def __init__(self, joint: str, celsius: float, limit: float) -> None:
+    def __init__(self, joint: str, celsius: float, limit: float, effect: str) -> None:
         words = f"The servo of {joint} has {celsius:g} degrees Celsius; the limit is {limit:g} "
-        advice = "(most_c). Let it cool down. Until then it holds the arm; support it by hand"
-        super().__init__(joint, celsius, limit, f"{words}{advice}")
+        super().__init__(joint, celsius, limit, f"{words}(most_c). Let it cool down", effect)
 
 
 class SupplyTooLow(MeasuredFault):
@@ -366,9 +371,10 @@ class SupplyTooLow(MeasuredFault):
     code = "hw.voltage_low"
     hint = "use a stronger supply, then configure and activate"
 
-    def __init__(self, joint: str, volts: float, limit: float) -> None:
+    def __init__(self, joint: str, volts: float, limit: float, effect: str) -> None:
         words = f"The servo of {joint} has {volts:g} V; the limit is {limit:g} V (least_v). Use a "
-        super().__init__(joint, volts, limit, f"{words}stronger supply, or shorter cables")
+        words += "stronger supply, or shorter cables"
+        super().__init__(joint, volts, limit, words, effect)
 
 
 class DriverFailed(HardwareError):

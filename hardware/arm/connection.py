@@ -89,7 +89,8 @@ class Connection:
         """
         self.session.check_booted(self._link.port, waited)
         if measured := self.session.measured:
-            self._measured_guard.check(measured.position, measured, self._clock.now())
+            now = self._clock.now()
+            self._measured_guard.check(measured.position, measured, now, active=False)
         self.guard.start_from(self._held_pose())
         period = 1 / self._robot.firmware.rate
         self.streamer = Streamer(

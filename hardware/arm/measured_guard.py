@@ -43,15 +43,19 @@ class MeasuredGuard:
         self._warned = set[tuple[str, str]]()
         self._stalled = set[str]()  # names of free joints that have pushed for too long
         self._measured: Measurement | None = None
+        self._effect = ""  # effect of a fault on the arm
         self._lock = threading.Lock()
 
-    def check(self, commanded: Sequence[float], measured: Measurement, now: float) -> None:
+    def check(
+        self, commanded: Sequence[float], measured: Measurement, now: float, active: bool = True
+    ) -> None:
         """Check one measurement.
 
         Args:
             commanded: Commanded positions, one per joint [rad].
             measured: The measurement.
             now: Time of the measurement [s].
+            active: False if a fault moves nothing, because the arm is not active yet.
 
         Raises:
             JointStalled: A joint pushes with its full effort and does not move.
@@ -61,6 +65,7 @@ class MeasuredGuard:
         """
         with self._lock:
             self._measured = measured
+            self._effect = self._guards.effect if active else ""
             for k, joint in enumerate(self._joints):
                 check = self._check_grip if joint.name in self._free else self._check_position
                 if joint.unit == "rad":
@@ -83,10 +88,10 @@ class MeasuredGuard:
         guards, error = self._guards, math.degrees(abs(commanded - measured))
         stalls = effort >= guards.stall_effort and error >= guards.stall_deg
         if self._lasts("stall", joint, stalls, now, guards.stall_s):
-            raise JointStalled(joint.name, effort, guards.stall_effort, error)
+            raise JointStalled(joint.name, effort, guards.stall_effort, error, self._effect)
         if self._lasts("error", joint, error > guards.following_deg, now, guards.following_s):
             values = math.degrees(commanded), math.degrees(measured)
-            raise JointNotFollowing(joint.name, *values, guards.following_deg)
+            raise JointNotFollowing(joint.name, *values, guards.following_deg, self._effect)
 
     def _check_grip(
         self, joint: Joint, commanded: float, measured: float, effort: float, now: float
@@ -165,7 +170,7 @@ class MeasuredGuard:
     def _check_temperature(self, joint: Joint, celsius: float) -> None:
         guards = self._guards
         if celsius > guards.most_c:
-            raise ServoTooHot(joint.name, celsius, guards.most_c)
+            raise ServoTooHot(joint.name, celsius, guards.most_c, self._effect)
         if celsius >= guards.warn_c and self._is_first("hot", joint):
             words = "The servo of %s has %.0f degrees Celsius; the arm stops above %.0f"
             logger.warning(words, joint.name, celsius, guards.most_c)
@@ -173,7 +178,7 @@ class MeasuredGuard:
     def _check_voltage(self, joint: Joint, volts: float) -> None:
         guards = self._guards
         if volts < guards.least_v:
-            raise SupplyTooLow(joint.name, volts, guards.least_v)
+            raise SupplyTooLow(joint.name, volts, guards.least_v, self._effect)
         if volts < guards.warn_v and self._is_first("volts", joint):
             words = "The servo of %s has %.1f V; the arm stops below %.1f V"
             logger.warning(words, joint.name, volts, guards.least_v)

@@ -43,3 +43,10 @@ class Guards:
     warn_v: float = 4.8
     least_v: float = 4.4
     on_fault: str = HOLD
+
+    @property
+    def effect(self) -> str:
+        """Effect of a fault on the arm, as a sentence of its message."""
+        if self.on_fault == TORQUE_OFF:
+            return "The torque goes off (on_fault), and gravity moves the arm: support it"
+        return "The servos hold where they are measured. Gravity moves a joint whose servo lets go"

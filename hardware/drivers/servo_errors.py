@@ -15,7 +15,9 @@ BoardError
 └── NotReleased               a servo still has torque after it was switched off
 """
 
+import math
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from hardware.errors import BoardError, BoardSilent, HardwareError
@@ -95,20 +97,64 @@ class ServoSilent(BoardError):
         )
 
 
+@dataclass(frozen=True, slots=True)
+class ServoHealth:
+    """Measured values of a servo, and its own limits.
+
+    Attributes:
+        load: Its load, as a part of the largest torque of its series.
+        most_load: Limit of its load.
+        celsius: Its temperature [C].
+        most_celsius: Limit of its temperature [C].
+        volts: Voltage of its supply [V].
+        least_volts: Lower limit of the voltage [V].
+        most_volts: Upper limit of the voltage [V].
+    """
+
+    load: float
+    most_load: float
+    celsius: float
+    most_celsius: float
+    volts: float
+    least_volts: float
+    most_volts: float
+
+    def __str__(self) -> str:
+        return (
+            f"at a load of {self.load:.0%} (limit {self.most_load:.0%}), {self.celsius:g} degrees "
+            f"Celsius (limit {self.most_celsius:g}) and {self.volts:g} V (limits "
+            f"{self.least_volts:g} and {self.most_volts:g})"
+        )
+
+    def reading(self, error: str) -> tuple[float, float]:
+        """Return the value that an error is about, and its limit; NaN if there is none."""
+        low = self.volts < self.least_volts
+        return {
+            "voltage": (self.volts, self.least_volts if low else self.most_volts),
+            "temperature": (self.celsius, self.most_celsius),
+            "overload": (self.load, self.most_load),
+        }.get(error, (math.nan, math.nan))
+
+
 class ServoFault(BoardError):
-    """A servo on a bus reports an error, such as an overload."""
+    """A servo on a bus reports an error, such as an overload.
+
+    Attributes:
+        joint: Name of the joint.
+        value: The value that the first error is about; NaN if there is none.
+        limit: Its limit; NaN if there is none.
+    """
 
     code = "hw.servo_fault"
     hint = "free the joint, let the servo cool down, then configure and activate"
 
-    def __init__(
-        self, servo: int, joint: str, errors: Sequence[str], temperature: float, volts: float
-    ) -> None:
+    def __init__(self, servo: int, joint: str, errors: Sequence[str], health: ServoHealth) -> None:
+        self.joint = joint
+        self.value, self.limit = health.reading(errors[0] if errors else "")
         super().__init__(
-            f"Servo {servo} of {joint} reports the error {' and '.join(errors) or 'unknown'}, at "
-            f"{temperature:g} degrees Celsius and {volts:g} V. Free the joint, let the servo cool "
-            "down, and check its supply, then run again. The servo may have let the joint go: "
-            "gravity moves it"
+            f"Servo {servo} of {joint} reports the error {' and '.join(errors) or 'unknown'}, "
+            f"{health}. Free the joint, let the servo cool down, and check its supply, then run "
+            "again. The servo may have let the joint go: gravity moves it"
         )
 
 

@@ -13,6 +13,7 @@ from hardware.drivers.servo_errors import (
     CalibrationDiffers,
     NoServos,
     ServoFault,
+    ServoHealth,
     ServoMissing,
     ServoSilent,
     TorqueLost,
@@ -199,19 +200,38 @@ class BusProtocol(BoardProtocol):
     def _process(self, packet: Packet) -> None:
         servo, (first, count) = packet.servo, self._block
         whole = len(packet.parameters) == count
-        if packet.code:
+        if packet.code and not (whole and self._requests == 1):  # the limits are read next
             names = [name for bit, name in ERRORS.items() if packet.code & bit]
             memory = bytearray(self._memories[servo])
             if whole:
                 memory[first : first + count] = packet.parameters
-            temperature = self._series.unpack("temperature", memory)
-            volts = self._series.unpack("voltage", memory) / 10
-            raise ServoFault(servo, self._joints[servo], names, temperature, volts)
+            before = abs(self._series.unpack("load", self._memories[servo]))
+            health = self._health(memory, before)
+            raise ServoFault(servo, self._joints[servo], names, health)
         if whole:  # else it answers another request
             self._waiting.discard(servo)
             self._heard.add(servo)
             self._silent[servo] = 0
             self._answers[servo] = packet.parameters
+
+    def _health(self, memory: bytearray, load_before: int) -> ServoHealth:
+        """Return what a servo's memory has of its health.
+
+        An overloaded servo lets go, so the load just before [0.1 %] may be the one that counts.
+        """
+
+        def value(register: str) -> int:
+            return self._series.unpack(register, memory)
+
+        return ServoHealth(
+            load=max(abs(value("load")), load_before) / 1000,
+            most_load=value("max_torque") / 1000,
+            celsius=value("temperature"),
+            most_celsius=value("max_temperature"),
+            volts=value("voltage") / 10,
+            least_volts=value("min_voltage") / 10,
+            most_volts=value("max_voltage") / 10,
+        )
 
     def _take_answers(self, now: float) -> None:
         """Process the answers of all servos to one request."""

@@ -51,7 +51,7 @@ def damage(*servos: int) -> list[Fault]:
             "servo 1 (joint_1)",
             "another servo answers with its id",
         ),
-        (nothing, [Fault("brown_out", 1, 0.0)], "hw.servo_fault", "the error voltage", "supply"),
+        (nothing, [Fault("brown_out", 1, 0.0)], "hw.servo_fault", "limits 4 and 14", "supply"),
     ],
     ids=["none", "1 of 4", "wrong ids", "one id twice", "other baud", "noise", "other id", "volts"],
 )

@@ -160,13 +160,21 @@ def test_the_robot_file_says_how_many_answers_may_be_lost_and_how_often_it_asks(
     [
         (Fault("vanish", 2, 2.0), ServoSilent, "Servo 2 of joint_2 did not answer 5 requests"),
         (Fault("renumber", 2, 2.0, 9), ServoSilent, "Servo 2 of joint_2 did not answer"),
-        (Fault("block", 1, 2.0), ServoFault, "Servo 1 of joint_1 reports the error overload"),
+        (
+            Fault("block", 1, 2.0),
+            ServoFault,
+            r"the error overload, at a load of 100% \(limit 100%\)",
+        ),
         (
             Fault("brown_out", 1, 2.0),
             ServoFault,
-            r"error voltage, at 25 degrees Celsius and 3\.\d V",
+            r"error voltage, .* 3\.\d V \(limits 4 and 14\).*gravity",
         ),
-        (Fault("overheat", 3, 2.0), ServoTooHot, "servo of joint_3 has 66 degrees Celsius; .* 65"),
+        (
+            Fault("overheat", 3, 2.0),
+            ServoTooHot,
+            "servo of joint_3 has 66 degrees Celsius; .* 65 .*Gravity",
+        ),
         (Fault("lose", 4, 2.0, 100), ServoSilent, "Servo 4 of joint_4 did not answer"),
     ],
     ids=lambda value: value.kind if isinstance(value, Fault) else "",
@@ -220,7 +228,9 @@ def test_a_full_load_without_current_is_no_stall(tmp_path: Path) -> None:
 def test_a_fault_may_let_the_joints_go(tmp_path: Path) -> None:
     with rig(tmp_path, Fault("block", 1, 2.0), guards='on_fault = "torque_off"') as made:
         made.arm.activate()
-        assert isinstance(made.play(PICK, 4.0), JointStalled)
+        error = made.play(PICK, 4.0)
+        assert isinstance(error, JointStalled)
+        assert "The torque goes off (on_fault), and gravity moves the arm" in str(error)
         made.wait(1.0)
         assert not any(made.bus.state(made.clock.now()).torque.values())
 
@@ -231,6 +241,7 @@ def test_a_joint_that_does_not_follow_is_a_fault(tmp_path: Path) -> None:
         with pytest.raises(JointNotFollowing, match=r"deg apart; the limit is 10 deg") as caught:
             raise made.play(PICK, 2.0) or AssertionError("it ended well")
         assert caught.value.joint == "joint_1"
+        assert "Gravity moves a joint whose servo lets go" in str(caught.value)
         assert math.radians(10) == caught.value.limit < caught.value.value < math.radians(20)
 
 
