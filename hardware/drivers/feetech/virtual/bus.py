@@ -41,12 +41,14 @@ class BusState:
 
     Attributes:
         positions: Positions of the servos, by id [ticks].
+        outputs: Positions of what they move, by id [ticks]. They differ by the backlash.
         torque: True if the servo has torque, by id.
         packets: Number of whole packets to the servos.
         collisions: Number of times that the host sent bytes while a servo answered.
     """
 
     positions: dict[int, float]
+    outputs: dict[int, float]
     torque: dict[int, bool]
     packets: int
     collisions: int
@@ -137,6 +139,7 @@ class Bus:
         self._advance(now)
         return BusState(
             {servo.servo: servo.position for servo in self.servos},
+            {servo.servo: servo.output for servo in self.servos},
             {servo.servo: bool(servo.get("torque_enable")) for servo in self.servos},
             self._packets,
             self._collisions,

@@ -12,6 +12,7 @@ _TOP_ACCELERATION = 25400.0  # acceleration without a value in the register [tic
 _SUPPLY, _SAG = 12.0, 0.4  # voltage without load, and its drop at full load [V]
 _AMBIENT, _HEAT, _COOLING = 25.0, 50.0, 300.0  # [C], rise at full load [C], time constant [s]
 _STALL_CURRENT = 2.7  # current at full load [A]
+_BACKLASH = 1.0  # play of its gears and horn behind the encoder (SO-ARM100 issue 134) [deg]
 _STALL_TIME = 0.5  # time until a blocked servo reports an overload [s]
 _OVERLOAD = 0.8  # part of the torque from which a blocked servo is overloaded
 _PUSH = 1 / 60  # load of a servo that an object blocks, for each tick to its goal
@@ -77,6 +78,7 @@ class Servo:
         self.blocked, self.supply, self.ambient = False, _SUPPLY, _AMBIENT
         self.stops = -math.inf, math.inf
         self._position, self._speed, self._load = float(position), 0.0, 0.0
+        self._side = 0.0  # side of the backlash on which its output is: -1, 1, or 0 at first
         self._temperature, self._now = _AMBIENT, 0.0
         self._stalled = 0.0  # time that it has been blocked and overloaded [s]
         for name, register in series.registers.items():
@@ -100,6 +102,15 @@ class Servo:
     def position(self) -> float:
         """Its position [ticks]."""
         return self._position
+
+    @property
+    def output(self) -> float:
+        """Position of what it moves [ticks]. The encoder does not see the backlash before that.
+
+        Its load keeps the output on one side of the backlash. A load on the other side moves it.
+        """
+        play = _BACKLASH * self.series.ticks / self.series.turn
+        return self._position + self._side * play / 2
 
     @property
     def _homing(self) -> int:
@@ -159,6 +170,10 @@ class Servo:
 
     def advance(self, now: float) -> None:
         """Move until a time [s], which never decreases."""
+        self._move_until(now)
+        self._side = -math.copysign(1.0, self._load) if self._load else self._side
+
+    def _move_until(self, now: float) -> None:
         while now - self._now >= _STEP:
             if self._speed == 0.0 and not self._wants():
                 self._load = self._held()
