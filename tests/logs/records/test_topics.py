@@ -41,7 +41,7 @@ HASHES = {
         "e79ef024d732c9f2de20ec8b15a9e2deb1cc557b9f8b9be5da4b14ac494a5df8"
     ),
     "arduinobot_msgs/msg/MeasuredJoints": (
-        "cfe375a9d065e1ec68dc2d5a872a5dc406a58ca8ab60786c6cdabbd032efa488"
+        "4480f32daf98e73a8d7239f00e8cdc0b64ae06bf51a99a6b2c3336deb62a4ecb"
     ),
 }
 
