@@ -166,7 +166,6 @@ def _difference(place: str, found: Any, expected: Any) -> str:
         parts = (
             (f"{place}.{name}", getattr(found, name), value)
             for name, value in vars(expected).items()
-            if hasattr(found, name)  # an earlier version had fewer fields
         )
     elif isinstance(expected, list | tuple | bytes):
         pairs = zip_longest(found, expected)

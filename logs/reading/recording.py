@@ -222,7 +222,7 @@ class Recording:
             case "/serial/rx":
                 return Received(time, bytes(data.data))
             case "/joint_states/measured":
-                values = {name: getattr(data, name, ()) for name in QUANTITIES}
+                values = {name: getattr(data, name) for name in QUANTITIES}
                 facts = {"time": time, "joints": tuple(data.name), **values}
                 measured: Measured = _checked(Measured, facts, message)
                 return measured
