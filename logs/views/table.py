@@ -20,7 +20,13 @@ if TYPE_CHECKING:
 
 _PLAIN = (bool, int, float, str)
 # Units in the names of columns. A quantity without a unit has its name there.
-_SUFFIXES = {"position": "rad", "velocity": "rad_s", "temperature": "celsius", "voltage": "volt"}
+_SUFFIXES = {
+    "position": "rad",
+    "velocity": "rad_s",
+    "temperature": "celsius",
+    "voltage": "volt",
+    "current": "ampere",
+}
 
 
 def table(path: Path | str, topic: str) -> "dict[str, NDArray[Any]]":

@@ -14,7 +14,7 @@ from hardware.joints import Mimic
 JOINTS = ("joint_1", "joint_2", "joint_3", "joint_4")
 SENT = logs.Sent(0.0, b"", 0.0, False, JOINTS, (0.1, 0.2, 0.3, -0.4))
 MEASURED = logs.Measured(
-    0.0, JOINTS, (0.1, 0.2, 0.3, -0.4), (1.0, 2.0, 3.0, 4.0), (0.5, 0.6, 0.7, 0.8), (), ()
+    0.0, JOINTS, (0.1, 0.2, 0.3, -0.4), (1.0, 2.0, 3.0, 4.0), (0.5, 0.6, 0.7, 0.8), *[()] * 4
 )
 
 

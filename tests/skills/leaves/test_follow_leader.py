@@ -131,7 +131,7 @@ def test_the_recording_has_the_leader_at_every_step(robot: Robot, tmp_path: Path
     assert len(rows) == 1 + len(leader)
     assert rows[0].split(",")[:2] == ["time_s", "shoulder_pan_rad"]
     head = measured.read_text().splitlines()[0].split(",")
-    suffixes = ("rad", "rad_s", "effort", "celsius", "volt")
+    suffixes = ("rad", "rad_s", "effort", "celsius", "volt", "ampere", "lost")
     columns = [f"{joint.name}_{each}" for each in suffixes for joint in shown]
     assert head[: 1 + len(columns)] == ["time_s", *columns]
     assert joints.name == f"{recording.stem}.joints.csv"
