@@ -245,6 +245,8 @@ def inject(scene: Scene, folder: Path, name: str, kind: Kind) -> None:
         codes = kind.codes
         if "hw.torque_lost" in codes and not servo.get("torque_enable"):
             codes = {*codes, CANCELED}  # the arm switches the torque on later
+        if name == "a joint is blocked" and servo is line.servos[-1]:
+            codes = {*codes, CANCELED}  # a gripper counts as closed on an object
         line.happen(kind, servo)
         if outcome is None:
             outcome = result(executive, goal, clock.now() + kind.patience)
