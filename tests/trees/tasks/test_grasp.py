@@ -3,6 +3,7 @@
 import math
 from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -14,7 +15,10 @@ from executive.testing import SharedPool
 from hardware import BoardLink, SimulatedClock, load_robot
 from hardware.drivers.feetech.virtual.bus import Bus
 from logs import NodeStatus, Recording, Sent
+from logs.records.cdr import decode, encode
+from tests.support.recordings.alterations import altered, each
 
+_TOPIC, _MEASURED = "/joint_states/measured", "arduinobot_msgs/msg/MeasuredJoints"
 SQUEEZE = 1.5  # [deg]
 SOFT, HARD = 1 / 60, 1.0  # load of a blocked servo for each tick to its goal
 
@@ -55,5 +59,15 @@ def test_a_pick_holds_the_object_and_overloads_no_servo(
     assert (len(said), len(holds) >= 3) == (3 * loosened, loosened)
     for q in holds:
         assert width - SQUEEZE - 0.2 <= math.degrees(q) <= width
-    verified = verify(Path(outcome.recording))
+    verified = verify(recording.path)
     assert verified.holds, verified.text()
+    if width > SQUEEZE:  # without the object that was measured, these frames are wrong
+        elsewhere = altered(recording.path, each([_TOPIC], measured_closed))
+        assert "does not repeat" in verify(elsewhere).text()
+
+
+def measured_closed(record: Any) -> None:
+    """Changes a measurement: the gripper is closed."""
+    measured = decode(_MEASURED, record.data)
+    measured.position = [*list(measured.position)[:5], math.radians(-9)]
+    record.data = encode(_MEASURED, measured)
