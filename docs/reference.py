@@ -109,7 +109,7 @@ def codes() -> Iterator[str]:
 
 
 def _sentence(hint: str) -> str:
-    return f"{hint[0].upper()}{hint[1:]}." if hint else ""
+    return f"{hint[0].upper()}{hint[1:]}."
 
 
 def exit_statuses() -> Iterator[str]:

@@ -37,7 +37,7 @@ class GoalCanceled(GoalError):
 
     code = "goal.canceled"
     exit_status = 7
-    hint = ""
+    hint = "start it again if it is still needed"
 
     def __init__(self) -> None:
         super().__init__("Canceled")
@@ -241,7 +241,7 @@ class ServerError(ArmtreeError):
 
     code = "server.options"
     exit_status = 13
-    hint = "see the message"
+    hint = "correct the option that the message names; see `armtree serve --help`"
 
 
 class AddressInUse(ServerError):
@@ -316,7 +316,7 @@ class Forbidden(RequestError):
 
     code = "request.forbidden"
     http_status = 403
-    hint = "see the message"
+    hint = "send it from a program on the machine of the server, with its token"
 
 
 class WrongHost(Forbidden):
@@ -424,7 +424,7 @@ class FileUnusable(ArmtreeError):
 
     code = "file"
     exit_status = 3
-    hint = "see the message"
+    hint = "check the path, its permissions, and the free space on its disk"
 
 
 class BadConfiguration(FileUnusable):

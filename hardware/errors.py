@@ -51,7 +51,7 @@ class HardwareError(ArmtreeError):
 
     code = "hw.error"
     exit_status = 6
-    hint = "see the message"
+    hint = "`armtree doctor` checks the arm; after that, `armtree arm activate`"
 
 
 class DescriptionError(HardwareError):
@@ -425,6 +425,7 @@ class WriteRefused(HardwareError):
     """The write guard refused a frame and sent nothing."""
 
     code = "hw.refused"
+    hint = "nothing was sent; start a new goal"
 
 
 class NotActive(WriteRefused):

@@ -40,7 +40,8 @@ def mcp(port: int | None, allow_move: bool, robot: Path | None, server: str) -> 
         {"command": "armtree", "args": ["mcp"]}}}
 
     The tools list, check, plan and run tasks. A tool can stop the arm at any time. A person
-    activates the arm. Goals are canceled if this command ends. `make mcp` installs what it needs.
+    activates the arm. Goals are canceled if this command ends. It needs the extra `mcp`:
+    pip install 'armtree[mcp]', or `make mcp` in the repository.
 
     \b
     Examples:
@@ -57,7 +58,8 @@ def mcp(port: int | None, allow_move: bool, robot: Path | None, server: str) -> 
     except ModuleNotFoundError as error:
         if not str(error.name).startswith("mcp"):
             raise
-        why = "the packages of the extra mcp are missing; install them: make mcp"
+        ways = "pip install 'armtree[mcp]', or make mcp in the repository"
+        why = f"the packages of the extra mcp are missing; install them: {ways}"
         raise click.UsageError(why) from error
     make = partial(make_server, server, load_robot(robot), allow_move)
     listener = listen(port) if port else None

@@ -29,8 +29,9 @@ gripper, swap the two names."""
 @command()
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object per robot.")
 def robots(as_json: bool) -> None:
-    """List the robots that ship, for --robot."""
+    """List the robots that ship, for --robot, and the firmware for an Arduino."""
     from hardware import load_robot, shipped_robots
+    from hardware.drivers.arduino.firmware_profile import HEX_FILE
     from trees import Library
 
     for name, path in shipped_robots().items():
@@ -42,6 +43,8 @@ def robots(as_json: bool) -> None:
         lines = [*(f"{what}: {', '.join(names)}" for what, names in lists.items()), str(path)]
         for line in lines:
             echo(f"{name if line is lines[0] else '':<12} {line}")
+    if not as_json:
+        echo(f"\nFirmware for an Uno or a Nano: {HEX_FILE}", whole=True)
 
 
 @command("new-arm")

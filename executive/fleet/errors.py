@@ -13,7 +13,7 @@ class FleetError(ArmtreeError):
 
     code = "fleet.error"
     exit_status = 13
-    hint = "see the message"
+    hint = "`armtree fleet ls` lists the arms, and `armtree fleet jobs` the jobs"
 
 
 class FleetUnreachable(FleetError, ConnectionError):

@@ -101,4 +101,5 @@ def test_a_driver_describes_its_own_errors() -> None:
 def test_what_fails_says_what_to_do() -> None:
     codes = all_codes()
     assert [code for code, kind in codes.items() if not meaning(kind)] == []
-    assert [code for code, kind in codes.items() if not kind.hint] == ["goal.canceled"]
+    vague = ("", "see the message")
+    assert [code for code, kind in codes.items() if kind.hint in vague] == []

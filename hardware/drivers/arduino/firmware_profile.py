@@ -1,8 +1,12 @@
 """The profiles of the firmwares for an Arduino: the published sketch and armtree's own."""
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 from hardware.drivers.firmware_profile import Firmware, Words
+
+# What avrdude writes into a board, for `firmware = "armtree"`.
+HEX_FILE = Path(__file__).parent / "firmware" / "armtree.hex"
 
 
 @dataclass(frozen=True, slots=True)

@@ -159,6 +159,8 @@ def test_the_robots_that_ship_are_listed_and_found_by_name(folder: Path) -> None
     said = armtree("robots").output
     assert "arduinobot   arm: joint_1" in said
     assert "tasks: home, pick, rest, wave" in said
+    firmware = Path(said.splitlines()[-1].removeprefix("Firmware for an Uno or a Nano: "))
+    assert firmware.read_text().startswith(":10000000")
     assert "wave" in armtree("tasks", "--robot", "so101").output
     (folder / "armtree.toml").write_text('robot = "so101"')
     assert "wave" in armtree("tasks").output

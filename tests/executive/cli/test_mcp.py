@@ -1,0 +1,19 @@
+"""`armtree mcp` without its packages."""
+
+import sys
+
+import pytest
+from click.testing import CliRunner
+
+from executive.cli.main import cli
+
+
+def test_without_its_packages_the_command_says_how_to_install_them(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setitem(sys.modules, "mcp", None)
+    for name in [name for name in sys.modules if name.startswith("executive.mcp.")]:
+        monkeypatch.delitem(sys.modules, name)
+    result = CliRunner().invoke(cli, ["mcp"])
+    assert result.exit_code == 2
+    assert "pip install 'armtree[mcp]', or make mcp in the repository" in result.output
