@@ -5,12 +5,15 @@ of them can be pickled with their attributes.
 """
 
 import math
+import re
 import reprlib
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import Any
 
 from hardware import DISPLAY_UNITS, ArmtreeError
+
+_MISSING_LIBRARY = re.compile(r"(\w+)\.so\.(\d+): cannot open shared object file")
 
 
 class MotionError(ArmtreeError):
@@ -406,6 +409,9 @@ class WorkerDied(MotionError):
 
     def __init__(self, why: str) -> None:
         self.why = why
+        if missing := _MISSING_LIBRARY.search(why):
+            package = f"{missing[1]}{missing[2]}"
+            self.hint = f"install the system's package of that library, on Debian {package}"
         super().__init__(f"The planning process failed: {why}. A new one starts; {self.hint}")
 
 

@@ -46,6 +46,13 @@ def test_collision_says_how_deep_or_how_near() -> None:
     assert "At 1.25 s into the motion" in str(ERRORS[11])
 
 
+def test_a_missing_library_names_its_package() -> None:
+    died = motion.WorkerDied("ImportError: libgomp.so.1: cannot open shared object file")
+    assert died.hint == "install the system's package of that library, on Debian libgomp1"
+    assert died.hint in str(died)
+    assert pickle.loads(pickle.dumps(died)).hint == died.hint
+
+
 def test_bounds_say_joint_value_and_limits() -> None:
     assert "goal of joint_2, -114.592 deg, is outside its limits, -85.9437 deg to" in str(ERRORS[5])
 
