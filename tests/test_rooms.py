@@ -11,10 +11,13 @@ from pathlib import Path
 import pytest
 
 from executive.api.codes import INTERRUPTED_EXIT, READER_ENDED_EXIT
-from executive.api.events import EVENTS, UNITS
+from executive.api.events import EVENTS, KINDS, UNITS
+from executive.api.outcome import Cause, GoalState, Outcome
 from executive.cli.main import cli
+from hardware import load_robot, shipped_robots
+from hardware.toml_table import TomlTable
 from tests.support.codes import all_codes
-from tests.support.paths import ROBOT_FILE, ROOT
+from tests.support.paths import ROOT
 
 PAGES = ROOT / "docs" / "pages"
 ROOMS = ("executive", "skills", "hardware", "trees", "logs")
@@ -72,6 +75,10 @@ def test_files_that_the_documents_name_exist() -> None:
 
 def test_the_page_lists_every_event_and_its_fields() -> None:
     table = (PAGES / "reference" / "output.md").read_text()
+    assert set(re.findall(r"^\| `(\w+)` \|", table, re.MULTILINE)) == {*KINDS, "result", "error"}
+    (ends,) = re.findall(r"^\| `result` \|.*", table, re.MULTILINE)
+    ended = Outcome.of(1, GoalState.ABORTED, Cause("", "")).to_json()
+    assert set(re.findall(r"`(\w+)`", ends)) == {"result", *ended, *ended["cause"]}
     for kind, event in EVENTS.items():
         row = next(line for line in table.splitlines() if line.startswith(f"| `{event}` |"))
         fields = {UNITS.get(field.name, field.name) for field in dataclasses.fields(kind)}
@@ -80,11 +87,26 @@ def test_the_page_lists_every_event_and_its_fields() -> None:
         assert "…" in row or named | {"time_s"} == fields
 
 
-def test_the_robot_page_lists_every_key() -> None:
+def test_the_robot_page_lists_every_key_that_is_read(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    done, read = TomlTable.done, {"NAME"}  # in the header of a joint's table
+
+    def noted(table: TomlTable) -> None:
+        read.update(table._known)
+        done(table)
+
+    monkeypatch.setattr(TomlTable, "done", noted)
+    for path in shipped_robots().values():
+        robot = load_robot(path)
+    guarded = tmp_path / "guarded.toml"  # the last one, with an optional table
+    guarded.write_text(f"{robot.path.read_text()}\n[guards]\n")
+    load_robot(guarded, robot.urdf)
     page = (PAGES / "reference" / "robot_file.md").read_text()
-    text = ROBOT_FILE.read_text()
-    keys = set(re.findall(r"^(\w+) =", text, re.MULTILINE)) | {"letter", "sign", "reversed"}
-    assert {key for key in keys if not re.search(rf"`[^`]*\b{key}\b[^`]*`", page)} == set()
+    listed = set[str]()
+    for row in re.findall(r"^\| (`.*?) \|", page, re.MULTILINE):
+        listed.update(re.findall(r"\w+", " ".join(re.findall("`.*?`", row))))
+    assert listed - {"serial_servo", "feetech"} == read  # names of the drivers
 
 
 @pytest.mark.parametrize(
