@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 import tomllib
+from collections import Counter
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
@@ -22,6 +23,7 @@ from executive.cli.main import cli
 from executive.session import open_executive
 from hardware import Robot
 from skills.motion import Pool
+from tests.support.arms.urdfs import urdf
 from tests.support.command_line.typed import typed
 from tests.support.paths import DATA, ROBOT_FILE, ROOT
 from tests.support.servers.serving import Serve
@@ -34,8 +36,32 @@ _FENCE = re.compile(r'^```(\w*)(?: title="([^"]+)")?\n(.*?)^```$', re.MULTILINE 
 SERVED = {"how_to/move.md", "how_to/server.md"}
 # Other tests run these: the tour, and that of a driver with its package.
 ELSEWHERE = {"start.md", "install.md", "how_to/own_driver.md"}
-# Commands that install, never end, or make a recording, of which some are there.
-NOT_TYPED = ("make ", *(f"armtree {name}" for name in ("serve", "jog", "arm", "run 1", "run 2")))
+# Commands that install or never end.
+NOT_TYPED = ("make ", "armtree serve", "armtree jog")
+# How many blocks of a page are `text`: no test types their lines from the page.
+TEXT = {
+    "how_to/fleet.md": 1,  # a NATS server and workers; tests/executive/fleet starts them
+    "how_to/language_models.md": 1,  # two processes; tests/executive/mcp starts them
+    "how_to/own_driver.md": 1,  # it installs; tests/hardware/drivers/test_driver.py
+    "how_to/real_arduino.md": 1,  # avrdude writes into a board
+    "how_to/ros2.md": 1,  # two processes; tests/executive/ros2 starts them
+    "how_to/service.md": 4,  # they change the system; tests/executive/cli/test_service.py
+    "how_to/so101.md": 1,  # the port of a real arm
+    "install.md": 3,  # they install; tests/end_to_end/test_wheel.py
+    "start.md": 1,  # as above
+}
+
+
+# The URDF of the arm in `own_arm.md`: it turns and lifts.
+_SHAPE = '<collision><geometry><sphere radius="0.02"/></geometry></collision>'
+_JOINT = (
+    '<origin xyz="0 0 0.1"/><axis xyz="0 0 1"/>'
+    '<limit velocity="3" effort="1" lower="0" upper="0.4"/>'
+)
+LIFT = urdf(
+    [f"base -> column: continuous turn {_JOINT}", f"column -> carriage: prismatic lift {_JOINT}"],
+    _SHAPE,
+)
 
 
 class Block(NamedTuple):
@@ -59,6 +85,10 @@ def lines(page: str) -> list[str]:
     """The commands of a page that are typed, in order."""
     found = "".join(block.text for block in BLOCKS if block[:2] == (page, "sh"))
     return [line for line in found.splitlines() if line and not line.startswith(NOT_TYPED)]
+
+
+def test_only_these_blocks_are_not_run() -> None:
+    assert Counter(block.page for block in BLOCKS if block.language == "text") == TEXT
 
 
 def test_every_block_has_a_language() -> None:
@@ -123,6 +153,7 @@ def quick(
     monkeypatch.setenv("ARMTREE_ROBOT", str(quick_robot.path))
     monkeypatch.chdir(tmp_path)
     (tmp_path / "my_arm.urdf").write_bytes(ROBOT_FILE.with_suffix(".urdf").read_bytes())
+    (tmp_path / "lift.urdf").write_text(LIFT)
     shutil.copytree(DATA / "upgrades" / "0.1.0" / "recordings", tmp_path / "recordings")
     return tmp_path
 
@@ -136,7 +167,7 @@ def test_the_commands_of_a_page(page: str, quick: Path, monkeypatch: pytest.Monk
             (quick / block.title).parent.mkdir(parents=True, exist_ok=True)
             (quick / block.title).write_text(block.text)
     for line in lines(page):
-        words = shlex.split(line.replace("JOINT", "joint_1"))
+        words = shlex.split(line.replace("JOINT", "joint_1").replace("/dev/ttyACM0", "virtual"))
         if "--robot" in words:  # the planners that are ready are for another arm
             monkeypatch.setattr("executive.cli.support.run_tasks.open_executive", open_executive)
         status, out, err = typed(quick / "recordings", *words[1:])
@@ -149,7 +180,7 @@ def test_the_commands_of_a_page(page: str, quick: Path, monkeypatch: pytest.Monk
 def test_the_commands_for_a_server(
     page: str, serve: Serve, quick: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    served = serve()
+    served = serve(active="armtree arm activate" not in lines(page))
     monkeypatch.setenv("ARMTREE_SERVER", f"http://127.0.0.1:{served.server.port}")
     for line in lines(page):
         status, out, err = typed(quick / "recordings", *shlex.split(line)[1:])

@@ -67,6 +67,8 @@ def test_the_class_of_the_page_and_its_test(tmp_path: Path) -> None:
         "task: 3\nname: water\ndescription: Water.\nparameters: {litres: number}\ntree:\n"
         "  sequence:\n    - Pump: {litres: $litres, spent: $t}\n"
         "    - Say: {text: 'pumped for [s]', value: $t}\n    - Wait: {duration: $t}\n"
+        "    - wait_for: door_closed\n    - hold: {samples: 3, result: $share}\n"
+        "    - Compare: {left: $share, is: '==', right: 1.0}\n"
     )
     pytest_ = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_pump.py"]
     done = subprocess.run(pytest_, cwd=tmp_path, capture_output=True, text=True, check=False)
