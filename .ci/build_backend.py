@@ -49,7 +49,10 @@ def build_wheel(wheel_directory, config_settings=None, metadata_directory=None):
 
 
 def build_sdist(sdist_directory, config_settings=None):
-    """Build a source archive, and add this file, without which it builds nothing."""
+    """Build a source archive with this file, without which it builds nothing, and no tests.
+
+    setuptools adds some files of `tests/`, which do not run without the others.
+    """
     name = build_meta.build_sdist(sdist_directory, config_settings)
     path = Path(sdist_directory) / name
     with tarfile.open(path) as built:
@@ -65,6 +68,8 @@ def build_sdist(sdist_directory, config_settings=None):
             tarfile.open(fileobj=packed, mode="w", format=tarfile.PAX_FORMAT) as added,
         ):
             for member, data in sorted(members, key=lambda pair: pair[0].name):
+                if member.name.split("/")[1:2] == ["tests"]:
+                    continue
                 member.mtime, member.pax_headers = time, {}
                 added.addfile(member, data)
     whole.replace(path)
