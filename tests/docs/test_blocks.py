@@ -48,7 +48,6 @@ TEXT = {
     "how_to/service.md": 4,  # they change the system; tests/executive/cli/test_service.py
     "how_to/so101.md": 1,  # the port of a real arm
     "install.md": 3,  # they install; tests/end_to_end/test_wheel.py
-    "start.md": 1,  # as above
 }
 
 

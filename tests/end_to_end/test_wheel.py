@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 import tarfile
@@ -21,9 +22,10 @@ FOLDER = "armtree_rooms/"
 pytestmark = pytest.mark.slow
 
 
-def call(*command: str | Path, folder: Path, status: int = 0) -> str:
+def call(*command: str | Path, folder: Path, status: int = 0, longest: float = 120.0) -> str:
+    """Run a command for at most `longest` [s], and return what it printed."""
     done = subprocess.run(
-        command, check=False, cwd=folder, capture_output=True, text=True, timeout=120
+        command, check=False, cwd=folder, capture_output=True, text=True, timeout=longest
     )
     assert done.returncode == status, done.stdout + done.stderr
     return done.stdout + done.stderr
@@ -108,6 +110,28 @@ def test_another_package_keeps_its_name(environment: Path, tmp_path: Path) -> No
         assert f"Another package named logs hides that of armtree: {other}" in said
     finally:
         other.unlink()
+
+
+@pytest.mark.parametrize("tool", ["pipx", "uv", "uvx"])
+def test_a_tool_installs_it_as_the_page_says(tool: str, wheel: Path, tmp_path: Path) -> None:
+    """With all that it needs, from the index of packages."""
+    if not shutil.which(tool):
+        pytest.skip(f"{tool} is not installed, so its line in install.md was not tried")
+    page = (ROOT / "docs" / "pages" / "install.md").read_text()
+    (line,) = re.findall(rf"^{tool} .*\.whl.*$", page, re.MULTILINE)
+    shutil.copy(wheel, tmp_path)
+    home, old = tmp_path / "home", Path.home()
+    own = {
+        "HOME": home,
+        "PATH": f"{home}/.local/bin:{os.environ['PATH']}",
+        "XDG_CACHE_HOME": os.environ.get("XDG_CACHE_HOME", old / ".cache"),
+        "PIPX_DEFAULT_PYTHON": sys.executable,
+        "UV_PYTHON": sys.executable,
+    }
+    words = f"{line}\n" if tool == "uvx" else f"{line}\narmtree run 1\n"
+    said = call("env", *(f"{name}={value}" for name, value in own.items()), "sh", "-euc", words,
+                folder=tmp_path, longest=600.0)  # fmt: skip
+    assert "task 1 SUCCEEDED" in said
 
 
 def test_the_lines_of_the_container_install_it(wheel: Path, tmp_path: Path) -> None:
