@@ -93,6 +93,9 @@ def change(scene: Scene) -> None:
         words = "".join(each if each.isalnum() else "-" for each in name)[:80]
         rewritten(folder / f"{number}-{words}-{digests}.mcap", changed, digests)
     rewritten(folder / "no-digests.mcap", records)
+    notes = "configuration", "rosbag2"
+    kept = [each for each in records if getattr(each, "name", "") not in notes]
+    rewritten(folder / "no-notes.mcap", kept)
     verify = scene.armtree("replay", "changed", "--verify", "--json")
     scene.ended(verify, 12)
     found = [json.loads(line) for line in verify.output.read_text().splitlines()]
