@@ -205,7 +205,8 @@ class Site:
         command = self.command("replay", *map(str, files), "--verify", "--jobs", "1", server=False)
         status = command.wait(20 * HANG_S)
         text = self.ended(command)
-        if excused := status == _INCOMPLETE and self.disk_spoiled:
+        spoiled = self.disk_spoiled or (last and self.disk_failed)
+        if excused := status == _INCOMPLETE and spoiled:
             self.incomplete += 1
         if status != 0 and not excused:
             kept = self.folder / "kept"
