@@ -20,8 +20,6 @@ from .tolerant_reader import TolerantReader
 
 _BYTES = 8
 
-# Notes in every recording of versions that write digests. Older recordings have neither note.
-_SINCE = {"note configuration", "note rosbag2"}
 _TIMES = Struct("<QQQQ")
 
 
@@ -82,8 +80,8 @@ def changed_part(path: Path) -> str:
     """Return the first topic, attachment or note that changed after the recording was finished.
 
     Returns:
-        Its name; the name of the digests if they are missing; empty if nothing changed or the file
-        never had digests.
+        Its name; the name of the digests if they are missing; empty if nothing changed, or if the
+        file is a journal.
 
     Raises:
         RecordingError: The file cannot be read.
@@ -92,8 +90,8 @@ def changed_part(path: Path) -> str:
     for _ in digests.watch(TolerantReader(path)):
         pass
     made, noted = digests.made(), digests.noted
-    if not noted:
-        return f"note {DIGESTS}" if made.keys() & _SINCE and not digests.journal else ""
+    if not noted:  # nothing else in the file may excuse this: a person can remove that too
+        return "" if digests.journal else f"note {DIGESTS}"
     return next((name for name in chain(noted, made) if made.get(name) != noted.get(name)), "")
 
 

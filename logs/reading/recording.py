@@ -133,8 +133,7 @@ class Recording:
     def changed(self) -> str:
         """First topic, attachment or note that changed after the recording was finished.
 
-        Empty if nothing changed, or if the file never had digests: an unfinished recording, or a
-        recording of an older armtree.
+        Empty if nothing changed, or if the recording is not finished.
         """
         from .digests import changed_part
 

@@ -62,6 +62,10 @@ class Machine:
         return self
 
     def __exit__(self, *raised: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Measure no longer."""
         assert self._process.stdin
         assert self._process.stdout
         self._process.stdin.close()

@@ -7,6 +7,7 @@ import resource
 import signal
 import subprocess
 import sys
+import threading
 import time
 import uuid
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -18,6 +19,10 @@ MARK = "ARMTREE_FAULTS_COMMAND"  # a variable that all processes of a command in
 HANG_S = 60.0  # longer than any honest wait, even on a busy machine
 
 
+# Set when the program is to end: then nothing waits any more, and nothing is started.
+INTERRUPTED = threading.Event()
+
+
 class Hang(Exception):
     """Something did not happen in time."""
 
@@ -26,11 +31,11 @@ def until(what: str, done: Callable[[], Any], seconds: float = HANG_S) -> Any:
     """Wait for a true value, and return it.
 
     Raises:
-        Hang: It did not come in time.
+        Hang: It did not come in time, or the program is to end.
     """
     end = time.monotonic() + seconds
     while not (value := done()):
-        if time.monotonic() > end:
+        if time.monotonic() > end or INTERRUPTED.is_set():
             raise Hang(f"{what}: not within {seconds:g} s")
         time.sleep(0.002)  # noqa: TID251, it waits for another process
     return value
@@ -56,6 +61,8 @@ class Command:
         argv: Sequence[str | Path] = (ARMTREE,),
         stdin: int | None = subprocess.DEVNULL,
     ) -> None:
+        if INTERRUPTED.is_set():
+            raise Hang("the program is to end")
         self.words = str(arguments[0])
         number = len(list(folder.glob("*.out")))
         self.output, self.errors = folder / f"{number}.out", folder / f"{number}.err"
@@ -134,10 +141,8 @@ class Command:
         Raises:
             Hang: It did not end in time.
         """
-        try:
-            return self.popen.wait(seconds)
-        except subprocess.TimeoutExpired:
-            raise Hang(f"it did not end within {seconds:g} s") from None
+        until("its end", lambda: self.popen.poll() is not None, seconds)
+        return self.popen.returncode
 
     def memory(self) -> float:
         """Of the process itself, resident [MiB]."""

@@ -79,7 +79,7 @@ class Scene:
         self.folder, self.random = folder, random.Random(f"{seed} {number}")
         self._seed, self._number, self._times = seed, number, times
         self.problems: list[str] = []
-        self.figures: list[float] = []
+        self.figures: list[tuple[str, float]] = []
         self.means: set[str] = set()
         self.cleanup = contextlib.ExitStack()  # of what must last until all is compared
         self.injections = 1
@@ -94,9 +94,9 @@ class Scene:
             self.problems.append(problem)
         return bool(holds)
 
-    def figure(self, value: float) -> None:
-        """Add a figure, in the unit of the row."""
-        self.figures.append(value)
+    def figure(self, value: float, kind: str = "") -> None:
+        """Add a figure, in the unit of the row. The limit holds for the figures of each kind."""
+        self.figures.append((kind, value))
 
     def by(self, means: str) -> None:
         """Note by which means the fault is injected, if that depends on the machine."""

@@ -13,11 +13,13 @@ import math
 import os
 import platform
 import random
+import signal
 import statistics
 import sys
 import tempfile
 import threading
 import time
+from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -25,10 +27,12 @@ ROOT = Path(__file__).parents[2]
 sys.path[0] = str(ROOT)  # in place of this folder
 
 from tests.faults.machine import Busy, Machine  # noqa: E402
+from tests.faults.process import INTERRUPTED  # noqa: E402
 from tests.faults.row import Row, Scene, inject  # noqa: E402
 
 HERE = Path(__file__).parent
 PAGE = ROOT / "docs" / "faults.md"
+SOAK = "\n## Soak\n"  # the last section of the page
 JOBS = 2
 
 
@@ -89,12 +93,21 @@ def allowed(limit: float | None, unit: str, busy: Busy) -> float:
     return min(extended, 2 * limit)
 
 
+def percentile_99(figures: Iterable[float]) -> float:
+    """The 99th percentile: of up to 99 figures, the largest."""
+    ordered = sorted(figures)
+    return ordered[-(-99 * len(ordered) // 100) - 1]
+
+
 def found(one: Row, scenes: Iterable[Scene], seconds: float, busy: Busy) -> Finding:
     """Sum up the injections of a row."""
     scenes = list(scenes)
     problems = [f"{scene.folder.name}: {each}" for scene in scenes for each in scene.problems]
-    figures = sorted(itertools.chain.from_iterable(scene.figures for scene in scenes))
-    p99 = figures[-(-99 * len(figures) // 100) - 1] if figures else None
+    kinds = defaultdict[str, list[float]](list)
+    for kind, value in itertools.chain.from_iterable(scene.figures for scene in scenes):
+        kinds[kind].append(value)
+    figures = sorted(itertools.chain.from_iterable(kinds.values()))
+    p99 = max(map(percentile_99, kinds.values()), default=None)  # few figures of a kind count, too
     worst = figures[-1] if figures else None
     if one.limit is not None and p99 is None:
         problems.append("no figure")
@@ -149,7 +162,7 @@ def line(texts: Sequence[str]) -> str:
 
 
 def page(findings: Sequence[Finding], seed: int, seconds: float) -> str:
-    """The page of the documentation."""
+    """The page of the documentation, with the section that `soak.py` has written."""
     lines = (HERE / "page.md").read_text().splitlines()
     lines += [
         "",
@@ -160,15 +173,21 @@ def page(findings: Sequence[Finding], seed: int, seconds: float) -> str:
         "|---|---|---|---|---|---|---|---|---|---|",
     ]
     for each in findings:
-        values = each.limit, each.worst_limit, each.median, each.p99, each.worst
-        limit, most, *seen = (figure(value, each.unit) for value in values)
-        limit += f" (99 %), {most} (worst)" if most else ""
+        seen = [figure(value, each.unit) for value in (each.median, each.p99, each.worst)]
         fault = "; here by ".join([each.fault, *each.means])
         texts = [f"`{each.row}`", fault, each.promise, str(each.times)]
-        limit = f"at most {limit}" if limit else ""
+        limit = promised(each.limit, each.worst_limit, each.unit)
         texts += ["yes" if each.held else "**no**", limit, slack(each), *seen]
         lines.append("| " + " | ".join(texts) + " |")
-    return "\n".join(lines) + "\n"
+    return "\n".join(lines) + "\n" + "".join(PAGE.read_text().partition(SOAK)[1:])
+
+
+def promised(limit: float | None, worst: float | None, unit: str) -> str:
+    """The limits of a row in words."""
+    if limit is None:
+        return ""
+    more = f" (99 %), {figure(worst, unit)} (worst)" if worst else ""
+    return f"at most {figure(limit, unit)}{more}"
 
 
 def described() -> str:
@@ -201,7 +220,12 @@ def examined(
     done: dict[str, Finding] = {}
     with concurrent.futures.ThreadPoolExecutor(jobs) as pool:
         together = [pool.submit(work, *each) for each in chosen if not each[0].alone]
-        done.update((future.result().row, future.result()) for future in together)
+        try:
+            done.update((future.result().row, future.result()) for future in together)
+        except KeyboardInterrupt:
+            pool.shutdown(wait=False, cancel_futures=True)
+            INTERRUPTED.set()  # what runs ends all that it has started
+            raise
     done.update((one.name, work(one, times)) for one, times in chosen if one.alone)
     return [done[one.name] for one, _ in chosen]
 
@@ -237,6 +261,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if not chosen:
         parser.error("no row is left; --list lists them")
     begin, folder = time.monotonic(), Path(tempfile.mkdtemp(prefix="armtree-faults-"))
+    # As Ctrl-C. Without it, SIGTERM would leave servers and boards running.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     sys.stdout.write(f"seed {given.seed}, folder {folder}, {described()}\n{line(HEADER)}\n")
     try:
         with Machine() as machine:
@@ -256,4 +282,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    try:
+        sys.exit(main())
+    except KeyboardInterrupt:
+        sys.exit(130)

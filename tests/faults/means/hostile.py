@@ -8,6 +8,7 @@ import contextlib
 import itertools
 import json
 import random
+import resource
 import sys
 from collections.abc import AsyncIterator, Callable
 
@@ -117,12 +118,21 @@ async def stay(port: int, first: bytes, then: bytes) -> None:
                     return
 
 
+async def hold(port: int) -> None:
+    """Connect, send nothing, stay until the server closes the connection, and return later."""
+    async with connected(port) as (reader, _):
+        await reader.read()
+    await asyncio.sleep(random.uniform(0.5, 1.5))
+
+
 async def client(kind: str, port: int) -> None:
     """Be one hostile client."""
     while True:
         with contextlib.suppress(OSError, TimeoutError):
             if kind in CONNECTING:
                 await asyncio.wait_for(connect(port, CONNECTING[kind](port)), 1.0)
+            elif kind == "held connections":
+                await hold(port)  # without a limit of time
             elif kind in LEAVING:
                 await asyncio.wait_for(leave(port, LEAVING[kind](port)), 1.0)
             else:
@@ -131,7 +141,9 @@ async def client(kind: str, port: int) -> None:
 
 
 async def crowd(kind: str, port: int, clients: int) -> None:
-    """Be all of them."""
+    """Be all of them, as far as the limit of open files allows."""
+    _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
     await asyncio.gather(*(client(kind, port) for _ in range(clients)))
 
 

@@ -60,6 +60,7 @@ sys.exit(status if status >= 0 else 128 - status)
 """
 
 
+ENDED_S = 3.0  # a command has stopped the arm and finished its recording
 KINDS = ("pipe", "socket", "zero", "folder", "big", "brackets")
 
 
@@ -152,7 +153,7 @@ def memory(command: Command) -> float:
 
 @row(
     "reader-ends",
-    "the reader of a command's output ends after some lines, as in `armtree tasks | head -1`",
+    "the reader of a command's output ends after some lines, as `head -1` in a pipe does",
     "a command that only prints is quiet and ends with 141, or 0 if all was printed before; "
     "a run continues, and has its own status",
     times=4,
@@ -202,7 +203,8 @@ def closed_streams(scene: Scene) -> None:
 )
 def closed_terminal(scene: Scene) -> None:
     board, keys = scene.board(), scene.folder / "keys"
-    run = on_terminal(scene, board, keys)
+    run = on_terminal(scene, board, keys, "run", "20")
+    in_motion(scene, board)
     begin = time.monotonic()
     keys.touch()
     scene.ended(run, 7)
@@ -217,7 +219,8 @@ def closed_terminal(scene: Scene) -> None:
     "typed-ctrl-c",
     "a person types Ctrl-C in the terminal of a run during a motion, once or twice",
     "the arm is stopped with a hold frame, exit status 7, and the recording holds; twice: the"
-    " command ends at once with 130, or with 7 if it had stopped before",
+    " command ends at once with 130, or with 7 if it had stopped before. Figures: the last frame on"
+    " the wire, and for twice the end of the command",
     limit=300,
     unit="ms",
     times=4,
@@ -225,32 +228,46 @@ def closed_terminal(scene: Scene) -> None:
 def typed_ctrl_c(scene: Scene) -> None:
     board, keys = scene.board(), scene.folder / "keys"
     (count,) = scene.share([1, 2])
-    run = on_terminal(scene, board, keys)
+    run = on_terminal(scene, board, keys, "run", "20")
+    in_motion(scene, board)
     begin = time.monotonic()
     for _ in range(count):
-        typed = keys.with_suffix(".new")
-        typed.write_bytes(b"\x03")
-        typed.rename(keys)
-        until("it is typed", lambda: not keys.exists())
+        type_keys(keys, b"\x03")
     scene.ended(run, *((7,) if count == 1 else (7, 130)), what=f"typed {count} times")
+    ended = time.monotonic()
     frames = board.frames()
     if count == 1 or run.wait() == 7:
         scene.check(frames[-1].data == frames[-2].data, "the last frame is not a hold")
         scene.verified()
     else:
         scene.unrecorded = scene.unreceived = 1
+        scene.figure(1000 * (ended - begin), "end")
         scene.recovered(0, 10)
+    scene.check(
+        ended - begin < ENDED_S, f"typed {count} times, it ended after {ended - begin:.1f} s"
+    )
     scene.figure(1000 * max(0.0, frames[-1].time - begin))
 
 
-def on_terminal(scene: Scene, board: Board, keys: Path) -> Command:
-    """A run on a terminal of its own, at a random moment of its first motions."""
+def on_terminal(scene: Scene, board: Board, keys: Path, *words: str) -> Command:
+    """A command on a terminal of its own."""
     argv = (sys.executable, "-c", TERMINAL, keys, ARMTREE)
     common: list[str | Path] = ["--port", board.port, "--robot", scene.robot(), "--trees", TASKS]
-    run = scene.armtree("run", "20", *common, argv=argv)
-    moving(board, scene.random.randint(2, 12))
+    return scene.armtree(*words, *common, argv=argv)
+
+
+def in_motion(scene: Scene, board: Board, most: int = 12) -> None:
+    """Wait until a random moment after at most so many frames."""
+    moving(board, scene.random.randint(2, most))
     time.sleep(scene.random.uniform(0.0, board.period))  # noqa: TID251, a random moment
-    return run
+
+
+def type_keys(keys: Path, data: bytes) -> None:
+    """Type keys at a terminal."""
+    typed = keys.with_suffix(".new")
+    typed.write_bytes(data)
+    typed.rename(keys)
+    until("it is typed", lambda: not keys.exists())
 
 
 def moving(board: Board, frames: int) -> None:

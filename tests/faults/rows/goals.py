@@ -288,8 +288,9 @@ def watchers(server: Server) -> float:
 
 @row(
     "many-goals",
-    "200 goals, one right after the other; every 20th moves the arm",
-    "all succeed, and memory, descriptors and threads do not grow",
+    "1,000 goals, one right after the other; every 100th moves the arm",
+    "all succeed, and memory grows little; after 200 of them, descriptors do not grow, and threads"
+    " by at most 8",
     limit=10,
     unit="MiB",
     times=1,
@@ -298,23 +299,24 @@ def many_goals(scene: Scene) -> None:
     board = scene.board()
     server = scene.serve("--activate", "--policy", "queue", board=board)
 
-    def batch(count: int) -> None:
-        goals = [server.goal(21 if number % 20 == 10 else 23) for number in range(count)]
+    def batch() -> None:
+        goals = [server.goal(21 if number % 100 == 50 else 23) for number in range(100)]
         for goal in goals:
             result = server.result(goal)
             scene.check(result["code"] == "ok", f"{result['code']}: {result['message']}")
 
-    batch(40)
-    # A pool of threads, made when needed, may still get some; 160 goals would add 160.
-    memory, threads = server.memory(), server.threads() + 8
-    descriptors = server.descriptors() + 8
-    for _ in range(4):
-        batch(40)
+    for _ in range(2):
+        batch()
+    memory, descriptors = server.memory(), server.descriptors()
+    # A pool of threads, made when needed, may still get some; 800 goals would add 800.
+    threads = server.threads() + 8
+    for _ in range(8):
+        batch()
     until("threads end", lambda: server.threads() <= threads)
     until("descriptors are closed", lambda: server.descriptors() <= descriptors)
     scene.figure(server.memory() - memory)
     scene.check(board.ask("state")["angles"] == [90, 90, 90, 0], "it ends elsewhere")
-    scene.injections = 200
+    scene.injections = 1000
     server.signal(signal.SIGINT)
     scene.ended(server, 0)
     scene.verified()

@@ -35,7 +35,7 @@ def unplug(scene: Scene) -> None:
     "unplug-any-time",
     "unplug the board at a random time from the start of the command: it boots, plans or moves",
     "the run ends with exit status 6 and a code of the port; nothing hangs",
-    limit=4,
+    limit=1,
     unit="s",
     times=5,
 )
@@ -46,10 +46,12 @@ def unplug_any_time(scene: Scene) -> None:
     scene.unreceived = 1
     gone = board.ask("unplug")["time"]
     scene.ended(run, 6)
+    ended = time.monotonic()
     code = run.events("result")[-1]["code"]
     scene.check(code in ("hw.port_lost", "hw.port_missing", "hw.link"), f"the code is {code}")
-    # Before it looks for the port, the command loads its libraries.
-    scene.figure(time.monotonic() - max(gone, run.started + 3.0))
+    for opening in run.events("lifecycle"):
+        if opening["label"] == "activate":  # else the port was gone before
+            scene.figure(ended - max(gone, opening["time_s"]))
 
 
 @row(
@@ -150,7 +152,9 @@ def replug_other_name(scene: Scene) -> None:
     "the board reads nothing more during a motion, and the buffer of the kernel is full",
     "the goal ends `hw.port_stalled` with exit status 6; the board has read every frame before it"
     " stopped to read, and none follows when it reads again",
-    limit=450,  # a write may take 300; it waits up to a period behind the frames before it
+    # A write may take 300, so that a busy computer does not end a goal; 250 was the aim. It waits
+    # up to a period behind the frames before it.
+    limit=450,
     unit="ms",
     times=3,
 )

@@ -68,6 +68,8 @@ def unpack(scene: Scene) -> None:
 
 
 @row(
+    # tests/logs/writing damages every byte of a small journal, and cuts it anywhere. Here a command
+    # verifies each file, which takes up to a second.
     "changed-recordings",
     "a recording is cut, a bit of it is flipped, or one part of it is changed or removed",
     "none holds: `replay --verify` ends with 12, and names each with its code",
@@ -93,6 +95,9 @@ def change(scene: Scene) -> None:
         words = "".join(each if each.isalnum() else "-" for each in name)[:80]
         rewritten(folder / f"{number}-{words}-{digests}.mcap", changed, digests)
     rewritten(folder / "no-digests.mcap", records)
+    notes = "configuration", "rosbag2"
+    kept = [each for each in records if getattr(each, "name", "") not in notes]
+    rewritten(folder / "no-notes.mcap", kept)
     verify = scene.armtree("replay", "changed", "--verify", "--json")
     scene.ended(verify, 12)
     found = [json.loads(line) for line in verify.output.read_text().splitlines()]
@@ -234,7 +239,9 @@ def full_disk(scene: Scene) -> None:
     if disk.real:
         ends = [data for path in scene.recordings() for _, data in messages(path, "/result")]
         scene.check(any(b"log.disk_full" in data for data in ends), "no recording has the result")
-    scene.verified(0, 10)
+        scene.verified()
+    else:
+        scene.verified(10)  # the writes that failed are missing
 
 
 @row(

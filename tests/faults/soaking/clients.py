@@ -41,7 +41,7 @@ def goal(site: Site, random: random.Random) -> None:
 
 
 def stop(site: Site, _: random.Random) -> None:
-    site.stops.append(site.server.stop())
+    site.stop()
 
 
 def pauses(site: Site, random: random.Random) -> None:

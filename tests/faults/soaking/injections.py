@@ -5,6 +5,7 @@ import random
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -51,7 +52,7 @@ def wrong_writes(site: Site, random: random.Random) -> None:
 
 def slow_disk(site: Site, random: random.Random) -> None:
     """Writes of recordings take long for a while, up to too long."""
-    site.starved = True
+    site.disk_spoiled = True
     site.spoiled += 1
     site.disk.start(f"delay {random.choice([50, 300, 1000, 8000])}")
     pause(random, 4.0)
@@ -60,7 +61,7 @@ def slow_disk(site: Site, random: random.Random) -> None:
 
 def failing_disk(site: Site, random: random.Random) -> None:
     """A write or a sync of a recording fails: no space, or an error of the disk."""
-    site.starved = site.disk_failed = True
+    site.disk_spoiled = site.disk_failed = True
     site.spoiled += 2  # the frame whose recording failed, and the hold
     random.choice([site.disk, site.sync]).start(random.choice(["errno 28", "errno 5 once"]))
     pause(random, 2.0)
@@ -87,15 +88,16 @@ def worker(site: Site, random: random.Random) -> None:
 def freeze(site: Site, random: random.Random) -> None:
     """The server does not run for a moment, as on a machine that sleeps."""
     kill(site.server.pid, signal.SIGSTOP)
+    begin = time.monotonic()
     try:
         pause(random, 3.0)
     finally:
+        site.frozen.append((begin, time.monotonic()))
         kill(site.server.pid, signal.SIGCONT)
 
 
 def busy(site: Site, random: random.Random) -> None:
-    """Other programs take the processors for a moment."""
-    site.starved = True
+    """Other programs take the processors for a moment, shorter than a frame may wait."""
     script = "import time; end = time.monotonic() + 3\nwhile time.monotonic() < end: pass"
     line = [sys.executable, "-I", "-c", script]
     # Linux schedules sessions, so each gets as much as the server.

@@ -3,6 +3,7 @@
 import contextlib
 import shutil
 import threading
+import time
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -36,10 +37,11 @@ class Site:
         problems: What does not hold.
         spoiled: How many faults of the port this round has. Each may cost frames on the way, and
             the record of one frame that was written too late.
-        starved: Whether this round has faults of the disk or of the processors. They excuse what
-            goals say of their recordings, and that these are cut off.
+        disk_spoiled: Whether this round has faults of the disk. They excuse what goals say of their
+            recordings, and that these are cut off.
         disk_failed: Whether a disk has failed; the recording of the server may lack something then.
-        stops: How long each stop took [s].
+        frozen: From when to when the server was frozen [s, monotonic].
+        stops: How long each stop took, without the time for which the server was frozen [s].
     """
 
     def __init__(self, folder: Path, seed: str) -> None:
@@ -47,10 +49,11 @@ class Site:
         self.folder, random = folder, self.scene.random
         self.codes: Counter[str] = Counter()
         self.problems: list[str] = []
+        self.frozen: list[tuple[float, float]] = []
         self.stops: list[float] = []
         self.goals: list[str] = []
         self.spoiled = 0
-        self.starved = self.disk_failed = False
+        self.disk_spoiled = self.disk_failed = False
         self.plugged = True
         self.unreceived = self.verified = self.incomplete = self.recorded_bytes = 0
         self._lock, self._commands = threading.Lock(), 0
@@ -81,7 +84,7 @@ class Site:
         """Count a code; one that nothing excuses is a problem."""
         with self._lock:
             self.codes[code] += 1
-        if code.startswith(WRONG) and not (self.starved and code in OF_THE_DISK):
+        if code.startswith(WRONG) and not (self.disk_spoiled and code in OF_THE_DISK):
             self.problem(f"the code {code} of {where}")
 
     def request(self, method: str, path: str, body: object = None) -> tuple[int, Any]:
@@ -150,9 +153,17 @@ class Site:
             self.plugged = True
         self.board.ask("go")
 
+    def stop(self) -> None:
+        """Stop the arm."""
+        begin = time.monotonic()
+        self.server.stop()
+        end = time.monotonic()
+        frozen = sum(max(0.0, min(end, last) - max(begin, first)) for first, last in self.frozen)
+        self.stops.append(end - begin - frozen)
+
     def end_goals(self) -> None:
         """Cancel all, and check that every goal of the round has ended."""
-        self.stops.append(self.server.stop())
+        self.stop()
         goals, self.goals = self.goals, []
         for goal_id in goals:
             with contextlib.suppress(Hang):
@@ -194,7 +205,8 @@ class Site:
         command = self.command("replay", *map(str, files), "--verify", "--jobs", "1", server=False)
         status = command.wait(20 * HANG_S)
         text = self.ended(command)
-        if excused := status == _INCOMPLETE and self.starved:
+        spoiled = self.disk_spoiled or (last and self.disk_failed)
+        if excused := status == _INCOMPLETE and spoiled:
             self.incomplete += 1
         if status != 0 and not excused:
             kept = self.folder / "kept"
@@ -202,7 +214,7 @@ class Site:
             for path in files:
                 shutil.copy(path, kept)
             self.problem(f"replay --verify ends with {status}: {text[-300:]!r}")
-        self.starved = False
+        self.disk_spoiled = False
         self.verified += len(files)
         for path in files:
             self.recorded_bytes += path.stat().st_size
