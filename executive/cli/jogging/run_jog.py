@@ -110,5 +110,5 @@ def _hold(arm: JogArm) -> str:
 def pose_words(where: Where) -> str:
     """Return the pose that an arm holds, for people."""
     if not where.commanded:
-        return "an unknown position: it was never active"
+        return "an unknown position: the arm is not active"
     return where.words(where.commanded)
