@@ -284,7 +284,8 @@ class CollisionChecker:
         first = int(doubts[0])
         here = q[first : first + 1]
         self._check()
-        if self._touching.collides(here[0]):
+        # This finds contacts of any pair, so it decides only if all pairs are wanted.
+        if pairs is self.pairs and self._touching.collides(here[0]):
             return first, True
         close = [self._narrow_phase(k, True) for k in broad.close_pairs_at(here)]
         touches = any(pair.meshes_touch(here[0]) for pair in close)
