@@ -4,7 +4,6 @@ It corresponds to MoveIt's PlanningScene: robot model, world, and pairs of shape
 """
 
 import dataclasses
-import os
 from bisect import bisect
 from collections.abc import Iterator, Sequence
 
@@ -13,13 +12,14 @@ import numpy as np
 import pinocchio as pin
 
 from hardware import CollisionRules, Robot
-from hardware.description.meshes import MAX_MESH_BYTES
 from skills.motion.arrays import Array
 from skills.motion.errors import BadWorld
-from skills.motion.robot_model.geometry import EnclosedVolume, convex_hull
+from skills.motion.robot_model.geometry import EnclosedVolume
 from skills.motion.robot_model.lever_arms import travel_bounds
 from skills.motion.robot_model.robot_model import RobotModel
-from skills.motion.world import EMPTY, Body, Box, Cylinder, Mesh, Shape, Sphere, World
+from skills.motion.world import EMPTY, Body, Box, Cylinder, Mesh, Sphere, World
+
+from .body_meshes import BodyMesh, BodyMeshes, mesh_stamps
 
 FLOOR = "floor"
 # Largest numbers of pairs of hulls and of exact shapes. At both limits, a planner needs 1 GB.
@@ -37,6 +37,7 @@ class PlanningScene:
         robot: The robot.
         world: Bodies around the robot and attached to it. Default: none.
         robot_model: Model of the same robot. Default: a new one, read from the URDF.
+        meshes: Meshes of earlier scenes, which are not read again. Default: none.
 
     Attributes:
         robot_model: Model of the robot.
@@ -54,7 +55,11 @@ class PlanningScene:
     """
 
     def __init__(
-        self, robot: Robot, world: World = EMPTY, robot_model: RobotModel | None = None
+        self,
+        robot: Robot,
+        world: World = EMPTY,
+        robot_model: RobotModel | None = None,
+        meshes: BodyMeshes | None = None,
     ) -> None:
         # Taken before the meshes are read, to notice later changes.
         self._mesh_stamps = mesh_stamps(world)
@@ -68,10 +73,13 @@ class PlanningScene:
             self.hulls.addGeometryObject(shape)
         self._check_names()
         volumes, arms = list(model.volumes), list(model.lever_arms)
-        for exact, hull in self._body_shapes(world):
+        meshes = meshes or BodyMeshes()
+        self._loaded = list[BodyMesh]()  # later scenes share these as long as this one exists
+        for body in world.bodies:
+            exact, hull, volume = self._body_shapes(body, meshes)
             self.exact.addGeometryObject(exact)
             self.hulls.addGeometryObject(hull)
-            volumes.append(EnclosedVolume.of(exact.geometry))
+            volumes.append(volume)
             arms.append(model.lever_arms_of(hull))
         self.volumes = {i: volume for i, volume in enumerate(volumes) if volume}
         for geometry, most in (self.exact, MAX_EXACT_PAIRS), (self.hulls, MAX_HULL_PAIRS):
@@ -145,25 +153,26 @@ class PlanningScene:
         a, b, c, d = (np.array(rotation) / np.linalg.norm(rotation)).tolist()
         return dataclasses.replace(body, position=(x, y, z), rotation=(a, b, c, d), link=link)
 
-    def _body_shapes(self, world: World) -> Iterator[tuple[pin.GeometryObject, pin.GeometryObject]]:
-        """Yield each body's exact shape and its hull."""
-        for body in world.bodies:
-            shape = _coal_shape(body.shape)
-            try:
-                frame = self.robot_model.frame_index(body.link)
-            except BadWorld as error:
-                raise BadWorld(f"{body.name} is attached to {body.link}: {error}") from error
-            parent = self.kinematics.frames[frame]
-            joint, pose = parent.parentJoint, parent.placement * placement(body)
-            exact = pin.GeometryObject(body.name, joint, frame, pose, shape)
-            if not isinstance(body.shape, Mesh):
-                yield exact, exact
-                continue
-            try:
-                hull = convex_hull([exact])
-            except ValueError as error:
-                raise BadWorld(f"The mesh {body.shape.path} is unusable: {error}") from error
-            yield exact, pin.GeometryObject(body.name, joint, frame, pin.SE3.Identity(), hull)
+    def _body_shapes(
+        self, body: Body, meshes: BodyMeshes
+    ) -> tuple[pin.GeometryObject, pin.GeometryObject, EnclosedVolume | None]:
+        """Return a body's exact shape and its hull, and for a mesh the volume inside it."""
+        try:
+            frame = self.robot_model.frame_index(body.link)
+        except BadWorld as error:
+            raise BadWorld(f"{body.name} is attached to {body.link}: {error}") from error
+        parent = self.kinematics.frames[frame]
+        joint, pose = parent.parentJoint, parent.placement * placement(body)
+
+        def placed(shape: coal.CollisionGeometry) -> pin.GeometryObject:
+            return pin.GeometryObject(body.name, joint, frame, pose, shape)
+
+        if isinstance(body.shape, Mesh):
+            mesh = meshes.load(body.shape)
+            self._loaded.append(mesh)
+            return placed(mesh.shape), placed(mesh.hull), mesh.volume
+        exact = placed(_primitive(body.shape))
+        return exact, exact, None
 
     def _check_names(self) -> None:
         frames = self.kinematics.frames
@@ -226,30 +235,12 @@ def _pairs_that_may_move(joints: list[int], links: list[str]) -> Iterator[tuple[
         yield from ((i, j) for j in others)
 
 
-def mesh_stamps(world: World) -> list[tuple[int, ...] | None]:
-    """Return inode, size and time of each mesh file of a world; None for a missing file."""
-    found = [_stamp(body.shape.path) for body in world.bodies if isinstance(body.shape, Mesh)]
-    return [each and (each.st_ino, each.st_size, each.st_mtime_ns) for each in found]
-
-
-def _stamp(path: str) -> os.stat_result | None:
-    try:
-        return os.stat(path)
-    except (OSError, ValueError):  # the loader of the mesh reports the error
-        return None
-
-
 def placement(body: Body) -> pin.SE3:
     """Return the pose of a body in the frame of its link."""
     return pin.XYZQUATToSE3(np.array((*body.position, *body.rotation)))
 
 
-def _coal_shape(shape: Shape) -> coal.CollisionGeometry:
-    """Return the shape that coal checks.
-
-    Raises:
-        BadWorld: The shape is a mesh that cannot be read.
-    """
+def _primitive(shape: Box | Sphere | Cylinder) -> coal.CollisionGeometry:
     match shape:
         case Box(size):
             return coal.Box(*size)
@@ -257,12 +248,3 @@ def _coal_shape(shape: Shape) -> coal.CollisionGeometry:
             return coal.Sphere(radius)
         case Cylinder(radius, length):
             return coal.Cylinder(radius, length)
-        case Mesh(path, scale):
-            if (stamp := _stamp(path)) and stamp.st_size > MAX_MESH_BYTES:
-                words = f"{stamp.st_size} bytes; {MAX_MESH_BYTES} are allowed"
-                raise BadWorld(f"The mesh {path} has {words}")
-            try:
-                return coal.MeshLoader().load(path, np.array(scale))
-            except (RuntimeError, ValueError) as error:
-                why = str(error).partition("message: ")[2].splitlines() or [str(error)]
-                raise BadWorld(f"The mesh {path} cannot be read: {why[0]}") from error
