@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import coal
 import numpy as np
@@ -349,20 +349,25 @@ class BroadPhase:
         boxed = boxed if len(boxed & pairs) >= _TREE_PAIRS else frozenset()
         every = frozenset(range(len(scene.hulls.collisionPairs)))
         kinds = pin.BroadPhaseManagerPool_DynamicAABBTreeCollisionManager, pin.GeometryPool
-        self._pools, parts = [], dict[int, tuple[Any, ...]]()
+        self._pools, self._places = [], dict[int, tuple[pin.GeometryData, int]]()
+        self._requests = dict[int, coal.CollisionRequest]()
         for kind, own in zip(kinds, (boxed, every - boxed), strict=True):
             if own:
-                pool = kind(scene.kinematics, scene.hulls, 1)
+                geometry, numbers = _part(scene.hulls, own), sorted(own)
+                pool = kind(scene.kinematics, geometry, 1)
                 data = pool.getGeometryData(0)
                 self._pools.append((pool, own))
-                for k in every - (own & pairs):
-                    data.deactivateCollisionPair(k)
-                requests, results = repeatable_requests(scene.hulls, data), data.collisionResults
-                parts |= {k: (data, requests[k], results[k]) for k in own}
-        self._data = {k: data for k, (data, _, _) in parts.items()}
-        self._requests = {k: request for k, (_, request, _) in parts.items()}
-        self._results = {k: result for k, (_, _, result) in parts.items()}
+                self._places |= {k: (data, place) for place, k in enumerate(numbers)}
+                for k in own - pairs:
+                    data.deactivateCollisionPair(self._places[k][1])
+                requests = repeatable_requests(geometry, data)
+                self._requests |= dict(zip(numbers, requests, strict=True))
         self._pairs, self._margin = pairs, math.nan
+
+    # Many queries need no results, and in a large world they take milliseconds to list.
+    @cached_property
+    def _results(self) -> dict[int, coal.CollisionResult]:
+        return {k: data.collisionResults[place] for k, (data, place) in self._places.items()}
 
     def set_margins(self, pairs: frozenset[int], margins: Sequence[float]) -> None:
         """Set the pairs to check, each with its own margin (P,) [m]."""
@@ -383,9 +388,11 @@ class BroadPhase:
         if pairs is self._pairs:
             return
         for k in self._pairs - pairs:
-            self._data[k].deactivateCollisionPair(k)
+            data, place = self._places[k]
+            data.deactivateCollisionPair(place)
         for k in pairs - self._pairs:
-            self._data[k].activateCollisionPair(k)
+            data, place = self._places[k]
+            data.activateCollisionPair(place)
         self._pairs = pairs
 
     def collisions(self, q: Array, stop: bool) -> Mask:
@@ -420,6 +427,20 @@ class BroadPhase:
         found = pairs - self._pairs
         self._activate(pairs)
         return found
+
+
+def _part(geometry: pin.GeometryModel, pairs: frozenset[int]) -> pin.GeometryModel:
+    """Return a geometry of some of the pairs, in the same order, and only their shapes."""
+    ends = [geometry.collisionPairs[k] for k in pairs]
+    used = sorted({pair.first for pair in ends} | {pair.second for pair in ends})
+    part, place = pin.GeometryModel(), {shape: i for i, shape in enumerate(used)}
+    for shape in used:
+        part.addGeometryObject(geometry.geometryObjects[shape])
+    checked = np.zeros((len(used), len(used)), bool)
+    for pair in ends:
+        checked[place[pair.first], place[pair.second]] = True
+    part.setCollisionPairs(checked, True)
+    return part
 
 
 def _boxed_pairs(geometry: pin.GeometryModel) -> frozenset[int]:

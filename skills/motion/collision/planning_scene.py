@@ -4,15 +4,13 @@ It corresponds to MoveIt's PlanningScene: robot model, world, and pairs of shape
 """
 
 import dataclasses
-from bisect import bisect
-from collections.abc import Iterator, Sequence
 
 import coal
 import numpy as np
 import pinocchio as pin
 
 from hardware import CollisionRules, Robot
-from skills.motion.arrays import Array
+from skills.motion.arrays import Array, Mask
 from skills.motion.errors import BadWorld
 from skills.motion.robot_model.geometry import EnclosedVolume
 from skills.motion.robot_model.lever_arms import travel_bounds
@@ -193,46 +191,34 @@ class PlanningScene:
             geometry.addGeometryObject(pin.GeometryObject(FLOOR, 0, 0, pin.SE3.Identity(), half))
 
     def _add_pairs(self, geometry: pin.GeometryModel, rules: CollisionRules, most: int) -> None:
-        for number, pair in enumerate(self._checked_pairs(geometry, rules)):
-            if number == most:
-                parts = len(geometry.geometryObjects) - len(self._bodies)
-                raise BadWorld(
-                    f"{parts} shapes of the robot and {len(self._bodies)} bodies give more than "
-                    f"{most} pairs to check; give fewer bodies, or list pairs of links that can "
-                    "never touch as `allowed` in the robot file"
-                )
-            geometry.addCollisionPair(pin.CollisionPair(*pair))
+        checked = self._checked_pairs(geometry, rules)
+        if np.count_nonzero(checked) > most:
+            parts = len(geometry.geometryObjects) - len(self._bodies)
+            raise BadWorld(
+                f"{parts} shapes of the robot and {len(self._bodies)} bodies give more than "
+                f"{most} pairs to check; give fewer bodies, or list pairs of links that can "
+                "never touch as `allowed` in the robot file"
+            )
+        geometry.setCollisionPairs(checked, True)
 
-    def _checked_pairs(
-        self, geometry: pin.GeometryModel, rules: CollisionRules
-    ) -> Iterator[tuple[int, int]]:
-        """Yield the pairs of shapes that must not touch."""
-        joints = [shape.parentJoint for shape in geometry.geometryObjects]
+    def _checked_pairs(self, geometry: pin.GeometryModel, rules: CollisionRules) -> Mask:
+        """Return True for each two shapes that must not touch, above the diagonal (G, G)."""
+        joints = np.array([shape.parentJoint for shape in geometry.geometryObjects], dtype=np.intp)
         links = [self.link(geometry, i) for i in range(len(joints))]
-        may_touch = {
-            frozenset((body.name, other))
-            for body in self._bodies.values()
-            for other in body.touches
-        }
-        for i, j in _pairs_that_may_move(joints, links):
-            pair = frozenset((links[i], links[j]))
-            if FLOOR in pair:
-                static = (pair & self._bodies.keys()) and joints[i] == joints[j]
-                checked = not (pair & rules.floor_ignores or static)
-            else:  # shapes on one joint never move against each other
-                checked = joints[i] != joints[j] and pair not in rules.allowed
-            if checked and pair not in may_touch:
-                yield i, j
-
-
-def _pairs_that_may_move(joints: list[int], links: list[str]) -> Iterator[tuple[int, int]]:
-    """Yield all pairs of shapes, except pairs of two shapes that are fixed to the world."""
-    moving = [i for i, joint in enumerate(joints) if joint or links[i] == FLOOR]
-    for i, joint in enumerate(joints):
-        others: Sequence[int] = range(i + 1, len(joints))
-        if not joint and links[i] != FLOOR:
-            others = moving[bisect(moving, i) :]
-        yield from ((i, j) for j in others)
+        numbers = {link: number for number, link in enumerate(dict.fromkeys(links))}
+        may_touch = np.zeros((len(numbers), len(numbers)), bool)
+        touches = [(body.name, link) for body in self._bodies.values() for link in body.touches]
+        for pair in (*touches, *(pair for pair in rules.allowed if FLOOR not in pair)):
+            ends = [numbers[link] for link in pair if link in numbers]
+            may_touch[np.ix_(ends, ends)] = True
+        rows = [numbers[link] for link in links]
+        # Shapes on one joint never move against each other.
+        checked: Mask = joints[:, None] != joints
+        if FLOOR in numbers:
+            static = [name in self._bodies and not j for name, j in zip(links, joints, strict=True)]
+            ignored = [link in rules.floor_ignores for link in links]
+            checked[:, links.index(FLOOR)] = ~np.logical_or(static, ignored)
+        return np.triu(checked & ~may_touch[np.ix_(rows, rows)], 1)
 
 
 def placement(body: Body) -> pin.SE3:
