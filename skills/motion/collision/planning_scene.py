@@ -4,6 +4,8 @@ It corresponds to MoveIt's PlanningScene: robot model, world, and pairs of shape
 """
 
 import dataclasses
+from collections.abc import Collection
+from functools import cached_property
 
 import coal
 import numpy as np
@@ -114,22 +116,20 @@ class PlanningScene:
         A mesh touches the floor exactly if its hull touches it. coal checks a hull a hundred times
         faster.
         """
-        links = {self.link(self.hulls, index) for index in (pair.first, pair.second)}
-        shapes = range(len(self.exact.geometryObjects))
-        chosen = [index for index in shapes if self.link(self.exact, index) in links]
-        geometry = pin.GeometryModel()
-        if FLOOR in links and len(self.volumes.keys() & set(chosen)) == len(chosen) - 1:
-            for index in (pair.first, pair.second):
-                geometry.addGeometryObject(self.hulls.geometryObjects[index])
-            geometry.addCollisionPair(pin.CollisionPair(0, 1))
-            return geometry
-        for index in chosen:
-            geometry.addGeometryObject(self.exact.geometryObjects[index])
-        for each in self.exact.collisionPairs:
-            if each.first in chosen and each.second in chosen:
-                ends = chosen.index(each.first), chosen.index(each.second)
-                geometry.addCollisionPair(pin.CollisionPair(*ends))
-        return geometry
+        links = frozenset(self.link(self.hulls, index) for index in (pair.first, pair.second))
+        pairs = [self.exact.collisionPairs[k] for k in self._exact_pairs[links]]
+        shapes = {index for each in pairs for index in (each.first, each.second)}
+        if FLOOR in links and len(self.volumes.keys() & shapes) == len(shapes) - 1:
+            return part_of(self.hulls, [self.hulls.findCollisionPair(pair)])
+        return part_of(self.exact, self._exact_pairs[links])
+
+    @cached_property
+    def _exact_pairs(self) -> dict[frozenset[str], list[int]]:
+        """The pairs of `exact` of each two links."""
+        found = dict[frozenset[str], list[int]]()
+        for k, links in enumerate(self.linked_pairs(self.exact)):
+            found.setdefault(frozenset(links), []).append(k)
+        return found
 
     def attached(self, body: Body, link: str, configuration: Array) -> Body:
         """Return a body at the same pose, attached to another link.
@@ -219,6 +219,20 @@ class PlanningScene:
             ignored = [link in rules.floor_ignores for link in links]
             checked[:, links.index(FLOOR)] = ~np.logical_or(static, ignored)
         return np.triu(checked & ~may_touch[np.ix_(rows, rows)], 1)
+
+
+def part_of(geometry: pin.GeometryModel, pairs: Collection[int]) -> pin.GeometryModel:
+    """Return a geometry of some of the pairs, in the same order, and only their shapes."""
+    ends = [(geometry.collisionPairs[k].first, geometry.collisionPairs[k].second) for k in pairs]
+    used = sorted({shape for pair in ends for shape in pair})
+    part, places = pin.GeometryModel(), {shape: place for place, shape in enumerate(used)}
+    for shape in used:
+        part.addGeometryObject(geometry.geometryObjects[shape])
+    checked = np.zeros((len(used), len(used)), bool)
+    for first, second in ends:
+        checked[places[first], places[second]] = True
+    part.setCollisionPairs(checked, True)
+    return part
 
 
 def placement(body: Body) -> pin.SE3:

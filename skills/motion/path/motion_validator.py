@@ -12,7 +12,8 @@ from functools import lru_cache
 import numpy as np
 
 from skills.motion.arrays import Array
-from skills.motion.collision.checker import BATCH, CollisionChecker, Proximity
+from skills.motion.collision.broad_phase import BATCH
+from skills.motion.collision.checker import CollisionChecker, Proximity
 from skills.motion.deadline import Deadline
 from skills.motion.robot_model.joint_group import JointGroup
 from skills.motion.trajectory.curve import Curve

@@ -24,7 +24,7 @@ from skills.motion import (
 from skills.motion.collision import body_meshes
 from skills.motion.collision.planning_scene import PlanningScene
 from skills.motion.planner import Planner
-from skills.motion.robot_model.geometry import corners
+from skills.motion.robot_model.geometry import convex_hull, corners
 from skills.motion.world import quaternion
 
 ROBOT = load_robot()
@@ -81,10 +81,10 @@ def test_a_mesh_is_read_once_while_its_world_changes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A large mesh takes a second to read. It is in another place in each world."""
-    read, hulls = body_meshes.convex_hull, list[object]()
+    hulls = list[object]()
 
     def noted(shapes: Sequence[pin.GeometryObject]) -> coal.ConvexBase:
-        hulls.append(read(shapes))
+        hulls.append(convex_hull(shapes))
         return hulls[-1]
 
     monkeypatch.setattr(body_meshes, "convex_hull", noted)
