@@ -149,7 +149,7 @@ class CollisionChecker:
         broad.set_margin(self.pairs, margin)
         hits = broad.collisions(q, stop=False)
         for row in hits.nonzero()[0].tolist():
-            hits[row] = self._collides(q[row : row + 1], margin, self.pairs)
+            hits[row] = self._collides(q[row], margin, self.pairs)
         return hits
 
     def first_invalid(self, configurations: Array, margin: float) -> int | None:
@@ -224,8 +224,8 @@ class CollisionChecker:
         if not rows.size:
             return Proximity(None, near, frozenset())
         if not exact:
-            first, collides = self._first_doubt(q[rows], least, pairs)
-            if collides:
+            first = self._first_doubt(q[rows], least, pairs)
+            if first is not None and self._collides(q[rows[first]], least, pairs):
                 return Proximity(int(rows[first]), near, frozenset())
             return Proximity(None, near, broad.close_pairs(q[rows]))
         near, found, hit = np.zeros_like(near), set[int](), None
@@ -266,8 +266,8 @@ class CollisionChecker:
         A doubt is a row with hulls closer than the margin. The search takes one call if all rows
         are free, and few calls if the first doubt is a collision.
         """
-        first, collides = self._first_doubt(q, margin, pairs)
-        if collides:
+        first = self._first_doubt(q, margin, pairs)
+        if first is None or self._collides(q[first], margin, pairs):
             return first
         after, hit = q[first + 1 :], None
         if not len(after):
@@ -282,29 +282,24 @@ class CollisionChecker:
                 doubtful = doubtful[doubtful < hit]
         return hit
 
-    def _first_doubt(self, q: Array, margin: float, pairs: frozenset[int]) -> tuple[int, bool]:
-        """Return the index of the first doubtful configuration, and True if it collides.
-
-        Without a doubtful configuration, the index is their number.
-        """
+    def _first_doubt(self, q: Array, margin: float, pairs: frozenset[int]) -> int | None:
+        """Return the first row with hulls closer than the margin, or None."""
         broad = self._broad_phase(pairs, True)
         broad.set_margin(pairs, margin)
         doubts = broad.collisions(q, stop=True).nonzero()[0]
-        if not doubts.size:
-            return len(q), False
-        first = int(doubts[0])
-        return first, self._collides(q[first : first + 1], margin, pairs)
+        return int(doubts[0]) if doubts.size else None
 
     def _collides(self, doubt: Array, margin: float, pairs: frozenset[int]) -> bool:
-        """Return True if a doubt (1, nq) is a collision. The broad phase has the same margin."""
+        """Return True if a doubt (nq,) is a collision. The broad phase has the same margin."""
         self._check()
         # This finds contacts of any pair, so it decides only if all pairs are wanted.
-        if pairs is self.pairs and self._touching.collides(doubt[0]):
+        if pairs is self.pairs and self._touching.collides(doubt):
             return True
-        close = self._broad_phase(pairs, True).close_pairs_at(doubt)
+        row = doubt[None, :]
+        close = self._broad_phase(pairs, True).close_pairs_at(row)
         checkers = [self._narrow_phase(k, True) for k in close]
-        touches = any(checker.meshes_touch(doubt[0]) for checker in checkers)
-        return touches or any(each.collisions(doubt, margin, stop=True)[0] for each in checkers)
+        touches = any(checker.meshes_touch(doubt) for checker in checkers)
+        return touches or any(each.collisions(row, margin, stop=True)[0] for each in checkers)
 
     def _hulls_of_pair_near(self, q: Array, pair: int, margin: float, least: bool) -> Mask:
         pairs = frozenset((pair,))
