@@ -27,6 +27,11 @@ class BroadPhase:
     one after another. If few pairs are checked at first, all pairs are checked in this way, because
     a tree takes time for every shape.
 
+    A filter of spheres in NumPy in front of coal would not help. Measured on 27 November 2026 (AMD
+    EPYC, 2 cores, NumPy 2.4, coal 3.0) for a Panda in a cage, with 101 pairs: forward kinematics
+    and four spheres for each link took 100, 29, 18 and 17 us per configuration for batches of 1, 6,
+    24 and 48. This tree of hulls took 8, 6, 6 and 7 us.
+
     Args:
         scene: The scene.
         pairs: Pairs of `scene.hulls` that are checked at first.
