@@ -19,7 +19,7 @@ from .motion_validator import MotionValidator
 
 _CANDIDATES = 128
 _GROUP_SIZE = 16  # candidates filtered in one call
-_MAX_TRIES = 5  # largest number of bends that are checked completely
+_MAX_TRIES = 7  # largest number of bends that are checked completely
 _REACH = 2.0  # largest distance of candidates beyond the ends [rad]
 # Of a bend, checked first: halves, quarters ... If the first candidate is not free, most are not,
 # and these samples show it in a tenth of the time of a complete check.
