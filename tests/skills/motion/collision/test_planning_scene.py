@@ -57,8 +57,8 @@ def test_first_collision_is_the_first(checker: CollisionChecker) -> None:
 @pytest.mark.parametrize("name", ["arduinobot", "so101"])
 def test_every_configuration_in_collision_is_found(name: str) -> None:
     arm, random = load_robot(Path(name)), np.random.default_rng(7)
-    limits = np.array([(joint.lower, joint.upper) for joint in arm.actuated])
-    rows = random.uniform(*limits.T, (150, len(limits)))
+    lower, upper = np.array([(joint.lower, joint.upper) for joint in arm.actuated]).T
+    rows = random.uniform(lower, upper, (150, len(lower)))
     checker = CollisionChecker(PlanningScene(arm))
     hits = checker.collisions(rows, 0.005)
     assert 0 < hits.sum() < len(rows)
