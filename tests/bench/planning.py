@@ -5,11 +5,12 @@ in the same run: two straight motions and one around a block, on three simple ax
 the shipped arm, alone and near a post; random pairs among posts on six and seven axes. All keep the
 same margin, and one reference checker checks all motions every millisecond. roboplan also gets the
 goals in a shelf, and all but ruckig get some of MotionBenchMaker's problems, which are cloned
-beside their environments. For the others a mesh is its bounding box, so they solve less with these
-arms. The rest is ours only: motions with via points and the rest of stopped motions, checked the
-same way; large worlds that change a little; growth of the cost, overhead of a worker, time to stop
-it, and memory leaks. `--quick` uses fewer queries, and `--only` measures some rows. Another planner
-that needs more than five minutes for a problem is stopped.
+beside their environments. For the others, a mesh is its bounding box. In a shelf and in these
+problems it stays a mesh that is not padded, so they keep a smaller distance there. The rest is ours
+only: motions with via points and the rest of stopped motions, checked the same way; large worlds
+that change a little; growth of the cost, overhead of a worker, time to stop it, and memory leaks.
+`--quick` uses fewer queries, and `--only` measures some rows. Another planner that needs more than
+five minutes for a problem is stopped.
 """
 
 import argparse

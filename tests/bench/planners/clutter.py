@@ -3,8 +3,7 @@
 C. Chamzas et al., "MotionBenchMaker: a tool to generate and benchmark motion planning datasets",
 RA-L 2022. The problems are those that VAMP is measured with, from a checkout of its repository.
 Every motion is checked each millisecond with the exact shapes. The other planners get the first
-problems of each scene, with bounding boxes in place of the arm's meshes; with these boxes some ends
-are in collision.
+problems of each scene; they pad the bodies, not the arm's meshes.
 """
 
 import json
@@ -193,11 +192,11 @@ def score(folder: Path, count: int, into: Path, clock: Clock | None = None) -> C
 def for_peers(folder: Path, count: int, into: Path) -> Iterator[Problem]:
     """Yield the first problems of each scene for the other planners.
 
-    They get the larger margin, and the bounding boxes of the arm's meshes.
+    They get the larger margin, without padding of the arm's meshes.
     """
     robot = panda(folder, MARGINS[0], into)
     for each in clutter(folder, count):
-        yield Problem(each.name, robot, each.world, [(each.start, each.goal)])
+        yield Problem(each.name, robot, each.world, [(each.start, each.goal)], boxes=False)
 
 
 def rates(folder: Path, into: Path) -> Iterator[tuple[float, float]]:

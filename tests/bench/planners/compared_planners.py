@@ -155,7 +155,7 @@ def installed(name: str, home: Path, tell: Tell) -> Path | None:
 
 
 def _plain(problem: Problem) -> dict[str, object]:
-    robot, description = problem.robot, padded(problem.robot, problem.world)
+    robot, description = problem.robot, padded(problem.robot, problem.world, boxes=problem.boxes)
     arm = robot.actuated_in("arm")
     columns = [robot.actuated.index(joint) for joint in arm]
     levers = PlanningScene(robot, problem.world).lever_arms[:, columns].max(axis=0, initial=0.0)
@@ -184,7 +184,7 @@ def _tip(urdf: str) -> str:
 
 def _score(stack: str, problem: Problem, answers: Answers) -> Score:
     reference, arm = (
-        ReferenceChecker(padded(problem.robot, problem.world, 0.0)),
+        ReferenceChecker(padded(problem.robot, problem.world, 0.0, problem.boxes)),
         problem.robot.actuated_in("arm"),
     )
     velocity = np.array([joint.velocity for joint in arm])

@@ -34,7 +34,7 @@ def narrow(folder: Path, count: int) -> Iterator[Problem]:
     ours = load_robot(Path("so101")), foreign("seven_axes")
     for robot in (*mesh_arms.arms(folder), so100(folder), *ours):
         world, pairs = _shelf_and_pairs(robot, count)
-        yield Problem(robot.name, robot, world, pairs, timeout=5.0)
+        yield Problem(robot.name, robot, world, pairs, timeout=5.0, boxes=False)
 
 
 def so100(folder: Path) -> Robot:

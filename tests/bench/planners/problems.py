@@ -42,6 +42,8 @@ class Problem:
         world: Bodies around it.
         pairs: Start and goal of each query, only the arm's joints [rad].
         timeout: Longest time for a query [s].
+        boxes: True if the other planners get bounding boxes in place of meshes; else the meshes,
+            which are not padded.
     """
 
     name: str
@@ -49,6 +51,7 @@ class Problem:
     world: World
     pairs: Sequence[tuple[tuple[float, ...], tuple[float, ...]]]
     timeout: float = 1.0
+    boxes: bool = True
 
     def queries(self) -> Iterator[Query]:
         """Yield queries for our planner. Each has its own seed."""
