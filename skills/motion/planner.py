@@ -22,6 +22,7 @@ import numpy as np
 from hardware import DISPLAY_UNITS, MAX_DURATION, Clock, RealClock, Robot
 
 from .arrays import Array, joint_positions, norms
+from .collision.body_meshes import BodyMeshes
 from .collision.checker import CollisionChecker
 from .collision.endpoint_checker import EndpointChecker
 from .collision.planning_scene import PlanningScene
@@ -64,7 +65,7 @@ class Planner:
 
     def __init__(self, robot: Robot, clock: Clock | None = None) -> None:
         self._robot, self._clock = robot, clock or RealClock()
-        self._model = RobotModel(robot)
+        self._model, self._meshes = RobotModel(robot), BodyMeshes()
         self._endpoints = EndpointChecker(robot)
         self._groups = {name: JointGroup(robot, name) for name in robot.groups}
         self._checkers = dict[World, CollisionChecker]()
@@ -213,7 +214,7 @@ class Planner:
         """Return the checker of a world. Keeps those of the empty and the latest worlds."""
         checker = self._checkers.pop(world, None)
         if checker is None or not checker.scene.is_current(world):
-            checker = CollisionChecker(PlanningScene(self._robot, world, self._model))
+            checker = CollisionChecker(PlanningScene(self._robot, world, self._model, self._meshes))
         if len(self._checkers) >= _MAX_SCENES:
             del self._checkers[next(other for other in self._checkers if other != EMPTY)]
         self._checkers[world] = checker

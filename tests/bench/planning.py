@@ -3,18 +3,22 @@
 Our planner and all others that can be installed, each in its own environment, get the same queries
 in the same run: two straight motions and one around a block, on three simple axes; random pairs on
 the shipped arm, alone and near a post; random pairs among posts on six and seven axes. All keep the
-same margin, and one reference checker checks all motions every millisecond. Then ours only: motions
-with via points and the rest of stopped motions, checked the same way; goals in a shelf, and
-MotionBenchMaker's problems, which are cloned beside the other planners' environments; growth of the
-cost, overhead of a worker, time to stop it, and memory leaks. `--quick` uses fewer queries.
-Another planner that needs more than five minutes for a problem is stopped.
+same margin, and one reference checker checks all motions every millisecond. roboplan also gets the
+goals in a shelf, and all but ruckig get some of MotionBenchMaker's problems, which are cloned
+beside their environments. For the others, a mesh is its bounding box. In a shelf and in these
+problems it stays a mesh that is not padded, so they keep a smaller distance there. The rest is ours
+only: motions with via points and the rest of stopped motions, checked the same way; large worlds
+that change a little; growth of the cost, overhead of a worker, time to stop it, and memory leaks.
+`--quick` uses fewer queries, and `--only` measures some rows. Another planner that needs more than
+five minutes for a problem is stopped.
 """
 
+import argparse
 import os
 import statistics
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
 # If this file is run as a script, its folder is first, and holds files named like the rooms.
@@ -25,8 +29,8 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from hardware import load_robot
-from tests.bench.planners import clutter, mesh_arms, narrow
+from hardware import Robot, load_robot
+from tests.bench.planners import changed_worlds, clutter, mesh_arms, narrow
 from tests.bench.planners.compared_planners import PEERS, Score, installed, ours, peer
 from tests.bench.planners.continued_motions import score_continued
 from tests.bench.planners.growth import Growth, growths
@@ -34,6 +38,17 @@ from tests.bench.planners.problems import Problem, fixed, random
 from tests.bench.planners.worker_pool import deadlines, growth_mb, overheads, poison
 from tests.bench.table import Row, arguments, show
 
+_COMPARED = (
+    "straight_p50_ms straight_p95_ms detour_p50_ms detour_p95_ms post_detour_p50_ms "
+    "post_detour_p95_ms obstacle_duration_ratio solved colliding limit_excess seven_axis_success "
+    "axes_10x boxes_10x legs_10x"
+)
+_CLUTTER = (
+    "clutter_solved clutter_p50_ms clutter_p95_ms clutter_bookshelf clutter_box clutter_cage "
+    "clutter_table clutter_duration_s clutter_kept_margin clutter_duration_ratio "
+    "configurations_per_s coal_alone_per_s"
+)
+_FOR_PEERS = 3  # problems of each scene: each takes the others' processes seconds to start
 _LINE = "{:<9} {:<18} {:>9} {:>9} {:>9} {:>9} {:>9} {:>9} {:>9}\n"
 _HEAD = (
     "problem",
@@ -79,11 +94,18 @@ def grown(count: int, folder: Path) -> Iterator[Growth]:
         yield growth
 
 
-def rows(
-    runs: Sequence[dict[str, Score]], quick: bool, folder: Path, overhead: Row
-) -> Iterator[Row]:
-    """Yield the figures that the project commits to. Arms are written into a folder."""
-    last, robot = runs[-1], load_robot()
+def compared_rows(given: argparse.Namespace, peers: dict[str, Path], folder: Path) -> Iterator[Row]:
+    """Yield the figures of the problems that all planners get, and of growth."""
+    problems = [*fixed(12), *random(30 if given.quick else 300)]
+    scores = list(table(problems, peers, folder))
+    growing = list(grown(10 if given.quick else 50, folder))
+    runs = [{score.problem: score for score in scores if score.stack == "armtree"}]
+    for _ in range(given.runs - 1):
+        again = {problem.name: ours(problem) for problem in problems if problem.name != "seven"}
+        runs.append({**runs[0], **again})
+    draw(scores, growing, given.plot)
+    sys.stdout.write(f"{given.plot}\n")
+    last = runs[-1]
     own = list(last.values())
     for name, problem, share in (
         ("straight_p50_ms", "bare", 50),
@@ -101,46 +123,102 @@ def rows(
     yield Row("solved", "1", [sum(len(s.spent) for s in own) / sum(s.queries for s in own)])
     yield Row("colliding", "", [sum(score.colliding for score in own)])
     yield Row("limit_excess", "1", [max(score.worst() for score in own)])
-    continued = score_continued(random(10 if quick else 100))
+    yield Row("seven_axis_success", "1", [len(last["seven"].spent) / last["seven"].queries])
+    yield from (Row(f"{g.what}_10x", "1", [g.spent[-1] / g.spent[0]]) for g in growing)
+
+
+def continued_rows(count: int) -> Iterator[Row]:
+    """Yield the figures of motions with via points, and of the rest of stopped motions."""
+    continued = score_continued(random(count))
     yield Row("onward_colliding", "", [continued.colliding])
     yield Row("onward_excess", "1", [max(continued.over)])
-    yield Row("seven_axis_success", "1", [len(last["seven"].spent) / last["seven"].queries])
-    yield overhead
-    late, canceled, again = deadlines(robot, 10 if quick else 50, folder)
+
+
+def deadline_rows(robot: Robot, count: int, folder: Path) -> Iterator[Row]:
+    """Yield the delay of deadlines, the time to cancel, and from there to the next plan."""
+    late, canceled, again = deadlines(robot, count, folder)
     yield Row("past_deadline_ms", "ms", late)
     yield Row("cancel_ms", "ms", canceled)
     yield Row("next_after_kill_ms", "ms", again)
-    yield Row("poison_ms", "ms", list(poison(robot)))
-    arms, count = mesh_arms.arms(folder), 10 if quick else 100
+
+
+def mesh_rows(folder: Path, count: int) -> Iterator[Row]:
+    """Yield the figures of arms with meshes."""
+    arms = mesh_arms.arms(folder)
     so101 = list(mesh_arms.spent(load_robot(Path("so101")), 3 * count))
     yield Row("so101_p50_ms", "ms", [statistics.median(so101)])
     yield Row("mesh_poison_ms", "ms", [x for arm in arms for x in mesh_arms.poison(arm, count)])
     yield Row(
         "mesh_past_deadline_ms", "ms", [x for arm in arms for x in mesh_arms.late(arm, count)]
     )
-    yield from narrow_rows(folder, 5 if quick else 30)
-    yield Row("growth_10k_plans_mb", "MB", [growth_mb(robot, 1_000 if quick else 10_000)])
 
 
-def narrow_rows(folder: Path, count: int) -> Iterator[Row]:
+def world_rows(robot: Robot, count: int, folder: Path) -> Iterator[Row]:
+    """Yield the figures of large worlds that change a little."""
+    moved = list(changed_worlds.one_box_moved(robot, count))
+    yield Row("box_of_400_moved_ms", "ms", moved)
+    yield Row(
+        "box_beside_mesh_ms", "ms", list(changed_worlds.box_beside_mesh(robot, count, folder))
+    )
+    again = list(changed_worlds.next_after_kill(robot, count, folder))
+    yield Row("next_after_kill_of_400_ms", "ms", again)
+
+
+def narrow_rows(folder: Path, count: int, peers: dict[str, Path]) -> Iterator[Row]:
     """Yield the figures of goals in a shelf, each with a sample for each arm."""
-    scores = list(narrow.scores(folder, count))
+    problems = list(narrow.narrow(folder, count))
+    scores = [_shown(ours(problem)) for problem in problems]
     yield Row("narrow_solved", "1", [len(score.spent) / score.queries for score in scores])
-    medians = [statistics.median(score.spent) for score in scores if score.spent]
-    yield Row("narrow_p50_ms", "ms", medians)
+    yield Row("narrow_p50_ms", "ms", [score.p(50) for score in scores if score.spent])
+    if "roboplan" in peers:
+        others = list(_answered("roboplan", peers["roboplan"], problems, folder))
+        pairs = [(score, peer) for score, peer in zip(scores, others, strict=True) if peer]
+        ratios = [mine.p(50) / peer.p(50) for mine, peer in pairs if mine.spent and peer.spent]
+        if ratios:
+            yield Row("narrow_p50_ratio", "1", ratios)
 
 
-def clutter_rows(problems: Path, folder: Path, count: int) -> Iterator[Row]:
+def clutter_rows(given: argparse.Namespace, peers: dict[str, Path], folder: Path) -> Iterator[Row]:
     """Yield the figures of MotionBenchMaker's problems, and of collision checks in its scenes."""
+    problems, count = clutter.checkout(given.environments, sys.stdout.write), given.clutter
+    if not problems:
+        return
     found = clutter.score(problems, count, folder)
-    yield Row("clutter_solved", "1", [len(found.spent) / found.queries])
-    yield Row("clutter_p50_ms", "ms", [float(np.percentile(found.spent, 50))])
-    yield Row("clutter_p95_ms", "ms", [float(np.percentile(found.spent, 95))])
-    yield Row("clutter_duration_s", "s", [statistics.fmean(found.durations)])
-    yield Row("clutter_colliding", "", [found.colliding])
+    spent = list(found.spent.values())
+    yield Row("clutter_solved", "1", [len(spent) / found.queries])
+    yield Row("clutter_p50_ms", "ms", [float(np.percentile(spent, 50))])
+    yield Row("clutter_p95_ms", "ms", [float(np.percentile(spent, 95))])
+    for scene, times in found.scenes():
+        yield Row(
+            f"clutter_{scene.removesuffix('_panda')}_p50_ms", "ms", [statistics.median(times)]
+        )
+    yield Row("clutter_duration_s", "s", [statistics.fmean(found.durations.values())])
+    yield Row("clutter_kept_margin", "1", found.kept)
+    few = list(clutter.for_peers(problems, min(count, _FOR_PEERS), folder))
+    best = dict[str, float]()
+    for name in peers.keys() - {"ruckig"}:  # ruckig ignores obstacles
+        for score in _answered(name, peers[name], few, folder):
+            if score and score.spent and not score.colliding:
+                duration = score.durations[0]
+                best[score.problem] = min(duration, best.get(score.problem, duration))
+    both = sorted(best.keys() & found.durations.keys())
+    if both:
+        yield Row("clutter_duration_ratio", "1", [found.durations[k] / best[k] for k in both])
     rates = list(clutter.rates(problems, folder))
     yield Row("configurations_per_s", "1/s", [ours for ours, _ in rates])
     yield Row("coal_alone_per_s", "1/s", [coal for _, coal in rates])
+
+
+def _answered(
+    name: str, venv: Path, problems: Sequence[Problem], folder: Path
+) -> Iterator[Score | None]:
+    """Yield another planner's score for each problem; None if its script fails."""
+    for problem in problems:
+        try:
+            yield _shown(peer(name, venv, problem, folder))
+        except RuntimeError as error:
+            sys.stdout.write(f"{problem.name:<9} {name}: FAILED: {error}\n")
+            yield None
 
 
 def draw(scores: Sequence[Score], growths: Sequence[Growth], file: Path) -> None:
@@ -200,29 +278,58 @@ def main() -> None:
         metavar="DIR",
         help="folder of the other planners' environments, 1.5 GB (default: %(default)s)",
     )
+    parser.add_argument("--only", default="", metavar="ROW", help="rows whose names begin so")
     given = parser.parse_args()
     wanted = {} if given.no_peers else PEERS
     found = {name: installed(name, given.environments, sys.stdout.write) for name in wanted}
     peers = {name: venv for name, venv in found.items() if venv}
-    problems = [*fixed(12), *random(30 if given.quick else 300)]
-    # First, while as little is in memory as in the process that runs a task.
-    count = 100 if given.quick else 500
-    overhead = Row("worker_overhead_ms", "ms", overheads(load_robot(), count))
     with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        scores = list(table(problems, peers, folder))
-        growing = list(grown(10 if given.quick else 50, folder))
-        runs = [{score.problem: score for score in scores if score.stack == "armtree"}]
-        for _ in range(given.runs - 1):
-            again = {problem.name: ours(problem) for problem in problems if problem.name != "seven"}
-            runs.append({**runs[0], **again})
-        draw(scores, growing, given.plot)
-        figures = list(rows(runs, given.quick, folder, overhead))
-        if scenes := clutter.checkout(given.environments, sys.stdout.write):
-            figures += clutter_rows(scenes, folder, given.clutter)
-    figures += [Row(f"{g.what}_10x", "1", [g.spent[-1] / g.spent[0]]) for g in growing]
-    show(figures, given.json)
-    sys.stdout.write(f"{given.plot}\n")
+        chosen = [
+            row
+            for names, measure in groups(given, peers, Path(name))
+            if any(
+                row.startswith(given.only) or given.only.startswith(row) for row in names.split()
+            )
+            for row in measure()
+            if row.name.startswith(given.only)
+        ]
+    show(chosen, given.json)
+
+
+def groups(
+    given: argparse.Namespace, peers: dict[str, Path], folder: Path
+) -> Iterator[tuple[str, Callable[[], Iterable[Row]]]]:
+    """Yield the names of rows that are measured together, and the function that measures them."""
+    robot, quick = load_robot(), given.quick
+    # First, while as little is in memory as in the process that runs a task.
+    yield (
+        "worker_overhead_ms",
+        lambda: [Row("worker_overhead_ms", "ms", overheads(robot, 100 if quick else 500))],
+    )
+    yield _COMPARED, lambda: compared_rows(given, peers, folder)
+    yield "onward_colliding onward_excess", lambda: continued_rows(10 if quick else 100)
+    yield (
+        "past_deadline_ms cancel_ms next_after_kill_ms",
+        lambda: deadline_rows(robot, 10 if quick else 50, folder),
+    )
+    yield "poison_ms", lambda: [Row("poison_ms", "ms", list(poison(robot)))]
+    yield (
+        "so101_p50_ms mesh_poison_ms mesh_past_deadline_ms",
+        lambda: mesh_rows(folder, 10 if quick else 100),
+    )
+    yield (
+        "box_of_400_moved_ms box_beside_mesh_ms next_after_kill_of_400_ms",
+        lambda: world_rows(robot, 5 if quick else 20, folder),
+    )
+    yield (
+        "narrow_solved narrow_p50_ms narrow_p50_ratio",
+        lambda: narrow_rows(folder, 5 if quick else 30, peers),
+    )
+    yield (
+        "growth_10k_plans_mb",
+        lambda: [Row("growth_10k_plans_mb", "MB", [growth_mb(robot, 1_000 if quick else 10_000)])],
+    )
+    yield _CLUTTER, lambda: clutter_rows(given, peers, folder)
 
 
 if __name__ == "__main__":

@@ -32,7 +32,7 @@ def arguments(description: str) -> argparse.ArgumentParser:
 
 def show(rows: Sequence[Row], file: Path | None) -> None:
     """Print a table, and write the rows to a file if one is named."""
-    line = "{:<24} {:>10} {:>10} {:>10}  {:<6} {}\n"
+    line = "{:<30} {:>10} {:>10} {:>10}  {:<6} {}\n"
     sys.stdout.write(line.format("name", "median", "min", "max", "unit", "samples"))
     for row in rows:
         figures = (f"{x:.4g}" for x in (row.value, min(row.samples), max(row.samples)))

@@ -5,13 +5,11 @@ of links. The narrow phase compares the exact shapes of only those links with hu
 margin.
 """
 
-import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import coal
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
@@ -20,15 +18,11 @@ from skills.motion.arrays import Array, Mask
 from skills.motion.deadline import Deadline
 from skills.motion.errors import NotFinite
 
+from .broad_phase import BATCH, BroadPhase
 from .containment import ContainmentChecker
 from .distance import SignedDistance
+from .narrow_phase import NarrowPhase, TouchingShapes
 from .planning_scene import PlanningScene
-
-BATCH = 500  # configurations per call
-# Largest number of pairs per call, because a call cannot be interrupted: a few milliseconds for
-# hulls around boxes and cylinders, and for hulls around meshes.
-MAX_PRIMITIVE_PAIRS, MAX_MESH_PAIRS = 8000, 2000
-_TREE_PAIRS = 16  # smallest number of pairs for which a tree of boxes is faster
 
 
 class Contact(NamedTuple):
@@ -99,7 +93,7 @@ class CollisionChecker:
         return SignedDistance(self.scene, self._data, self._placed, self._containment)
 
     @cached_property
-    def _touching(self) -> "TouchingShapes":
+    def _touching(self) -> TouchingShapes:
         return TouchingShapes(self.scene)
 
     @contextmanager
@@ -140,6 +134,23 @@ class CollisionChecker:
             if row is not None:
                 return begin + row
         return None
+
+    def collisions(self, configurations: Array, margin: float) -> Mask:
+        """Return True for each configuration with two links closer than a margin (N,).
+
+        Args:
+            configurations: All actuated joints, at most `BATCH` rows (N, A) [rad].
+            margin: Distance to keep [m].
+
+        Raises:
+            NotFinite: A position is NaN or infinite.
+        """
+        q, broad = self._coordinates(configurations), self._broad_phase(self.pairs, True)
+        broad.set_margin(self.pairs, margin)
+        hits = broad.collisions(q, stop=False)
+        for row in hits.nonzero()[0].tolist():
+            hits[row] = self._collides(q[row], margin, self.pairs)
+        return hits
 
     def first_invalid(self, configurations: Array, margin: float) -> int | None:
         """Return the first row that is not a valid start or end of a motion, or None.
@@ -213,8 +224,8 @@ class CollisionChecker:
         if not rows.size:
             return Proximity(None, near, frozenset())
         if not exact:
-            first, collides = self._first_doubt(q[rows], least, pairs)
-            if collides:
+            first = self._first_doubt(q[rows], least, pairs)
+            if first is not None and self._collides(q[rows[first]], least, pairs):
                 return Proximity(int(rows[first]), near, frozenset())
             return Proximity(None, near, broad.close_pairs(q[rows]))
         near, found, hit = np.zeros_like(near), set[int](), None
@@ -255,8 +266,8 @@ class CollisionChecker:
         A doubt is a row with hulls closer than the margin. The search takes one call if all rows
         are free, and few calls if the first doubt is a collision.
         """
-        first, collides = self._first_doubt(q, margin, pairs)
-        if collides:
+        first = self._first_doubt(q, margin, pairs)
+        if first is None or self._collides(q[first], margin, pairs):
             return first
         after, hit = q[first + 1 :], None
         if not len(after):
@@ -271,25 +282,24 @@ class CollisionChecker:
                 doubtful = doubtful[doubtful < hit]
         return hit
 
-    def _first_doubt(self, q: Array, margin: float, pairs: frozenset[int]) -> tuple[int, bool]:
-        """Return the index of the first doubtful configuration, and True if it collides.
-
-        Without a doubtful configuration, the index is their number.
-        """
+    def _first_doubt(self, q: Array, margin: float, pairs: frozenset[int]) -> int | None:
+        """Return the first row with hulls closer than the margin, or None."""
         broad = self._broad_phase(pairs, True)
         broad.set_margin(pairs, margin)
         doubts = broad.collisions(q, stop=True).nonzero()[0]
-        if not doubts.size:
-            return len(q), False
-        first = int(doubts[0])
-        here = q[first : first + 1]
+        return int(doubts[0]) if doubts.size else None
+
+    def _collides(self, doubt: Array, margin: float, pairs: frozenset[int]) -> bool:
+        """Return True if a doubt (nq,) is a collision. The broad phase has the same margin."""
         self._check()
-        if self._touching.collides(here[0]):
-            return first, True
-        close = [self._narrow_phase(k, True) for k in broad.close_pairs_at(here)]
-        touches = any(pair.meshes_touch(here[0]) for pair in close)
-        collides = touches or any(pair.collisions(here, margin, stop=True)[0] for pair in close)
-        return first, collides
+        # This finds contacts of any pair, so it decides only if all pairs are wanted.
+        if pairs is self.pairs and self._touching.collides(doubt):
+            return True
+        row = doubt[None, :]
+        close = self._broad_phase(pairs, True).close_pairs_at(row)
+        checkers = [self._narrow_phase(k, True) for k in close]
+        touches = any(checker.meshes_touch(doubt) for checker in checkers)
+        return touches or any(each.collisions(row, margin, stop=True)[0] for each in checkers)
 
     def _hulls_of_pair_near(self, q: Array, pair: int, margin: float, least: bool) -> Mask:
         pairs = frozenset((pair,))
@@ -297,7 +307,7 @@ class CollisionChecker:
         broad.set_margin(pairs, margin)
         return broad.collisions(q, stop=False)
 
-    def _broad_phase(self, pairs: frozenset[int], least: bool) -> "BroadPhase":
+    def _broad_phase(self, pairs: frozenset[int], least: bool) -> BroadPhase:
         # Switching many pairs on and off is slow. Therefore separate checkers serve all pairs and
         # chosen pairs, with margins and with the least distance.
         key = every, _ = pairs is self.pairs, least
@@ -306,7 +316,7 @@ class CollisionChecker:
             self._broad[key] = BroadPhase(self.scene, chosen, self._check)
         return self._broad[key]
 
-    def _narrow_phase(self, pair: int, least: bool) -> "NarrowPhase":
+    def _narrow_phase(self, pair: int, least: bool) -> NarrowPhase:
         checker = self._narrow.get((pair, least))
         if checker is None:
             checker = NarrowPhase(self.scene, self.scene.hulls.collisionPairs[pair], self._check)
@@ -320,218 +330,3 @@ class CollisionChecker:
             value = float(configurations[row, column])
             raise NotFinite(f"row {row}", model.joints[column], value)
         return model.coordinates(configurations).T
-
-
-# Broad phase --------------------------------------------------------------------------------------
-
-
-class BroadPhase:
-    """Checks of hulls, with their working memory.
-
-    A tree of axis-aligned boxes finds the hulls that are close to each other. The floor has no
-    bounded box, and the box of a very thin body has no volume. Pairs with such a shape are checked
-    one after another. If few pairs are checked at first, all pairs are checked in this way, because
-    a tree takes time for every shape.
-
-    Args:
-        scene: The scene.
-        pairs: Pairs of `scene.hulls` that are checked at first.
-        check: Callback between calls that may take milliseconds. It raises an exception to stop.
-    """
-
-    def __init__(
-        self, scene: PlanningScene, pairs: frozenset[int], check: Callable[[], None]
-    ) -> None:
-        self._check = check
-        self._max_pairs = MAX_MESH_PAIRS if scene.volumes else MAX_PRIMITIVE_PAIRS
-        boxed = _boxed_pairs(scene.hulls)
-        boxed = boxed if len(boxed & pairs) >= _TREE_PAIRS else frozenset()
-        every = frozenset(range(len(scene.hulls.collisionPairs)))
-        kinds = pin.BroadPhaseManagerPool_DynamicAABBTreeCollisionManager, pin.GeometryPool
-        self._pools, parts = [], dict[int, tuple[Any, ...]]()
-        for kind, own in zip(kinds, (boxed, every - boxed), strict=True):
-            if own:
-                pool = kind(scene.kinematics, scene.hulls, 1)
-                data = pool.getGeometryData(0)
-                self._pools.append((pool, own))
-                for k in every - (own & pairs):
-                    data.deactivateCollisionPair(k)
-                requests, results = repeatable_requests(scene.hulls, data), data.collisionResults
-                parts |= {k: (data, requests[k], results[k]) for k in own}
-        self._data = {k: data for k, (data, _, _) in parts.items()}
-        self._requests = {k: request for k, (_, request, _) in parts.items()}
-        self._results = {k: result for k, (_, _, result) in parts.items()}
-        self._pairs, self._margin = pairs, math.nan
-
-    def set_margins(self, pairs: frozenset[int], margins: Sequence[float]) -> None:
-        """Set the pairs to check, each with its own margin (P,) [m]."""
-        self._activate(pairs)
-        for k in pairs:
-            self._requests[k].security_margin = margins[k]
-        self._margin = math.nan
-
-    def set_margin(self, pairs: frozenset[int], margin: float) -> None:
-        """Set the pairs to check, all with one margin [m]."""
-        new = pairs - self._pairs if margin == self._margin else pairs
-        self._activate(pairs)
-        for k in new:
-            self._requests[k].security_margin = margin
-        self._margin = margin
-
-    def _activate(self, pairs: frozenset[int]) -> None:
-        if pairs is self._pairs:
-            return
-        for k in self._pairs - pairs:
-            self._data[k].deactivateCollisionPair(k)
-        for k in pairs - self._pairs:
-            self._data[k].activateCollisionPair(k)
-        self._pairs = pairs
-
-    def collisions(self, q: Array, stop: bool) -> Mask:
-        """Return True for each row in collision. With `stop`, rows after the first may be False."""
-        rows = max(1, self._max_pairs // max(1, len(self._pairs)))
-        active = [pool for pool, own in self._pools if not own.isdisjoint(self._pairs)]
-        parts = [collide(pool, q, stop, rows, self._check) for pool in active]
-        if len(parts) == 1:
-            return parts[0]
-        return np.logical_or(*parts) if parts else np.zeros(len(q), bool)
-
-    def close_pairs_at(self, q: Array) -> list[int]:
-        """Return all pairs closer than the margin in one row (1, nq), which has at least one."""
-        if len(self._pairs) == 1:
-            return list(self._pairs)
-        for k in self._pairs:
-            self._results[k].clear()  # a tree does not reset the results of distant pairs
-        for pool, own in self._pools:
-            if not own.isdisjoint(self._pairs):
-                pin.computeCollisionsInParallel(1, pool, q.T, False)
-        return [k for k in sorted(self._pairs) if self._results[k].isCollision()]
-
-    def close_pairs(self, q: Array) -> frozenset[int]:
-        """Return all pairs closer than the margin in some row (N, nq). Each row has such a pair."""
-        pairs = self._pairs
-        while len(q):
-            left = self._pairs.difference(self.close_pairs_at(q[:1]))
-            self._activate(left)
-            if not left:
-                break
-            q = q[1:][self.collisions(q[1:], stop=False)]
-        found = pairs - self._pairs
-        self._activate(pairs)
-        return found
-
-
-def _boxed_pairs(geometry: pin.GeometryModel) -> frozenset[int]:
-    """Return the pairs of shapes that both have a bounded box with a volume."""
-    volumes = [shape.geometry.aabb_local.volume() for shape in geometry.geometryObjects]
-    boxed = [0.0 < volume < math.inf for volume in volumes]
-    pairs = enumerate(geometry.collisionPairs)
-    return frozenset(k for k, pair in pairs if boxed[pair.first] and boxed[pair.second])
-
-
-def collide(
-    pool: pin.GeometryPool, q: Array, stop: bool, rows: int, check: Callable[[], None]
-) -> Mask:
-    """Return True for each row in collision. With `stop`, rows after the first may be False.
-
-    Args:
-        pool: Geometry to check.
-        q: Coordinates (N, nq).
-        stop: True to stop at the first collision.
-        rows: Most rows per call.
-        check: Callback before each call. It raises an exception to stop.
-    """
-    if 0 < len(q) <= rows:
-        check()
-        return np.asarray(pin.computeCollisionsInParallel(1, pool, q.T, True, stop), bool)
-    hits = np.zeros(len(q), bool)
-    for begin in range(0, len(q), rows):
-        part = slice(begin, begin + rows)
-        hits[part] = collide(pool, q[part], stop, rows, check)
-        if stop and hits[part].any():
-            break
-    return hits
-
-
-def repeatable_requests(
-    geometry: pin.GeometryModel, data: pin.GeometryData
-) -> list[coal.CollisionRequest]:
-    """Return the request of each pair. Its settings make answers independent of earlier checks."""
-    shapes, guess = geometry.geometryObjects, coal.GJKInitialGuess
-    meshed = [isinstance(shape.geometry, coal.BVHModelBase) for shape in shapes]
-    requests = list(data.collisionRequests)
-    for request, pair in zip(requests, geometry.collisionPairs, strict=True):
-        is_mesh = meshed[pair.first] or meshed[pair.second]
-        request.gjk_initial_guess = guess.DefaultGuess if is_mesh else guess.BoundingVolumeGuess
-    return requests
-
-
-# Narrow phase -------------------------------------------------------------------------------------
-
-
-class TouchingShapes:
-    """Detects contacts of exact shapes. Holds its buffers.
-
-    It is faster than a search for links closer than a margin.
-    """
-
-    def __init__(self, scene: PlanningScene) -> None:
-        self._kinematics, self._data = scene.kinematics, scene.kinematics.createData()
-        self._placed = scene.exact.createData()
-        repeatable_requests(scene.exact, self._placed)
-        kind = pin.BroadPhaseManager_DynamicAABBTreeCollisionManager
-        self._tree = kind(scene.kinematics, scene.exact, self._placed)
-
-    def collides(self, q: Array) -> bool:
-        """Return True if shapes with a bounded box touch in a configuration (nq,)."""
-        return bool(pin.computeCollisions(self._kinematics, self._data, self._tree, q, True))
-
-
-class NarrowPhase:
-    """Checks of the exact shapes of two links, with their working memory.
-
-    Meshes are checked one configuration at a time, because one check may take milliseconds.
-    Contacts are checked first: a check of a margin takes up to a thousand times as long. A pool of
-    coal would copy the meshes, which takes longer than most checks.
-    """
-
-    def __init__(
-        self, scene: PlanningScene, pair: pin.CollisionPair, check: Callable[[], None]
-    ) -> None:
-        self._kinematics, self._check = scene.kinematics, check
-        self._geometry = scene.exact_pairs_of(pair)
-        shapes = [shape.geometry for shape in self._geometry.geometryObjects]
-        self._meshed = any(isinstance(shape, coal.BVHModelBase) for shape in shapes)
-        if self._meshed:
-            self._data, self._touching = self._kinematics.createData(), self._geometry.createData()
-            self._near = near = self._geometry.createData()
-            repeatable_requests(self._geometry, self._touching)
-        else:
-            self._pool = pin.GeometryPool(self._kinematics, self._geometry, 1)
-            near = self._pool.getGeometryData(0)
-        self._requests, self._margin = repeatable_requests(self._geometry, near), 0.0
-
-    def collisions(self, q: Array, margin: float, stop: bool) -> Mask:
-        """Return True for each row with shapes closer than a margin [m]. See `BroadPhase`."""
-        if margin != self._margin:
-            for request in self._requests:
-                request.security_margin = margin
-            self._margin = margin
-        if not self._meshed:
-            return collide(self._pool, q, stop, BATCH, self._check)
-        hits = np.zeros(len(q), bool)
-        for i, row in enumerate(q):
-            touches = self._collides(row, self._touching)
-            hits[i] = touches or (margin > 0.0 and self._collides(row, self._near))
-            if stop and hits[i]:
-                break
-        return hits
-
-    def meshes_touch(self, q: Array) -> bool:
-        """Return True if meshes touch in one row (nq,). False if the links have no meshes."""
-        return self._meshed and self._collides(q, self._touching)
-
-    def _collides(self, q: Array, placed: pin.GeometryData) -> bool:
-        self._check()
-        model, data, geometry = self._kinematics, self._data, self._geometry
-        return bool(pin.computeCollisions(model, data, geometry, placed, q, True))

@@ -4,22 +4,22 @@ It corresponds to MoveIt's PlanningScene: robot model, world, and pairs of shape
 """
 
 import dataclasses
-import os
-from bisect import bisect
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection
+from functools import cached_property
 
 import coal
 import numpy as np
 import pinocchio as pin
 
 from hardware import CollisionRules, Robot
-from hardware.description.meshes import MAX_MESH_BYTES
-from skills.motion.arrays import Array
+from skills.motion.arrays import Array, Mask
 from skills.motion.errors import BadWorld
-from skills.motion.robot_model.geometry import EnclosedVolume, convex_hull
+from skills.motion.robot_model.geometry import EnclosedVolume
 from skills.motion.robot_model.lever_arms import travel_bounds
 from skills.motion.robot_model.robot_model import RobotModel
-from skills.motion.world import EMPTY, Body, Box, Cylinder, Mesh, Shape, Sphere, World
+from skills.motion.world import EMPTY, Body, Box, Cylinder, Mesh, Sphere, World
+
+from .body_meshes import BodyMesh, BodyMeshes, mesh_stamps
 
 FLOOR = "floor"
 # Largest numbers of pairs of hulls and of exact shapes. At both limits, a planner needs 1 GB.
@@ -37,6 +37,7 @@ class PlanningScene:
         robot: The robot.
         world: Bodies around the robot and attached to it. Default: none.
         robot_model: Model of the same robot. Default: a new one, read from the URDF.
+        meshes: Meshes of earlier scenes, which are not read again. Default: none.
 
     Attributes:
         robot_model: Model of the robot.
@@ -54,7 +55,11 @@ class PlanningScene:
     """
 
     def __init__(
-        self, robot: Robot, world: World = EMPTY, robot_model: RobotModel | None = None
+        self,
+        robot: Robot,
+        world: World = EMPTY,
+        robot_model: RobotModel | None = None,
+        meshes: BodyMeshes | None = None,
     ) -> None:
         # Taken before the meshes are read, to notice later changes.
         self._mesh_stamps = mesh_stamps(world)
@@ -68,10 +73,13 @@ class PlanningScene:
             self.hulls.addGeometryObject(shape)
         self._check_names()
         volumes, arms = list(model.volumes), list(model.lever_arms)
-        for exact, hull in self._body_shapes(world):
+        meshes = meshes or BodyMeshes()
+        self._loaded = list[BodyMesh]()  # later scenes share these as long as this one exists
+        for body in world.bodies:
+            exact, hull, volume = self._body_shapes(body, meshes)
             self.exact.addGeometryObject(exact)
             self.hulls.addGeometryObject(hull)
-            volumes.append(EnclosedVolume.of(exact.geometry))
+            volumes.append(volume)
             arms.append(model.lever_arms_of(hull))
         self.volumes = {i: volume for i, volume in enumerate(volumes) if volume}
         for geometry, most in (self.exact, MAX_EXACT_PAIRS), (self.hulls, MAX_HULL_PAIRS):
@@ -108,22 +116,20 @@ class PlanningScene:
         A mesh touches the floor exactly if its hull touches it. coal checks a hull a hundred times
         faster.
         """
-        links = {self.link(self.hulls, index) for index in (pair.first, pair.second)}
-        shapes = range(len(self.exact.geometryObjects))
-        chosen = [index for index in shapes if self.link(self.exact, index) in links]
-        geometry = pin.GeometryModel()
-        if FLOOR in links and len(self.volumes.keys() & set(chosen)) == len(chosen) - 1:
-            for index in (pair.first, pair.second):
-                geometry.addGeometryObject(self.hulls.geometryObjects[index])
-            geometry.addCollisionPair(pin.CollisionPair(0, 1))
-            return geometry
-        for index in chosen:
-            geometry.addGeometryObject(self.exact.geometryObjects[index])
-        for each in self.exact.collisionPairs:
-            if each.first in chosen and each.second in chosen:
-                ends = chosen.index(each.first), chosen.index(each.second)
-                geometry.addCollisionPair(pin.CollisionPair(*ends))
-        return geometry
+        links = frozenset(self.link(self.hulls, index) for index in (pair.first, pair.second))
+        pairs = [self.exact.collisionPairs[k] for k in self._exact_pairs[links]]
+        shapes = {index for each in pairs for index in (each.first, each.second)}
+        if FLOOR in links and len(self.volumes.keys() & shapes) == len(shapes) - 1:
+            return part_of(self.hulls, [self.hulls.findCollisionPair(pair)])
+        return part_of(self.exact, self._exact_pairs[links])
+
+    @cached_property
+    def _exact_pairs(self) -> dict[frozenset[str], list[int]]:
+        """The pairs of `exact` of each two links."""
+        found = dict[frozenset[str], list[int]]()
+        for k, links in enumerate(self.linked_pairs(self.exact)):
+            found.setdefault(frozenset(links), []).append(k)
+        return found
 
     def attached(self, body: Body, link: str, configuration: Array) -> Body:
         """Return a body at the same pose, attached to another link.
@@ -145,25 +151,26 @@ class PlanningScene:
         a, b, c, d = (np.array(rotation) / np.linalg.norm(rotation)).tolist()
         return dataclasses.replace(body, position=(x, y, z), rotation=(a, b, c, d), link=link)
 
-    def _body_shapes(self, world: World) -> Iterator[tuple[pin.GeometryObject, pin.GeometryObject]]:
-        """Yield each body's exact shape and its hull."""
-        for body in world.bodies:
-            shape = _coal_shape(body.shape)
-            try:
-                frame = self.robot_model.frame_index(body.link)
-            except BadWorld as error:
-                raise BadWorld(f"{body.name} is attached to {body.link}: {error}") from error
-            parent = self.kinematics.frames[frame]
-            joint, pose = parent.parentJoint, parent.placement * placement(body)
-            exact = pin.GeometryObject(body.name, joint, frame, pose, shape)
-            if not isinstance(body.shape, Mesh):
-                yield exact, exact
-                continue
-            try:
-                hull = convex_hull([exact])
-            except ValueError as error:
-                raise BadWorld(f"The mesh {body.shape.path} is unusable: {error}") from error
-            yield exact, pin.GeometryObject(body.name, joint, frame, pin.SE3.Identity(), hull)
+    def _body_shapes(
+        self, body: Body, meshes: BodyMeshes
+    ) -> tuple[pin.GeometryObject, pin.GeometryObject, EnclosedVolume | None]:
+        """Return a body's exact shape and its hull, and for a mesh the volume inside it."""
+        try:
+            frame = self.robot_model.frame_index(body.link)
+        except BadWorld as error:
+            raise BadWorld(f"{body.name} is attached to {body.link}: {error}") from error
+        parent = self.kinematics.frames[frame]
+        joint, pose = parent.parentJoint, parent.placement * placement(body)
+
+        def placed(shape: coal.CollisionGeometry) -> pin.GeometryObject:
+            return pin.GeometryObject(body.name, joint, frame, pose, shape)
+
+        if isinstance(body.shape, Mesh):
+            mesh = meshes.load(body.shape)
+            self._loaded.append(mesh)
+            return placed(mesh.shape), placed(mesh.hull), mesh.volume
+        exact = placed(_primitive(body.shape))
+        return exact, exact, None
 
     def _check_names(self) -> None:
         frames = self.kinematics.frames
@@ -184,59 +191,48 @@ class PlanningScene:
             geometry.addGeometryObject(pin.GeometryObject(FLOOR, 0, 0, pin.SE3.Identity(), half))
 
     def _add_pairs(self, geometry: pin.GeometryModel, rules: CollisionRules, most: int) -> None:
-        for number, pair in enumerate(self._checked_pairs(geometry, rules)):
-            if number == most:
-                parts = len(geometry.geometryObjects) - len(self._bodies)
-                raise BadWorld(
-                    f"{parts} shapes of the robot and {len(self._bodies)} bodies give more than "
-                    f"{most} pairs to check; give fewer bodies, or list pairs of links that can "
-                    "never touch as `allowed` in the robot file"
-                )
-            geometry.addCollisionPair(pin.CollisionPair(*pair))
+        checked = self._checked_pairs(geometry, rules)
+        if np.count_nonzero(checked) > most:
+            parts = len(geometry.geometryObjects) - len(self._bodies)
+            raise BadWorld(
+                f"{parts} shapes of the robot and {len(self._bodies)} bodies give more than "
+                f"{most} pairs to check; give fewer bodies, or list pairs of links that can "
+                "never touch as `allowed` in the robot file"
+            )
+        geometry.setCollisionPairs(checked, True)
 
-    def _checked_pairs(
-        self, geometry: pin.GeometryModel, rules: CollisionRules
-    ) -> Iterator[tuple[int, int]]:
-        """Yield the pairs of shapes that must not touch."""
-        joints = [shape.parentJoint for shape in geometry.geometryObjects]
+    def _checked_pairs(self, geometry: pin.GeometryModel, rules: CollisionRules) -> Mask:
+        """Return True for each two shapes that must not touch, above the diagonal (G, G)."""
+        joints = np.array([shape.parentJoint for shape in geometry.geometryObjects], dtype=np.intp)
         links = [self.link(geometry, i) for i in range(len(joints))]
-        may_touch = {
-            frozenset((body.name, other))
-            for body in self._bodies.values()
-            for other in body.touches
-        }
-        for i, j in _pairs_that_may_move(joints, links):
-            pair = frozenset((links[i], links[j]))
-            if FLOOR in pair:
-                static = (pair & self._bodies.keys()) and joints[i] == joints[j]
-                checked = not (pair & rules.floor_ignores or static)
-            else:  # shapes on one joint never move against each other
-                checked = joints[i] != joints[j] and pair not in rules.allowed
-            if checked and pair not in may_touch:
-                yield i, j
+        numbers = {link: number for number, link in enumerate(dict.fromkeys(links))}
+        may_touch = np.zeros((len(numbers), len(numbers)), bool)
+        touches = [(body.name, link) for body in self._bodies.values() for link in body.touches]
+        for pair in (*touches, *(pair for pair in rules.allowed if FLOOR not in pair)):
+            ends = [numbers[link] for link in pair if link in numbers]
+            may_touch[np.ix_(ends, ends)] = True
+        rows = [numbers[link] for link in links]
+        # Shapes on one joint never move against each other.
+        checked: Mask = joints[:, None] != joints
+        if FLOOR in numbers:
+            static = [name in self._bodies and not j for name, j in zip(links, joints, strict=True)]
+            ignored = [link in rules.floor_ignores for link in links]
+            checked[:, links.index(FLOOR)] = ~np.logical_or(static, ignored)
+        return np.triu(checked & ~may_touch[np.ix_(rows, rows)], 1)
 
 
-def _pairs_that_may_move(joints: list[int], links: list[str]) -> Iterator[tuple[int, int]]:
-    """Yield all pairs of shapes, except pairs of two shapes that are fixed to the world."""
-    moving = [i for i, joint in enumerate(joints) if joint or links[i] == FLOOR]
-    for i, joint in enumerate(joints):
-        others: Sequence[int] = range(i + 1, len(joints))
-        if not joint and links[i] != FLOOR:
-            others = moving[bisect(moving, i) :]
-        yield from ((i, j) for j in others)
-
-
-def mesh_stamps(world: World) -> list[tuple[int, ...] | None]:
-    """Return inode, size and time of each mesh file of a world; None for a missing file."""
-    found = [_stamp(body.shape.path) for body in world.bodies if isinstance(body.shape, Mesh)]
-    return [each and (each.st_ino, each.st_size, each.st_mtime_ns) for each in found]
-
-
-def _stamp(path: str) -> os.stat_result | None:
-    try:
-        return os.stat(path)
-    except (OSError, ValueError):  # the loader of the mesh reports the error
-        return None
+def part_of(geometry: pin.GeometryModel, pairs: Collection[int]) -> pin.GeometryModel:
+    """Return a geometry of some of the pairs, in the same order, and only their shapes."""
+    ends = [(geometry.collisionPairs[k].first, geometry.collisionPairs[k].second) for k in pairs]
+    used = sorted({shape for pair in ends for shape in pair})
+    part, places = pin.GeometryModel(), {shape: place for place, shape in enumerate(used)}
+    for shape in used:
+        part.addGeometryObject(geometry.geometryObjects[shape])
+    checked = np.zeros((len(used), len(used)), bool)
+    for first, second in ends:
+        checked[places[first], places[second]] = True
+    part.setCollisionPairs(checked, True)
+    return part
 
 
 def placement(body: Body) -> pin.SE3:
@@ -244,12 +240,7 @@ def placement(body: Body) -> pin.SE3:
     return pin.XYZQUATToSE3(np.array((*body.position, *body.rotation)))
 
 
-def _coal_shape(shape: Shape) -> coal.CollisionGeometry:
-    """Return the shape that coal checks.
-
-    Raises:
-        BadWorld: The shape is a mesh that cannot be read.
-    """
+def _primitive(shape: Box | Sphere | Cylinder) -> coal.CollisionGeometry:
     match shape:
         case Box(size):
             return coal.Box(*size)
@@ -257,12 +248,3 @@ def _coal_shape(shape: Shape) -> coal.CollisionGeometry:
             return coal.Sphere(radius)
         case Cylinder(radius, length):
             return coal.Cylinder(radius, length)
-        case Mesh(path, scale):
-            if (stamp := _stamp(path)) and stamp.st_size > MAX_MESH_BYTES:
-                words = f"{stamp.st_size} bytes; {MAX_MESH_BYTES} are allowed"
-                raise BadWorld(f"The mesh {path} has {words}")
-            try:
-                return coal.MeshLoader().load(path, np.array(scale))
-            except (RuntimeError, ValueError) as error:
-                why = str(error).partition("message: ")[2].splitlines() or [str(error)]
-                raise BadWorld(f"The mesh {path} cannot be read: {why[0]}") from error

@@ -19,7 +19,7 @@ from .motion_validator import MotionValidator
 
 _CANDIDATES = 128
 _GROUP_SIZE = 16  # candidates filtered in one call
-_MAX_TRIES = 10  # largest number of bends that are checked completely
+_MAX_TRIES = 7  # largest number of bends that are checked completely
 _REACH = 2.0  # largest distance of candidates beyond the ends [rad]
 # Of a bend, checked first: halves, quarters ... If the first candidate is not free, most are not,
 # and these samples show it in a tenth of the time of a complete check.
@@ -79,6 +79,8 @@ def _find(
     pairs = _close_pairs(validator, ends[0] + _LINE_SAMPLES * (ends[1] - ends[0])) - ignored
     candidates, tries = _via_points(validator.group, ends), 0
     for begin in range(0, _CANDIDATES, _GROUP_SIZE):
+        if tries == _MAX_TRIES:
+            break
         left = candidates[begin : begin + _GROUP_SIZE]
         left = _without_collision(validator, ends, left, weights, pairs)
         while len(left) and tries < _MAX_TRIES:

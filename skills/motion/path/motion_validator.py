@@ -11,8 +11,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from skills.motion.arrays import Array
-from skills.motion.collision.checker import BATCH, CollisionChecker, Proximity
+from skills.motion.arrays import Array, Mask
+from skills.motion.collision.broad_phase import BATCH
+from skills.motion.collision.checker import CollisionChecker, Proximity
 from skills.motion.deadline import Deadline
 from skills.motion.robot_model.joint_group import JointGroup
 from skills.motion.trajectory.curve import Curve
@@ -71,6 +72,10 @@ class MotionValidator:
         """Return True if some points of a line (J,) [rad] keep the margin. This is not a proof."""
         return self.sampled_collision(a + _SAMPLES * (b - a)) is None
 
+    def free_points(self, points: Array) -> Mask:
+        """Return True for each point that keeps the margin (N, J) -> (N,)."""
+        return ~self.checker.collisions(self.full(points), self.margin)
+
     def sampled_collision(self, points: Array) -> Array | None:
         """Return the first of points that violates the margin (N, J) -> (J,) [rad], or None."""
         hit = self.checker.first_collision(self.full(points), self.margin)
@@ -91,7 +96,7 @@ class MotionValidator:
     def line_is_free(self, a: Array, b: Array) -> bool:
         """Return True if the line between two free points is free."""
         travels = self.lever_arms @ abs(b - a)
-        return self.first_collision(lambda shares: a + shares[:, None] * (b - a), travels) is None
+        return self.colliding_share(lambda shares: a + shares[:, None] * (b - a), travels) is None
 
     def curve_is_free(self, curve: Curve) -> bool:
         """Return True if a curve between two free points is free."""
@@ -108,10 +113,10 @@ class MotionValidator:
         after = abs(curve.linear + 2.0 * lengths[:, None] * curve.quadratic)
         travels = (lengths[:, None] * np.maximum(before, after)) @ self.lever_arms.T
         parameter, travels = uniform_travel(curve.breaks, travels)
-        share = self.first_collision(lambda shares: curve.positions(parameter(shares)), travels)
+        share = self.colliding_share(lambda shares: curve.positions(parameter(shares)), travels)
         return None if share is None else curve.positions(parameter(np.array([share])))[0]
 
-    def first_collision(self, path: Path, travels: Array) -> float | None:
+    def colliding_share(self, path: Path, travels: Array) -> float | None:
         """Return a share of a path at which two links are closer than the margin, or None.
 
         The path is cut into sections. Each section is checked at its middle. If the middle keeps

@@ -39,7 +39,7 @@ def verify_plan(validator: MotionValidator, plan: Plan) -> None:
     fastest = np.minimum(0.5 * (speeds[1:] + speeds[:-1] + gain), 1.001 * plan.velocity)
     travels = times[1] * fastest @ validator.lever_arms.T
     time_at, travels = uniform_travel(times, travels)
-    share = validator.first_collision(lambda shares: plan.sample(time_at(shares)), travels)
+    share = validator.colliding_share(lambda shares: plan.sample(time_at(shares)), travels)
     if share is not None:
         time = float(time_at(np.array([share]))[0])
         row = validator.full(plan.sample((time,)))[0]

@@ -8,9 +8,14 @@ first checked at a few points. The edges of a path from start to goal are then c
 The trees are balanced: the smaller one is extended, so a tree in a narrow place grows as far as the
 other one (LaValle, "Planning Algorithms", 2006, section 5.5.3).
 
+Several samples extend a tree at once. In a narrow place, most are in collision, and one check of
+many points takes less time than many checks.
+
 A failed search starts again with other samples: a few unlucky samples at its beginning can cost
 more than a new start.
 """
+
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -21,7 +26,8 @@ from .motion_validator import MotionValidator
 
 # Numbers of samples, not times, so equal queries give equal paths.
 _FIRST_SAMPLES = 1_000  # samples of the first search; each further search has this many more
-_MAX_SEARCHES = 5
+_MAX_SEARCHES = 16  # some goals in a shelf need more than ten; 16 take some seconds
+_BATCH = 8  # samples that extend a tree at once; checks of many points take less time for each
 _RANGE = 0.7  # longest edge of a tree [rad]
 _POINTS = 6  # checked points of an edge
 _SPREAD = 0.25  # standard deviation of samples near a root, as a share of the joint's range
@@ -52,16 +58,16 @@ def find_path(validator: MotionValidator, start: Array, goals: Array, seed: int)
         count, roots = search * _FIRST_SAMPLES, [goals, start[None, :]]
         samples = _samples(random, count, roots, (lower, upper))
         drawn += len(samples)
-        for sample in samples:
+        for begin in range(0, len(samples), _BATCH):
             validator.deadline.check()
             here, there = trees if trees[0].size <= trees[1].size else trees[::-1]
-            new = here.extend(sample)
-            if new is None or (met := there.connect(here.points[new])) is None:
-                continue
-            ways = here.way(new), there.way(met)
-            if all([here.verify(ways[0]), there.verify(ways[1])]):
-                one, other = ways if here is trees[0] else ways[::-1]
-                return np.vstack((trees[0].points[one[::-1]], trees[1].points[other[1:]]))
+            for new in here.extend(samples[begin : begin + _BATCH]):
+                if (met := there.connect(here.points[new])) is None:
+                    continue
+                ways = here.way(new), there.way(met)
+                if all([here.verify(ways[0]), there.verify(ways[1])]):
+                    one, other = ways if here is trees[0] else ways[::-1]
+                    return np.vstack((trees[0].points[one[::-1]], trees[1].points[other[1:]]))
         reached += [tree.size for tree in trees]
     raise NoPath(drawn, _MAX_SEARCHES, *reached.tolist())
 
@@ -109,13 +115,21 @@ class _Tree:
             number = self._parents[number]
         return way
 
-    def extend(self, target: Array) -> int | None:
-        """Return the number of the target (J,) or of a new point towards it; None if not free."""
-        near, begin, step, length = self._nearest(target)
-        if not length:
-            return near
-        end = begin + step * min(1.0, _RANGE / length)
-        return self._add(end, near) if self._validator.seems_free(begin, end) else None
+    def extend(self, targets: Array) -> Iterator[int]:
+        """Yield the number of each target (N, J), or of a new point towards it, if it seems free.
+
+        Edges begin at the points of the tree before the first target.
+        """
+        near, begins, steps, lengths = self._nearest(targets)
+        shares = np.minimum(1.0, _RANGE / np.maximum(lengths, _RANGE))
+        ends = begins + shares[:, None] * steps
+        for i in np.flatnonzero(self._validator.free_points(ends)).tolist():
+            if not np.isfinite(self.points[near[i], 0]):
+                continue  # removed since the first target
+            if not lengths[i]:
+                yield near[i]
+            elif self._validator.seems_free(begins[i], ends[i]):
+                yield self._add(ends[i], near[i])
 
     def connect(self, target: Array) -> int | None:
         """Add points towards a target (J,) as far as the edges seem free.
@@ -123,7 +137,7 @@ class _Tree:
         Returns:
             Number of the point at the target, or None if it is not reached.
         """
-        last, begin, step, length = self._nearest(target)
+        (last,), (begin,), (step,), (length,) = self._nearest(target[None, :])
         edges = int(length / _RANGE) + 1
         ends = begin + np.arange(1.0, edges + 1.0)[:, None] / edges * step
         free = self._validator.free_samples(begin, target, edges * _POINTS) // _POINTS
@@ -158,9 +172,11 @@ class _Tree:
         self._verified.append(False)
         return number
 
-    def _nearest(self, target: Array) -> tuple[int, Array, Array, float]:
-        """Return number and position of the nearest point, the step to the target, its length."""
-        steps = target - self.points[: len(self._parents)]
-        squares = (steps**2).sum(axis=1)
-        number = int(squares.argmin())
-        return number, self.points[number], steps[number], float(np.sqrt(squares[number]))
+    def _nearest(self, targets: Array) -> tuple[list[int], Array, Array, Array]:
+        """Return number and position of the nearest point of each target (N, J), step, length."""
+        steps = targets[:, None, :] - self.points[: len(self._parents)]
+        squares = (steps**2).sum(axis=2)
+        numbers = squares.argmin(axis=1)
+        rows = np.arange(len(targets))
+        lengths = np.sqrt(squares[rows, numbers])
+        return numbers.tolist(), self.points[numbers], steps[rows, numbers], lengths

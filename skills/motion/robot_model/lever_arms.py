@@ -109,14 +109,15 @@ def travel_bounds(
         if joint.mimic:
             leader, _ = columns[joint.mimic.leader]
             columns[joint.name] = leader, abs(joint.mimic.multiplier)
-    rows = []
-    for pair in pairs:
-        first, second = shapes[pair.first], shapes[pair.second]
-        rows.append(np.zeros(len(robot.actuated)))
-        for name in sorted(first.keys() ^ second.keys()):
-            column, share = columns[name]
-            rows[-1][column] += share * (first | second)[name]
-    return np.array(rows).reshape(-1, len(robot.actuated))
+    ends = np.array([(pair.first, pair.second) for pair in pairs], dtype=np.intp).reshape(-1, 2)
+    travels = np.zeros((len(ends), len(robot.actuated)))
+    for name in sorted(set[str]().union(*shapes)):
+        column, share = columns[name]
+        carried = np.array([name in arms for arms in shapes])[ends]
+        arms = np.array([arms.get(name, 0.0) for arms in shapes])[ends]
+        moves = carried[:, 0] != carried[:, 1]
+        travels[:, column] += np.where(moves, share * arms.sum(axis=1), 0.0)
+    return travels
 
 
 def _motion(model: pin.Model, data: pin.Data, joint: int) -> Array:

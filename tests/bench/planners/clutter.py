@@ -2,7 +2,8 @@
 
 C. Chamzas et al., "MotionBenchMaker: a tool to generate and benchmark motion planning datasets",
 RA-L 2022. The problems are those that VAMP is measured with, from a checkout of its repository.
-Every motion is checked each millisecond with the exact shapes.
+Every motion is checked each millisecond with the exact shapes. The other planners get the first
+problems of each scene; they pad the bodies, not the arm's meshes.
 """
 
 import json
@@ -13,6 +14,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -36,8 +38,10 @@ from skills.motion import (
 from skills.motion.collision.checker import CollisionChecker
 from skills.motion.collision.planning_scene import PlanningScene
 from skills.motion.planner import Planner
+from tests.bench.planners.problems import Problem
 from tests.bench.planners.reference_checker import Array, ticks
 
+_SHARES = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5)  # of the margin; planning proves half of it
 MARGINS = (0.005, 0.002)  # the second one if the first one forbids an end of the motion [m]
 _ARM = tuple(f"panda_joint{i}" for i in range(1, 8))
 _VAMP = "https://github.com/KavrakiLab/vamp"
@@ -129,15 +133,20 @@ class ClutterScore:
 
     Attributes:
         queries: Number of problems.
-        spent: Time for each solved one [ms].
-        durations: Duration of each motion [s].
-        colliding: Number of motions closer to something than half their margin.
+        spent: Time for each solved one [ms], by the problem's name.
+        durations: Duration of each motion [s], by the problem's name.
+        kept: Largest share of its margin that each motion keeps, of 1, 0.9 ... 0.5; 0 if none.
     """
 
     queries: int
-    spent: Sequence[float]
-    durations: Sequence[float]
-    colliding: int
+    spent: Mapping[str, float]
+    durations: Mapping[str, float]
+    kept: Sequence[float]
+
+    def scenes(self) -> Iterator[tuple[str, list[float]]]:
+        """Yield the times of the problems of each scene [ms]."""
+        for scene, names in groupby(sorted(self.spent), lambda name: name.rpartition("-")[0]):
+            yield scene, [self.spent[name] for name in names]
 
 
 def score(folder: Path, count: int, into: Path, clock: Clock | None = None) -> ClutterScore:
@@ -156,7 +165,7 @@ def score(folder: Path, count: int, into: Path, clock: Clock | None = None) -> C
         for problem in problems[:2]:  # warm up: not timed
             with suppress(MotionError):
                 planner.plan(problem.query(timeout=5.0))
-    spent, durations, colliding = list[float](), list[float](), 0
+    spent, durations, kept = dict[str, float](), dict[str, float](), list[float]()
     for problem in problems:
         for robot, planner in zip(robots, planners, strict=True):
             begun = clock.now()
@@ -167,11 +176,27 @@ def score(folder: Path, count: int, into: Path, clock: Clock | None = None) -> C
             except MotionError as error:
                 sys.stderr.write(f"{problem.name}: {error}\n")
                 break
-            spent.append(1e3 * (clock.now() - begun))
-            durations.append(plan.duration)
-            colliding += _collides(PlanningScene(robot, problem.world), robot, ticks(plan))
+            spent[problem.name] = 1e3 * (clock.now() - begun)
+            durations[problem.name] = plan.duration
+            scene, margin, rows = (
+                PlanningScene(robot, problem.world),
+                robot.collision.margin,
+                ticks(plan),
+            )
+            shares = (each for each in _SHARES if not collides(scene, each * margin, rows))
+            kept.append(next(shares, 0.0))
             break
-    return ClutterScore(len(problems), spent, durations, colliding)
+    return ClutterScore(len(problems), spent, durations, kept)
+
+
+def for_peers(folder: Path, count: int, into: Path) -> Iterator[Problem]:
+    """Yield the first problems of each scene for the other planners.
+
+    They get the larger margin, without padding of the arm's meshes.
+    """
+    robot = panda(folder, MARGINS[0], into)
+    for each in clutter(folder, count):
+        yield Problem(each.name, robot, each.world, [(each.start, each.goal)], boxes=False)
 
 
 def rates(folder: Path, into: Path) -> Iterator[tuple[float, float]]:
@@ -189,10 +214,10 @@ def rates(folder: Path, into: Path) -> Iterator[tuple[float, float]]:
         checker = CollisionChecker(scene)
 
         def ours(checker: CollisionChecker = checker) -> object:
-            return [checker.first_collision(row[None, :], MARGINS[0]) for row in rows]
+            return checker.collisions(rows, MARGINS[0])
 
         def coal(scene: PlanningScene = scene) -> object:
-            return _collides(scene, robot, rows, stop=False)
+            return collides(scene, 0.5 * MARGINS[0], rows, stop=False)
 
         ours(), coal()  # warm up
         spent = []
@@ -203,19 +228,19 @@ def rates(folder: Path, into: Path) -> Iterator[tuple[float, float]]:
         yield len(rows) / spent[0], len(rows) / spent[1]
 
 
-def _collides(scene: PlanningScene, robot: Robot, rows: Array, stop: bool = True) -> bool:
-    """Return True if two exact shapes are closer than half the margin, by pinocchio only.
+def collides(scene: PlanningScene, distance: float, rows: Array, stop: bool = True) -> bool:
+    """Return True if two exact shapes are closer than a distance, by pinocchio only.
 
     Args:
         scene: The scene.
-        robot: The arm.
+        distance: Distance to keep [m].
         rows: Configurations (N, A) [rad].
         stop: False to check all rows after a collision.
     """
     model, geometry = scene.kinematics, scene.exact
     data, placed = model.createData(), geometry.createData()
     for k in range(len(geometry.collisionPairs)):
-        placed.collisionRequests[k].security_margin = 0.5 * robot.collision.margin
+        placed.collisionRequests[k].security_margin = distance
     hits = (pin.computeCollisions(model, data, geometry, placed, q, True) for q in rows)
     return any(hits) if stop else any(list(hits))
 

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,6 +14,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from hardware import Robot
 from skills.motion import MotionError, Plan
 from skills.motion.collision.planning_scene import PlanningScene
 from skills.motion.planner import Planner
@@ -45,7 +47,8 @@ class Score:
         problem: The problem's name.
         queries: Number of queries.
         spent: Time for each solved query [ms].
-        ratios: Duration of each, divided by that of the straight line.
+        durations: Duration of each motion [s].
+        ratios: The same, divided by that of the straight line.
         colliding: Number of motions in collision.
         over: Largest excess over a limit of each, as a share of the limit.
         detours: Indices in `spent` of the motions that are not straight.
@@ -55,6 +58,7 @@ class Score:
     problem: str
     queries: int
     spent: Sequence[float]
+    durations: Sequence[float]
     ratios: Sequence[float]
     colliding: int
     over: Sequence[float]
@@ -88,7 +92,8 @@ def ours(problem: Problem) -> Score:
 
     queries, found = list(problem.queries()), list[tuple[float, Plan | None]]()
     for query in queries[:3]:
-        planner.plan(query)  # warm up: not timed
+        with suppress(MotionError):
+            planner.plan(query)  # warm up: not timed
     for query in queries:
         begun = time.perf_counter()
         try:
@@ -150,7 +155,7 @@ def installed(name: str, home: Path, tell: Tell) -> Path | None:
 
 
 def _plain(problem: Problem) -> dict[str, object]:
-    robot, description = problem.robot, padded(problem.robot, problem.world)
+    robot, description = problem.robot, padded(problem.robot, problem.world, boxes=problem.boxes)
     arm = robot.actuated_in("arm")
     columns = [robot.actuated.index(joint) for joint in arm]
     levers = PlanningScene(robot, problem.world).lever_arms[:, columns].max(axis=0, initial=0.0)
@@ -165,7 +170,7 @@ def _plain(problem: Problem) -> dict[str, object]:
         "acceleration": [joint.acceleration for joint in arm],
         "pairs": problem.pairs,
         "step": step,
-        "timeout": 1.0,
+        "timeout": problem.timeout,
     }
 
 
@@ -179,14 +184,15 @@ def _tip(urdf: str) -> str:
 
 def _score(stack: str, problem: Problem, answers: Answers) -> Score:
     reference, arm = (
-        ReferenceChecker(padded(problem.robot, problem.world, 0.0)),
+        ReferenceChecker(padded(problem.robot, problem.world, 0.0, problem.boxes)),
         problem.robot.actuated_in("arm"),
     )
     velocity = np.array([joint.velocity for joint in arm])
     acceleration = np.array([joint.acceleration for joint in arm])
-    spent, ratios, over, detours, colliding = list[float](), list[float](), list[float](), [], 0
+    spent, durations, over, detours = list[float](), list[float](), list[float](), list[int]()
+    ratios, colliding = list[float](), 0
     for (start, goal), (ms, rows) in zip(problem.pairs, answers, strict=True):
-        if not len(rows) or abs(rows[-1] - goal).max() > 1e-3:
+        if not len(rows) or _gap(rows[-1] - goal, problem.robot) > 1e-3:
             continue  # not solved, or not at the goal
         ends = np.array([start, goal])
         line = time_curve(Curve.through(ends, np.empty(0)), velocity, acceleration)
@@ -194,10 +200,19 @@ def _score(stack: str, problem: Problem, answers: Answers) -> Score:
         if _off(rows, ends) > 1e-3:
             detours.append(len(spent))
         spent.append(ms)
-        ratios.append((len(rows) - 1) * TICK / line.duration)
+        durations.append((len(rows) - 1) * TICK)
+        ratios.append(durations[-1] / line.duration)
         colliding += reference.collides(rows)
         over.append(excess(rows, velocity, acceleration))
-    return Score(stack, problem.name, len(problem.pairs), spent, ratios, colliding, over, detours)
+    count = len(problem.pairs)
+    return Score(stack, problem.name, count, spent, durations, ratios, colliding, over, detours)
+
+
+def _gap(offsets: Array, robot: Robot) -> float:
+    """Largest distance of a joint from its goal; whole turns of a continuous joint are ignored."""
+    endless = [not np.isfinite(joint.lower) for joint in robot.actuated_in("arm")]
+    turns = np.where(endless, np.round(offsets / (2.0 * np.pi)), 0.0)
+    return float(abs(offsets - 2.0 * np.pi * turns).max())
 
 
 def _off(rows: Array, ends: Array) -> float:

@@ -1,58 +1,53 @@
 """Goals in a shelf, for arms of all sizes: the search has to find the way into a narrow place."""
 
-import time
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
+from click.testing import CliRunner
 
+from executive.cli.main import cli
 from hardware import Robot, load_robot
-from skills.motion import Body, Box, MotionError, Query, World
+from skills.motion import Body, Box, World
 from skills.motion.collision.checker import CollisionChecker
 from skills.motion.collision.planning_scene import PlanningScene
-from skills.motion.planner import Planner
 from tests.bench.planners import mesh_arms
+from tests.bench.planners.problems import Problem
 from tests.bench.planners.reference_checker import Array
+from tests.support.arms.real_arms import ROBOTS
 from tests.support.arms.robots import foreign
 
 _BOARD = 0.015  # thickness of a board, as a share of the arm's reach
 _DRAWS = 2_000  # configurations drawn at a time
 
-
-@dataclass(frozen=True)
-class NarrowScore:
-    """Result for one arm: number of queries, and time of each solved one [ms]."""
-
-    arm: str
-    queries: int
-    spent: list[float] = field(default_factory=list)
+Point = tuple[float, ...]
 
 
-def scores(folder: Path, count: int) -> Iterator[NarrowScore]:
-    """Run our planner on goals in a shelf, with five seconds each.
+def narrow(folder: Path, count: int) -> Iterator[Problem]:
+    """Yield goals in a shelf for each arm, with five seconds each.
 
     Args:
         folder: Folder for robot files.
         count: Goals of each arm.
     """
-    arms = [*mesh_arms.arms(folder), load_robot(Path("so101")), foreign("seven_axes")]
-    for robot in arms:
-        queries = list(_queries(robot, count))
-        planner, score = Planner(robot), NarrowScore(robot.name, len(queries))
-        for query in queries:
-            begun = time.perf_counter()
-            try:
-                planner.plan(query)
-            except MotionError:
-                continue
-            score.spent.append(1e3 * (time.perf_counter() - begun))
-        yield score
+    ours = load_robot(Path("so101")), foreign("seven_axes")
+    for robot in (*mesh_arms.arms(folder), so100(folder), *ours):
+        world, pairs = _shelf_and_pairs(robot, count)
+        yield Problem(robot.name, robot, world, pairs, timeout=5.0, boxes=False)
 
 
-def _queries(robot: Robot, count: int) -> Iterator[Query]:
-    """Yield queries from free configurations outside of a shelf into its compartments."""
+def so100(folder: Path) -> Robot:
+    """Return the SO-100. `armtree new-arm` writes its robot file into a folder."""
+    urdf, file = ROBOTS / "so_arm_description/urdf/so100.urdf", folder / "so100.toml"
+    words = ["new-arm", str(urdf), "--output", str(file), "--trees", str(folder)]
+    done = CliRunner().invoke(cli, words)
+    assert done.exit_code == 0, done.output
+    return load_robot(file)
+
+
+def _shelf_and_pairs(robot: Robot, count: int) -> tuple[World, list[tuple[Point, Point]]]:
+    """Return a shelf, and free configurations of the arm outside and inside of it."""
     reach = float(np.percentile(np.linalg.norm(_tips(robot, _draws(robot, 1)), axis=1), 95))
     center, size = reach * np.array([0.65, 0.0, 0.35]), reach * np.array([0.3, 0.8, 0.7])
     world = _shelf(center, size, _BOARD * reach)
@@ -68,8 +63,8 @@ def _queries(robot: Robot, count: int) -> Iterator[Query]:
             for row in rows[chosen]:
                 if len(found) < count and _is_free(checker, robot, row):
                     found.append(row)
-    for number, (start, goal) in enumerate(zip(starts, goals, strict=True)):
-        yield Query("arm", tuple(start), tuple(goal[:arm]), number, world=world)
+    ends = ([tuple(row[:arm].tolist()) for row in rows] for rows in (starts, goals))
+    return world, list(zip(*ends, strict=True))
 
 
 def _is_free(checker: CollisionChecker, robot: Robot, row: Array) -> bool:
@@ -92,12 +87,12 @@ def _shelf(center: Array, size: Array, board: float) -> World:
 
 
 def _draws(robot: Robot, seed: int) -> Array:
-    """Return random configurations; joints outside the arm are where they boot (N, A) [rad]."""
+    """Return random configurations; joints outside the arm are at zero (N, A) [rad]."""
     lower = [max(joint.lower, -np.pi) for joint in robot.actuated]
     upper = [min(joint.upper, np.pi) for joint in robot.actuated]
     rows = np.random.default_rng(seed).uniform(lower, upper, (_DRAWS, len(lower)))
     others = [i for i, joint in enumerate(robot.actuated) if joint not in robot.actuated_in("arm")]
-    rows[:, others] = np.array(robot.boot_pose)[others]
+    rows[:, others] = 0.0
     return rows
 
 

@@ -2,7 +2,7 @@
 
 Two shapes that are padded by half a margin each touch when the originals are a margin apart, or
 slightly more at corners. So all planners keep the same distance. Joints outside the arm are fixed
-at zero, bodies and the floor are links, and a mesh is its bounding box.
+at zero, bodies and the floor are links, and a mesh is its bounding box or is not padded.
 """
 
 from collections.abc import Iterator
@@ -38,8 +38,13 @@ class Description:
     checked: frozenset[frozenset[str]]
 
 
-def padded(robot: Robot, world: World, padding: float | None = None) -> Description:
-    """Return the arm and world, padded by half the robot's margin or by another distance [m]."""
+def padded(
+    robot: Robot, world: World, padding: float | None = None, boxes: bool = True
+) -> Description:
+    """Return the arm and world, padded by half the robot's margin or by another distance [m].
+
+    Without `boxes`, meshes stay meshes, and are not padded.
+    """
     grow = 0.5 * robot.collision.margin if padding is None else padding
     root = Xml.parse(robot.urdf).getroot()
     arm = tuple(joint.name for joint in robot.actuated_in("arm"))
@@ -49,7 +54,11 @@ def padded(robot: Robot, world: World, padding: float | None = None) -> Descript
         for visual in link.findall("visual"):
             link.remove(visual)
         for geometry in link.iterfind("collision/geometry"):
-            _grow(geometry, robot.urdf, grow)
+            mesh = geometry.find("mesh")
+            if mesh is None or boxes:
+                _grow(geometry, robot.urdf, grow)
+            else:
+                mesh.set("filename", str(find_mesh(robot.urdf, mesh.get("filename", ""))))
     for body in world.bodies:
         _add(root, body, grow)
     if robot.collision.floor is not None:

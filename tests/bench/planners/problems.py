@@ -41,12 +41,17 @@ class Problem:
         robot: The arm.
         world: Bodies around it.
         pairs: Start and goal of each query, only the arm's joints [rad].
+        timeout: Longest time for a query [s].
+        boxes: True if the other planners get bounding boxes in place of meshes; else the meshes,
+            which are not padded.
     """
 
     name: str
     robot: Robot
     world: World
     pairs: Sequence[tuple[tuple[float, ...], tuple[float, ...]]]
+    timeout: float = 1.0
+    boxes: bool = True
 
     def queries(self) -> Iterator[Query]:
         """Yield queries for our planner. Each has its own seed."""
@@ -54,7 +59,7 @@ class Problem:
         for seed, (start, goal) in enumerate(self.pairs, 1):
             own = dict(zip((joint.name for joint in arm), start, strict=True))
             whole = tuple(own.get(joint.name, 0.0) for joint in self.robot.actuated)
-            yield Query("arm", whole, goal, seed, 1.0, world=self.world)
+            yield Query("arm", whole, goal, seed, self.timeout, world=self.world)
 
 
 def fixed(times: int) -> list[Problem]:

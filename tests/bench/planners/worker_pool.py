@@ -8,7 +8,18 @@ from contextlib import closing
 from pathlib import Path
 
 from hardware import RealClock, Robot
-from skills.motion import MotionError, Plan, PlanCanceled, PlanTimeout, Pool, Query, Request, Result
+from skills.motion import (
+    EMPTY,
+    MotionError,
+    Plan,
+    PlanCanceled,
+    PlanTimeout,
+    Pool,
+    Query,
+    Request,
+    Result,
+    World,
+)
 from skills.motion.planner import Planner
 from tests.bench.planners.problems import POST
 
@@ -66,7 +77,7 @@ def overheads(robot: Robot, count: int) -> list[float]:
     The two alternate, so that both run under the same load.
     """
     planner, spent = Planner(robot), list[float]()
-    with closing(_pool(robot)) as pool:
+    with closing(warm_pool(robot)) as pool:
         for _ in range(count):
             begun = time.perf_counter()
             assert isinstance(ask(pool, EASY), Plan)
@@ -84,28 +95,38 @@ def deadlines(
     The goal is behind a wall. The URDF with the wall is written into the folder.
     """
     late, canceled, again = list[float](), list[float](), list[float]()
-    with closing(_pool(_cut_off(robot, folder))) as pool:
+    with closing(warm_pool(cut_off(robot, folder))) as pool:
         for seed in range(count):
             begun = time.perf_counter()
             answer = ask(pool, dataclasses.replace(EASY, seed=seed, timeout=0.1))
             late.append(1e3 * (time.perf_counter() - begun - 0.1))
             assert isinstance(answer, PlanTimeout)
         for seed in range(count // 5):
-            call = _Call(pool, dataclasses.replace(EASY, seed=seed, timeout=30.0))
-            call.there.wait(0.1)
-            begun = time.perf_counter()
-            call.job.cancel()
-            assert isinstance(call.answer(), PlanCanceled)
-            ended = time.perf_counter()
-            assert isinstance(ask(pool, dataclasses.replace(EASY, goal=(0.1, 0.0, 0.0))), Plan)
-            canceled.append(1e3 * (ended - begun))
-            again.append(1e3 * (time.perf_counter() - ended))
+            times = next_after_cancel(pool, seed, EMPTY)
+            canceled.append(times[0])
+            again.append(times[1])
     return late, canceled, again
+
+
+def next_after_cancel(pool: Pool, seed: int, world: World) -> tuple[float, float]:
+    """Return the time to cancel a search, and from there to the next plan [ms].
+
+    The robot is that of `cut_off`, so the search does not end by itself.
+    """
+    call = _Call(pool, dataclasses.replace(EASY, seed=seed, timeout=30.0, world=world))
+    call.there.wait(0.1)
+    begun = time.perf_counter()
+    call.job.cancel()
+    assert isinstance(call.answer(), PlanCanceled)
+    ended = time.perf_counter()
+    near = dataclasses.replace(EASY, goal=(0.1, 0.0, 0.0), world=world)
+    assert isinstance(ask(pool, near), Plan)
+    return 1e3 * (ended - begun), 1e3 * (time.perf_counter() - ended)
 
 
 def poison(robot: Robot) -> Iterator[float]:
     """Yield the time until the error of each invalid query, and of each invalid robot [ms]."""
-    with closing(_pool(robot)) as pool:
+    with closing(warm_pool(robot)) as pool:
         for query in POISON:
             yield _refused(pool, query)
             assert isinstance(ask(pool, EASY), Plan)  # the next request is not affected
@@ -118,7 +139,7 @@ def poison(robot: Robot) -> Iterator[float]:
         dataclasses.replace(first, upper=_NAN),
         dataclasses.replace(first, acceleration=_INF),
     ):
-        with closing(_pool(dataclasses.replace(robot, joints=(wrong, *rest)))) as pool:
+        with closing(warm_pool(dataclasses.replace(robot, joints=(wrong, *rest)))) as pool:
             yield _refused(pool, EASY)
 
 
@@ -133,7 +154,7 @@ def _refused(pool: Pool, query: Query) -> float:
 
 def growth_mb(robot: Robot, count: int) -> float:
     """Return the growth of a worker's memory over `count` plans, one in ten with a bend [MB]."""
-    with closing(_pool(robot)) as pool:
+    with closing(warm_pool(robot)) as pool:
         _plans(pool, count // 10)
         worker = pool._slots[0].process
         assert worker
@@ -154,7 +175,7 @@ def _resident(pid: int) -> float:
     return 4096 * pages / 2**20
 
 
-def _pool(robot: Robot) -> Pool:
+def warm_pool(robot: Robot) -> Pool:
     """A pool with one warm worker."""
     pool = Pool(robot, 1, RealClock())
     pool.start()
@@ -162,7 +183,7 @@ def _pool(robot: Robot) -> Pool:
     return pool
 
 
-def _cut_off(robot: Robot, folder: Path) -> Robot:
+def cut_off(robot: Robot, folder: Path) -> Robot:
     """The arm behind a wall, with limits too narrow to pass it."""
     urdf = folder / "cut_off.urdf"
     urdf.write_text(robot.urdf.read_text().replace("</robot>", WALL))

@@ -10,7 +10,8 @@ import pytest
 
 from hardware import RealClock, Robot
 from skills.motion import Body, Box, MotionError, PlanTimeout, Query, ToolQuery, World
-from skills.motion.collision.checker import MAX_MESH_PAIRS, CollisionChecker
+from skills.motion.collision.broad_phase import MAX_MESH_PAIRS
+from skills.motion.collision.checker import CollisionChecker
 from skills.motion.collision.planning_scene import PlanningScene
 from skills.motion.planner import Planner
 from tests.support.arms.real_arms import real

@@ -9,8 +9,8 @@ import pytest
 from hardware import Robot, load_robot
 from skills.motion import Body, Box, Cylinder, Shape, Sphere, World
 from skills.motion.arrays import Array, Mask
-from skills.motion.collision import checker as collision_checker
-from skills.motion.collision.checker import BroadPhase
+from skills.motion.collision import broad_phase
+from skills.motion.collision.broad_phase import BroadPhase
 from skills.motion.collision.planning_scene import PlanningScene
 from tests.support.arms.robots import foreign
 
@@ -66,7 +66,7 @@ def test_the_tree_misses_nothing(name: str, monkeypatch: pytest.MonkeyPatch) -> 
 
     draws = random.uniform(0.0, 0.1, len(every)).tolist()
     tree = answers()
-    monkeypatch.setattr(collision_checker, "_TREE_PAIRS", 10_000)
+    monkeypatch.setattr(broad_phase, "_TREE_PAIRS", 10_000)
     for (hits, pairs, first), (hits_, pairs_, first_) in zip(tree, answers(), strict=True):
         assert hits.any()
         assert (hits == hits_).all()

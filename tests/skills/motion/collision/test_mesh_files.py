@@ -1,14 +1,19 @@
 """Hulls around the content of mesh files."""
 
+import dataclasses
+from collections.abc import Sequence
 from pathlib import Path
 
+import coal
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from hardware import load_robot
 from skills.motion import (
     BadWorld,
     Body,
+    Box,
     Mesh,
     MotionCollides,
     Query,
@@ -16,7 +21,11 @@ from skills.motion import (
     Verify,
     World,
 )
+from skills.motion.collision import body_meshes
+from skills.motion.collision.planning_scene import PlanningScene
 from skills.motion.planner import Planner
+from skills.motion.robot_model.geometry import convex_hull, corners
+from skills.motion.world import quaternion
 
 ROBOT = load_robot()
 SHEET = ([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], [(0, 1, 2), (0, 2, 3)])
@@ -66,6 +75,43 @@ def test_a_mesh_without_numbers_is_rejected(tmp_path: Path) -> None:
     there = World((Body("thing", mesh(tmp_path, points, SHEET[1]), (0.0, 0.0, 0.6)),))
     with pytest.raises(BadWorld, match=r"mesh\.obj"):
         Planner(ROBOT).plan(Query("arm", (0.0,) * 4, (0.5, 0.0, 0.0), world=there))
+
+
+def test_a_mesh_is_read_once_while_its_world_changes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A large mesh takes a second to read. It is in another place in each world."""
+    hulls = list[object]()
+
+    def noted(shapes: Sequence[pin.GeometryObject]) -> coal.ConvexBase:
+        hulls.append(convex_hull(shapes))
+        return hulls[-1]
+
+    monkeypatch.setattr(body_meshes, "convex_hull", noted)
+    form = mesh(tmp_path, *rod(16))
+    planner, query = Planner(ROBOT), Query("arm", (0.0,) * 4, (0.5, 0.0, 0.0))
+    box = Body("box", Box((0.1, 0.1, 0.1)), (1.0, 0.0, 0.5))
+    for world in (
+        World((Body("thing", form, (0.0, 0.0, 0.7)),)),
+        World((Body("thing", form, (0.0, 0.0, 0.7)), box)),
+        World((Body("thing", form, (0.0, 0.0, 0.8), quaternion(0.5, 0.0, 0.0)), box)),
+    ):
+        assert planner.plan(dataclasses.replace(query, world=world)).duration
+    there = World((Body("thing", form, (0.0, 0.0, 0.2)),))
+    with pytest.raises(StartInCollision, match="thing"):
+        planner.plan(dataclasses.replace(query, world=there))
+    assert len(hulls) == 1
+
+
+def test_a_placed_hull_contains_its_mesh(tmp_path: Path) -> None:
+    turn = quaternion(0.3, -0.8, 1.2)
+    body = Body("thing", mesh(tmp_path, *rod(16)), (0.1, 0.2, 0.3), turn, link="claw_support")
+    scene = PlanningScene(ROBOT, World((body,)))
+    bounds = []
+    for geometry in (scene.exact, scene.hulls):
+        points = corners(geometry.geometryObjects[geometry.getGeometryId("thing")])
+        bounds.append((points.min(axis=0), points.max(axis=0)))
+    assert np.array(bounds[0]) == pytest.approx(np.array(bounds[1]), abs=1e-9)
 
 
 def test_a_changed_mesh_file_is_read_again(tmp_path: Path) -> None:

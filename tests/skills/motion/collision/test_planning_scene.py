@@ -54,6 +54,17 @@ def test_first_collision_is_the_first(checker: CollisionChecker) -> None:
     assert checker.first_collision(np.empty((0, 4)), 0.005) is None
 
 
+@pytest.mark.parametrize("name", ["arduinobot", "so101"])
+def test_every_configuration_in_collision_is_found(name: str) -> None:
+    arm, random = load_robot(Path(name)), np.random.default_rng(7)
+    lower, upper = np.array([(joint.lower, joint.upper) for joint in arm.actuated]).T
+    rows = random.uniform(lower, upper, (150, len(lower)))
+    checker = CollisionChecker(PlanningScene(arm))
+    hits = checker.collisions(rows, 0.005)
+    assert 0 < hits.sum() < len(rows)
+    assert hits.tolist() == [checker.first_collision([row], 0.005) == 0 for row in rows]
+
+
 def test_answers_do_not_depend_on_earlier_checks(robot: Robot) -> None:
     rows = np.random.default_rng(5).uniform(-1.5, 0.0, (200, 4))
     one = CollisionChecker(PlanningScene(robot))

@@ -1,7 +1,7 @@
 """If a joint cannot pass a position, the planner reports at once that there is no path."""
 
 import dataclasses
-from math import pi, radians
+from math import cos, pi, radians, sin
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +11,7 @@ from hardware import CollisionRules, Robot, load_robot
 from skills.motion import Barred, Body, Box, MotionError, NoPath, PlanTimeout, Query, World
 from skills.motion.path import barrier
 from skills.motion.planner import Planner
-from tests.support.arms.robots import foreign, pair_file
+from tests.support.arms.robots import foreign, pair_file, robot_of
 
 UPRIGHT = (0.0,) * 6
 # The column of the arm that turns without end holds a bar, and posts stand where that would pass.
@@ -29,6 +29,23 @@ LEADER_URDF = """<robot name="arm">
 <axis xyz="0 0 1"/><limit velocity="2" effort="1"/></joint>
 <joint name="mate" type="continuous"><parent link="base"/><child link="b"/>
 <axis xyz="0 0 1"/><limit velocity="2" effort="1"/><mimic joint="lead"/></joint>
+</robot>"""
+
+# The link `fork` is two bars, one above the other: its hull contains the gap between them.
+FORK_URDF = """<robot name="arm">
+<link name="base"/>
+<link name="fork">
+<collision><origin xyz="0.3 0 0"/><geometry><box size=".4 .02 .02"/></geometry></collision>
+<collision><origin xyz="0.3 0 0.4"/><geometry><box size=".4 .02 .02"/></geometry></collision>
+</link>
+<link name="blade">
+<collision><origin xyz="0.17 0 0"/><geometry><box size=".26 .02 .02"/></geometry></collision>
+</link>
+<joint name="turn" type="revolute"><parent link="base"/><child link="fork"/>
+<axis xyz="0 0 1"/><limit lower="-3" upper="3" velocity="2" effort="1"/></joint>
+<joint name="fold" type="revolute"><parent link="fork"/><child link="blade"/>
+<origin xyz="0.5 0 0.2"/><axis xyz="0 0 1"/>
+<limit lower="-2" upper="2" velocity="2" effort="1"/></joint>
 </robot>"""
 
 
@@ -100,6 +117,19 @@ def test_a_continuous_leader_is_never_barred(tmp_path: Path) -> None:
     query = Query("arm", (0.0,), (radians(300.0),), world=World((post,)), timeout=0.1)
     with pytest.raises((NoPath, PlanTimeout)):
         planner.plan(query)
+
+
+def test_a_contact_of_other_links_is_no_barrier(tmp_path: Path) -> None:
+    """A joint turns the gap of a fork past a block. On the line, the blade behind hits posts."""
+    (tmp_path / "fork.urdf").write_text(FORK_URDF)
+    block = Body("block", Box((0.04, 0.04, 0.04)), (0.3, 0.0, 0.2))
+    posts = [
+        Body(f"post_{i}", Box((0.04, 0.04, 0.2)), (0.75 * cos(angle), 0.75 * sin(angle), 0.2))
+        for i, angle in enumerate(np.linspace(-1.0, 1.0, 41).tolist())
+    ]
+    query = Query("arm", (-1.3, 0.0), (1.3, 0.0), world=World((block, *posts)), timeout=30.0)
+    plan = Planner(robot_of(tmp_path / "fork.urdf", margin=0.005)).plan(query)
+    assert "search" in plan.milliseconds
 
 
 @pytest.mark.slow

@@ -1,0 +1,82 @@
+"""Meshes of the world's bodies, each read from its file once for all scenes that contain it."""
+
+import os
+from dataclasses import dataclass
+from weakref import WeakValueDictionary
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from hardware.description.meshes import MAX_MESH_BYTES
+from skills.motion.errors import BadWorld
+from skills.motion.robot_model.geometry import EnclosedVolume, convex_hull
+from skills.motion.world import Mesh, World
+
+Stamp = tuple[int, int, int]  # inode, size and time of a file
+
+
+@dataclass(frozen=True, eq=False)
+class BodyMesh:
+    """A mesh in its own frame.
+
+    Attributes:
+        shape: The triangles.
+        hull: Their convex hull.
+        volume: The volume inside them.
+    """
+
+    shape: coal.BVHModelBase
+    hull: coal.ConvexBase
+    volume: EnclosedVolume
+
+
+class BodyMeshes:
+    """Meshes that some scene contains. A mesh is dropped with the last scene that contains it.
+
+    A large mesh takes a second to read, and a scene with it a few milliseconds to build.
+    """
+
+    def __init__(self) -> None:
+        self._loaded = WeakValueDictionary[tuple[Mesh, Stamp | None], BodyMesh]()
+
+    def load(self, mesh: Mesh) -> BodyMesh:
+        """Return a mesh as its file is now.
+
+        Raises:
+            BadWorld: The file cannot be read or is too large, or a vertex is out of range.
+        """
+        key = mesh, _stamp(mesh)
+        loaded = self._loaded.get(key)
+        if loaded is None:
+            self._loaded[key] = loaded = _read(*key)
+        return loaded
+
+
+def mesh_stamps(world: World) -> list[Stamp | None]:
+    """Return inode, size and time of each mesh file of a world; None for a missing file."""
+    return [_stamp(body.shape) for body in world.bodies if isinstance(body.shape, Mesh)]
+
+
+def _stamp(mesh: Mesh) -> Stamp | None:
+    try:
+        found = os.stat(mesh.path)
+    except (OSError, ValueError):  # the loader of the mesh reports the error
+        return None
+    return found.st_ino, found.st_size, found.st_mtime_ns
+
+
+def _read(mesh: Mesh, stamp: Stamp | None) -> BodyMesh:
+    path = mesh.path
+    if stamp and stamp[1] > MAX_MESH_BYTES:
+        raise BadWorld(f"The mesh {path} has {stamp[1]} bytes; {MAX_MESH_BYTES} are allowed")
+    try:
+        shape = coal.MeshLoader().load(path, np.array(mesh.scale))
+    except (RuntimeError, ValueError) as error:
+        why = str(error).partition("message: ")[2].splitlines() or [str(error)]
+        raise BadWorld(f"The mesh {path} cannot be read: {why[0]}") from error
+    try:
+        hull = convex_hull([pin.GeometryObject(path, 0, 0, pin.SE3.Identity(), shape)])
+    except ValueError as error:
+        raise BadWorld(f"The mesh {path} is unusable: {error}") from error
+    return BodyMesh(shape, hull, EnclosedVolume(shape))
