@@ -5,6 +5,8 @@ from collections.abc import Sequence
 
 from hardware import ArmtreeError
 
+from .confirmation import Confirmation
+
 _NAME = re.compile(r"[A-Za-z0-9_-]{1,32}")
 
 
@@ -66,7 +68,7 @@ class NotStarted(FleetError):
     """The program nats-server does not start."""
 
     code = "fleet.not_started"
-    hint = "see the end of its log; --tcp-port chooses another port, --data another folder"
+    hint = "see the end of its log; --nats-port chooses another port, --data another folder"
 
 
 class BadName(FleetError):
@@ -166,16 +168,22 @@ class ArmLost(FleetError):
     def __init__(self, arm: str, url: str, silence: float) -> None:
         super().__init__(
             f"{arm} ({url}) claimed this job, and has not been heard of for {silence:.0f} s. It "
-            f"may have moved; see its own recording. {self.hint.capitalize()}"
+            "may have moved; see its own recording"
         )
 
 
 class NotConfirmed(FleetError):
-    """Some arms did not confirm a request."""
+    """Some arms did not confirm a request.
+
+    Attributes:
+        confirmed: The answers of those that did.
+    """
 
     code = "fleet.not_confirmed"
     hint = "look at these arms, and use their own pages or power switches"
 
-    def __init__(self, request: str, confirmed: int, wanted: int, missing: Sequence[str]) -> None:
-        words = f"{confirmed} of {wanted} arms confirmed {request}; not {', '.join(missing)}"
-        super().__init__(f"{words}; {self.hint}")
+    def __init__(
+        self, request: str, arms: Sequence[str], confirmed: Sequence[Confirmation] = ()
+    ) -> None:
+        super().__init__(f"not confirmed, {request}: {', '.join(arms)}; {self.hint}")
+        self.confirmed = tuple(confirmed)

@@ -16,6 +16,7 @@ from .errors import BadJob
 T = TypeVar("T")
 
 PRIORITIES = ("high", "normal", "low")
+READY, BUSY, HELD, UNREACHABLE = "ready", "busy", "held", "unreachable"  # states of an arm
 IDENTITY = re.compile(r"[0-9a-f]{32}")
 
 
@@ -87,6 +88,7 @@ class Member:
         host: Name of its machine.
         worker: Identity of its worker process.
         joined_ns: Time of joining, UTC [ns since 1970].
+        held: Reason that it takes no jobs until a resume; empty if it takes jobs.
     """
 
     arm: str
@@ -94,6 +96,7 @@ class Member:
     host: str
     worker: str
     joined_ns: int
+    held: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -108,7 +108,7 @@ def test_all_pools_are_known_however_many_there_are(
     async def main() -> None:
         async with requesting(tmp_path) as (fleet, _):
             await fleet.add_consumers("pool-2")
-            assert await fleet.pools() == {"bench", "pool-2"}
+            assert await fleet.pools() == {"bench": 0, "pool-2": 0}
 
     asyncio.run(main())
 
