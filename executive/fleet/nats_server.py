@@ -1,5 +1,6 @@
 """The NATS server of a fleet: its configuration, its process, and its users."""
 
+import ctypes
 import json
 import os
 import shutil
@@ -8,7 +9,7 @@ import socket
 import ssl
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -32,6 +33,7 @@ from .values import PRIORITIES
 
 _START_SECONDS = 10.0
 _OWN_KEY = "supervisor.nkey"  # file in the data folder; new at each start
+_PR_SET_PDEATHSIG = 1  # of <sys/prctl.h>
 _MOST = 2**20  # largest file of keys [bytes]
 _LAST_LINES = 3  # number of characters of its log in an error
 
@@ -145,6 +147,7 @@ def nats_server(options: NatsOptions, clock: Clock) -> Iterator["subprocess.Pope
             stdout=output,
             stderr=output,
             start_new_session=True,  # Ctrl-C is for armtree, which ends it in order
+            preexec_fn=_end_with_parent(),  # noqa: PLW1509, it takes no lock
         )
     info = token_file.ServerInfo(options.url, token, process.pid)
     try:
@@ -160,6 +163,17 @@ def nats_server(options: NatsOptions, clock: Clock) -> Iterator["subprocess.Pope
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
+
+
+def _end_with_parent() -> Callable[[], None] | None:
+    """Return a function that makes the system end this process if the thread that started it dies.
+
+    Linux only. Elsewhere nats-server outlives a killed armtree, and needs `fleet up --use URL`.
+    """
+    if sys.platform != "linux":
+        return None
+    prctl = ctypes.CDLL(None).prctl  # loaded here, because a new process must load nothing
+    return lambda: prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
 
 
 def _program() -> str:

@@ -256,6 +256,7 @@ class Peer:
         self.lifecycle_node = LifecycleNode("lifecycle_reference")
         self.actions, self.parked = {}, None
         self.stock = ActionClient(self.node, ArduinobotTask, "task_server")
+        self.original = ActionClient(rclpy.create_node("original"), ArduinobotTask, "task_server")
         self.executor = MultiThreadedExecutor(8)
         self.executor.add_node(self.node)
         self.executor.add_node(self.lifecycle_node)
@@ -282,6 +283,12 @@ class Peer:
         )
         result = got(goal.get_result_async())
         return goal.accepted, result.status, result.result.success, feedback
+
+    def original_client(self, task):
+        """What the original's voice interface does: send and forget. Its node is never spun."""
+        goal = ArduinobotTask.Goal()
+        goal.task_number = task
+        self.original.send_goal_async(goal)
 
     def type_hash(self):
         """The hash of the type that the node publishes feedback with."""

@@ -152,6 +152,20 @@ def test_a_stock_client_the_topics_and_the_triggers(
     assert peer.ask("wait") == 5
 
 
+def test_the_calls_of_the_original_client_run_a_task(
+    served: Served, node: object, peer: Peer
+) -> None:
+    for task in (0, 11):
+        assert peer.ask("stock_client", 11)[1] == 4  # its answer shows that the node is known
+        before = len(served.executive.goals())
+        peer.ask("original_client", task)
+        while len(served.executive.goals()) == before:
+            continue
+        goal = served.executive.goals()[-1]
+        assert goal.task == task
+        assert served.executive.result(goal.identity, LONGEST).state is GoalState.SUCCEEDED
+
+
 def test_goals_end_with_the_node_and_with_the_server(
     served: Served, node: Process, peer: Peer, start: Start
 ) -> None:
