@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -110,6 +111,23 @@ def peer(start: Start) -> Peer:
 @pytest.fixture(scope="module")
 def node(start: Start, served: Served, peer: Peer) -> Process:
     return start("-m", "executive", "ros2", "--server", served.server.url)
+
+
+def test_the_interface_package_builds(environment: Mapping[str, str], tmp_path: Path) -> None:
+    """With the two commands that colcon uses for a package of this kind."""
+    if not shutil.which("cmake"):
+        pytest.skip("cmake is not installed")
+    package, made = Path(installation.__file__).with_name("arduinobot_msgs"), tmp_path / "install"
+    options = [f"-DCMAKE_INSTALL_PREFIX={made}", f"-DCMAKE_PREFIX_PATH={installation.FOLDER}"]
+    options += [f"-DPython3_EXECUTABLE={sys.executable}", "-DBUILD_TESTING=OFF"]
+    for words in (
+        ["-S", package, "-B", tmp_path, *options],
+        ["--build", tmp_path, "-t", "install"],
+    ):
+        subprocess.run(["cmake", *words], env=environment, check=True, capture_output=True)
+    assert (made / "share/arduinobot_msgs/package.xml").is_file()
+    module = next(made.glob("lib/python*/site-packages/arduinobot_msgs/action/_arduinobot_task.py"))
+    assert "class ArduinobotTask" in module.read_text()
 
 
 def test_the_answers_are_those_of_rclpy(served: Served, node: object, peer: Peer) -> None:
