@@ -189,6 +189,12 @@ def join(server: str, url: str, pool: str, name: str, page: str | None, child: b
 @click.option(
     "--start-within", metavar="SECONDS", type=ABOVE_0, help="Fail if no arm starts it in time [s]."
 )
+@click.option(
+    "--end-within",
+    metavar="SECONDS",
+    type=ABOVE_0,
+    help="Cancel it if it does not end in time [s].",
+)
 @click.option("--wait", is_flag=True, help="Wait for its end; the exit status is that of the run.")
 @_JSON
 @_FLEET
@@ -201,6 +207,7 @@ def send(
     identity: str,
     priority: str,
     start_within: float | None,
+    end_within: float | None,
     wait: bool,
 ) -> None:
     """Send TASK to a pool of arms. A free arm of the pool runs it once.
@@ -213,7 +220,8 @@ def send(
     ended: list[JobRecord] = []
 
     async def act(client: "FleetClient") -> None:
-        job = await client.send(task, pool, parameters(settings), identity, priority, start_within)
+        limits = (start_within, end_within)
+        job = await client.send(task, pool, parameters(settings), identity, priority, *limits)
         echo_result(as_json, {"event": "queued", "job": job.identity}, job.identity)
         if why := (await client.waiting()).get(pool):
             echo(why, err=True)

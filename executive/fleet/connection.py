@@ -3,7 +3,6 @@
 import asyncio
 import json
 import logging
-import math
 import os
 import re
 import ssl
@@ -182,10 +181,8 @@ class Fleet:
             return None
         return from_bytes(Job, found.data)
 
-    async def lateness(self, message: Msg, job: Job) -> float:
-        """Return the delay of a job after its latest start [s]; negative before it.
-
-        Both times are on the clock of the NATS server.
+    async def age(self, message: Msg, job: Job) -> float:
+        """Return the time since a job was sent, by the clock of the NATS server [s].
 
         Args:
             message: Message of the job.
@@ -195,13 +192,11 @@ class Fleet:
             nats.errors.Error: An answer of the NATS server has no time, such as after a start
                 without its disk.
         """
-        if job.start_within_s is None:
-            return -math.inf
         consumer = consumer_of(job.pool, job.priority)
         answer = await self.nats.request(f"$JS.API.CONSUMER.INFO.{JOBS}.{consumer}", b"")
         try:
             now = datetime.fromisoformat(strict_json.parse_object(answer.data)["ts"])
-            return (now - message.metadata.timestamp).total_seconds() - job.start_within_s
+            return (now - message.metadata.timestamp).total_seconds()
         except (strict_json.NotJson, KeyError, TypeError, ValueError) as error:
             raise nats.errors.Error(f"no time in an answer about {consumer}: {error}") from error
 

@@ -159,6 +159,19 @@ class DeadlinePassed(FleetError):
         super().__init__(f"no arm was free by its deadline, {late:.1f} s ago, so nothing moved")
 
 
+class TooLong(FleetError):
+    """A job had not ended by its deadline, so it was canceled."""
+
+    code = "fleet.too_long"
+    exit_status = 8
+    hint = "explain its recording, or give the job more time"
+
+    def __init__(self, seconds: float) -> None:
+        super().__init__(
+            f"the job had not ended {seconds:g} s after it was sent, so it was canceled"
+        )
+
+
 class ArmLost(FleetError):
     """The arm that had claimed a job is gone."""
 

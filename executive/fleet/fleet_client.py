@@ -106,6 +106,7 @@ class FleetClient:
         identity: str = "",
         priority: str = "normal",
         start_within: float | None = None,
+        end_within: float | None = None,
     ) -> Job:
         """Send a job. Returns when the job is on disk.
 
@@ -116,6 +117,7 @@ class FleetClient:
             identity: 32 hexadecimal digits; empty to choose one.
             priority: One of `PRIORITIES`.
             start_within: Longest time until its start [s]; None for no limit.
+            end_within: Longest time until its end [s]; None for no limit.
 
         Raises:
             PoolNotServed: No arm serves the pool.
@@ -124,7 +126,8 @@ class FleetClient:
         """
         check_name("a pool", pool)
         chosen = identity or uuid.uuid4().hex
-        job = Job(chosen, pool, task, dict(arguments), utc_ns(self._clock), priority, start_within)
+        now, limits = utc_ns(self._clock), (start_within, end_within)
+        job = Job(chosen, pool, task, dict(arguments), now, priority, *limits)
         from_bytes(Job, to_bytes(job))
         if not await self._is_served(pool):
             raise PoolNotServed(pool)

@@ -33,6 +33,7 @@ class Job:
         priority: One of `PRIORITIES`.
         start_within_s: Longest time until its start [s], by the clock of the NATS server; None for
             no limit.
+        end_within_s: Longest time until its end [s], by the same clock; None for no limit.
         attempt: Number of the attempt, from 1.
     """
 
@@ -43,6 +44,7 @@ class Job:
     sent_ns: int
     priority: str = "normal"
     start_within_s: float | None = None
+    end_within_s: float | None = None
     attempt: int = 1
 
 

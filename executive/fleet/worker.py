@@ -3,6 +3,7 @@
 import asyncio
 import json
 import logging
+import math
 import random
 import socket
 import uuid
@@ -16,13 +17,20 @@ from nats.js.errors import APIError, KeyWrongLastSequenceError
 
 from executive.api import strict_json
 from executive.api.events import Status
-from executive.api.outcome import CancelResult, Ending, GoalState, GoalStatus, Outcome
+from executive.api.outcome import (
+    CancelResult,
+    Ending,
+    GoalState,
+    GoalStatus,
+    Outcome,
+    cause_of,
+)
 from executive.client.values import Task
 from executive.errors import ClientError, GoalBusy, QueueFull, ServerUnreachable
 from hardware import Clock, State, utc_ns
 
 from .connection import ALIVE_SECONDS, GONE, Fleet, control_subject, end_all
-from .errors import ArmLost, BadJob, DeadlinePassed, FleetError, NameTaken
+from .errors import ArmLost, BadJob, DeadlinePassed, FleetError, NameTaken, TooLong
 from .job_requests import JobRequests
 from .values import (
     BUSY,
@@ -274,12 +282,14 @@ class Worker:
         """Return the status of the server. Hold the arm if it was stopped, also while idle."""
         async with self._looking:  # so that no older count comes after a newer one
             status = await self._server.status()
-            if self._stops is not None and status.stops > self._stops and not self._held:
+            if self._stops is not None and status.stops > self._stops:
                 self._hold_after_stop()
             self._stops = status.stops
         return status
 
     def _hold_after_stop(self) -> None:
+        if self._held:
+            return
         self._held = _AT_ARM
         self._changed.set()
         logger.warning("Fleet: %s was stopped, and takes no jobs until a resume", self.arm)
@@ -317,7 +327,7 @@ class Worker:
         # the goal, or refuses a later one.
         async with self._server.hold(job.identity):
             async with self._sending:
-                record, revision = await self._claim(message, job, safe)
+                record, revision, left = await self._claim(message, job, safe)
                 if record.result or not revision:
                     await message.ack()
                     return
@@ -326,7 +336,7 @@ class Worker:
             if result is None:
                 with suppress(*GONE):
                     await message.ack()
-                result = await self._result(job.identity)
+                result = await self._result(job, left)
             elif result.code in _NOT_NOW:
                 await self._release(job.identity, revision)
                 self._set_job("")
@@ -361,20 +371,37 @@ class Worker:
             except GONE:
                 await asyncio.sleep(_PAUSE_SECONDS)
 
-    async def _result(self, identity: str) -> Ending:
-        """Wait for the end of a goal, also if its server is unreachable for a moment."""
-        for attempt in range(_ATTEMPTS):
-            try:
-                outcome = await self._server.result(identity)
-                break
-            except ClientError as error:
-                if not isinstance(error, ServerUnreachable) or attempt == _ATTEMPTS - 1:
-                    return failed(error)
-                await asyncio.sleep(_PAUSE_SECONDS)
-        if outcome.state is GoalState.CANCELED and identity not in self._canceled:
+    async def _result(self, job: Job, left: float | None) -> Ending:
+        """Wait for the end of a job. Cancel it after a time [s]; None for no limit."""
+        waiting = asyncio.create_task(self._end_of(job.identity))
+        try:
+            in_time, _ = await asyncio.wait((waiting,), timeout=left)
+            if not in_time:
+                self._canceled.add(job.identity)
+                with suppress(ClientError):
+                    await self._server.cancel(job.identity)
+            ending = await waiting
+        finally:
+            waiting.cancel()
+        if ending.state is GoalState.CANCELED and job.identity not in self._canceled:
             self._hold_after_stop()
-        self._canceled.discard(identity)
-        return outcome
+        self._canceled.discard(job.identity)
+        if ending.state is GoalState.CANCELED and not in_time:
+            cause = cause_of(TooLong(job.end_within_s or 0.0))
+            ending = replace(ending, code=cause.code, message=cause.message, cause=cause)
+        return ending
+
+    async def _end_of(self, identity: str) -> Ending:
+        """Wait for the end of a goal, also if its server is unreachable for a moment."""
+        attempt = 1
+        while True:
+            try:
+                return await self._server.result(identity)
+            except ClientError as error:
+                if not isinstance(error, ServerUnreachable) or attempt == _ATTEMPTS:
+                    return failed(error)
+            attempt += 1
+            await asyncio.sleep(_PAUSE_SECONDS)
 
     async def _is_retry_safe(self, job: Job) -> bool:
         try:
@@ -390,7 +417,9 @@ class Worker:
             job, self.arm, self._page, self._me, now, safe, result, now if result else 0
         )
 
-    async def _claim(self, message: Msg, job: Job, safe: bool) -> tuple[JobRecord, int]:
+    async def _claim(
+        self, message: Msg, job: Job, safe: bool
+    ) -> tuple[JobRecord, int, float | None]:
         """Create the record of a job. Wait as long as the NATS server is gone.
 
         The record may be stored even if the answer is lost. Giving up then would leave a claim
@@ -402,15 +431,19 @@ class Worker:
             safe: True if its task may run again after its arm was lost.
 
         Returns:
-            The record and its revision. The record has a result if the job comes too late. The
-            revision is 0 if another arm was first.
+            The record, its revision, and the time until the latest end of the job [s], None for no
+            limit. The record has a result if the job comes too late. The revision is 0 if another
+            arm was first.
         """
+        limits = [each for each in (job.start_within_s, job.end_within_s) if each is not None]
         while True:
             try:
-                late = await self._fleet.lateness(message, job)
+                age = await self._fleet.age(message, job) if limits else 0.0
+                late = age - min(limits, default=math.inf)
                 result = failed(DeadlinePassed(late)) if late > 0 else None
                 record = self._record(job, result, safe)
-                return record, await self._create(record)
+                left = None if job.end_within_s is None else job.end_within_s - age
+                return record, await self._create(record), left
             except GONE as error:
                 if self._refusal:
                     raise

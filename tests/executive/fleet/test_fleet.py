@@ -1,6 +1,7 @@
 """Jobs of a fleet: a real nats-server, real workers, simulated arms."""
 
 import asyncio
+import json
 import shutil
 from dataclasses import replace
 from typing import Any
@@ -100,6 +101,40 @@ def test_the_queue_has_priorities_deadlines_and_cancel(url: str) -> None:
             assert result
             assert result.code == "fleet.deadline"
             assert arm.tasks_of == [1, "high", "normal", "low"]
+
+    asyncio.run(main())
+
+
+def test_a_job_that_takes_too_long_is_canceled_and_its_arm_takes_the_next(url: str) -> None:
+    async def main() -> None:
+        arm = SimulatedArm()
+        async with joined(url, arm) as client:
+            job = await client.send(1, "bench", {}, end_within=0.3)
+            result = (await ended(client, job)).result
+            assert result
+            assert (result.state.name, result.code) == ("CANCELED", "fleet.too_long")
+            assert "0.3 s after it was sent" in result.message
+            assert result.frames == 3  # it moved until then
+            arm.duration = 0.0
+            after = await client.send(2, "bench", {}, end_within=60)
+            assert (await ended(client, after)).state == "SUCCEEDED"
+
+    asyncio.run(main())
+
+
+def test_programs_that_subscribe_get_the_changes_of_arms(url: str) -> None:
+    async def main() -> None:
+        arm = SimulatedArm()
+        async with joined(url, arm) as client:
+            events = await client._fleet.nats.subscribe("fleet.events.bench.*")
+            job = await client.send(1, "bench", {})
+            event = await events.next_msg(10.0)
+            while (found := json.loads(event.data))["job"] != job.identity:
+                event = await events.next_msg(10.0)
+            assert (event.subject, found["state"]) == ("fleet.events.bench.0", "busy")
+            arm.finish(job.identity)
+            while (found := json.loads(event.data))["last"] != "ok":
+                event = await events.next_msg(10.0)
 
     asyncio.run(main())
 

@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import logging
 
 import nats.errors
 import pytest
@@ -16,6 +17,7 @@ from executive.fleet.connection import (
 )
 from executive.fleet.errors import FleetError, NotConfirmed
 from executive.fleet.fleet_client import FleetClient
+from executive.fleet.supervisor import Supervisor
 from executive.fleet.values import Job, Member, to_bytes
 from executive.fleet.worker import Worker
 from tests.support.servers.fleet_arms import CLOCK, ended, joined, sent
@@ -130,6 +132,32 @@ def test_an_idle_arm_that_is_stopped_by_hand_takes_no_jobs(url: str) -> None:
             assert await client.waiting() == {}
 
     asyncio.run(main())
+
+
+def test_the_supervisor_logs_once_that_jobs_wait_for_held_arms(
+    url: str, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("executive.fleet.supervisor._SWEEP_SECONDS", 0.05)
+
+    async def main() -> None:
+        async with joined(url, SimulatedArm(duration=0.0)) as client:
+            await client.stop(["bench.0"])
+            while [row.state for row in await client.arms()] != ["held"]:
+                continue
+            await client.send(1, "bench", {})
+            supervising = asyncio.create_task(Supervisor(client._fleet, CLOCK).run())
+            async with asyncio.timeout(20):
+                while not caplog.messages:
+                    await asyncio.sleep(0)
+            await client.send(1, "bench", {})
+            for _ in range(3):
+                await client.waiting()
+            supervising.cancel()
+            await client.resume(["bench"])
+
+    with caplog.at_level(logging.WARNING, "executive.fleet.supervisor"):
+        asyncio.run(main())
+    assert caplog.messages == ["no arm of bench is ready: 1 held; the job waits"]
 
 
 def test_a_stop_by_the_fleet_outlives_a_restart_of_the_worker(url: str) -> None:
