@@ -120,10 +120,8 @@ def test_the_interface_package_builds(environment: Mapping[str, str], tmp_path: 
     package, made = Path(installation.__file__).with_name("arduinobot_msgs"), tmp_path / "install"
     options = [f"-DCMAKE_INSTALL_PREFIX={made}", f"-DCMAKE_PREFIX_PATH={installation.FOLDER}"]
     options += [f"-DPython3_EXECUTABLE={sys.executable}", "-DBUILD_TESTING=OFF"]
-    for words in (
-        ["-S", package, "-B", tmp_path, *options],
-        ["--build", tmp_path, "-t", "install"],
-    ):
+    configure = ["-S", str(package), "-B", str(tmp_path), *options]
+    for words in (configure, ["--build", str(tmp_path), "-t", "install"]):
         subprocess.run(["cmake", *words], env=environment, check=True, capture_output=True)
     assert (made / "share/arduinobot_msgs/package.xml").is_file()
     module = next(made.glob("lib/python*/site-packages/arduinobot_msgs/action/_arduinobot_task.py"))
