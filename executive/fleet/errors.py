@@ -196,7 +196,8 @@ class NotConfirmed(FleetError):
     hint = "look at these arms, and use their own pages or power switches"
 
     def __init__(
-        self, request: str, arms: Sequence[str], confirmed: Sequence[Confirmation] = ()
+        self, request: str, confirmed: Sequence[Confirmation], wanted: int, missing: Sequence[str]
     ) -> None:
-        super().__init__(f"not confirmed, {request}: {', '.join(arms)}; {self.hint}")
+        words = f"{len(confirmed)} of {wanted} arms confirmed {request}; not {', '.join(missing)}"
+        super().__init__(f"{words}; {self.hint}")
         self.confirmed = tuple(confirmed)

@@ -254,7 +254,7 @@ class FleetClient:
                 async for record in self.wait(identity):
                     if record.result:
                         return record, False
-        raise NotConfirmed("cancel", [f"{known.arm} (it stores no result of the job)"])
+        raise NotConfirmed("cancel", [], 1, [f"{known.arm} (it stores no result of the job)"])
 
     async def _end_attempts(self, identity: str) -> None:
         """End a job whose arm does not answer, so that no further attempt of it runs."""
@@ -282,7 +282,8 @@ class FleetClient:
             raise confirmed
         if isinstance(failure, GONE):
             why = str(failure) or type(failure).__name__
-            raise NotConfirmed("stop", [f"the queues, which are not held ({why})"], confirmed)
+            queues = f"the queues, which are not held ({why})"
+            raise NotConfirmed("stop", confirmed, len(confirmed), [queues])
         if failure:
             raise failure
         return confirmed
@@ -368,8 +369,8 @@ class FleetClient:
         if missing := sorted((wanted - found.keys()) | errors):
             words = {arm: f" ({found[arm].error})" if arm in found else "" for arm in missing}
             named = [f"{arm}{words[arm]}" for arm in missing]
-            counts = f"{request}, {len(found) - len(errors)} of {len(wanted)}"
-            raise NotConfirmed(counts, named, [each for each in confirmed if not each.error])
+            good = [each for each in confirmed if not each.error]
+            raise NotConfirmed(request, good, len(wanted), named)
         return confirmed
 
     async def _hold_queues(self, whom: Sequence[str], hold: bool) -> None:

@@ -45,8 +45,9 @@ class JobRequests:
         if self._inbox and not self._forgotten.is_set():  # all requests there have expired
             await self._inbox.unsubscribe()
             self._inbox = None
+        # An early empty answer: the NATS server refuses the request.
         early = loop.time() - begin < _ANSWER_SECONDS
-        if early and not (found or self._withdrawn):  # the NATS server refuses the request
+        if early and not (found or self._withdrawn):
             await asyncio.sleep(_ANSWER_SECONDS)
         return found
 

@@ -49,7 +49,9 @@ def test_a_stop_holds_the_fleet_and_names_who_does_not_confirm(
             silent = Member("bench.silent", "http://silent", "host", "e" * 32, 1)
             await client._fleet.members.put(silent.arm, to_bytes(silent))
             monkeypatch.setattr("executive.fleet.fleet_client.STOP_SECONDS", 0.3)
-            with pytest.raises(NotConfirmed, match=r"stop, 2 of 3: bench\.silent;"):
+            with pytest.raises(
+                NotConfirmed, match=r"2 of 3 arms confirmed stop; not bench\.silent;"
+            ):
                 await client.stop()
             assert [arm.stops for arm in arms] == [2, 2]
             await client.forget(silent.arm)
@@ -203,7 +205,9 @@ def test_an_arm_whose_server_died_remains_a_member_so_that_a_stop_names_it(
                     worker.end(in_order)
                     await running
                 assert [row.state for row in await client.arms()] == ["gone"]
-                with pytest.raises(NotConfirmed, match=r"stop, 0 of 1: bench\.0;"):
+                with pytest.raises(
+                    NotConfirmed, match=r"0 of 1 arms confirmed stop; not bench\.0;"
+                ):
                     await client.stop()
                 await client.forget("bench.0")
                 assert await client.resume() == []
