@@ -298,8 +298,10 @@ class Peer:
     def start(self, space, task):
         """Send a goal until it is accepted, and ask for its result, which `wait` returns."""
         action, accepted = self.action(f"{space}/task_server"), False
-        while not accepted:  # the node may not have found the server yet
-            goal, accepted, _ = repeated(lambda: action.send(task, longest=1))
+        identity = uuid.uuid4().bytes
+        # The node may not have found the server yet, or its answer may come too late.
+        while not (accepted or identity in action.histories):
+            goal, accepted, _ = repeated(lambda: action.send(task, identity, longest=1))
         action.until(goal, 2)
         self.parked = action.result(goal)
         return bytes(goal.uuid).hex()
