@@ -209,6 +209,7 @@ def test_goals_end_with_the_node_and_with_the_server(
     start("-m", "executive", "ros2", "--server", f"http://127.0.0.1:{port}", *names)
     assert peer.ask("result_of", goal) == 5
     peer.ask("start", "", 10)
+    assert peer.ask("result_of", goal) == 5  # so the node has read the earlier request, too
     second.send_signal(signal.SIGINT)
     assert peer.ask("wait") == 5
     assert second.wait(LONGEST) == INTERRUPTED_EXIT
