@@ -426,6 +426,7 @@ class Executive:
             policy=self._queue.policy,
             paused=goal is not None and goal.mailbox.paused,
             breakpoints=tuple(sorted(self._breakpoints)),
+            stops=self._stopper.stops,
             uptime=self.clock.now() - self._started,
         )
 

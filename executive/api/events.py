@@ -90,6 +90,7 @@ class Status:
         policy: Policy for a second goal.
         paused: True if the goal under way is paused.
         breakpoints: Paths of the nodes with a breakpoint.
+        stops: Number of stops since the start, also of an idle arm.
         uptime: Time since the start [s].
     """
 
@@ -107,6 +108,7 @@ class Status:
     policy: Policy
     paused: bool
     breakpoints: tuple[str, ...]
+    stops: int
     uptime: float
 
     def to_json(self) -> dict[str, Any]:

@@ -221,6 +221,7 @@ STATUS = answer(
     policy=choice(policy.value for policy in Policy),
     paused=BOOLEAN,
     breakpoints=array(TEXT),
+    stops=described(COUNT, "Stops since the start, also of an idle arm."),
     uptime_s=NUMBER,
 )
 DIGEST = described(

@@ -3,7 +3,7 @@
 import json
 import logging
 import sys
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +20,7 @@ from .support.own_arms import local_server
 from .terminal.streams import LogFormatter, echo, echo_result
 
 if TYPE_CHECKING:
+    from executive.fleet.confirmation import Confirmation
     from executive.fleet.fleet_client import FleetClient
     from executive.fleet.values import Job, JobRecord
 
@@ -188,6 +189,12 @@ def join(server: str, url: str, pool: str, name: str, page: str | None, child: b
 @click.option(
     "--start-within", metavar="SECONDS", type=ABOVE_0, help="Fail if no arm starts it in time [s]."
 )
+@click.option(
+    "--end-within",
+    metavar="SECONDS",
+    type=ABOVE_0,
+    help="Cancel it if it does not end in time [s].",
+)
 @click.option("--wait", is_flag=True, help="Wait for its end; the exit status is that of the run.")
 @_JSON
 @_FLEET
@@ -200,6 +207,7 @@ def send(
     identity: str,
     priority: str,
     start_within: float | None,
+    end_within: float | None,
     wait: bool,
 ) -> None:
     """Send TASK to a pool of arms. A free arm of the pool runs it once.
@@ -212,8 +220,11 @@ def send(
     ended: list[JobRecord] = []
 
     async def act(client: "FleetClient") -> None:
-        job = await client.send(task, pool, parameters(settings), identity, priority, start_within)
+        limits = (start_within, end_within)
+        job = await client.send(task, pool, parameters(settings), identity, priority, *limits)
         echo_result(as_json, {"event": "queued", "job": job.identity}, job.identity)
+        if why := (await client.waiting()).get(pool):
+            echo(why, err=True)
         if wait:
             async for record in client.wait(job.identity):
                 _print_record(record, as_json)
@@ -238,7 +249,10 @@ def cancel(url: str, as_json: bool, identity: str) -> None:
     """Cancel JOB: a queued one ends at once, a running one when its arm has stopped."""
 
     async def act(client: "FleetClient") -> None:
-        _print_record(await client.cancel(identity), as_json)
+        record, had_ended = await client.cancel(identity)
+        if had_ended:
+            echo("the job had ended before the cancel", err=True)
+        _print_record(record, as_json)
 
     _run(url, act)
 
@@ -310,10 +324,19 @@ def resume(url: str, as_json: bool, whom: tuple[str, ...]) -> None:
 
 
 def _confirmed(url: str, as_json: bool, request: str, whom: tuple[str, ...]) -> None:
-    async def act(client: "FleetClient") -> None:
-        for each in await getattr(client, request)(whom):
+    from executive.fleet.errors import NotConfirmed
+
+    def show(confirmed: "Sequence[Confirmation]") -> None:
+        for each in confirmed:
             row = {"arm": each.arm, "goals": each.goals, "ms": round(1000 * each.seconds, 1)}
             echo_result(as_json, row, f"{each.arm}  {request} confirmed after {row['ms']} ms")
+
+    async def act(client: "FleetClient") -> None:
+        try:
+            show(await getattr(client, request)(whom))
+        except NotConfirmed as error:
+            show(error.confirmed)
+            raise
 
     _run(url, act)
 

@@ -3,11 +3,10 @@
 import asyncio
 import json
 import logging
-import math
 import os
 import re
 import ssl
-from collections import deque
+from collections import Counter, deque
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequence
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
@@ -23,8 +22,10 @@ from nats.aio.msg import Msg
 from nats.js import JetStreamContext
 from nats.js.api import (
     ConsumerConfig,
+    ConsumerInfo,
     DiscardPolicy,
     KeyValueConfig,
+    RePublish,
     RetentionPolicy,
     StorageType,
     StreamConfig,
@@ -42,8 +43,8 @@ T = TypeVar("T")
 logger = logging.getLogger(__name__)
 
 NATS_PORT = 4222  # port for a URL without one
-_MEMBERS, _RECORDS, ALIVE = "fleet_members", "fleet_jobs", "fleet_alive"
-_BUCKETS: Mapping[type, str] = {Member: _MEMBERS, JobRecord: _RECORDS, Presence: ALIVE}
+MEMBERS, RECORDS, ALIVE = "fleet_members", "fleet_jobs", "fleet_alive"
+_BUCKETS: Mapping[type, str] = {Member: MEMBERS, JobRecord: RECORDS, Presence: ALIVE}
 JOBS = "fleet_jobs_queue"  # stream of the jobs that no arm has claimed
 ALIVE_SECONDS = 10.0  # silence after which an arm counts as gone
 _CLAIM_SECONDS = 30.0  # time until an unclaimed job is delivered again [s]
@@ -78,6 +79,20 @@ def control_subject(request: str, arm: str = "") -> str:
         arm: POOL.NAME, or POOL for all arms of a pool; empty for all arms.
     """
     return f"fleet.{request}{f'.{arm}' if arm else ''}"
+
+
+def confirm_subject(request: str) -> str:
+    """Return the reply subject of a request; `*` for all requests.
+
+    An arm adds its POOL.NAME. The NATS server lets it use no other name, so that no arm can answer
+    for another one.
+    """
+    return f"fleet.confirm.{request}"
+
+
+def inbox_prefix(name: str) -> str:
+    """Return the prefix of the subjects on which a program receives its answers."""
+    return f"_INBOX.{name}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,10 +181,8 @@ class Fleet:
             return None
         return from_bytes(Job, found.data)
 
-    async def lateness(self, message: Msg, job: Job) -> float:
-        """Return the delay of a job after its latest start [s]; negative before it.
-
-        Both times are on the clock of the NATS server.
+    async def age(self, message: Msg, job: Job) -> float:
+        """Return the time since a job was sent, by the clock of the NATS server [s].
 
         Args:
             message: Message of the job.
@@ -179,24 +192,24 @@ class Fleet:
             nats.errors.Error: An answer of the NATS server has no time, such as after a start
                 without its disk.
         """
-        if job.start_within_s is None:
-            return -math.inf
         consumer = consumer_of(job.pool, job.priority)
         answer = await self.nats.request(f"$JS.API.CONSUMER.INFO.{JOBS}.{consumer}", b"")
         try:
             now = datetime.fromisoformat(strict_json.parse_object(answer.data)["ts"])
-            return (now - message.metadata.timestamp).total_seconds() - job.start_within_s
+            return (now - message.metadata.timestamp).total_seconds()
         except (strict_json.NotJson, KeyError, TypeError, ValueError) as error:
             raise nats.errors.Error(f"no time in an answer about {consumer}: {error}") from error
 
-    async def pools(self) -> set[str]:
-        """Return the names of all pools that an arm has ever joined."""
-        found, names = set[str](), [""]
-        while names:  # an answer has a limited number of names
-            infos = await self.stream.consumers_info(JOBS, offset=len(found))
-            names = [info.name or "" for info in infos]
-            found.update(names)
-        return {name.rpartition("-")[0] for name in found}
+    async def pools(self) -> dict[str, int]:
+        """Return the number of unclaimed jobs of each pool that an arm has ever joined."""
+        found = list[ConsumerInfo]()
+        while infos := await self.stream.consumers_info(JOBS, offset=len(found)):
+            found += infos  # an answer has a limited number of consumers
+        jobs = Counter[str]()
+        for each in found:
+            number = (each.num_pending or 0) + (each.num_ack_pending or 0)
+            jobs[(each.name or "").rpartition("-")[0]] += number
+        return jobs
 
     async def add_consumers(self, pool: str) -> None:
         """Make the consumers of a pool, unless they exist."""
@@ -207,6 +220,7 @@ class Fleet:
             await self.stream.add_consumer(
                 JOBS,
                 ConsumerConfig(
+                    name=consumer_of(pool, priority),  # puts the filter into the subject
                     durable_name=consumer_of(pool, priority),
                     filter_subject=job_subject(pool, priority, "*"),
                     ack_wait=_CLAIM_SECONDS,
@@ -229,7 +243,7 @@ async def open_fleet(
 
     Args:
         url: URL of the NATS server.
-        name: Name of this program, which the server shows.
+        name: Name of this program, which the server shows; POOL.NAME for an arm.
         lasting: True to wait for the server and always reconnect; False to fail at once.
         changed: Callback with False when the connection is lost, and with True when it is back.
         credentials: Options of nats-py for the login of this program. Default: the user's.
@@ -243,6 +257,7 @@ async def open_fleet(
     options: dict[str, Any] = {
         **(_credentials(url) if credentials is None else credentials),
         "name": name,
+        "inbox_prefix": inbox_prefix(name),
         "error_cb": watch.note,
         "disconnected_cb": watch.disconnected,
         "reconnected_cb": watch.reconnected,
@@ -364,7 +379,7 @@ async def _open(connection: Nats, url: str, lasting: bool) -> Fleet:
             await asyncio.sleep(_RETRY_SECONDS)
     members, jobs, alive = (
         KeyValue(name=name, stream=f"KV_{name}", pre=f"$KV.{name}.", js=stream, direct=True)
-        for name in (_MEMBERS, _RECORDS, ALIVE)
+        for name in (MEMBERS, RECORDS, ALIVE)
     )
     return Fleet(url, connection, stream, members, alive, jobs)
 
@@ -383,13 +398,14 @@ async def _make(stream: JetStreamContext) -> None:
             allow_direct=True,
         )
     )
-    for bucket, ttl, storage in (
-        (_MEMBERS, None, StorageType.FILE),
-        (_RECORDS, _KEEP_SECONDS, StorageType.FILE),
-        (ALIVE, ALIVE_SECONDS, StorageType.MEMORY),
+    events = RePublish(f"$KV.{ALIVE}.>", "fleet.events.>")
+    for bucket, ttl, storage, publish in (
+        (MEMBERS, None, StorageType.FILE, None),
+        (RECORDS, _KEEP_SECONDS, StorageType.FILE, None),
+        (ALIVE, ALIVE_SECONDS, StorageType.MEMORY, events),
     ):
         await stream.create_key_value(
-            KeyValueConfig(bucket=bucket, direct=True, ttl=ttl, storage=storage)
+            KeyValueConfig(bucket, direct=True, ttl=ttl, storage=storage, republish=publish)
         )
 
 

@@ -5,6 +5,8 @@ from collections.abc import Sequence
 
 from hardware import ArmtreeError
 
+from .confirmation import Confirmation
+
 _NAME = re.compile(r"[A-Za-z0-9_-]{1,32}")
 
 
@@ -66,7 +68,7 @@ class NotStarted(FleetError):
     """The program nats-server does not start."""
 
     code = "fleet.not_started"
-    hint = "see the end of its log; --tcp-port chooses another port, --data another folder"
+    hint = "see the end of its log; --nats-port chooses another port, --data another folder"
 
 
 class BadName(FleetError):
@@ -157,6 +159,19 @@ class DeadlinePassed(FleetError):
         super().__init__(f"no arm was free by its deadline, {late:.1f} s ago, so nothing moved")
 
 
+class TooLong(FleetError):
+    """A job had not ended by its deadline, so it was canceled."""
+
+    code = "fleet.too_long"
+    exit_status = 8
+    hint = "explain its recording, or give the job more time"
+
+    def __init__(self, seconds: float) -> None:
+        super().__init__(
+            f"the job had not ended {seconds:g} s after it was sent, so it was canceled"
+        )
+
+
 class ArmLost(FleetError):
     """The arm that had claimed a job is gone."""
 
@@ -166,16 +181,23 @@ class ArmLost(FleetError):
     def __init__(self, arm: str, url: str, silence: float) -> None:
         super().__init__(
             f"{arm} ({url}) claimed this job, and has not been heard of for {silence:.0f} s. It "
-            f"may have moved; see its own recording. {self.hint.capitalize()}"
+            "may have moved; see its own recording"
         )
 
 
 class NotConfirmed(FleetError):
-    """Some arms did not confirm a request."""
+    """Some arms did not confirm a request.
+
+    Attributes:
+        confirmed: The answers of those that did.
+    """
 
     code = "fleet.not_confirmed"
     hint = "look at these arms, and use their own pages or power switches"
 
-    def __init__(self, request: str, confirmed: int, wanted: int, missing: Sequence[str]) -> None:
-        words = f"{confirmed} of {wanted} arms confirmed {request}; not {', '.join(missing)}"
+    def __init__(
+        self, request: str, confirmed: Sequence[Confirmation], wanted: int, missing: Sequence[str]
+    ) -> None:
+        words = f"{len(confirmed)} of {wanted} arms confirmed {request}; not {', '.join(missing)}"
         super().__init__(f"{words}; {self.hint}")
+        self.confirmed = tuple(confirmed)

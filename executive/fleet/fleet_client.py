@@ -3,6 +3,7 @@
 import asyncio
 import json
 import uuid
+from collections import Counter
 from collections.abc import AsyncIterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -15,7 +16,17 @@ from executive.api.outcome import GoalState
 from executive.errors import GoalCanceled
 from hardware import Clock, utc_ns
 
-from .connection import ALIVE, JOBS, Fleet, consumer_of, control_subject, job_subject
+from .confirmation import Confirmation
+from .connection import (
+    ALIVE,
+    GONE,
+    JOBS,
+    Fleet,
+    confirm_subject,
+    consumer_of,
+    control_subject,
+    job_subject,
+)
 from .errors import (
     BadJob,
     DuplicateJob,
@@ -26,7 +37,9 @@ from .errors import (
     check_name,
 )
 from .values import (
+    BUSY,
     PRIORITIES,
+    READY,
     Job,
     JobRecord,
     Member,
@@ -37,6 +50,7 @@ from .values import (
 )
 
 STOP_SECONDS = 2.0  # longest time for the confirmation of an arm
+_RESULT_SECONDS = 10.0  # longest time for the result of a canceled job
 _FOREVER = "2200-01-01T00:00:00Z"
 
 
@@ -73,23 +87,6 @@ class ArmRow:
         }
 
 
-@dataclass(frozen=True, slots=True)
-class Confirmation:
-    """The answer of an arm to a request.
-
-    Attributes:
-        arm: POOL.NAME.
-        error: Error of the request; empty if it is done.
-        goals: Goals that the request concerned.
-        seconds: Time from the request to the answer [s].
-    """
-
-    arm: str
-    error: str
-    goals: tuple[str, ...]
-    seconds: float
-
-
 class FleetClient:
     """A client of a fleet, for a person.
 
@@ -109,6 +106,7 @@ class FleetClient:
         identity: str = "",
         priority: str = "normal",
         start_within: float | None = None,
+        end_within: float | None = None,
     ) -> Job:
         """Send a job. Returns when the job is on disk.
 
@@ -119,6 +117,7 @@ class FleetClient:
             identity: 32 hexadecimal digits; empty to choose one.
             priority: One of `PRIORITIES`.
             start_within: Longest time until its start [s]; None for no limit.
+            end_within: Longest time until its end [s]; None for no limit.
 
         Raises:
             PoolNotServed: No arm serves the pool.
@@ -127,7 +126,8 @@ class FleetClient:
         """
         check_name("a pool", pool)
         chosen = identity or uuid.uuid4().hex
-        job = Job(chosen, pool, task, dict(arguments), utc_ns(self._clock), priority, start_within)
+        now, limits = utc_ns(self._clock), (start_within, end_within)
+        job = Job(chosen, pool, task, dict(arguments), now, priority, *limits)
         from_bytes(Job, to_bytes(job))
         if not await self._is_served(pool):
             raise PoolNotServed(pool)
@@ -150,6 +150,11 @@ class FleetClient:
         except NotFoundError:
             return False
         return True
+
+    async def waiting(self) -> dict[str, str]:
+        """Return why jobs wait, by pool, for pools without an arm that is ready or busy."""
+        queued = await self._fleet.pools()
+        return waiting_words(await self.arms(), queued) if any(queued.values()) else {}
 
     async def arms(self) -> list[ArmRow]:
         """Return the arms of the fleet by name, also arms that are gone."""
@@ -215,12 +220,15 @@ class FleetClient:
         finally:
             await watcher.stop()  # type: ignore[no-untyped-call]
 
-    async def cancel(self, identity: str) -> JobRecord:
+    async def cancel(self, identity: str) -> tuple[JobRecord, bool]:
         """Cancel a job. A queued job ends at once, a running job when its arm has stopped.
+
+        Returns:
+            The record of the job, which has ended, and True if it had ended before the cancel.
 
         Raises:
             UnknownJob: No job has that id.
-            NotConfirmed: Its arm does not confirm.
+            NotConfirmed: Its arm does not confirm, or stores no result.
         """
         known = await self.job(identity)
         if isinstance(known, Job):
@@ -229,18 +237,24 @@ class FleetClient:
             record = JobRecord(known, "", "", "", now, result=result, ended_ns=now)
             try:
                 await self._fleet.jobs.create(identity, to_bytes(record))
-                return record
+                return record, False
             except KeyWrongLastSequenceError:
                 known = await self.job(identity)  # an arm has claimed it meanwhile
         assert isinstance(known, JobRecord)
-        if known.result is None:
-            try:
-                await self.request("cancel", [known.arm], {"job": identity})
-            except FleetError:
-                if known.retry_safe:
-                    await self._end_attempts(identity)
-                raise
-        return known
+        if known.result:
+            return known, True
+        try:
+            await self.request("cancel", [known.arm], {"job": identity})
+        except FleetError:
+            if known.retry_safe:
+                await self._end_attempts(identity)
+            raise
+        with suppress(TimeoutError):
+            async with asyncio.timeout(_RESULT_SECONDS):
+                async for record in self.wait(identity):
+                    if record.result:
+                        return record, False
+        raise NotConfirmed("cancel", [], 1, [f"{known.arm} (it stores no result of the job)"])
 
     async def _end_attempts(self, identity: str) -> None:
         """End a job whose arm does not answer, so that no further attempt of it runs."""
@@ -262,8 +276,17 @@ class FleetClient:
         """
         asked = asyncio.create_task(self.request("stop", whom))
         await asyncio.sleep(0)  # the stop is sent first
-        await self._hold_queues(whom, hold=True)
-        return await asked
+        holding = self._hold_queues(whom, hold=True)
+        confirmed, failure = await asyncio.gather(asked, holding, return_exceptions=True)
+        if isinstance(confirmed, BaseException):
+            raise confirmed
+        if isinstance(failure, GONE):
+            why = str(failure) or type(failure).__name__
+            queues = f"the queues, which are not held ({why})"
+            raise NotConfirmed("stop", confirmed, len(confirmed), [queues])
+        if failure:
+            raise failure
+        return confirmed
 
     async def resume(self, whom: Sequence[str] = ()) -> list[Confirmation]:
         """Allow jobs again for arms that a stop holds.
@@ -310,7 +333,7 @@ class FleetClient:
             NotConfirmed: Some arms did not answer in time, or failed. The error names them.
         """
         connection, whom = self._fleet.nats, tuple(whom)
-        begin, inbox = self._clock.now(), connection.new_inbox()
+        begin, reply = self._clock.now(), confirm_subject(uuid.uuid4().hex)
         found: dict[str, Confirmation] = {}
         news = asyncio.Event()
 
@@ -319,14 +342,15 @@ class FleetClient:
             # An answer of another form confirms nothing.
             with suppress(strict_json.NotJson, KeyError, TypeError):
                 answer = strict_json.parse_object(message.data)
-                arm, goals = str(answer["arm"]), tuple(map(str, answer.get("goals", ())))
+                arm = message.subject.removeprefix(f"{reply}.")
+                goals = tuple(map(str, answer.get("goals", ())))
                 found[arm] = Confirmation(arm, str(answer["error"]), goals, took)
             news.set()
 
-        subscription = await connection.subscribe(inbox, cb=note)
+        subscription = await connection.subscribe(f"{reply}.>", cb=note)
         for each in whom or ("",):
             data = json.dumps(dict(body or {})).encode()
-            await connection.publish(control_subject(request, each), data, inbox)
+            await connection.publish(control_subject(request, each), data, reply)
         await connection.flush()
         members = await self._fleet.values(Member)
         wanted = {arm for arm in members if not whom or {arm, arm.partition(".")[0]} & {*whom}}
@@ -341,22 +365,41 @@ class FleetClient:
                     await news.wait()
         await subscription.unsubscribe()
         errors = {arm for arm, answer in found.items() if answer.error}
+        confirmed = sorted(found.values(), key=lambda answer: answer.arm)
         if missing := sorted((wanted - found.keys()) | errors):
             words = {arm: f" ({found[arm].error})" if arm in found else "" for arm in missing}
             named = [f"{arm}{words[arm]}" for arm in missing]
-            raise NotConfirmed(request, len(found) - len(errors), len(wanted), named)
-        return sorted(found.values(), key=lambda answer: answer.arm)
+            good = [each for each in confirmed if not each.error]
+            raise NotConfirmed(request, good, len(wanted), named)
+        return confirmed
 
     async def _hold_queues(self, whom: Sequence[str], hold: bool) -> None:
         """Hold the queues of whole pools, also for arms that are not connected now."""
         pools = await self._fleet.pools()
-        for pool in pools & {*whom} if {*whom} else pools:
+        for pool in pools.keys() & {*whom} if {*whom} else pools:
             for priority in PRIORITIES:
                 name = consumer_of(pool, priority)
                 if hold:
                     await self._fleet.stream.pause_consumer(JOBS, name, _FOREVER)
                 else:
                     await self._fleet.stream.resume_consumer(JOBS, name)
+
+
+def waiting_words(rows: Sequence[ArmRow], queued: Mapping[str, int]) -> dict[str, str]:
+    """Return why jobs wait, by pool, for pools without an arm that is ready or busy.
+
+    Args:
+        rows: The arms.
+        queued: Number of queued jobs by pool.
+    """
+    lines = dict[str, str]()
+    for pool, number in sorted(queued.items()):
+        states = Counter(row.state for row in rows if _names(pool, row.member.arm))
+        if number and not (states[READY] or states[BUSY]):
+            found = ", ".join(f"{count} {state}" for state, count in sorted(states.items()))
+            jobs = "the job waits" if number == 1 else f"{number} jobs wait"
+            lines[pool] = f"no arm of {pool} is ready: {found or 'none has joined'}; {jobs}"
+    return lines
 
 
 def _names(whom: str, arm: str) -> bool:

@@ -31,9 +31,11 @@ class JobRequests:
         self._inbox: Subscription | None = None
         self._answer: asyncio.Future[Msg]  # future message of the inbox
         self._forgotten = asyncio.Event()
+        self._withdrawn = False
 
     async def next(self) -> Msg | None:
         """Return the queued job of the highest priority; None if no job comes for a while."""
+        self._withdrawn = False
         for priority in PRIORITIES[:-1]:
             if found := await self._ask([priority], _ANSWER_SECONDS, no_wait=True):
                 return found
@@ -44,12 +46,18 @@ class JobRequests:
             await self._inbox.unsubscribe()
             self._inbox = None
         # An early empty answer: the NATS server refuses the request.
-        if not found and loop.time() - begin < _ANSWER_SECONDS:
+        early = loop.time() - begin < _ANSWER_SECONDS
+        if early and not (found or self._withdrawn):
             await asyncio.sleep(_ANSWER_SECONDS)
         return found
 
     def repeat(self) -> None:
         """Make `next` return, because the NATS server has forgotten the requests."""
+        self._forgotten.set()
+
+    def withdraw(self) -> None:
+        """Take the waiting requests back. `next` returns, with a job if one is on its way."""
+        self._withdrawn = True
         self._forgotten.set()
 
     async def _ask(self, priorities: Sequence[str], seconds: float, **how: Any) -> Msg | None:
@@ -62,13 +70,16 @@ class JobRequests:
             seconds: Longest time to wait [s].
             how: Options of the requests.
         """
+        if self._withdrawn:
+            return None
         connection = self._fleet.nats
         if self._inbox is None:
             self._answer = asyncio.get_running_loop().create_future()
             inbox = await connection.subscribe(connection.new_inbox(), future=self._answer)
             await inbox.unsubscribe(limit=1)
             self._inbox = inbox
-        self._forgotten.clear()
+        if not self._withdrawn:
+            self._forgotten.clear()
         for priority in priorities:
             subject = f"$JS.API.CONSUMER.MSG.NEXT.{JOBS}.{consumer_of(self._pool, priority)}"
             request = json.dumps({"batch": 1, **how}).encode()
@@ -79,6 +90,9 @@ class JobRequests:
             await asyncio.wait(waited, timeout=seconds, return_when=asyncio.FIRST_COMPLETED)
         finally:
             forgotten.cancel()
+        if self._withdrawn and not self._answer.done():
+            inbox, self._inbox = self._inbox, None
+            await inbox.drain()  # returns when no further message can come
         if not self._answer.done():
             return None
         message, self._inbox = self._answer.result(), None

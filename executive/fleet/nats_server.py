@@ -1,5 +1,6 @@
 """The NATS server of a fleet: its configuration, its process, and its users."""
 
+import ctypes
 import json
 import os
 import shutil
@@ -8,7 +9,7 @@ import socket
 import ssl
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,28 +18,24 @@ from typing import Any
 from executive.api import ADDRESS, NATS_PORT, token_file
 from hardware import Clock, read_file
 
-from .errors import FleetMissing, FleetUnsafe, NotStarted
+from .connection import (
+    ALIVE,
+    JOBS,
+    MEMBERS,
+    RECORDS,
+    confirm_subject,
+    consumer_of,
+    control_subject,
+    inbox_prefix,
+)
+from .errors import FleetMissing, FleetUnsafe, NotStarted, check_name
+from .values import PRIORITIES
 
 _START_SECONDS = 10.0
 _OWN_KEY = "supervisor.nkey"  # file in the data folder; new at each start
+_PR_SET_PDEATHSIG = 1  # of <sys/prctl.h>
 _MOST = 2**20  # largest file of keys [bytes]
 _LAST_LINES = 3  # number of characters of its log in an error
-
-# Subjects that an arm must not use: jobs, requests to other arms, and changes of others' data.
-_NOT_FOR_ARMS = (
-    "fleet.job.>",
-    "fleet.stop.>",
-    "fleet.stop",
-    "fleet.cancel.>",
-    "fleet.resume.>",
-    "fleet.resume",
-    "$JS.API.STREAM.DELETE.>",
-    "$JS.API.STREAM.PURGE.>",
-    "$JS.API.STREAM.UPDATE.>",
-    "$JS.API.STREAM.MSG.DELETE.>",
-    "$JS.API.CONSUMER.DELETE.>",
-    "$JS.API.CONSUMER.PAUSE.>",
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,8 +48,8 @@ class NatsOptions:
         port: TCP port.
         certificate: TLS certificate of the server, or None.
         key: Private key of the certificate.
-        nkeys: File with the public keys that may connect: lines with a role (`operator` or `arm`)
-            and a key. None to accept the token instead; programs of this user find it.
+        nkeys: File with the public keys that may connect, one each line: `operator KEY`, or
+            `arm KEY POOL.NAME`. None to accept the token instead; programs of this user find it.
     """
 
     data: Path
@@ -89,8 +86,9 @@ class NatsOptions:
             except OSError as error:
                 where = f"{self.address} port {self.port}"
                 raise NotStarted(
-                    f"nats-server cannot listen on {where}: {error.strerror}; if another fleet "
-                    "runs there, use it with --fleet URL, or choose another port with --tcp-port"
+                    f"nats-server cannot listen on {where}: {error.strerror}. If the NATS server "
+                    f"of a fleet runs there, --use {self.url} adds the supervisor and the page; "
+                    "else choose another port with --nats-port"
                 ) from error
 
 
@@ -149,6 +147,7 @@ def nats_server(options: NatsOptions, clock: Clock) -> Iterator["subprocess.Pope
             stdout=output,
             stderr=output,
             start_new_session=True,  # Ctrl-C is for armtree, which ends it in order
+            preexec_fn=_end_with_parent(),  # noqa: PLW1509, it takes no lock
         )
     info = token_file.ServerInfo(options.url, token, process.pid)
     try:
@@ -164,6 +163,17 @@ def nats_server(options: NatsOptions, clock: Clock) -> Iterator["subprocess.Pope
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
+
+
+def _end_with_parent() -> Callable[[], None] | None:
+    """Return a function that makes the system end this process if the thread that started it dies.
+
+    Linux only. Elsewhere nats-server outlives a killed armtree, and needs `fleet up --use URL`.
+    """
+    if sys.platform != "linux":
+        return None
+    prctl = ctypes.CDLL(None).prctl  # loaded here, because a new process must load nothing
+    return lambda: prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
 
 
 def _program() -> str:
@@ -198,18 +208,46 @@ def _configuration(options: NatsOptions, token: str) -> dict[str, Any]:
 def _users(path: Path) -> list[dict[str, Any]]:
     users: list[dict[str, Any]] = []
     for number, line in enumerate(read_file(path, _MOST).decode(errors="replace").splitlines(), 1):
-        words = line.partition("#")[0].split()
-        if not words:
-            continue
-        if len(words) != 2 or words[0] not in ("operator", "arm") or not words[1].startswith("U"):
-            raise NotStarted(f"{path}:{number}: expected `operator KEY` or `arm KEY`: {line[:80]}")
-        user: dict[str, Any] = {"nkey": words[1]}
-        if words[0] == "arm":
-            user["permissions"] = {"publish": {"deny": list(_NOT_FOR_ARMS)}}
-        users.append(user)
+        match line.partition("#")[0].split():
+            case []:
+                pass
+            case ["operator", key] if key.startswith("U"):
+                users.append({"nkey": key})
+            case ["arm", key, arm] if key.startswith("U") and arm.count(".") == 1:
+                users.append({"nkey": key, "permissions": _permissions(*arm.split("."))})
+            case _:
+                words = "expected `operator KEY` or `arm KEY POOL.NAME`"
+                raise NotStarted(f"{path}:{number}: {words}: {line[:80]}")
     if not users:
         raise NotStarted(f"{path} names no key; `armtree fleet key` makes one")
     return users
+
+
+def _permissions(pool: str, name: str) -> dict[str, Any]:
+    """Return the subjects of an arm. It can neither send jobs, nor stop or be another arm.
+
+    Raises:
+        BadName: A name is malformed.
+    """
+    arm = f"{check_name('a pool', pool)}.{check_name('an arm', name)}"
+    consumers = [f"{JOBS}.{consumer_of(pool, priority)}" for priority in PRIORITIES]
+    buckets = [f"KV_{bucket}" for bucket in (ALIVE, MEMBERS, RECORDS)]
+    publish = [f"$KV.{ALIVE}.{arm}", f"$KV.{MEMBERS}.{arm}", f"$KV.{RECORDS}.*"]
+    publish += [f"{confirm_subject('*')}.{arm}", "$JS.API.STREAM.INFO.*"]
+    publish += [f"$JS.API.STREAM.CREATE.{each}" for each in (JOBS, *buckets)]
+    publish += [f"$JS.API.DIRECT.GET.{each}.>" for each in buckets]
+    publish += [
+        f"$JS.API.CONSUMER.{act}.{each}" for act in ("INFO", "MSG.NEXT") for each in consumers
+    ]
+    publish += [f"$JS.API.CONSUMER.CREATE.{each}.>" for each in consumers]
+    publish += [f"$JS.ACK.{each}.>" for each in consumers]
+    subscribe = [f"{inbox_prefix(arm)}.>"]
+    subscribe += [
+        control_subject(request, whom)
+        for request in ("stop", "resume", "cancel")
+        for whom in ("", pool, arm)
+    ]
+    return {"publish": {"allow": publish}, "subscribe": {"allow": subscribe}}
 
 
 def _token(path: Path) -> str:

@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+import os
 import re
 import signal
 import socket
@@ -179,15 +180,23 @@ async def _join(server: str, url: str, pool: str, name: str, page: str, child: b
             logger.info("Fleet: this arm is %s in %s", worker.arm, url)
             await worker.run()
 
+    in_order = True
+
+    def parent_ended() -> None:
+        nonlocal in_order
+        in_order = bool(os.read(sys.stdin.fileno(), 1))  # see `worker_of`
+        asyncio.get_running_loop().remove_reader(sys.stdin.fileno())
+        ended.set()
+
     async with _signals() as ended:
         if child:
-            asyncio.get_running_loop().add_reader(sys.stdin.fileno(), ended.set)
+            asyncio.get_running_loop().add_reader(sys.stdin.fileno(), parent_ended)
         serving = asyncio.create_task(serve())
         ending = asyncio.create_task(ended.wait())
         await asyncio.wait((serving, ending), return_when=asyncio.FIRST_COMPLETED)
         ending.cancel()
         if known:
-            known[0].end()
+            known[0].end(in_order)
         else:
             await end_all(serving)
         with suppress(asyncio.CancelledError):

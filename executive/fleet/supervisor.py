@@ -12,7 +12,7 @@ from hardware import Clock, utc_ns
 
 from .connection import ALIVE_SECONDS, GONE, Fleet
 from .errors import ArmLost
-from .fleet_client import publish
+from .fleet_client import FleetClient, publish
 from .values import JobRecord, Presence, failed, to_bytes
 
 logger = logging.getLogger(__name__)
@@ -39,6 +39,7 @@ class Supervisor:
         self._fleet, self._clock = fleet, clock
         self._silent: dict[str, float] = {}  # begin of the silence, by job [s]
         self._claimed: dict[str, JobRecord] = {}
+        self._waiting = dict[str, str]()  # what was logged of waiting jobs, by pool
         self._revision = 0  # revision of the last record that was read
         self.ended = Counter[tuple[str, str, str]]()
 
@@ -53,9 +54,19 @@ class Supervisor:
                         record.arm,
                         "given up" if record.result else "sent again",
                     )
+                await self._log_waiting()
             except GONE:
                 self.reconnected()
             await asyncio.sleep(_SWEEP_SECONDS)
+
+    async def _log_waiting(self) -> None:
+        """Log the pools whose jobs wait for an arm, once for each change of their arms."""
+        waiting = await FleetClient(self._fleet, self._clock).waiting()
+        arms = {pool: words.partition(";")[0] for pool, words in waiting.items()}
+        for pool, words in arms.items():
+            if words != self._waiting.get(pool):
+                logger.warning("%s", waiting[pool])
+        self._waiting = arms
 
     def reconnected(self) -> None:
         """Give all arms time to reconnect, and read all records again."""

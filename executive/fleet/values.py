@@ -16,6 +16,7 @@ from .errors import BadJob
 T = TypeVar("T")
 
 PRIORITIES = ("high", "normal", "low")
+READY, BUSY, HELD, UNREACHABLE = "ready", "busy", "held", "unreachable"  # states of an arm
 IDENTITY = re.compile(r"[0-9a-f]{32}")
 
 
@@ -32,6 +33,7 @@ class Job:
         priority: One of `PRIORITIES`.
         start_within_s: Longest time until its start [s], by the clock of the NATS server; None for
             no limit.
+        end_within_s: Longest time until its end [s], by the same clock; None for no limit.
         attempt: Number of the attempt, from 1.
     """
 
@@ -42,6 +44,7 @@ class Job:
     sent_ns: int
     priority: str = "normal"
     start_within_s: float | None = None
+    end_within_s: float | None = None
     attempt: int = 1
 
 
@@ -87,6 +90,7 @@ class Member:
         host: Name of its machine.
         worker: Identity of its worker process.
         joined_ns: Time of joining, UTC [ns since 1970].
+        held: Reason that it takes no jobs until a resume; empty if it takes jobs.
     """
 
     arm: str
@@ -94,6 +98,7 @@ class Member:
     host: str
     worker: str
     joined_ns: int
+    held: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -86,7 +86,8 @@ def make_app(client: FleetClient, supervisor: Supervisor) -> Starlette:
 
     async def arms(_: Request) -> Response:
         rows, queued = await read()
-        found = {"queued": queued, "arms": [row.to_json() for row in rows]}
+        waiting = [*(await client.waiting()).values()] if queued else []
+        found = {"queued": queued, "waiting": waiting, "arms": [row.to_json() for row in rows]}
         return JSONResponse({"host": socket.gethostname(), **found}, headers=_HEADERS)
 
     async def metrics(_: Request) -> Response:

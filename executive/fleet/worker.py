@@ -3,6 +3,7 @@
 import asyncio
 import json
 import logging
+import math
 import random
 import socket
 import uuid
@@ -16,15 +17,35 @@ from nats.js.errors import APIError, KeyWrongLastSequenceError
 
 from executive.api import strict_json
 from executive.api.events import Status
-from executive.api.outcome import CancelResult, Ending, GoalState, GoalStatus, Outcome
+from executive.api.outcome import (
+    CancelResult,
+    Ending,
+    GoalState,
+    GoalStatus,
+    Outcome,
+    cause_of,
+)
 from executive.client.values import Task
 from executive.errors import ClientError, GoalBusy, QueueFull, ServerUnreachable
 from hardware import Clock, State, utc_ns
 
 from .connection import ALIVE_SECONDS, GONE, Fleet, control_subject, end_all
-from .errors import ArmLost, BadJob, DeadlinePassed, FleetError, NameTaken
+from .errors import ArmLost, BadJob, DeadlinePassed, FleetError, NameTaken, TooLong
 from .job_requests import JobRequests
-from .values import IDENTITY, Job, JobRecord, Member, Presence, failed, from_bytes, to_bytes
+from .values import (
+    BUSY,
+    HELD,
+    IDENTITY,
+    READY,
+    UNREACHABLE,
+    Job,
+    JobRecord,
+    Member,
+    Presence,
+    failed,
+    from_bytes,
+    to_bytes,
+)
 
 T = TypeVar("T")
 
@@ -38,7 +59,7 @@ _ATTEMPTS = 10  # longest time to reach the server of the arm for a result
 # Codes of refusals before any motion, so that another arm may run the job.
 _NOT_NOW = (GoalBusy.code, QueueFull.code)
 
-READY, BUSY_ARM, HELD, UNREACHABLE = "ready", "busy", "held", "unreachable"
+_BY_FLEET, _AT_ARM = "stopped by the fleet", "stopped at the arm"  # reasons to take no jobs
 
 
 class ArmServer(Protocol):
@@ -100,12 +121,16 @@ class Worker:
         self._me = uuid.uuid4().hex
         self._presence = Presence(self._me, UNREACHABLE)
         self._held = ""  # reason that it takes no job; empty if it takes jobs
+        self._stops: int | None = None  # stops that the server has counted; None if unknown
         self._canceled: set[str] = set()  # jobs that the fleet has canceled
         self._revision = 0  # revision of the stored presence; 0 if it is not stored
-        self._joined = False  # True if the NATS server knows the member and its pool
+        self._joined_ns = utc_ns(clock)
+        self._member: Member | None = None  # as the NATS server knows it, with its pool
+        self._in_order = True
         self._changed, self._free = asyncio.Event(), asyncio.Event()
         self._idle, self._ending = asyncio.Event(), asyncio.Event()
         self._sending = asyncio.Lock()  # held from the claim of a job until its arm has accepted it
+        self._looking = asyncio.Lock()
         self._requests = JobRequests(fleet, pool)
         self._idle.set()
 
@@ -124,7 +149,7 @@ class Worker:
             await self._listen("resume", self._resume)
             await self._listen("cancel", self._cancel)
             done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-            self.end()
+            self._ending.set()
             with suppress(TimeoutError):
                 async with asyncio.timeout(_LAST_SECONDS):
                     await self._idle.wait()
@@ -134,10 +159,20 @@ class Worker:
             await end_all(recovering, *tasks)
             await self._leave()
 
-    def end(self) -> None:
-        """Take no more jobs. `run` returns when the result of the last job is stored."""
-        self._held = "ending"
+    def end(self, in_order: bool = True) -> None:
+        """Take no more jobs. `run` returns when the result of the last job is stored.
+
+        Args:
+            in_order: False if the server of the arm has died. The arm then remains a member, so
+                that a stop names it.
+        """
+        self._in_order = in_order
         self._ending.set()
+
+    @property
+    def _refusal(self) -> str:
+        """Reason that it takes no job; empty if it takes jobs."""
+        return "ending" if self._ending.is_set() else self._held
 
     async def reconnected(self) -> None:
         """Request a job again, because the NATS server has forgotten the request."""
@@ -145,10 +180,15 @@ class Worker:
         self._requests.repeat()
 
     async def _join(self) -> None:
-        """Store presence and member. The name of a dead worker is free after a while."""
+        """Store presence and member. The name of a dead worker is free after a while.
+
+        A stop also holds the arm after a restart of its worker.
+        """
         end = self._clock.now() + ALIVE_SECONDS + 2 * _PAUSE_SECONDS
         while True:
             try:
+                if earlier := await self._stored(Member):
+                    self._held = earlier[0].held
                 await self._say()
                 return
             except NameTaken:
@@ -178,13 +218,14 @@ class Worker:
             if found:  # an answer was lost
                 self._revision = found[1]
             else:  # it expired, or the NATS server restarted, perhaps without its disk
-                self._joined = False
+                self._member = None
             await self._say()
-        if not self._joined:
-            mine = Member(self.arm, self._page, socket.gethostname(), self._me, utc_ns(self._clock))
+        host = socket.gethostname()
+        mine = Member(self.arm, self._page, host, self._me, self._joined_ns, self._held)
+        if mine != self._member:
             await fleet.members.put(self.arm, to_bytes(mine))
             await fleet.add_consumers(self._pool)
-            self._joined = True
+            self._member = mine
 
     async def _stored(self, kind: type[T]) -> tuple[T, int] | None:
         """Return a stored value of this arm, and its revision. Remove a malformed value."""
@@ -197,10 +238,15 @@ class Worker:
             return None
 
     async def _leave(self) -> None:
-        if self._revision:  # no other worker has the name
-            with suppress(*GONE):
+        if not self._revision:  # another worker has the name
+            return
+        with suppress(*GONE):
+            if self._in_order and self._idle.is_set() and self._held != _BY_FLEET:
                 await self._fleet.members.purge(self.arm)
-                await self._fleet.alive.purge(self.arm)
+            elif self._member:
+                kept = replace(self._member, held=self._held)
+                await self._fleet.members.put(self.arm, to_bytes(kept))
+            await self._fleet.alive.purge(self.arm)
 
     async def _beat(self) -> None:
         """Report the state of the arm every few seconds and at every change."""
@@ -219,15 +265,39 @@ class Worker:
     async def _look(self) -> bool:
         """Read the state of the arm from its server. Return True if it can take a job."""
         try:
-            status = await self._server.status()
-            state = BUSY_ARM if status.goal or self._presence.job else status.arm.value
+            status = await self._status()
+            state = BUSY if status.goal or self._presence.job else status.arm.value
         except ClientError:
             state = UNREACHABLE
         if state == State.ACTIVE.value:
-            state = HELD if self._held else READY
+            state = HELD if self._refusal else READY
         self._presence = replace(self._presence, state=state)
-        (self._free.set if state == READY else self._free.clear)()
+        if state == READY:
+            self._free.set()
+        else:
+            self._wait()
         return state == READY
+
+    async def _status(self) -> Status:
+        """Return the status of the server. Hold the arm if it was stopped, also while idle."""
+        async with self._looking:  # so that no older count comes after a newer one
+            status = await self._server.status()
+            if self._stops is not None and status.stops > self._stops:
+                self._hold_after_stop()
+            self._stops = status.stops
+        return status
+
+    def _hold_after_stop(self) -> None:
+        if self._held:
+            return
+        self._held = _AT_ARM
+        self._changed.set()
+        logger.warning("Fleet: %s was stopped, and takes no jobs until a resume", self.arm)
+
+    def _wait(self) -> None:
+        """Take no job for now, also none of a request that waits at the NATS server."""
+        self._free.clear()
+        self._requests.withdraw()
 
     async def _work(self) -> None:
         """Take one job after the other."""
@@ -251,13 +321,13 @@ class Worker:
             return
         ready, safe = await asyncio.gather(self._look(), self._is_retry_safe(job))
         if not ready:
-            await message.nak(_PAUSE_SECONDS)
+            await message.nak()
             return
         # The hold protects the job. If this process pauses or dies for a second, the server cancels
         # the goal, or refuses a later one.
         async with self._server.hold(job.identity):
             async with self._sending:
-                record, revision = await self._claim(message, job, safe)
+                record, revision, left = await self._claim(message, job, safe)
                 if record.result or not revision:
                     await message.ack()
                     return
@@ -266,7 +336,7 @@ class Worker:
             if result is None:
                 with suppress(*GONE):
                     await message.ack()
-                result = await self._result(job.identity)
+                result = await self._result(job, left)
             elif result.code in _NOT_NOW:
                 await self._release(job.identity, revision)
                 self._set_job("")
@@ -280,8 +350,8 @@ class Worker:
 
     async def _send(self, job: Job) -> Ending | None:
         """Send a claimed job to the arm. Return None if the arm accepts it, else the failure."""
-        if self._held:
-            return failed(GoalBusy(f"{self.arm} is held: {self._held}"))
+        if why := self._refusal:
+            return failed(GoalBusy(f"{self.arm} is held: {why}"))
         try:
             await self._server.send(job.task, job.arguments, job.identity, deadman=True)
         except ServerUnreachable:
@@ -301,21 +371,37 @@ class Worker:
             except GONE:
                 await asyncio.sleep(_PAUSE_SECONDS)
 
-    async def _result(self, identity: str) -> Ending:
+    async def _result(self, job: Job, left: float | None) -> Ending:
+        """Wait for the end of a job. Cancel it after a time [s]; None for no limit."""
+        waiting = asyncio.create_task(self._end_of(job.identity))
+        try:
+            in_time, _ = await asyncio.wait((waiting,), timeout=left)
+            if not in_time:
+                self._canceled.add(job.identity)
+                with suppress(ClientError):
+                    await self._server.cancel(job.identity)
+            ending = await waiting
+        finally:
+            waiting.cancel()
+        if ending.state is GoalState.CANCELED and job.identity not in self._canceled:
+            self._hold_after_stop()
+        self._canceled.discard(job.identity)
+        if ending.state is GoalState.CANCELED and not in_time:
+            cause = cause_of(TooLong(job.end_within_s or 0.0))
+            ending = replace(ending, code=cause.code, message=cause.message, cause=cause)
+        return ending
+
+    async def _end_of(self, identity: str) -> Ending:
         """Wait for the end of a goal, also if its server is unreachable for a moment."""
-        for attempt in range(_ATTEMPTS):
+        attempt = 1
+        while True:
             try:
-                outcome = await self._server.result(identity)
-                break
+                return await self._server.result(identity)
             except ClientError as error:
-                if not isinstance(error, ServerUnreachable) or attempt == _ATTEMPTS - 1:
+                if not isinstance(error, ServerUnreachable) or attempt == _ATTEMPTS:
                     return failed(error)
-                await asyncio.sleep(_PAUSE_SECONDS)
-        if outcome.state is GoalState.CANCELED and identity not in self._canceled:
-            self._held = "stopped at the arm"
-            logger.warning("Fleet: %s was stopped, and takes no jobs until a resume", self.arm)
-        self._canceled.discard(identity)
-        return outcome
+            attempt += 1
+            await asyncio.sleep(_PAUSE_SECONDS)
 
     async def _is_retry_safe(self, job: Job) -> bool:
         try:
@@ -331,7 +417,9 @@ class Worker:
             job, self.arm, self._page, self._me, now, safe, result, now if result else 0
         )
 
-    async def _claim(self, message: Msg, job: Job, safe: bool) -> tuple[JobRecord, int]:
+    async def _claim(
+        self, message: Msg, job: Job, safe: bool
+    ) -> tuple[JobRecord, int, float | None]:
         """Create the record of a job. Wait as long as the NATS server is gone.
 
         The record may be stored even if the answer is lost. Giving up then would leave a claim
@@ -343,17 +431,21 @@ class Worker:
             safe: True if its task may run again after its arm was lost.
 
         Returns:
-            The record and its revision. The record has a result if the job comes too late. The
-            revision is 0 if another arm was first.
+            The record, its revision, and the time until the latest end of the job [s], None for no
+            limit. The record has a result if the job comes too late. The revision is 0 if another
+            arm was first.
         """
+        limits = [each for each in (job.start_within_s, job.end_within_s) if each is not None]
         while True:
             try:
-                late = await self._fleet.lateness(message, job)
+                age = await self._fleet.age(message, job) if limits else 0.0
+                late = age - min(limits, default=math.inf)
                 result = failed(DeadlinePassed(late)) if late > 0 else None
                 record = self._record(job, result, safe)
-                return record, await self._create(record)
+                left = None if job.end_within_s is None else job.end_within_s - age
+                return record, await self._create(record), left
             except GONE as error:
-                if self._held:
+                if self._refusal:
                     raise
                 logger.debug("Fleet: %r", error)
                 await asyncio.sleep(_PAUSE_SECONDS)
@@ -446,19 +538,20 @@ class Worker:
 
         async def respond(message: Msg) -> None:
             try:
-                found = {"arm": self.arm, "error": "", **await answer(message.data)}
+                found = {"error": "", **await answer(message.data)}
             except (ClientError, ValueError) as error:
-                found = {"arm": self.arm, "error": str(error)}
+                found = {"error": str(error)}
             with suppress(*GONE):
-                if message.reply:
-                    await message.respond(json.dumps(found).encode())
+                if message.reply:  # the NATS server lets only this arm use this subject
+                    subject = f"{message.reply}.{self.arm}"
+                    await self._fleet.nats.publish(subject, json.dumps(found).encode())
 
         for whom in ("", self._pool, self.arm):
             await self._fleet.nats.subscribe(control_subject(request, whom), cb=respond)
 
     async def _stop(self, _: bytes) -> dict[str, Any]:
-        self._held = "stopped by the fleet"
-        self._free.clear()
+        self._held = _BY_FLEET
+        self._wait()
         goals = (await self._server.stop()).goals
         if self._sending.locked():  # a job may reach the arm after the stop
             async with self._sending:
@@ -467,6 +560,9 @@ class Worker:
         return {"goals": list(goals)}
 
     async def _resume(self, _: bytes) -> dict[str, Any]:
+        self._stops = None
+        with suppress(ClientError):
+            await self._status()  # earlier stops hold it no longer
         self._held = ""
         self._changed.set()
         return {}
@@ -481,7 +577,7 @@ class Worker:
         return (await self._server.cancel(identity)).to_json()
 
     def _set_job(self, identity: str) -> None:
-        self._presence = replace(self._presence, job=identity, state=BUSY_ARM)
+        self._presence = replace(self._presence, job=identity, state=BUSY)
         (self._idle.clear if identity else self._idle.set)()
         self._free.clear()
         self._changed.set()

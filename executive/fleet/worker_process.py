@@ -3,21 +3,24 @@
 import logging
 import os
 import re
+import shlex
 import socket
 import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Self
 
-from hardware import RealClock
+from hardware import Clock, RealClock
 
-from .errors import check_name
+from .errors import BadName, FleetError, check_name
 
 logger = logging.getLogger(__name__)
 
 _END_SECONDS = 5.0  # longest time for the last result
+_FIRST_DELAY, _LONGEST_DELAY = 1.0, 60.0  # time before a new start [s]
+_REFUSED = FleetError.exit_status, BadName.exit_status  # a new start would not help
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,45 +60,82 @@ def worker_of(place: FleetPlace, server: str, token: str, page: str) -> Iterator
         token: Token of the server.
         page: URL of the page of the server, for other machines.
     """
-    words = ["fleet", "join", "--child", "--server", server, "--fleet", place.url]
-    process = subprocess.Popen(
-        [
-            sys.executable,
-            "-P",
-            "-m",
-            "executive",
-            *words,
-            "--pool",
-            place.pool,
-            "--name",
-            place.name,
-            "--page",
-            page,
-        ],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.DEVNULL,
-        env={**os.environ, "ARMTREE_TOKEN": token},
-        start_new_session=True,  # Ctrl-C is for this process, which then ends the worker in order
-    )
-    ended = False
+    words = ["--server", server, "--fleet", place.url, "--pool", place.pool, "--name", place.name]
+    command = ["fleet", "join", *words, "--page", page]
 
-    def watch() -> None:
-        status = process.wait()
-        if not ended:
-            logger.error(
-                "FLEET: the worker ended with status %d, so this arm takes no more jobs. The "
-                "server still runs. To start a worker, type: armtree fleet join --server %s "
-                "--fleet %s --pool %s --name %s --page %s",
-                *(status, server, place.url, place.pool, place.name, page),
-            )
+    def start() -> "subprocess.Popen[bytes]":
+        return subprocess.Popen(
+            [sys.executable, "-P", "-m", "executive", *command, "--child"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            env={**os.environ, "ARMTREE_TOKEN": token},
+            start_new_session=True,  # Ctrl-C is for this process, which ends the worker in order
+        )
 
-    RealClock().spawn(watch, "fleet worker")
-    assert process.stdin
+    clock = RealClock()
+    running = RunningWorker(start, shlex.join(["armtree", *command]), clock)
+    clock.spawn(running.keep, "fleet worker")
     try:
         yield
     finally:
-        ended = True
-        process.stdin.close()
+        running.end()
+
+
+class RunningWorker:
+    """A worker that starts again when it dies.
+
+    Args:
+        start: Callback that starts its process, with a pipe to its standard input.
+        command: The command of a person that starts it.
+        clock: Time source.
+    """
+
+    def __init__(
+        self, start: Callable[[], "subprocess.Popen[bytes]"], command: str, clock: Clock
+    ) -> None:
+        self._start, self._command, self._clock = start, command, clock
+        self._signal, self._ended = clock.signal(), False
+        self._process = start()
+
+    def keep(self) -> None:
+        """Start it again, with a growing delay, until `end` or until the fleet refuses it."""
+        delay, begun = _FIRST_DELAY, self._clock.now()
+        while True:
+            status = self._process.wait()
+            with self._signal:
+                if self._ended:
+                    return
+                if status in _REFUSED:
+                    words = "the worker ended with status %d, so this arm takes no more jobs. The "
+                    words += "server still runs. To start a worker, type: %s"
+                    logger.error(f"FLEET: {words}", status, self._command)
+                    return
+                if self._clock.now() - begun > _LONGEST_DELAY:
+                    delay = _FIRST_DELAY
+                words = "FLEET: the worker ended with status %d; it starts again in %g s"
+                logger.warning(words, status, delay)
+                begun = self._clock.now() + delay
+                while not self._ended and self._clock.now() < begun:
+                    self._signal.wait(begun)
+                if self._ended:
+                    return
+                assert self._process.stdin
+                self._process.stdin.close()
+                self._process = self._start()
+            delay = min(2 * delay, _LONGEST_DELAY)
+
+    def end(self) -> None:
+        """End it in order. Without this it would remain a member that a stop names."""
+        with self._signal:
+            self._ended = True
+            self._signal.notify()
+        process = self._process
+        assert process.stdin
+        with suppress(BrokenPipeError):  # it has ended
+            process.stdin.write(b".")
+            process.stdin.flush()
+        with suppress(BrokenPipeError):
+            process.stdin.close()
         try:
             process.wait(_END_SECONDS)
         except subprocess.TimeoutExpired:

@@ -16,12 +16,12 @@ from executive.client.asynchronous import AsyncClient
 from executive.client.held_goals import Connect, HeldGoals, Send
 from executive.client.values import PlannedTask, Task
 from executive.errors import Forbidden, NotExecuting, Refused, ServerLost, ServerUnreachable
-from hardware import Robot
+from hardware import Robot, State
 from hardware.printable import plural
 from trees import UnknownTask
 
 from .asking import Person
-from .following import follow
+from .following import Waits, follow
 from .tools import WAIT
 from .words import arguments_schema, goal_words, run_lines
 
@@ -32,6 +32,7 @@ _BY_HAND = (
     "a person must confirm this, and this client cannot ask one",
     "ask them to press Activate on the page (`armtree view`), or to type `armtree arm activate`",
 )
+_SET_UP = "a person can make it inactive on the page (`armtree view`), or with `armtree arm`"
 _YES, _NO = "yes, activate it", "no"
 
 
@@ -46,6 +47,7 @@ class Calls:
         client: Client of the server.
         connect: Callback that returns another client, for a goal that outlives the call.
         held: The goals of this process.
+        waits: The calls of this process that wait.
         person: The person behind the client.
         robot: Robot for drawings, or None.
     """
@@ -55,10 +57,11 @@ class Calls:
         client: AsyncClient,
         connect: Connect,
         held: HeldGoals,
+        waits: Waits,
         person: Person,
         robot: Robot | None,
     ) -> None:
-        self._client, self._connect, self._held = client, connect, held
+        self._client, self._connect, self._held, self._waits = client, connect, held, waits
         self._person, self._robot = person, robot
 
     async def list_tasks(self) -> str:
@@ -121,7 +124,8 @@ class Calls:
     async def goal_state(self, goal_id: str = "", wait_s: float = 0.0) -> str:
         goal = await self._goal(goal_id)
         if wait_s and not goal.outcome:
-            goal = await follow(self._client, goal.identity, self._person, wait_s)
+            with self._waits.one():
+                goal = await follow(self._client, goal.identity, self._person, wait_s)
         return await self._goal_words(goal)
 
     async def pause(self, goal_id: str = "") -> str:
@@ -157,6 +161,13 @@ class Calls:
         return "\n".join(lines)
 
     async def activate_arm(self, pose: str | None = None) -> str:
+        state = (await self._client.status()).arm
+        if state is State.ACTIVE:
+            return "arm active already; nothing was done"
+        if state is not State.INACTIVE:
+            raise Forbidden(
+                f"the arm is {state.value}, and only an inactive one is activated", _SET_UP
+            )
         if not self._person.can_answer:
             raise Forbidden(*_BY_HAND)
         if self._person.state:
@@ -183,6 +194,15 @@ class Calls:
         return "\n".join(run_lines(rows[0] if rows else empty, window))
 
     async def _run(self, send: Send, wait: float) -> str:
+        with self._waits.one():
+            goal = await self._end_of(send, wait)
+        words = await self._goal_words(goal)
+        if goal.outcome and not goal.outcome.success:
+            raise NotDone(words)
+        return words
+
+    async def _end_of(self, send: Send, wait: float) -> GoalStatus:
+        """Send a goal, unless this call repeats an earlier one, and follow it."""
         person = self._person
         if state := person.state:
             goal_id = str(state["goal"])
@@ -191,16 +211,12 @@ class Calls:
         else:
             goal_id = await self._held.send(self._connect, send)
         try:
-            goal = await follow(self._client, goal_id, person, wait)
+            return await follow(self._client, goal_id, person, wait)
         except asyncio.CancelledError:
             self._held.release(goal_id)
             raise
         except ServerUnreachable as error:
             raise ServerLost from error
-        words = await self._goal_words(goal)
-        if goal.outcome and not goal.outcome.success:
-            raise NotDone(words)
-        return words
 
     async def _goal(self, goal_id: str) -> GoalStatus:
         """Return a goal by id, or the goal under way."""

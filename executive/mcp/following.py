@@ -1,15 +1,43 @@
 """Follows a goal: progress, questions, outcome."""
 
 import asyncio
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 
 import logs
 from executive.api.events import Event, QuestionStatus
 from executive.api.outcome import GoalStatus
 from executive.client.asynchronous import AsyncClient
-from executive.errors import ClientError
+from executive.errors import ClientError, TooMuch
 
 from .asking import Person
+
+MOST = 4  # largest number of calls that wait; each has one of the server's streams of events
+
+
+class Waits:
+    """The calls of a process that wait for goals. Their number is limited.
+
+    People and other programs need streams of the server too.
+    """
+
+    def __init__(self) -> None:
+        self._number = 0
+
+    @contextmanager
+    def one(self) -> Iterator[None]:
+        """Count a call that waits.
+
+        Raises:
+            TooMuch: Too many calls wait.
+        """
+        if self._number >= MOST:
+            raise TooMuch(f"{MOST} calls wait already", "let one end, or read goal_state at once")
+        self._number += 1
+        try:
+            yield
+        finally:
+            self._number -= 1
 
 
 async def follow(client: AsyncClient, goal_id: str, person: Person, wait: float) -> GoalStatus:

@@ -31,12 +31,13 @@ from executive.api.token_bucket import TokenBucket
 from executive.client.asynchronous import AsyncClient
 from executive.client.held_goals import HeldGoals
 from executive.client.transport import Address
-from executive.errors import AddressInUse, BadRequest, TooMuch
+from executive.errors import AddressInUse, BadRequest, TooMuch, Unauthorized
 from hardware import ArmtreeError, InternalError, RealClock, Robot
 from hardware.installed import version
 
 from .asking import MustRepeat, Person
 from .calls import Calls, NotDone
+from .following import Waits
 from .tools import MOVE, TOOLS, Tool
 
 logger = logging.getLogger(__name__)
@@ -44,6 +45,11 @@ logger = logging.getLogger(__name__)
 NAME = "armtree"
 RATE, BURST = 5.0, 20.0  # calls per second and at once; stops are not counted
 _NO_TOKEN = "none"  # not empty, because an empty token is replaced by the user's
+_NEEDS_TOKEN = (
+    "this needs the token of the arm's server",
+    "let the client send the HTTP header Authorization: Bearer TOKEN; the server printed the token "
+    "when it started",
+)
 _MAX_ARGUMENTS = 48 * 1024  # largest arguments [bytes]; the arm's server accepts a little more
 _MAX_BODY = 256 * 1024  # largest request over HTTP [bytes]
 _MAX_SESSIONS = 16
@@ -69,6 +75,7 @@ class Tools:
         self._tools = {each.name: each for each in (*TOOLS, *([MOVE] if allow_move else []))}
         self._checkers = {name: checker(each.schema) for name, each in self._tools.items()}
         self._bucket, self._held = TokenBucket(RATE, BURST, RealClock().now), HeldGoals()
+        self._waits = Waits()
 
     async def list(
         self, context: _Context, params: PaginatedRequestParams | None
@@ -85,7 +92,8 @@ class Tools:
         except MustRepeat as question:
             return question.result
         except ArmtreeError as error:
-            return _refusal(error)
+            without = _token(context) == _NO_TOKEN and cause_of(error).code == Unauthorized.code
+            return _refusal(Unauthorized(*_NEEDS_TOKEN) if without else error)
         except NotDone as error:
             return CallToolResult(content=[TextContent(text=str(error))], is_error=True)
         except Mismatch as error:
@@ -108,7 +116,7 @@ class Tools:
 
         async with connect() as client:
             person = Person(context, params)
-            calls = Calls(client, connect, self._held, person, self._robot)
+            calls = Calls(client, connect, self._held, self._waits, person, self._robot)
             answer = await getattr(calls, tool.name)(**given)
         return CallToolResult(
             content=[TextContent(text=answer)] if isinstance(answer, str) else answer

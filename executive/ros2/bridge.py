@@ -95,6 +95,19 @@ class Bridge:
                 with suppress(ClientError):
                     await self._read_tasks()
 
+    async def connected(self) -> None:
+        """Wait until the goals of the server are known.
+
+        Raises:
+            ServerUnreachable: The server does not answer in time.
+        """
+        try:
+            async with asyncio.timeout(LOST_SECONDS):
+                await self._connected.wait()
+        except TimeoutError as error:
+            words = "the node is not connected to it"
+            raise ServerUnreachable(self.client.url, words) from error
+
     async def send(self, task: int | str, goal_id: str = "") -> GoalStatus:
         """Send a goal. It is canceled if this process ends or loses the server.
 
@@ -109,12 +122,7 @@ class Bridge:
         def post(client: AsyncClient, identity: str) -> Any:
             return client.send(task, None, identity, deadman=True)
 
-        try:
-            async with asyncio.timeout(LOST_SECONDS):
-                await self._connected.wait()
-        except TimeoutError as error:
-            words = "the node is not connected to it"
-            raise ServerUnreachable(self.client.url, words) from error
+        await self.connected()
         if goal_id in self.goals.known or goal_id in self._held.tasks:
             raise Refused(cause_of(DuplicateGoal(goal_id)))
         identity = await self._held.send(self._connect, post, goal_id)

@@ -4,6 +4,7 @@ rclpy's own action server keeps the goals in its process. This one has no state 
 Therefore it also lists goals of other clients, and goals that were sent before its start.
 """
 
+from contextlib import suppress
 from typing import Any
 
 from action_msgs.msg import GoalInfo, GoalStatus as RosStatus, GoalStatusArray
@@ -15,7 +16,7 @@ from unique_identifier_msgs.msg import UUID
 import logs
 from executive.api.events import Event
 from executive.api.outcome import GoalStatus
-from executive.errors import ClientError
+from executive.errors import ClientError, ServerUnreachable
 
 from .bridge import Bridge
 from .node import Node
@@ -55,6 +56,9 @@ class TaskServer:
 
     async def _result(self, request: Any, response: Any) -> None:
         identity = _identity(request.goal_id)
+        if identity not in self._bridge.goals.known:
+            with suppress(ServerUnreachable):
+                await self._bridge.connected()  # a new node does not know the goals at first
         if identity in self._bridge.goals.known:
             goal = await self._bridge.goals.end(identity)
             response.status = goal.state.value

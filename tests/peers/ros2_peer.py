@@ -256,6 +256,7 @@ class Peer:
         self.lifecycle_node = LifecycleNode("lifecycle_reference")
         self.actions, self.parked = {}, None
         self.stock = ActionClient(self.node, ArduinobotTask, "task_server")
+        self.original = ActionClient(rclpy.create_node("original"), ArduinobotTask, "task_server")
         self.executor = MultiThreadedExecutor(8)
         self.executor.add_node(self.node)
         self.executor.add_node(self.lifecycle_node)
@@ -283,6 +284,12 @@ class Peer:
         result = got(goal.get_result_async())
         return goal.accepted, result.status, result.result.success, feedback
 
+    def original_client(self, task):
+        """What the original's voice interface does: send and forget. Its node is never spun."""
+        goal = ArduinobotTask.Goal()
+        goal.task_number = task
+        self.original.send_goal_async(goal)
+
     def type_hash(self):
         """The hash of the type that the node publishes feedback with."""
         (info,) = self.node.get_publishers_info_by_topic("/task_server/_action/feedback")
@@ -291,8 +298,10 @@ class Peer:
     def start(self, space, task):
         """Send a goal until it is accepted, and ask for its result, which `wait` returns."""
         action, accepted = self.action(f"{space}/task_server"), False
-        while not accepted:  # the node may not have found the server yet
-            goal, accepted, _ = repeated(lambda: action.send(task, longest=1))
+        identity = uuid.uuid4().bytes
+        # The node may not have found the server yet, or its answer may come too late.
+        while not (accepted or identity in action.histories):
+            goal, accepted, _ = repeated(lambda: action.send(task, identity, longest=1))
         action.until(goal, 2)
         self.parked = action.result(goal)
         return bytes(goal.uuid).hex()

@@ -4,12 +4,13 @@ const PERIOD = 1000; // ms
 const GOOD = ["ready", "busy", "held", "inactive", "unconfigured"];
 
 const arms = /** @type {HTMLElement} */ (document.getElementById("arms"));
+const waiting = /** @type {HTMLElement} */ (document.getElementById("waiting"));
 const summary = /** @type {HTMLElement} */ (document.getElementById("summary"));
 
 /**
  * @typedef {{arm: string, state: string, job: string, last: string, done: number, url: string,
  *   host: string}} Arm
- * @typedef {{host: string, queued: number, arms: Arm[]}} Fleet
+ * @typedef {{host: string, queued: number, waiting: string[], arms: Arm[]}} Fleet
  */
 
 /**
@@ -66,7 +67,9 @@ function show(fleet) {
   for (const arm of fleet.arms) counts[arm.state] = (counts[arm.state] ?? 0) + 1;
   const states = Object.entries(counts).map(([state, count]) => `${count} ${state}`);
   summary.className = "";
-  summary.textContent = `${fleet.arms.length} ${fleet.arms.length === 1 ? "arm" : "arms"}: ${states.join(", ") || "none has joined"}; ${fleet.queued} jobs queued`;
+  const jobs = fleet.queued === 1 ? "job" : "jobs";
+  summary.textContent = `${fleet.arms.length} ${fleet.arms.length === 1 ? "arm" : "arms"}: ${states.join(", ") || "none has joined"}; ${fleet.queued} ${jobs} queued`;
+  waiting.textContent = fleet.waiting.join(". ");
   arms.replaceChildren(...fleet.arms.map((arm) => row(arm, fleet.host)));
 }
 
@@ -81,7 +84,7 @@ async function update() {
   } catch (error) {
     shown = "";
     summary.className = "bad";
-    summary.textContent = `What follows is old: ${error instanceof Error ? error.message : error}`;
+    summary.textContent = `The list is old: ${error instanceof Error ? error.message : error}`;
   }
   setTimeout(update, PERIOD);
 }

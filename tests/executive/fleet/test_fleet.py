@@ -3,21 +3,17 @@
 import asyncio
 import json
 import shutil
-from collections.abc import AsyncIterator, Iterator
-from contextlib import asynccontextmanager
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import nats.errors
 import pytest
-from nats.aio.msg import Msg
 from nats.js.kv import KeyValue
 
 from executive.api.outcome import Outcome
 from executive.errors import ServerUnreachable
 from executive.fleet import connection, worker as worker_module
-from executive.fleet.connection import Fleet, control_subject, job_subject, open_fleet
+from executive.fleet.connection import job_subject, open_fleet
 from executive.fleet.errors import (
     BadJob,
     BadName,
@@ -25,7 +21,6 @@ from executive.fleet.errors import (
     FleetError,
     FleetUnreachable,
     NameTaken,
-    NotConfirmed,
     PoolNotServed,
     UnknownJob,
 )
@@ -36,10 +31,10 @@ from executive.fleet.values import Job, JobRecord, Member, Presence, to_bytes
 from executive.fleet.worker import Worker
 from hardware import RealClock
 from tests.support.servers.cuttable_proxy import CuttableProxy
-from tests.support.servers.free_port import free_port
+from tests.support.servers.fleet_arms import CLOCK, ended, joined, sent
 from tests.support.servers.simulated_arms import SimulatedArm
 
-CLOCK = RealClock()
+pytest_plugins = ["tests.support.servers.fleet_fixtures"]
 LOST_ID = "d" * 32
 
 
@@ -50,44 +45,6 @@ class SetClock(RealClock):
 
     def now(self) -> float:
         return self.time
-
-
-@pytest.fixture
-def options(tmp_path: Path) -> NatsOptions:
-    return NatsOptions(tmp_path / "fleet", port=free_port())
-
-
-@pytest.fixture
-def url(options: NatsOptions) -> Iterator[str]:
-    with nats_server(options, CLOCK):
-        yield options.url
-
-
-@asynccontextmanager
-async def joined(url: str, *arms: SimulatedArm, pool: str = "bench") -> AsyncIterator[FleetClient]:
-    """A client, once these arms have joined as bench.0, bench.1 ..."""
-    async with open_fleet(url, "test") as fleet, asyncio.TaskGroup() as group:
-        client, workers = FleetClient(fleet, CLOCK), []
-        for number, arm in enumerate(arms):
-            workers.append(Worker(fleet, arm, pool, str(number), CLOCK))
-            group.create_task(workers[-1].run())
-        watcher = await fleet.alive.watchall()
-        ready = set[str]()
-        while len(ready) < len(arms):
-            entry = await watcher.updates(10.0)  # type: ignore[no-untyped-call]
-            if entry and b'"ready"' in (entry.value or b""):
-                ready.add(entry.key)
-        await watcher.stop()  # type: ignore[no-untyped-call]
-        try:
-            yield client
-        finally:
-            for worker in workers:
-                worker.end()
-
-
-async def ended(client: FleetClient, job: Job) -> JobRecord:
-    """The record of a job that has ended."""
-    return [record async for record in client.wait(job.identity)][-1]
 
 
 def lost(attempt: int = 1, retry_safe: bool = False) -> JobRecord:
@@ -132,17 +89,52 @@ def test_the_queue_has_priorities_deadlines_and_cancel(url: str) -> None:
             assert deep == late
             gone = await client.send("gone", "bench", {})
             assert (await client.queued())[0] == 5
-            canceled = await client.cancel(gone.identity)
+            canceled, _ = await client.cancel(gone.identity)
             assert (canceled.state, canceled.arm) == ("CANCELED", "")
             arm.duration = 0.0
-            await client.cancel(first.identity)
-            assert (await ended(client, first)).state == "CANCELED"
+            canceled, had_ended = await client.cancel(first.identity)
+            assert (canceled.state, had_ended) == ("CANCELED", False)
+            assert await client.cancel(first.identity) == (canceled, True)
             for job in jobs:
                 assert (await ended(client, job)).state == "SUCCEEDED"
             result = (await ended(client, late)).result
             assert result
             assert result.code == "fleet.deadline"
             assert arm.tasks_of == [1, "high", "normal", "low"]
+
+    asyncio.run(main())
+
+
+def test_a_job_that_takes_too_long_is_canceled_and_its_arm_takes_the_next(url: str) -> None:
+    async def main() -> None:
+        arm = SimulatedArm()
+        async with joined(url, arm) as client:
+            job = await client.send(1, "bench", {}, end_within=0.3)
+            result = (await ended(client, job)).result
+            assert result
+            assert (result.state.name, result.code) == ("CANCELED", "fleet.too_long")
+            assert "0.3 s after it was sent" in result.message
+            assert result.frames == 3  # it moved until then
+            arm.duration = 0.0
+            after = await client.send(2, "bench", {}, end_within=60)
+            assert (await ended(client, after)).state == "SUCCEEDED"
+
+    asyncio.run(main())
+
+
+def test_programs_that_subscribe_get_the_changes_of_arms(url: str) -> None:
+    async def main() -> None:
+        arm = SimulatedArm()
+        async with joined(url, arm) as client:
+            events = await client._fleet.nats.subscribe("fleet.events.bench.*")
+            job = await client.send(1, "bench", {})
+            event = await events.next_msg(10.0)
+            while (found := json.loads(event.data))["job"] != job.identity:
+                event = await events.next_msg(10.0)
+            assert (event.subject, found["state"]) == ("fleet.events.bench.0", "busy")
+            arm.finish(job.identity)
+            while (found := json.loads(event.data))["last"] != "ok":
+                event = await events.next_msg(10.0)
 
     asyncio.run(main())
 
@@ -352,87 +344,6 @@ def test_wrong_jobs_are_refused_at_once(url: str) -> None:
     asyncio.run(main())
 
 
-def test_a_stop_holds_the_fleet_and_names_who_does_not_confirm(
-    url: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    async def main() -> None:
-        arms = [SimulatedArm(), SimulatedArm()]
-        async with joined(url, *arms) as client:
-            running = await client.send(1, "bench", {})
-            await anext(client.wait(running.identity))
-            confirmed = await client.stop()
-            assert [each.arm for each in confirmed] == ["bench.0", "bench.1"]
-            assert sum((each.goals for each in confirmed), ()).count(running.identity) == 1
-            assert (await ended(client, running)).state == "CANCELED"
-            queued = await client.send(2, "bench", {})
-            assert (await client.queued())[0] == 1
-            with pytest.raises(FleetError, match="queue of bench is held"):
-                await client.resume(["bench.0"])
-            for arm in arms:
-                arm.duration = 0.0
-            await client.resume(["bench"])
-            assert (await ended(client, queued)).state == "SUCCEEDED"
-            silent = Member("bench.silent", "http://silent", "host", "e" * 32, 1)
-            await client._fleet.members.put(silent.arm, to_bytes(silent))
-            monkeypatch.setattr("executive.fleet.fleet_client.STOP_SECONDS", 0.3)
-            with pytest.raises(
-                NotConfirmed, match=r"2 of 3 arms confirmed stop; not bench\.silent;"
-            ):
-                await client.stop()
-            assert [arm.stops for arm in arms] == [2, 2]
-            await client.forget(silent.arm)
-            assert len(await client.arms()) == 2
-
-    asyncio.run(main())
-
-
-def test_a_malformed_request_is_answered_and_a_malformed_answer_ignored(url: str) -> None:
-    async def main() -> None:
-        arm = SimulatedArm()
-        async with joined(url, arm) as client:
-            nats = client._fleet.nats
-            for body in (
-                b"[]",
-                b"7",
-                b"not JSON",
-                b'{"job": "a", "job": "b"}',
-                b"{}",
-                b'{"job": ""}',
-                b'{"job": "../../arm/activate"}',
-            ):
-                answer = await nats.request(control_subject("cancel", "bench.0"), body, 5.0)
-                assert json.loads(answer.data)["error"]
-            answer = await nats.request(control_subject("stop", "bench.0"), b"[]", 5.0)
-            assert json.loads(answer.data)["error"] == ""  # a stop needs no body
-
-            async def disturb(message: Msg) -> None:
-                for garbage in (b"[]", b"not JSON", b'{"arm": "bench.0"}'):
-                    await message.respond(garbage)
-
-            await nats.subscribe(control_subject("stop"), cb=disturb)
-            assert [each.arm for each in await client.stop()] == ["bench.0"]
-            assert arm.stops == 2
-
-    asyncio.run(main())
-
-
-def test_an_arm_that_is_stopped_by_hand_takes_no_jobs(url: str) -> None:
-    async def main() -> None:
-        arm = SimulatedArm()
-        async with joined(url, arm) as client:
-            job = await client.send(1, "bench", {})
-            await arm.started.wait()
-            await arm.stop()
-            assert (await ended(client, job)).state == "CANCELED"
-            after = await client.send(2, "bench", {})
-            arm.duration = 0.0
-            assert isinstance(await client.job(after.identity), Job)
-            await client.resume()
-            assert (await ended(client, after)).state == "SUCCEEDED"
-
-    asyncio.run(main())
-
-
 def test_the_job_of_a_lost_arm_is_given_up_or_sent_again_if_that_is_safe(url: str) -> None:
     async def main() -> None:
         arm = SimulatedArm(duration=0.0)
@@ -568,13 +479,3 @@ def test_an_arm_whose_network_is_cut_finishes_its_job(
                 worker.end()
 
     asyncio.run(asyncio.wait_for(main(), 30))
-
-
-async def sent(fleet: Fleet) -> Job:
-    """A job that is sent as soon as an arm serves its pool."""
-    watcher = await fleet.alive.watchall()
-    async for entry in watcher:
-        if entry is not None:
-            break
-    await watcher.stop()  # type: ignore[no-untyped-call]
-    return await FleetClient(fleet, CLOCK).send(1, "bench", {})

@@ -41,6 +41,9 @@ class Stored:
             raise self.error
         return ROWS
 
+    async def waiting(self) -> dict[str, str]:
+        return {"bench": "no arm of bench is ready: 1 held; 4 jobs wait"}
+
     async def queued(self, most: int) -> tuple[int, list[object]]:
         return 4, []
 
@@ -60,6 +63,7 @@ def requests(stored: Stored) -> Iterator[TestClient]:
 def test_the_page_its_arms_and_its_files(requests: TestClient) -> None:
     found = requests.get("/arms").json()
     assert (found["queued"], found["host"]) == (4, socket.gethostname())
+    assert found["waiting"] == ["no arm of bench is ready: 1 held; 4 jobs wait"]
     assert [each["state"] for each in found["arms"]] == ["busy", *["gone"] * 3]
     assert found["arms"][0]["url"] == "http://arm:8765"
     for path, kind in (("/", "text/html"), ("/fleet.js", "javascript"), ("/fleet.css", "text/css")):
@@ -118,6 +122,7 @@ def test_a_browser_shows_the_arms_and_links_to_pages_that_it_can_reach(
     tab.on("pageerror", lambda error: problems.append(str(error)))
     tab.goto(page)
     shows(tab, "#summary", "^4 arms: 1 busy, 3 gone; 4 jobs queued$")
+    shows(tab, "#waiting", "^no arm of bench is ready: 1 held; 4 jobs wait$")
     assert [each.inner_text() for each in tab.locator("#arms tr").first.locator("td").all()] == [
         *("bench.arm-7", "busy", "a" * 32, "ok", "3", "lab")
     ]
@@ -128,7 +133,7 @@ def test_a_browser_shows_the_arms_and_links_to_pages_that_it_can_reach(
     assert "its page is only on lab; armtree serve --bind 0.0.0.0 --expose --host lab" in far
     is_accessible(tab)
     stored.error = TimeoutError("too slow")
-    shows(tab, "#summary", "^What follows is old: the NATS server does not answer: too slow$")
+    shows(tab, "#summary", "^The list is old: the NATS server does not answer: too slow$")
     stored.error = None
     shows(tab, "#summary", "^4 arms")
     tab.close()

@@ -21,6 +21,7 @@ from mcp_types import CallToolResult, ElicitResult, ImageContent, Implementation
 from executive.client.asynchronous import AsyncClient
 from executive.client.held_goals import HeldGoals
 from executive.errors import AddressInUse
+from executive.mcp.following import MOST
 from executive.mcp.mcp_server import BURST, listen, make_server, serve_http
 from executive.mcp.tools import MOVE, TOOLS
 from hardware import load_robot
@@ -222,8 +223,18 @@ def test_only_a_person_activates_the_arm(serve: Serve, mode: str) -> None:
 
     async def confirmed(caller: Caller) -> None:
         assert await caller.good("activate_arm") == "arm active"
+        assert await caller.good("activate_arm") == "arm active already; nothing was done"
+        assert len(caller.asked) == 1
 
     drive(Caller(server, "yes", mode), confirmed)
+    served.executive.arm_to("deactivate")
+    served.executive.arm_to("cleanup")
+
+    async def early(caller: Caller) -> None:
+        assert "the arm is unconfigured" in await caller.bad("activate_arm")
+        assert caller.asked == []
+
+    drive(Caller(server, "yes", mode), early)
 
 
 def test_the_goal_of_a_canceled_call_or_of_a_client_that_left_is_canceled(serve: Serve) -> None:
@@ -341,6 +352,28 @@ def test_a_flood_is_refused_and_a_stop_is_not(serve: Serve) -> None:
     drive(Caller(make_server(served.server.url)), act)
 
 
+def test_a_flood_of_waits_leaves_streams_for_people(serve: Serve) -> None:
+    served = serve()
+
+    async def act(caller: Caller) -> None:
+        running = asyncio.create_task(caller.bad("run_task", task="wait"))
+        goal = await executing(served)
+        waits, refused = set[asyncio.Task[CallToolResult]](), list[str]()
+        for _ in range(18):
+            waits.add(asyncio.create_task(caller.call("goal_state", wait_s=600)))
+        while len(waits) > MOST - 1:  # the run waits too
+            done, waits = await asyncio.wait(waits, return_when=asyncio.FIRST_COMPLETED)
+            refused += [words(each.result()) for each in done]
+        assert [each for each in refused if f"{MOST} calls wait already" not in each] == []
+        async with AsyncClient(served.server.url) as person, person.events() as events:
+            assert await caller.good("stop") == f"stopped; canceled {goal}"
+            assert await anext(aiter(events))
+        assert "CANCELED" in await running
+        assert "CANCELED" in "".join(words(each) for each in await asyncio.gather(*waits))
+
+    drive(Caller(make_server(served.server.url)), act)
+
+
 def test_a_paused_goal_says_so(serve: Serve) -> None:
     served = serve()
 
@@ -381,7 +414,9 @@ def test_over_http_a_client_needs_the_token_of_the_server(serve: Serve) -> None:
         assert "task 11 SUCCEEDED" in await call(token, "run_task", task=11)
         for wrong in ({}, {"authorization": "Bearer"}, {"authorization": "Bearer x"}):
             with unchanged(served):
-                assert "[request.token]" in await call(wrong, "run_task", task=11)
+                refused = await call(wrong, "run_task", task=11)
+                why = "the token is wrong" if "Bearer x" in wrong.values() else "needs the token of"
+                assert why in refused.partition("[request.token]")[0]
             assert (await call(wrong, "stop")).startswith("stopped")
         async with httpx2.AsyncClient() as http:
             for headers, status in (

@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -112,6 +113,21 @@ def node(start: Start, served: Served, peer: Peer) -> Process:
     return start("-m", "executive", "ros2", "--server", served.server.url)
 
 
+def test_the_interface_package_builds(environment: Mapping[str, str], tmp_path: Path) -> None:
+    """With the two commands that colcon uses for a package of this kind."""
+    if not shutil.which("cmake"):
+        pytest.skip("cmake is not installed")
+    package, made = Path(installation.__file__).with_name("arduinobot_msgs"), tmp_path / "install"
+    options = [f"-DCMAKE_INSTALL_PREFIX={made}", f"-DCMAKE_PREFIX_PATH={installation.FOLDER}"]
+    options += [f"-DPython3_EXECUTABLE={sys.executable}", "-DBUILD_TESTING=OFF"]
+    configure = ["-S", str(package), "-B", str(tmp_path), *options]
+    for words in (configure, ["--build", str(tmp_path), "-t", "install"]):
+        subprocess.run(["cmake", *words], env=environment, check=True, capture_output=True)
+    assert (made / "share/arduinobot_msgs/package.xml").is_file()
+    module = next(made.glob("lib/python*/site-packages/arduinobot_msgs/action/_arduinobot_task.py"))
+    assert "class ArduinobotTask" in module.read_text()
+
+
 def test_the_answers_are_those_of_rclpy(served: Served, node: object, peer: Peer) -> None:
     reference = peer.ask("rows", "/reference")
     assert peer.ask("rows", "/task_server") == reference
@@ -152,6 +168,20 @@ def test_a_stock_client_the_topics_and_the_triggers(
     assert peer.ask("wait") == 5
 
 
+def test_the_calls_of_the_original_client_run_a_task(
+    served: Served, node: object, peer: Peer
+) -> None:
+    for task in (0, 11):
+        assert peer.ask("stock_client", 11)[1] == 4  # its answer shows that the node is known
+        before = len(served.executive.goals())
+        peer.ask("original_client", task)
+        while len(served.executive.goals()) == before:
+            continue
+        goal = served.executive.goals()[-1]
+        assert goal.task == task
+        assert served.executive.result(goal.identity, LONGEST).state is GoalState.SUCCEEDED
+
+
 def test_goals_end_with_the_node_and_with_the_server(
     served: Served, node: Process, peer: Peer, start: Start
 ) -> None:
@@ -179,6 +209,7 @@ def test_goals_end_with_the_node_and_with_the_server(
     start("-m", "executive", "ros2", "--server", f"http://127.0.0.1:{port}", *names)
     assert peer.ask("result_of", goal) == 5
     peer.ask("start", "", 10)
+    assert peer.ask("result_of", goal) == 5  # so the node has read the earlier request, too
     second.send_signal(signal.SIGINT)
     assert peer.ask("wait") == 5
     assert second.wait(LONGEST) == INTERRUPTED_EXIT

@@ -2,6 +2,7 @@
 
 import json
 import signal
+import time
 from pathlib import Path
 from typing import Any
 
@@ -82,8 +83,8 @@ def ended(scene: Scene, *commands: Command) -> None:
 @row(
     "fleet-worker",
     "the worker of an arm is killed with `kill -9`, or paused for 1.5 s, while its job moves",
-    "the server stops the arm; the job ends CANCELED with what the arm did, and runs once; after "
-    "`fleet resume` the arm takes the next job",
+    "the server stops the arm, and starts a killed worker again; the job ends CANCELED with what "
+    "the arm did, and runs once; the arm takes the next job",
     times=2,
 )
 def worker(scene: Scene) -> None:
@@ -96,19 +97,85 @@ def worker(scene: Scene) -> None:
         kill(pid, signal.SIGKILL if how == "killed" else signal.SIGSTOP)
         result = server.result(job)
         scene.check(result["state"] == "CANCELED", f"{how}: the goal ended {result['state']}")
-        if how == "killed":
-            scene.armtree("fleet", "join", "--server", server.url, "--fleet", url, *NAMES)
-        kill(pid, signal.SIGCONT)
+        if how == "paused":
+            kill(pid, signal.SIGCONT)
         found = record(scene, url, job, "CANCELED", "ABORTED")["result"]
         scene.check(found["frames"] == result["frames"], f"{how}: the record says {found}")
         until("the arm is listed", lambda: asked(scene, url, "ls").get("state") in FREE)
-        asked(scene, url, "resume")
+        asked(scene, url, "resume")  # a pause looks like a stop at the arm
         after = asked(scene, url, "send", "23")["job"]
         record(scene, url, after, "SUCCEEDED")
         sent += [job, after]
         goals = [each["goal_id"] for each in server.get("/api/goals")["goals"]]
         scene.check(goals == sent, f"{how}: the arm ran {goals}, not {sent}")
     ended(scene, server, running)
+
+
+@row(
+    "fleet-pause",
+    "the worker of an arm is paused for a minute while its job moves, and comes back",
+    "the server stops the arm; the job is given up meanwhile; the worker then reports what the arm "
+    "did, the record says `late`, and the job runs once",
+    times=1,
+)
+def pause(scene: Scene) -> None:
+    running, url = fleet(scene)
+    server = joined(scene, url)
+    pid = child(server, "fleet join")
+    job = asked(scene, url, "send", "20")["job"]
+    until("it moves", lambda: server.get("/api/status")["percentage"] is not None)
+    kill(pid, signal.SIGSTOP)
+    result = server.result(job)
+    scene.check(result["state"] == "CANCELED", f"the goal ended {result['state']}")
+    time.sleep(60.0)  # noqa: TID251, the fault
+    found = asked(scene, url, "jobs", job)
+    scene.check((found["result"] or {}).get("code") == "fleet.arm_lost", f"the record says {found}")
+    kill(pid, signal.SIGCONT)
+    found = record(scene, url, job, "CANCELED")
+    scene.check(found["late"], f"the record says {found}")
+    goals = [each["goal_id"] for each in server.get("/api/goals")["goals"]]
+    scene.check(goals == [job], f"the arm ran {goals}")
+    ended(scene, server, running)
+
+
+@row(
+    "fleet-server",
+    "`kill -9` of `armtree serve` while its arm runs a job of a fleet",
+    "the arm stays listed, a fleet stop names it, and its job is given up",
+    times=2,
+)
+def killed_server(scene: Scene) -> None:
+    running, url = fleet(scene)
+    server = joined(scene, url)
+    job = asked(scene, url, "send", "20")["job"]
+    until("it moves", lambda: server.get("/api/status")["percentage"] is not None)
+    kill(server.pid, signal.SIGKILL)
+    until("the arm is gone", lambda: asked(scene, url, "ls").get("state") == "gone")
+    stopping = scene.armtree("fleet", "stop", "--fleet", url)
+    scene.ended(stopping, 13, what="a stop")
+    scene.check("arms.arm-1" in stopping.text(), f"the stop says {stopping.text()}")
+    found = record(scene, url, job, "ABORTED")["result"]
+    scene.check(found["code"] == "fleet.arm_lost", f"the record says {found}")
+    ended(scene, running)
+
+
+@row(
+    "fleet-up",
+    "`kill -9` of `armtree fleet up` while an arm runs a job; it starts again",
+    "its NATS server ends with it, the arm finishes its job, and the result is stored afterwards",
+    times=2,
+)
+def killed_fleet(scene: Scene) -> None:
+    running, url = fleet(scene)
+    server = joined(scene, url)
+    job = asked(scene, url, "send", "21")["job"]
+    until("it moves", lambda: server.get("/api/status")["percentage"] is not None)
+    nats_server = child(running, "nats-server")
+    kill(running.pid, signal.SIGKILL)
+    until("nats-server has ended", lambda: "nats-server" not in line_of(nats_server))
+    again = up(scene, int(url.rpartition(":")[2]))
+    record(scene, url, job, "SUCCEEDED")
+    ended(scene, server, again)
 
 
 @row(

@@ -100,6 +100,9 @@ def test_a_connection_is_used_again_after_a_stop(serve: Serve) -> None:
                 assert response.status == 200
                 response.read()
             assert connection.sock is own
+    assert served.executive.status().stops == 4  # a program that watches sees each, also when idle
+    served.executive.cancel("f" * 32)
+    assert served.executive.status().stops == 4
 
 
 def test_of_many_stops_at_once_the_first_is_answered(serve: Serve) -> None:

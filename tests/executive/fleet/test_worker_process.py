@@ -1,0 +1,46 @@
+"""The worker of a server as a process: it starts again, unless the fleet refuses it."""
+
+import logging
+import subprocess
+import threading
+
+import pytest
+
+from executive.fleet.worker_process import RunningWorker
+from hardware import RealClock
+
+
+def started(*scripts: str) -> tuple[RunningWorker, list[str]]:
+    """A worker whose processes are these scripts, one after the other; the scripts left."""
+    left = [*scripts]
+
+    def start() -> "subprocess.Popen[bytes]":
+        return subprocess.Popen(["sh", "-c", left.pop(0)], stdin=subprocess.PIPE)
+
+    return RunningWorker(start, "armtree fleet join", RealClock()), left
+
+
+def test_a_worker_that_dies_starts_again_until_the_fleet_refuses_it(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("executive.fleet.worker_process._FIRST_DELAY", 0.01)
+    running, left = started("kill -9 $$", "exit 1", "exit 13", "exit 0")
+    with caplog.at_level(logging.WARNING):
+        running.keep()
+    running.end()
+    assert left == ["exit 0"]
+    assert [each.getMessage().partition(";")[0] for each in caplog.records[:2]] == [
+        "FLEET: the worker ended with status -9",
+        "FLEET: the worker ended with status 1",
+    ]
+    assert "type: armtree fleet join" in caplog.text
+
+
+def test_a_worker_that_ends_in_order_learns_it_and_does_not_start_again() -> None:
+    running, left = started('test "$(head -c 1)" = . && exit 7', "exit 0")
+    keeping = threading.Thread(target=running.keep)
+    keeping.start()
+    running.end()
+    keeping.join(10)
+    assert running._process.returncode == 7
+    assert left == ["exit 0"]
