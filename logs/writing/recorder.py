@@ -105,7 +105,8 @@ class Recorder:
         if self._cause is not None:
             self._ended.wait(timeout)
             return False
-        return (begun and self._kept == self._sent) or self.wait(timeout)
+        written = (begun and self._kept == self._sent) or self.wait(timeout)
+        return written and self._cause is None  # a write may have failed meanwhile
 
     def wait(self, timeout: float = _BEGIN_S) -> bool:
         """Wait until all items so far were written to the operating system.

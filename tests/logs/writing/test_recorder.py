@@ -32,6 +32,7 @@ from logs import (
     recover_all,
 )
 from logs.reading.file_state import is_complete
+from logs.records.records import Item
 from logs.writing.journal import Journal
 from tests.logs.test_run import EPOCH_NS, fail, node
 from tests.support.paths import ROOT
@@ -294,6 +295,30 @@ def test_a_full_disk_is_reported_once_and_the_records_before_are_valid(
     assert list(tmp_path.iterdir()) == [path]
 
 
+def test_a_frame_does_not_follow_one_whose_write_fails_while_it_waits(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recorder, waits = Recorder(tmp_path / "run.mcap", EPOCH_NS, lambda _: None), threading.Event()
+    write_to_disk = Journal.write
+
+    def write(journal: Journal, *items: Item) -> None:
+        assert waits.wait(20)
+        with room_for(0):
+            write_to_disk(journal, *items)
+
+    def wait(timeout: float) -> bool:
+        waits.set()
+        return Recorder.wait(recorder, timeout)
+
+    assert recorder.caught_up(20)
+    monkeypatch.setattr(Journal, "write", write)
+    monkeypatch.setattr(recorder, "wait", wait)
+    recorder.put(sent(0))
+    assert not recorder.caught_up(20)
+    with pytest.raises(RecordingIncomplete):
+        recorder.close()
+
+
 def test_a_full_disk_that_loses_nothing_is_reported_as_such(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -357,6 +382,7 @@ CHILD = """
 import sys
 from pathlib import Path
 from logs import Sent
+from logs.records.records import Item
 from logs.writing.journal import Journal
 
 journal = Journal(Path(sys.argv[1]).open("xb"), 10**18)
