@@ -411,6 +411,7 @@ class Executive:
         goal, failure, progress = self._queue.current, self._arm.failure, self._progress
         if progress and not (goal and progress.goal_id == goal.identity):
             progress = None
+        now = self.clock.now()
         return Status(
             arm=self._arm.state,
             fault=cause_of(failure) if failure else None,
@@ -426,7 +427,8 @@ class Executive:
             policy=self._queue.policy,
             paused=goal is not None and goal.mailbox.paused,
             breakpoints=tuple(sorted(self._breakpoints)),
-            uptime=self.clock.now() - self._started,
+            uptime=now - self._started,
+            time=now,
         )
 
     def where(self) -> Where:

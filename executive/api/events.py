@@ -91,6 +91,7 @@ class Status:
         paused: True if the goal under way is paused.
         breakpoints: Paths of the nodes with a breakpoint.
         uptime: Time since the start [s].
+        time: Time of this status, on the clock of the events [s].
     """
 
     arm: State
@@ -108,11 +109,13 @@ class Status:
     paused: bool
     breakpoints: tuple[str, ...]
     uptime: float
+    time: float
 
     def to_json(self) -> dict[str, Any]:
         """Return the status as a JSON object."""
         plain = dataclasses.asdict(self) | {"goal": self.goal and self.goal.to_json()}
         plain["uptime_s"] = round(plain.pop("uptime"), 3)
+        plain["time_s"] = plain.pop("time")
         return plain
 
     @classmethod
@@ -131,6 +134,7 @@ class Status:
             "policy": Policy(plain["policy"]),
             "breakpoints": tuple(plain["breakpoints"]),
             "uptime": plain["uptime_s"],
+            "time": plain["time_s"],
         }
         return from_fields(cls, values)
 

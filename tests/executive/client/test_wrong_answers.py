@@ -61,7 +61,7 @@ STATUS: dict[str, object] = {
     "goal": None,
 }
 STATUS |= {"percentage": None, "phase": "", "node": "", "attempt": 1, "waiting": []}
-STATUS |= {"policy": "reject", "paused": False, "breakpoints": [], "uptime_s": 1.0}
+STATUS |= {"policy": "reject", "paused": False, "breakpoints": [], "uptime_s": 1.0, "time_s": 2.0}
 
 WRONG = {
     "text": http(b"<html>hello"),

@@ -36,6 +36,8 @@ def test_stop_works_without_sign_in_and_says_when_it_is_done(
         "note = document.getElementById('stop-note'); said = [];"
         "new MutationObserver(() => said.push(note.textContent)).observe(note, {childList: true})"
     )
+    height = "document.querySelector('header').offsetHeight"
+    before = tab.evaluate(height)
     for keys in (["Tab", "Enter"], ["Escape"], []):  # STOP is the first in the order of tabs
         goal = page_server.executive.send(WAIT).identity
         shows(tab, "#running", "^wait$")
@@ -48,6 +50,7 @@ def test_stop_works_without_sign_in_and_says_when_it_is_done(
         assert tab.evaluate("said[0]").startswith("stopping…")
         assert page_server.executive.goal(goal).state.name == "CANCELED"
         shows(tab, "#goal-state", "^canceled$")
+        assert tab.evaluate(height) == before  # nothing below it moves
 
 
 def test_an_old_status_does_not_undo_the_end_of_a_goal(open_page: Open) -> None:

@@ -122,7 +122,13 @@ def test_a_recording_is_found_played_and_linked(open_page: Open, page_server: Se
         moments.append(moment(tab))
     tab.keyboard.press(",")
     tab.wait_for_function(f"() => document.getElementById('moment').value == {moments[-2]}")
+    tab.focus("#runs .run >> nth=0")
+    tab.keyboard.press(".")  # as in the player
+    tab.wait_for_function(f"() => document.getElementById('moment').value == {moments[-1]}")
+    tab.fill("#runs-search", "k,.")  # which are letters there
     tab.select_option("#speed", "10")
+    tab.keyboard.press("k")
+    assert moment(tab) == moments[-1]
     tab.click("#play")
     shows(tab, "#play", "^Pause$")
     shows(tab, "#play", "^Play$")  # it stops at the end
@@ -132,7 +138,7 @@ def test_a_recording_is_found_played_and_linked(open_page: Open, page_server: Se
     link = f"{page_server.server.url}/#recording={name}&t=0.3"
     other = open_page(link)
     shows(other, "#moment-words", "^0.30 of ")
-    assert other.is_disabled("#delete")
+    expect(other, "#delete").to_be_disabled()
     # A goal that begins does not take a recording away that was opened.
     page_server.executive.result(page_server.executive.send(11).identity)
     shows(other, "#goal-title", "nothing")
@@ -207,12 +213,14 @@ def test_what_is_done_with_a_recording(open_page: Open, page_server: Served) -> 
     shows(tab, "#player-note", "No longer pinned")
     tab.click("#verify")
     shows(tab, "#player-note", "plan -> frames holds.*goal -> plan holds")
-    tab.click("#delete")
+    tab.focus("#delete")
+    tab.keyboard.press("Enter")
     shows(tab, "#runs-note", "^Deleted task 0 home.*Undo$")
+    expect(tab, "#runs-note button").to_be_focused()
     tab.locator("#player").wait_for(state="hidden")
     assert not (folder / name).exists()
     is_accessible(tab)
-    tab.click("#runs-note button")
+    tab.keyboard.press("Enter")
     shows(tab, "#runs-note", "^Restored task 0 home")
     assert (folder / name).exists()
 
@@ -243,5 +251,5 @@ def test_recordings_are_viewed_without_an_arm(open_page: Open, page_server: Serv
         shows(tab, "#failure", "fail failed.*13_fail.yaml:5")
         tab.keyboard.press("Escape")  # stops nothing
         shows(tab, "#session", "signed in")
-        assert not tab.is_disabled("#delete")
+        expect(tab, "#delete").to_be_enabled()
         tab.context.close()

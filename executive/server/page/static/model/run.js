@@ -146,6 +146,18 @@ export class Run {
   }
 
   /**
+   * Take the state of the goal, and that of the arm if no events of a goal do it.
+   * @param {import("../connection.js").Status} status
+   */
+  updateStatus({ commanded, measured, goal, time_s }) {
+    if (goal) this.updateGoal(goal);
+    if (this.active) this.length = Math.max(this.length, time_s - this.began); // also while nothing happens
+    if (goal || this.active) return;
+    this.positions = commanded ?? this.positions;
+    this.measured = measured ?? this.measured;
+  }
+
+  /**
    * Take the state of a goal, if it is this one. What has ended stays so: a status that was asked
    * for before the end may come after it.
    * @param {Goal} goal

@@ -1,8 +1,9 @@
 /** Plots over time: positions, velocities with their limits, frames and their lateness. */
 
 import { byId, element, setText } from "../dom.js";
+import { loadLibraries } from "../load_libraries.js";
 
-/** @typedef {typeof import("../../libraries.js")} Libraries */
+/** @typedef {import("../load_libraries.js").Libraries} Libraries */
 /** @typedef {import("uplot")} Plot */
 /** @typedef {import("uplot").AlignedData} Data */
 /** @typedef {import("../arm/model.js").Joint} Joint */
@@ -25,8 +26,10 @@ export class PlotsView {
   #cursor;
   /** @type {Libraries | null} */
   #libraries = null;
-  /** @type {Joint[]} */
+  /** @type {Joint[]} that are drawn */
   #joints = [];
+  /** @type {Joint[]} of the newest robot */
+  #wanted = [];
   /** @type {Set<string>} joints that are switched off */
   #off = new Set();
   /** @type {Plot[]} positions, velocities, lateness */
@@ -67,11 +70,14 @@ export class PlotsView {
    */
   async show(joints, changed) {
     const moved = joints.filter((each) => each.type !== "fixed" && !each.mimic);
-    if (JSON.stringify(moved) === JSON.stringify(this.#joints)) return;
+    this.#wanted = moved;
+    this.#libraries = await loadLibraries();
+    if (!this.#libraries || this.#wanted !== moved || JSON.stringify(moved) === JSON.stringify(this.#joints)) return;
     this.#joints = moved;
     this.#keys.replaceChildren(...this.#joints.map((joint, index) => this.#key(joint, index)));
-    // @ts-ignore: the bundle has the types of libraries.js
-    this.#libraries = /** @type {Libraries} */ (await import("../libraries/libraries.js"));
+    for (const plot of this.#plots) plot.destroy();
+    this.#plots = [];
+    this.#history = null;
     changed();
   }
 

@@ -37,6 +37,7 @@ export class TreeView extends EventTarget {
   #breakpoints = "";
   #goal = "";
   #followed = "";
+  #time = 0; // the moment that is shown [s]
   selected = "";
 
   /** @param {ShownRun} shown */
@@ -46,6 +47,10 @@ export class TreeView extends EventTarget {
     this.#search.addEventListener("input", () => this.draw());
     this.#list.addEventListener("click", (event) => this.#click(event));
     this.#list.addEventListener("keydown", (event) => this.#key(event));
+    new ResizeObserver(() => {
+      this.#followed = ""; // the running row may be hidden now
+      this.scroll();
+    }).observe(this.#list);
   }
 
   /**
@@ -61,17 +66,21 @@ export class TreeView extends EventTarget {
     this.#select(path);
   }
 
-  /** @param {string[]} [breakpoints] paths; default those of the last time */
-  draw(breakpoints) {
+  /**
+   * @param {string[]} [breakpoints] paths; default those of the last time
+   * @param {number} [time] the moment that is shown [s]; default that of the last time
+   */
+  draw(breakpoints, time = this.#time) {
     const { run, facts } = this.#shown;
+    this.#time = time;
     const marked = breakpoints ? breakpoints.join("\n") : this.#breakpoints;
     const now = [run, run.goalId, facts, facts.size, marked, this.#search.value, this.#folds, this.selected];
     const redraw = now.some((each, index) => each !== this.#last[index]);
-    if (!redraw && run.changed.size === 0) return;
+    if (!redraw && run.changed.size === 0) return this.#drawTimes();
     if (run.goalId !== this.#goal) this.#begin(run.goalId);
     this.#last = now;
     this.#breakpoints = marked;
-    const atWork = nodesAtWork(run.nodes.values());
+    const atWork = nodesAtWork(run.nodes.values(), this.#shown.planned);
     const visible = this.#find(atWork);
     if (visible.some((node, index) => node !== this.#visible[index]) || visible.length !== this.#visible.length) {
       this.#visible = visible;
@@ -80,9 +89,13 @@ export class TreeView extends EventTarget {
     const points = new Set(marked.split("\n"));
     for (const node of visible)
       if (redraw || run.changed.has(node) || !this.#row(node).dataset.status)
-        this.#drawRow(node, atWork, points);
-    for (const node of visible)
-      if (node.children.length) setAttribute(this.#row(node), "aria-expanded", this.#expanded(node, atWork));
+        this.#drawRow(node, points);
+    for (const node of visible) {
+      const row = this.#row(node);
+      row.classList.toggle("at-work", atWork.has(node));
+      if (node.children.length) setAttribute(row, "aria-expanded", this.#expanded(node, atWork));
+    }
+    this.#drawTimes();
     run.changed.clear();
     this.#keepOneTabStop();
   }
@@ -168,16 +181,14 @@ export class TreeView extends EventTarget {
 
   /**
    * @param {TreeNode} node
-   * @param {Set<TreeNode>} atWork
    * @param {Set<string>} points
    */
-  #drawRow(node, atWork, points) {
+  #drawRow(node, points) {
     const row = this.#row(node);
     const [point, , sign, , kind, message, time] = /** @type {HTMLElement[]} */ ([...row.children]);
     const [text, words] = mark(node.status);
     const facts = this.#shown.facts.get(node.path);
     row.dataset.status = node.status;
-    row.classList.toggle("at-work", atWork.has(node));
     setText(point, points.has(node.path) ? "●" : "");
     setAttribute(point, "aria-label", points.has(node.path) ? "breakpoint" : false);
     setAttribute(point, "role", points.has(node.path) ? "img" : false);
@@ -188,6 +199,18 @@ export class TreeView extends EventTarget {
     setText(message, node.message);
     setText(time, this.#shown.planned ? "" : duration(node));
     setAttribute(row, "aria-selected", String(node.path === this.selected));
+  }
+
+  /** Show how long nodes have been running. */
+  #drawTimes() {
+    const { run, planned } = this.#shown;
+    if (planned) return;
+    for (const node of this.#visible) {
+      if (node.status !== "RUNNING" || node.began === null) continue;
+      const seconds = Math.max(0, run.began + this.#time - node.began).toFixed(1);
+      const part = run.percentage !== null && node === run.running.at(-1) ? `, ${run.percentage} %` : "";
+      setText(/** @type {Element} */ (this.#row(node).lastElementChild), `${times(node)}${seconds} s${part}`);
+    }
   }
 
   /** @param {string} path */
@@ -270,15 +293,18 @@ export class TreeView extends EventTarget {
 /**
  * Return the nodes that run, were stopped, or failed and with them the node above.
  * @param {Iterable<TreeNode>} nodes parents first
+ * @param {boolean} planned True for a dry run, which ends at the first failure
  * @returns {Set<TreeNode>}
  */
-export function nodesAtWork(nodes) {
+function nodesAtWork(nodes, planned) {
   /** @type {Set<TreeNode>} */
   const found = new Set();
   for (const node of nodes) {
     const above = node.parent;
     const failed = node.status === "FAILURE" && (!above || (above.status === "FAILURE" && found.has(above)));
     if (failed || node.status === "RUNNING" || node.status === "HALTED") found.add(node);
+    // A dry run has no events of the nodes above.
+    if (planned && node.status === "FAILURE") addWithAncestors(node, found);
   }
   return found;
 }
@@ -293,9 +319,17 @@ function matching(nodes, wanted) {
   const found = new Set();
   for (const node of nodes) {
     if (!`${node.name} ${node.message} ${mark(node.status)[1]}`.toLowerCase().includes(wanted)) continue;
-    for (let each = /** @type {TreeNode | null} */ (node); each; each = each.parent) found.add(each);
+    addWithAncestors(node, found);
   }
   return found;
+}
+
+/**
+ * @param {TreeNode | null} node
+ * @param {Set<TreeNode>} found
+ */
+function addWithAncestors(node, found) {
+  for (let each = node; each; each = each.parent) found.add(each);
 }
 
 /**
@@ -303,7 +337,11 @@ function matching(nodes, wanted) {
  * @param {TreeNode} node
  */
 function duration(node) {
-  const times = node.starts > 1 ? `${node.starts}× ` : "";
-  if (node.began === null || node.ended === null) return times.trim();
-  return `${times}${(node.ended - node.began).toFixed(2)} s`;
+  if (node.began === null || node.ended === null) return times(node).trim();
+  return `${times(node)}${(node.ended - node.began).toFixed(2)} s`;
+}
+
+/** @param {TreeNode} node */
+function times({ starts }) {
+  return starts > 1 ? `${starts}× ` : "";
 }
