@@ -77,7 +77,10 @@ export class Stage {
    */
   include(...objects) {
     const before = this.#bounds.clone();
-    for (const object of objects) this.#bounds.expandByObject(object);
+    for (const object of objects) {
+      object.updateMatrixWorld(); // where it will be drawn
+      this.#bounds.expandByObject(object);
+    }
     if (!this.#turned && !this.#bounds.equals(before)) this.look(this.#view);
   }
 
@@ -96,20 +99,20 @@ export class Stage {
     this.#controls.target.copy(middle);
     this.#camera.position.copy(middle).add(direction);
     this.#controls.update();
-    this.#camera.position.copy(middle).addScaledVector(direction, MARGIN * this.#distance());
+    const distance = MARGIN * this.#distance();
+    this.#camera.position.copy(middle).addScaledVector(direction, distance);
     this.#controls.update();
     this.draw();
   }
 
   /** Return how far from the middle of the bounds the camera must be, which is 1 m away now [m]. */
   #distance() {
-    this.#camera.updateMatrixWorld();
     const { min, max } = this.#bounds;
     const vertical = Math.tan((this.#camera.fov * Math.PI) / 360);
     const horizontal = vertical * this.#camera.aspect;
     const corners = [0, 1, 2, 3, 4, 5, 6, 7].map((corner) => {
       const [x, y, z] = [corner & 1 ? max.x : min.x, corner & 2 ? max.y : min.y, corner & 4 ? max.z : min.z];
-      const seen = new this.#three.Vector3(x, y, z).applyMatrix4(this.#camera.matrixWorldInverse);
+      const seen = this.#camera.worldToLocal(new this.#three.Vector3(x, y, z));
       return Math.max(Math.abs(seen.x) / horizontal, Math.abs(seen.y) / vertical) + seen.z + 1;
     });
     return this.#bounds.isEmpty() ? 2.6 * this.#size : Math.max(...corners);
