@@ -39,7 +39,9 @@ function link(path, text) {
 /** @param {ShownRun} shown */
 export function drawRunning(shown) {
   const list = byId("running", HTMLElement);
-  const { running } = shown.live.active ? shown.live : shown.run; // what moves is never hidden
+  const now = shown.live.active || shown.isLive; // what moves is never hidden
+  const { running } = now ? shown.live : shown.run;
+  setText(byId("running-title", HTMLElement), now ? "Running now" : "Running at this moment");
   const key = running.map((node) => `${node.path}\n${node.message}`).join("\n\n");
   if (list.dataset.key === key) return;
   list.dataset.key = key;
