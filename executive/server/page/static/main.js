@@ -62,7 +62,7 @@ const draw = oncePerFrame(() => {
   player.draw(runs.recordings);
   comparison.draw(shown, runs.recordings);
   drawActs();
-  plots.draw(shown.history, shown.isLive && shown.live.active);
+  plots.draw(shown.history, shown.isLive && shown.live.active, comparison.history);
   log.draw(shown.history);
   tree.scroll();
   log.scroll();

@@ -125,10 +125,11 @@ def test_a_recording_is_found_played_and_linked(open_page: Open, page_server: Se
     tab.focus("#runs .run >> nth=0")
     tab.keyboard.press(".")  # as in the player
     tab.wait_for_function(f"() => document.getElementById('moment').value == {moments[-1]}")
-    tab.fill("#runs-search", "k,.")  # which are letters there
-    tab.select_option("#speed", "10")
-    tab.keyboard.press("k")
+    tab.focus("#log-search")
+    tab.keyboard.type("k,.")  # which are letters there
+    assert tab.input_value("#log-search") == "k,."
     assert moment(tab) == moments[-1]
+    tab.select_option("#speed", "10")
     tab.click("#play")
     shows(tab, "#play", "^Pause$")
     shows(tab, "#play", "^Play$")  # it stops at the end
@@ -184,6 +185,8 @@ def test_two_recordings_are_compared_at_one_moment(open_page: Open, page_server:
     tab = open_page(viewport={"width": 390, "height": 844}, color_scheme="dark")
     shows(tab, "#shown", "^move joint_1=10deg, recorded$")
     tab.select_option("#compare", index=1)
+    tab.locator("#time-panel").scroll_into_view_if_needed()
+    shows(tab, "#plots figcaption", "^Position .deg.; dotted: the other run$")
     assert tab.evaluate("document.documentElement.scrollWidth") == 390  # nothing is cut
     shows(tab, "#comparison tr", r"joint_1 *1\d\.\d° *[12]\d\.\d° *-\d+\.\d°")
     is_accessible(tab)
@@ -191,6 +194,7 @@ def test_two_recordings_are_compared_at_one_moment(open_page: Open, page_server:
     tab.keyboard.press("Home")
     shows(tab, "#comparison", "Phase|Nothing differs")
     tab.select_option("#compare", "")
+    shows(tab, "#plots figcaption", "^Position .deg.$")
     tab.locator("#comparison").wait_for(state="hidden")
 
 

@@ -2,7 +2,7 @@
 
 import { get } from "../api.js";
 
-/** @typedef {import("../load_libraries.js").Libraries} Libraries */
+/** @typedef {import("../libraries/load.js").Libraries} Libraries */
 /** @typedef {import("three").Object3D} Object3D */
 /** @typedef {import("three").Mesh} Mesh */
 /** @typedef {[number, number, number]} Vector */

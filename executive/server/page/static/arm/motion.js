@@ -2,7 +2,7 @@
 
 import { loadMesh, primitive } from "./model.js";
 
-/** @typedef {import("../load_libraries.js").Libraries} Libraries */
+/** @typedef {import("../libraries/load.js").Libraries} Libraries */
 /** @typedef {import("./model.js").ArmModel} ArmModel */
 /** @typedef {import("../model/run.js").Schedule} Schedule */
 /** @typedef {import("../model/run.js").Body} Body */

@@ -1,6 +1,6 @@
 /** Camera, light, floor and canvas. It draws only when something has changed. */
 
-/** @typedef {import("../load_libraries.js").Libraries} Libraries */
+/** @typedef {import("../libraries/load.js").Libraries} Libraries */
 
 /** Directions of the camera from the middle of the arm, by the name of the view. */
 export const VIEWS = /** @type {Record<string, [number, number, number]>} */ ({

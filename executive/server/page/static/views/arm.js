@@ -4,7 +4,7 @@ import { addBodies, pathOf } from "../arm/motion.js";
 import { ArmModel } from "../arm/model.js";
 import { Stage } from "../arm/stage.js";
 import { byId, element, setText } from "../dom.js";
-import { loadLibraries } from "../load_libraries.js";
+import { loadLibraries } from "../libraries/load.js";
 
 /** @typedef {import("../arm/model.js").Robot} Robot */
 /** @typedef {import("../model/run.js").Run} Run */
@@ -19,7 +19,7 @@ export class ArmView {
   #robot = null;
   /** The robot on the stage, as JSON. */
   #staged = "";
-  /** @type {import("../load_libraries.js").Libraries | null} */
+  /** @type {import("../libraries/load.js").Libraries | null} */
   #three = null;
   /** @type {Stage | null} */
   #stage = null;
@@ -64,7 +64,7 @@ export class ArmView {
 
   /**
    * Make the stage.
-   * @param {import("../load_libraries.js").Libraries} three
+   * @param {import("../libraries/load.js").Libraries} three
    * @param {number} size of the robot [m]
    */
   #begin(three, size) {

@@ -6,6 +6,8 @@ import { byId, element, setAttribute, setText } from "../dom.js";
 /** @typedef {import("../model/shown_run.js").ShownRun} ShownRun */
 
 const OPEN_UP_TO = 60; // nodes of a tree that is shown unfolded
+const ZOOM = 1.2; // from one size to the next
+const SIZES = 3; // smaller ones and larger ones than the first
 const MARKS = /** @type {Record<string, [string, string]>} */ ({
   RUNNING: ["▶", "running"],
   SUCCESS: ["✓", "done"],
@@ -38,6 +40,7 @@ export class TreeView extends EventTarget {
   #goal = "";
   #followed = "";
   #time = 0; // the moment that is shown [s]
+  #size = 0; // steps from the first size
   selected = "";
 
   /** @param {ShownRun} shown */
@@ -47,6 +50,8 @@ export class TreeView extends EventTarget {
     this.#search.addEventListener("input", () => this.draw());
     this.#list.addEventListener("click", (event) => this.#click(event));
     this.#list.addEventListener("keydown", (event) => this.#key(event));
+    byId("tree-larger", HTMLElement).addEventListener("click", () => this.#zoom(1));
+    byId("tree-smaller", HTMLElement).addEventListener("click", () => this.#zoom(-1));
     new ResizeObserver(() => {
       this.#followed = ""; // the running row may be hidden now
       this.scroll();
@@ -109,6 +114,14 @@ export class TreeView extends EventTarget {
     const { top, height } = this.#list.getBoundingClientRect();
     const offset = row.getBoundingClientRect().top - top;
     if (offset < 0 || offset > height - row.offsetHeight) this.#list.scrollTop += offset - height / 2;
+  }
+
+  /** @param {1 | -1} step */
+  #zoom(step) {
+    this.#size = Math.min(Math.max(this.#size + step, -SIZES), SIZES);
+    this.#list.style.setProperty("--zoom", String(ZOOM ** this.#size));
+    this.#followed = "";
+    this.scroll();
   }
 
   /** @param {string} goal */

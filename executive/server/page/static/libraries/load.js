@@ -1,8 +1,8 @@
 /** Loads the libraries of 3D and plots, once for all views. */
 
-import { byId, setText } from "./dom.js";
+import { byId, setText } from "../dom.js";
 
-/** @typedef {typeof import("../libraries.js")} Libraries */
+/** @typedef {typeof import("../../libraries.js")} Libraries */
 
 const FAILED = "The page could not load 3D and plots. It tries again with the next connection; or reload the page.";
 
@@ -21,7 +21,7 @@ async function load() {
   const note = byId("no-3d", HTMLElement);
   try {
     // A browser may keep a module that failed, so each attempt has its own address.
-    const libraries = await import(`./libraries/libraries.js${failures ? `?attempt=${failures}` : ""}`);
+    const libraries = await import(`./libraries.js${failures ? `?attempt=${failures}` : ""}`);
     setText(note, "");
     return libraries;
   } catch {
