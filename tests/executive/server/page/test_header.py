@@ -24,6 +24,8 @@ def test_the_header_shows_the_robot_the_arm_and_the_goal(
     page_server.executive.send(WAIT)
     shows(tab, "#goal-title", "^task 10 wait$")
     shows(tab, "#goal-state", "waiting")
+    tab.reload()  # no event of the goal has a position
+    shows(tab, "#positions", r"joint_1\s*0\.0°")
     assert tab.title() == "arduinobot, armtree"
 
 

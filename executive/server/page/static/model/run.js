@@ -146,15 +146,15 @@ export class Run {
   }
 
   /**
-   * Take the state of the goal, and that of the arm if no events of a goal do it.
+   * Take the state of the goal, and that of the arm if no event of a goal has told it.
    * @param {import("../connection.js").Status} status
    */
   updateStatus({ commanded, measured, goal, time_s }) {
     if (goal) this.updateGoal(goal);
     if (this.active) this.length = Math.max(this.length, time_s - this.began); // also while nothing happens
-    if (goal || this.active) return;
-    this.positions = commanded ?? this.positions;
-    this.measured = measured ?? this.measured;
+    const idle = !goal && !this.active;
+    if (idle || !this.positions) this.positions = commanded ?? this.positions;
+    if (idle || !this.measured) this.measured = measured ?? this.measured;
   }
 
   /**
