@@ -52,7 +52,7 @@ export class Refused extends Error {
   constructor(status, cause) {
     const message = withoutIds(cause.message);
     const hint = hintOf(cause);
-    super(plain(message.includes(hint) ? message : `${message}. ${capital(hint)}`));
+    super(plain(message.includes(hint) ? message : `${message}. ${sentence(hint)}`));
     this.status = status;
     this.code = cause.code;
   }
@@ -60,12 +60,12 @@ export class Refused extends Error {
 
 /** @param {string} words of the server, with code between backticks */
 function plain(words) {
-  return capital(words.replaceAll("`", ""));
+  return words.replaceAll("`", "");
 }
 
-/** @param {string} words */
-function capital(words) {
-  return words.charAt(0).toUpperCase() + words.slice(1);
+/** @param {string} hint */
+function sentence(hint) {
+  return hint.charAt(0).toUpperCase() + hint.slice(1);
 }
 
 /** Events: `change` when this tab signs in or out, `goal` when the server accepted a goal of it. */

@@ -71,7 +71,7 @@ def test_a_form_checks_quantities_as_they_are_typed(open_page: Open, page_server
     tab.fill("#task-21-far", "99 deg")
     tab.evaluate("document.querySelector('#task-21-far').form.noValidate = true")
     tab.click(f"{turn} button:text-is('Run')")
-    shows(tab, f"{turn} [role=alert]", "^Argument far.* is more than 40 deg$")
+    shows(tab, f"{turn} [role=alert]", "^arguments: far: .99 deg. is more than 40 deg$")
     forget(tab, "409")
 
 
@@ -184,7 +184,7 @@ def test_a_hint_names_what_the_page_has(open_page: Open, page_server: Served) ->
     tab = open_page()
     tab.click(f"{task('0 home')} summary")
     tab.click(f"{task('0 home')} button:text-is('Run')")
-    shows(tab, f"{task('0 home')} [role=alert]", "^Task 10 is under way. Wait, or press STOP$")
+    shows(tab, f"{task('0 home')} [role=alert]", "^task 10 is under way. Wait, or press STOP$")
     forget(tab, "409")
 
 

@@ -74,9 +74,8 @@ def test_pose_path_and_refused_plans_are_drawn(open_page: Open, page_server: Ser
     tab = open_page(webgl=True)
     shows(tab, "#positions", r"joint_1\s*0\.0°")
     tab.locator("#arm canvas").wait_for()
-    before = until_seen(
-        tab, lambda now: height(now) > 0.35
-    )  # with its base and gripper, it fills it
+    # The orange links; base and gripper fill the rest.
+    before = until_seen(tab, lambda now: height(now) > 0.35)
     assert count(before, BLUE) == 0
     moved(page_server, "joint_1=70deg")
     shows(tab, "#positions", r"joint_1\s*70\.\d°")

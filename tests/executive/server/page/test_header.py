@@ -79,7 +79,7 @@ def test_a_link_signs_in_once_and_a_reload_stays_signed_in(
     shows(tab, "#session", "^signed in$")
     assert tab.evaluate("document.cookie") == ""
     other = open_page(link)
-    shows(other, "#sign-in-help", "This link is unknown, or was opened before.*armtree view")
+    shows(other, "#sign-in-help", "this link is unknown, or was opened before.*armtree view")
     shows(other, "#session", "^watching only$")
     tab.evaluate("sessionStorage.setItem('armtree-token', 'of an earlier server')")
     tab.reload()
