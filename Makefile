@@ -18,7 +18,7 @@ INSTALL := $(PIP) install --quiet --disable-pip-version-check
 COMPILE := uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header \
 	--no-emit-index-url --no-emit-find-links
 
-.PHONY: demo fleet mcp ros2 docs test quick lint types rooms damage faults soak mutation firmware page lock
+.PHONY: demo fleet mcp ros2 docs test quick lint types rooms damage faults soak mutation firmware page pictures lock
 
 demo: $(READY)
 	$(VENV)/bin/armtree run 0 1 2 0 --port virtual
@@ -83,6 +83,11 @@ firmware:
 # Needs npm. Builds the libraries of the server's page.
 page: $(PAGE)
 	cd executive/server/page && npm run --silent build
+
+# Needs chromium. Takes pictures of every view of the page, to look at after a change.
+pictures: $(TOOLS)
+	$(VENV)/bin/python -m tests.support.generated.page_pictures build/pictures
+	@echo "build/pictures"
 
 $(PIP):
 	@$(PYTHON) -c 'import sys; sys.exit("armtree needs Python 3.11 or later" if sys.version_info < (3, 11) else 0)'

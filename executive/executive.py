@@ -411,6 +411,7 @@ class Executive:
         goal, failure, progress = self._queue.current, self._arm.failure, self._progress
         if progress and not (goal and progress.goal_id == goal.identity):
             progress = None
+        now = self.clock.now()
         return Status(
             arm=self._arm.state,
             fault=cause_of(failure) if failure else None,
@@ -427,7 +428,8 @@ class Executive:
             paused=goal is not None and goal.mailbox.paused,
             breakpoints=tuple(sorted(self._breakpoints)),
             stops=self._stopper.stops,
-            uptime=self.clock.now() - self._started,
+            uptime=now - self._started,
+            time=now,
         )
 
     def where(self) -> Where:

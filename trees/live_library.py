@@ -10,7 +10,7 @@ from typing import Any
 from hardware import Robot
 
 from .check import check_task, compile_task
-from .declarations import Declaration
+from .declarations import UNITS, Declaration
 from .errors import FileError, TreeError, UnknownTask
 from .export.node_table import node_table
 from .reading.document import read_text
@@ -221,6 +221,7 @@ def _input(declared: Declaration) -> dict[str, Any]:
     return {
         "type": declared.type,
         "unit": declared.unit,
+        "units": dict(UNITS.get(declared.type, {})),
         "needed": declared.needed,
         "default": "" if default is None else str(default.value if is_text else default),
         "least": declared.least,

@@ -92,6 +92,7 @@ class Status:
         breakpoints: Paths of the nodes with a breakpoint.
         stops: Number of stops since the start, also of an idle arm.
         uptime: Time since the start [s].
+        time: Time of this status, on the clock of the events [s].
     """
 
     arm: State
@@ -110,11 +111,13 @@ class Status:
     breakpoints: tuple[str, ...]
     stops: int
     uptime: float
+    time: float
 
     def to_json(self) -> dict[str, Any]:
         """Return the status as a JSON object."""
         plain = dataclasses.asdict(self) | {"goal": self.goal and self.goal.to_json()}
         plain["uptime_s"] = round(plain.pop("uptime"), 3)
+        plain["time_s"] = plain.pop("time")
         return plain
 
     @classmethod
@@ -133,6 +136,7 @@ class Status:
             "policy": Policy(plain["policy"]),
             "breakpoints": tuple(plain["breakpoints"]),
             "uptime": plain["uptime_s"],
+            "time": plain["time_s"],
         }
         return from_fields(cls, values)
 

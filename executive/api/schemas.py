@@ -223,6 +223,7 @@ STATUS = answer(
     breakpoints=array(TEXT),
     stops=described(COUNT, "Stops since the start, also of an idle arm."),
     uptime_s=NUMBER,
+    time_s=described(NUMBER, "Time of this status, on the clock of the events."),
 )
 DIGEST = described(
     text("^([0-9a-f]{32}|[0-9a-f]{12}_[^/]+)$", 250, "the digest of a mesh"),
@@ -303,6 +304,9 @@ _INPUT = _object(
     {
         "type": TEXT,
         "unit": described(TEXT, "Unit of the limits; may be empty."),
+        "units": described(
+            by_name(NUMBER), "Units that a value may have, in the unit of the limits."
+        ),
         "needed": BOOLEAN,
         "default": described(TEXT, "As in a task file; empty for none."),
         "least": _or_null(NUMBER),

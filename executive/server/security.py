@@ -28,7 +28,10 @@ SECURITY_HEADERS = {
 
 def client_of(headers: Headers) -> str:
     """Return the name of a client for the log and recordings; empty if it gives none."""
-    return printable(headers.get("user-agent", "")[:MAX_CLIENT])
+    name = headers.get("user-agent", "")
+    if name.startswith("Mozilla/"):  # as every browser says
+        return "the page"
+    return printable(name[:MAX_CLIENT])
 
 
 @dataclass(frozen=True, slots=True)

@@ -61,7 +61,8 @@ STATUS: dict[str, object] = {
     "goal": None,
 }
 STATUS |= {"percentage": None, "phase": "", "node": "", "attempt": 1, "waiting": []}
-STATUS |= {"policy": "reject", "paused": False, "breakpoints": [], "stops": 0, "uptime_s": 1.0}
+STATUS |= {"policy": "reject", "paused": False, "breakpoints": [], "stops": 0}
+STATUS |= {"uptime_s": 1.0, "time_s": 2.0}
 
 WRONG = {
     "text": http(b"<html>hello"),

@@ -1,6 +1,7 @@
 """Pictures of every view of the page, at three sizes, light and dark.
 
-python -m tests.support.generated.page_pictures FOLDER [VIEW ...]
+`python -m tests.support.generated.page_pictures FOLDER [VIEW ...]`. The view `page` is that of the
+documentation: `python -m tests.support.generated.page_pictures docs/pages/assets page` takes it.
 """
 
 import shutil
@@ -15,6 +16,7 @@ from tests.support.servers.browsing import shows
 from tests.support.servers.serving import Served, serving
 
 SIZES = {"phone": (390, 844), "laptop": (1280, 800), "wall": (1920, 1080)}
+DOCUMENTED = "page"  # one picture of the size of a screen, only if it is named
 DELIVER = """task: 20
 name: deliver
 description: Fail deep inside.
@@ -51,6 +53,7 @@ def views(served: Served) -> Iterator[tuple[str, Callable[[Any], object]]]:
     )
     yield "refused", id
     executive.result(executive.send(1).identity)
+    yield DOCUMENTED, show_middle
     yield "done", lambda tab: (tab.click("#move summary"), tab.click("#tasks summary >> nth=5"))
     executive.result(executive.send(0).identity)  # away from where the dry run ends
     yield "planned", plan_pick
@@ -138,26 +141,33 @@ def main(folder: Path, wanted: Collection[str]) -> None:
         args = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
         browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=args)
         for name, act in views(served):
-            if wanted and name not in wanted:
-                continue
-            for size, (width, height) in SIZES.items():
-                for scheme in ("light", "dark"):
-                    view: Any = {"width": width, "height": height}
-                    context = browser.new_context(viewport=view, color_scheme=scheme)
-                    tab = context.new_page()
-                    tab.goto(served.server.sign_in.link())
-                    tab.locator("#arm canvas").wait_for()
-                    tab.locator("#tasks li").first.wait_for()
-                    tab.wait_for_timeout(300)
-                    act(tab)
-                    # Plots are drawn when they are seen.
-                    tab.locator("#time-panel").scroll_into_view_if_needed()
-                    tab.wait_for_timeout(100)
-                    tab.evaluate("scrollTo(0, 0)")
-                    picture = folder / f"{name}-{size}-{scheme}.png"
-                    tab.screenshot(path=picture, full_page=True)
-                    context.close()
+            if name == DOCUMENTED and name in wanted:
+                context = browser.new_context(viewport={"width": 1280, "height": 800})
+                take(context, served, act, folder / f"{name}.png", full_page=False)
+            elif name != DOCUMENTED and (name in wanted or not wanted):
+                for size, (width, height) in SIZES.items():
+                    for scheme in ("light", "dark"):
+                        view: Any = {"width": width, "height": height}
+                        context = browser.new_context(viewport=view, color_scheme=scheme)
+                        take(context, served, act, folder / f"{name}-{size}-{scheme}.png")
         browser.close()
+
+
+def take(
+    context: Any, served: Served, act: Callable[[Any], object], path: Path, full_page: bool = True
+) -> None:
+    """Take a picture of a new tab after an act, and close the tab."""
+    tab = context.new_page()
+    tab.goto(served.server.sign_in.link())
+    tab.locator("#arm canvas").wait_for()
+    tab.locator("#tasks li").first.wait_for()
+    tab.wait_for_timeout(300)
+    act(tab)
+    tab.locator("#time-panel").scroll_into_view_if_needed()  # plots are drawn when they are seen
+    tab.wait_for_timeout(100)
+    tab.evaluate("scrollTo(0, 0)")
+    tab.screenshot(path=path, full_page=full_page)
+    context.close()
 
 
 if __name__ == "__main__":

@@ -44,7 +44,7 @@ class SimulatedArm:
         nothing: Mapping[str, float] = {}
         return Status(
             State.ACTIVE, None, "", nothing, None, goal, None, "", "", 1, (), Policy.REJECT, False,
-            (), self.stops, 1.0,
+            (), self.stops, 1.0, 1.0,
         )  # fmt: skip
 
     @property

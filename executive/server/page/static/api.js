@@ -19,6 +19,7 @@ const KEY = "armtree-token";
 
 /** What to do on this page, by code; the hints of the server name commands. */
 const HINTS = /** @type {Record<string, string>} */ ({
+  "goal.bad_arguments": "", // the form shows the limits
   "goal.busy": "wait, or press STOP",
   "goal.too_many_breakpoints": "clear one in the tree",
   "hw.not_active": "press Activate beside the tasks; if there is no such button, start the server again",
@@ -34,6 +35,14 @@ export function hintOf({ code, hint }) {
   return HINTS[code] ?? hint;
 }
 
+/**
+ * Return a message of the server without identities of goals, which mean nothing to people.
+ * @param {string} message
+ */
+export function withoutIds(message) {
+  return message.replace(/ \([0-9a-f]{32}\)|\bgoal [0-9a-f]{32} for /g, "");
+}
+
 /** A request that the server refused. */
 export class Refused extends Error {
   /**
@@ -41,14 +50,25 @@ export class Refused extends Error {
    * @param {Cause} cause
    */
   constructor(status, cause) {
+    const message = withoutIds(cause.message);
     const hint = hintOf(cause);
-    super(cause.message.includes(hint) ? cause.message : `${cause.message}. ${hint}`);
+    super(plain(message.includes(hint) ? message : `${message}. ${sentence(hint)}`));
     this.status = status;
     this.code = cause.code;
   }
 }
 
-/** Events: `change` when this tab signs in or out. */
+/** @param {string} words of the server, with code between backticks */
+function plain(words) {
+  return words.replaceAll("`", "");
+}
+
+/** @param {string} hint */
+function sentence(hint) {
+  return hint.charAt(0).toUpperCase() + hint.slice(1);
+}
+
+/** Events: `change` when this tab signs in or out, `goal` when the server accepted a goal of it. */
 export const session = new EventTarget();
 
 /** @returns {boolean} True if this tab has a token. */
@@ -104,6 +124,16 @@ export async function post(path, body = {}, signal) {
   const priority = path === "api/stop" ? "high" : "auto";
   const options = { method: "POST", body: JSON.stringify(body), headers, signal, priority };
   return (await request(path, options)).json();
+}
+
+/**
+ * Send a goal.
+ * @param {"api/goals" | "api/move"} path
+ * @param {object} body
+ */
+export async function sendGoal(path, body) {
+  await post(path, body);
+  session.dispatchEvent(new Event("goal"));
 }
 
 /**

@@ -29,6 +29,7 @@ const MAX_STREAMS = 4; // over all tabs of a browser
  * @property {boolean} paused
  * @property {string[]} breakpoints
  * @property {number} stops
+ * @property {number} time_s when the server answered, on the clock of the events
  */
 
 /**

@@ -51,6 +51,28 @@ export function setText(target, text) {
 }
 
 /**
+ * Let a button act, or not. It keeps the focus, which `disabled` would take from it.
+ * @param {HTMLButtonElement} button
+ * @param {boolean} usable
+ */
+export function setUsable(button, usable) {
+  setAttribute(button, "aria-disabled", usable ? false : "true");
+}
+
+/** Ignore clicks on buttons that are not usable. */
+export function ignoreUnusable() {
+  document.addEventListener(
+    "click",
+    (event) => {
+      if (!(event.target instanceof Element) || !event.target.closest("[aria-disabled='true']")) return;
+      event.preventDefault(); // as this submits no form
+      event.stopPropagation();
+    },
+    { capture: true },
+  );
+}
+
+/**
  * Return a function that calls another one at most once per frame of the screen.
  * @param {() => void} draw
  * @returns {() => void}

@@ -2,7 +2,7 @@
 
 import { get, isSignedIn, pathOf, session, signIn } from "./api.js";
 import { Connection } from "./connection.js";
-import { byId, oncePerFrame, setText } from "./dom.js";
+import { byId, ignoreUnusable, oncePerFrame, setText } from "./dom.js";
 import { Cursor } from "./model/cursor.js";
 import { ShownRun } from "./model/shown_run.js";
 import { ArmView } from "./views/arm.js";
@@ -49,21 +49,20 @@ const draw = oncePerFrame(() => {
   drawStop();
   drawHeader(connection, shown.live, status);
   setText(byId("shown", HTMLElement), shown.label);
-  tree.draw(status?.breakpoints);
+  tree.draw(status?.breakpoints, cursor.time);
   drawRunning(shown);
   drawWaiting(status, runs);
   drawFailure(shown);
   drawNode(shown, tree.selected);
   drawPause(shown, status?.paused ?? false);
   controls.draw(status);
-  const now = shown.isLive ? status : null;
-  arm.draw(shown.run, now?.commanded ?? null, now?.measured ?? null);
+  arm.draw(shown.run);
   arm.drawOther(comparison.run);
   runs.draw(shown.recorded?.name ?? runs.recordingOf(shown.live));
   player.draw(runs.recordings);
   comparison.draw(shown, runs.recordings);
   drawActs();
-  plots.draw(shown.history, shown.isLive && shown.live.active);
+  plots.draw(shown.history, shown.isLive && shown.live.active, comparison.history);
   log.draw(shown.history);
   tree.scroll();
   log.scroll();
@@ -74,12 +73,14 @@ let acts = [];
 
 /** Draw what one can do, unless nothing of it has changed. */
 function drawActs() {
-  const now = [status, runs.tasks, runs.goals, isSignedIn()];
+  const { active, positions } = shown.live;
+  const now = [status, runs.tasks, runs.goals, isSignedIn(), active, positions];
   if (!connection.hasArm || now.every((each, index) => each === acts[index])) return;
   acts = now;
-  tasks.draw(runs.tasks, runs.goals, status);
-  move.draw(status);
-  poses.draw(status);
+  const idle = status?.goal === null && !active;
+  tasks.draw(runs.tasks, runs.goals, status, idle);
+  move.draw(status, idle, positions);
+  poses.draw(status, idle);
 }
 
 connection.addEventListener("begin", async () => {
@@ -88,6 +89,8 @@ connection.addEventListener("begin", async () => {
   document.body.classList.toggle("no-arm", !connection.hasArm);
   byId("stop", HTMLElement).hidden = !connection.hasArm;
   await showRobot().catch((error) => setText(byId("no-3d", HTMLElement), `The robot is not shown: ${error.message}`));
+  drawShownRobot();
+  shown.recorded?.seek(cursor.time); // what could not be loaded before
   await runs.refresh();
   await catchUp();
   if (!shown.live.goalId && !shown.recorded) await openAddress();
@@ -98,19 +101,21 @@ connection.addEventListener("event", (event) => {
   if (detail.event === "question") questions.update(detail);
   shown.update(detail);
   if (detail.event === "status") runs.refresh().then(draw);
-  if (detail.event === "status" && detail.result) setTimeout(() => runs.refresh().then(draw), FINISHING);
+  if (detail.event !== "status" || !detail.result) return;
+  connection.refresh(); // what can be done next
+  setTimeout(() => runs.refresh().then(draw), FINISHING);
 });
 connection.addEventListener("status", (event) => {
   status = /** @type {CustomEvent} */ (event).detail;
-  if (status?.goal) shown.live.updateGoal(status.goal);
+  if (status) shown.live.updateStatus(status);
+  cursor.extend(shown.length);
   draw();
 });
 connection.addEventListener("change", draw);
 shown.addEventListener("change", () => cursor.extend(shown.length));
 shown.addEventListener("open", () => {
   cursor.follow();
-  if (shown.recorded?.name) drawRobotOf(shown.recorded.name);
-  else if (live) drawRobot(live);
+  drawShownRobot();
 });
 shown.addEventListener("change", draw);
 shown.addEventListener("error", (event) => player.say(/** @type {CustomEvent} */ (event).detail));
@@ -125,6 +130,10 @@ cursor.addEventListener("change", () => {
 });
 cursor.addEventListener("change", draw);
 session.addEventListener("change", () => connection.refresh().then(draw));
+session.addEventListener("goal", () => {
+  shown.follow(); // who starts a motion sees it
+  connection.refresh();
+});
 tree.addEventListener("select", draw);
 tree.addEventListener("break", (event) => {
   const path = /** @type {CustomEvent} */ (event).detail;
@@ -140,7 +149,12 @@ comparison.addEventListener("change", draw);
 comparison.addEventListener("error", (event) => player.say(/** @type {CustomEvent} */ (event).detail));
 document.addEventListener("click", (event) => {
   const link = event.target instanceof Element ? event.target.closest(".link") : null;
-  if (link instanceof HTMLElement && link.dataset.path) tree.reveal(link.dataset.path);
+  if (!(link instanceof HTMLElement) || !link.dataset.path) return;
+  if (link.closest("#running") && shown.live.active && !shown.isLive) {
+    shown.follow();
+    tree.draw();
+  }
+  tree.reveal(link.dataset.path);
 });
 setInterval(draw, 1000); // the age of what is shown
 
@@ -163,7 +177,6 @@ async function showRobot() {
   document.title = `${robot.name}, armtree`;
   setText(byId("opening", HTMLElement), `Activating opens the port; the arm then ${robot.opening}.`);
   live = robot;
-  drawRobot(robot);
   Promise.all([move.show(), poses.show(Object.keys(robot.groups))]).then(() => {
     acts = [];
     draw();
@@ -180,8 +193,10 @@ function drawRobot(robot) {
   for (const joint of robot.joints) comparison.units.set(joint.name, joint.unit);
 }
 
-/** @param {string} name of a recording */
-async function drawRobotOf(name) {
+/** Draw the robot of the run that is shown. */
+async function drawShownRobot() {
+  const name = shown.recorded?.name;
+  if (!name) return live ? drawRobot(live) : undefined;
   const robot = await get(`${pathOf(name)}/robot`).catch(() => live); // a recording may lack it
   if (robot && shown.recorded?.name === name) drawRobot(robot);
   if (robot && !connection.hasArm) setText(byId("robot", HTMLElement), robot.name);
@@ -226,6 +241,7 @@ function trySignIn() {
   signIn().catch((error) => setText(byId("sign-in-error", HTMLElement), error.message));
 }
 
+ignoreUnusable();
 connection.start();
 trySignIn();
 window.addEventListener("hashchange", () => {

@@ -40,10 +40,66 @@ def test_a_task_runs_with_the_values_of_its_form(open_page: Open, page_server: S
     is_accessible(tab)
 
 
+TURN = """task: 21
+name: turn
+description: Turn.
+parameters:
+  far: {type: angle, default: 10 deg, min: 0, max: 40 deg, description: how far}
+tree:
+  subtree: move_joints
+  with: {joints: {joint_1: $far}}
+"""
+
+
+def test_a_form_checks_quantities_as_they_are_typed(open_page: Open, page_server: Served) -> None:
+    (page_server.tasks / "21_turn.yaml").write_text(TURN)
+    tab = open_page()
+    turn = task("21 turn")
+    tab.click(f"{turn} summary")
+    shows(tab, turn, "how far; 0 to 40 deg; default 10 deg")
+    mistake = "document.querySelector('#task-21-far').validationMessage"
+    for text, words in {
+        "99 deg": "99 deg is not within the limits: 0 to 40 deg.",
+        "10": "10 rad is not within the limits: 0 to 40 deg.",
+        "9 inch": "There is no unit inch; there are rad, deg.",
+        "far": "Write a number and a unit, such as 10 deg.",
+        "40 deg": "",
+        "0.5": "",
+    }.items():
+        tab.fill("#task-21-far", text)
+        assert tab.evaluate(mistake) == words
+    tab.fill("#task-21-far", "99 deg")
+    tab.evaluate("document.querySelector('#task-21-far').form.noValidate = true")
+    tab.click(f"{turn} button:text-is('Run')")
+    shows(tab, f"{turn} [role=alert]", "^arguments: far: .99 deg. is more than 40 deg$")
+    forget(tab, "409")
+
+
+def test_who_runs_a_task_sees_it(open_page: Open, page_server: Served) -> None:
+    executive = page_server.executive
+    executive.result(executive.send(11).identity)
+    tab = open_page()
+    tab.click("#runs .run:has(.name:text-is('task 11 nothing')) >> nth=0")
+    shows(tab, "#shown", "^task 11 nothing, recorded$")
+    tab.click(f"{task('10 wait')} summary")
+    tab.click(f"{task('10 wait')} button:text-is('Run')")
+    expect(tab, "#shown").to_have_text("")
+    shows(tab, "#running", "^wait$")
+    tab.click("#runs .run:has(.name:text-is('task 11 nothing')) >> nth=0")
+    shows(tab, "#shown", "^task 11 nothing, recorded$")
+    tab.click("#running .link:text-is('wait')")  # what runs is named beside any recording
+    shows(tab, "#node", "^wait")
+    expect(tab, "#shown").to_have_text("")
+
+
 def test_a_refused_goal_says_why(open_page: Open, page_server: Served) -> None:
     tab = open_page()
     page_server.executive.send(10)
     shows(tab, "#goal-state", "waiting")
+    tab.focus("#pause")
+    tab.keyboard.press("Enter")
+    expect(tab, "#pause").to_be_disabled()
+    expect(tab, "#pause").to_be_focused()
     tab.click(f"{task('11 nothing')} summary")
     tab.click(f"{task('11 nothing')} button")
     shows(tab, f"{task('11 nothing')} [role=alert]", "is under way")
@@ -74,12 +130,29 @@ def test_joints_and_tool_move_in_steps(open_page: Open, page_server: Served) -> 
             tab.get_by_label(label).click()
         return page_server.executive.result(asked.value.json()["goal_id"])
 
-    assert press("joint_1 more").success
+    tab.focus("[aria-label='joint_1 more']")
+    until_usable()
+    with tab.expect_response("**/api/move") as asked:
+        tab.keyboard.press("Enter")
+    tab.keyboard.press("Enter")  # ignored, because the arm moves
+    assert page_server.executive.result(asked.value.json()["goal_id"]).success
+    expect(tab, "[aria-label='joint_1 more']").to_be_focused()
     shows(tab, "#positions", r"joint_1\s*[45]\.\d°")
     until_usable()
     tab.locator("#move [aria-label='joint_2 [deg]']").focus()
     with tab.expect_response("**/api/move") as asked:
-        tab.keyboard.press("PageUp")
+        for _ in range(3):
+            tab.keyboard.press("ArrowRight")
+    assert page_server.executive.result(asked.value.json()["goal_id"]).success
+    assert page_server.executive.goals()[-1].identity == asked.value.json()["goal_id"]
+    until_usable()
+    shows(tab, "#move-rows .move-row:nth-child(2) output", r"^1\.[45] deg$")
+    at = tab.inner_text("#positions div:nth-child(2) dd")
+    assert at == tab.inner_text("#move-rows .move-row:nth-child(2) output").replace(" deg", "°")
+    for key in ("PageUp", "ArrowLeft"):  # the second while the arm moves
+        with tab.expect_response("**/api/move") as asked:
+            tab.keyboard.press(key)
+        assert asked.value.status == 201
     assert page_server.executive.result(asked.value.json()["goal_id"]).success
     before = page_server.executive.where().tool
     assert press("tool z less").success
@@ -111,7 +184,7 @@ def test_a_hint_names_what_the_page_has(open_page: Open, page_server: Served) ->
     tab = open_page()
     tab.click(f"{task('0 home')} summary")
     tab.click(f"{task('0 home')} button:text-is('Run')")
-    shows(tab, f"{task('0 home')} [role=alert]", "wait, or press STOP$")
+    shows(tab, f"{task('0 home')} [role=alert]", "^task 10 is under way. Wait, or press STOP$")
     forget(tab, "409")
 
 
@@ -131,22 +204,22 @@ def test_a_dry_run_shows_the_motion_and_moves_nothing(open_page: Open, page_serv
     tab.keyboard.press("Enter")
     shows(tab, "#failure", "collide would fail.*would be up to .* deep in")
     shows(tab, "#failure", "20_collide.yaml:")
+    shows(tab, f"{task('20 collide')} [role=status]", "the task would fail.*At the goal")
+    expect(tab, "#tree .at-work .name").to_have_text(["collide", "move_joints", "Target"])
     shows(tab, "#refused-note", "and the refused goal")
     assert page_server.executive.goals() == before
     assert page_server.executive.where().commanded == commanded
     page_server.executive.send(10)
     shows(tab, "#running", "^wait$")  # the live run comes back by itself
-    tab.locator(f"{task('1 pick')} button:text-is('Dry run'):disabled").wait_for()
+    expect(tab, f"{task('1 pick')} button:text-is('Dry run')").to_be_disabled()
 
 
 def test_poses_are_saved_recalled_and_removed(open_page: Open, page_server: Served) -> None:
     tab = open_page()
     tab.click("#move summary")
-    usable = "() => !document.querySelector('#poses button').disabled"
-    tab.wait_for_function(usable)
 
     def go(pose: str) -> None:
-        tab.wait_for_function(usable)
+        expect(tab, f"#poses button:text-is('{pose}')").to_be_enabled()
         with tab.expect_response("**/api/move") as asked:
             tab.click(f"#poses button:text-is('{pose}')")
         assert page_server.executive.result(asked.value.json()["goal_id"]).success

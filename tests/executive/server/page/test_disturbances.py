@@ -9,7 +9,7 @@ import pytest
 
 from tests.support.command_line.pseudo_terminal import ARMTREE
 from tests.support.recordings.finished import at_rest
-from tests.support.servers.browsing import Open, shows
+from tests.support.servers.browsing import Open, Tab, expect, forget, shows
 from tests.support.servers.serving import Serve, Served
 
 pytestmark = pytest.mark.slow
@@ -81,6 +81,53 @@ def test_a_slow_and_a_hidden_tab_catch_up_and_stop(open_page: Open, page_server:
     tab.keyboard.press("Escape")
     shows(tab, "#stop-note", "^stopped at")
     shows(tab, "#goal-state", "^canceled$")
+
+
+def test_what_failed_to_load_is_loaded_later(open_page: Open, page_server: Served) -> None:
+    page_server.executive.result(page_server.executive.send(11).identity)
+
+    def prepare(tab: Tab) -> None:
+        tab.route("**/libraries.js*", lambda asked: asked.abort())
+
+    tab = open_page(prepare=prepare, webgl=True)
+    shows(tab, "#no-3d", "The page could not load 3D and plots. It tries again")
+    shows(tab, "#shown", "^task 11 nothing, recorded$")
+    shows(tab, "#positions", "joint_1")
+    tab.unroute("**/libraries.js*")
+    tab.evaluate(HIDE, True)
+    tab.evaluate(HIDE, False)
+    tab.locator("#arm canvas").wait_for()
+    expect(tab, "#no-3d").to_have_text("")
+    tab.locator("#plots canvas").first.wait_for()
+    forget(tab, "ERR_FAILED")
+
+
+# Asks for two moments, and counts the requests; the first has no answer, or one with a status.
+ASK_TWICE = """async (status) => {
+  const { RecordedRun } = await import("./page/model/recorded_run.js");
+  const { fetch } = window, run = new RecordedRun("none");
+  let asked = 0;
+  window.fetch = async (path, ...rest) => {
+    if (!path.includes("recordings/none")) return fetch(path, ...rest);
+    asked += 1;
+    if (!status) throw new TypeError("no network");
+    return new Response(JSON.stringify({code: "log.unknown", message: "gone", hint: ""}), {status});
+  };
+  const failed = new Promise((done) => run.addEventListener("error", done));
+  run.duration = 9;
+  run.seek(0);
+  await failed;
+  run.seek(1);
+  window.fetch = fetch;
+  return asked;
+}"""
+
+
+def test_a_recording_is_asked_for_again_unless_it_is_refused(open_page: Open) -> None:
+    tab = open_page()
+    shows(tab, "#robot", "arduinobot")
+    assert tab.evaluate(ASK_TWICE, 0) == 2
+    assert tab.evaluate(ASK_TWICE, 404) == 1
 
 
 def test_a_server_that_is_killed_and_restarts_is_found_again(

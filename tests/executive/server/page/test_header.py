@@ -24,6 +24,8 @@ def test_the_header_shows_the_robot_the_arm_and_the_goal(
     page_server.executive.send(WAIT)
     shows(tab, "#goal-title", "^task 10 wait$")
     shows(tab, "#goal-state", "waiting")
+    tab.reload()  # no event of the goal has a position
+    shows(tab, "#positions", r"joint_1\s*0\.0°")
     assert tab.title() == "arduinobot, armtree"
 
 
@@ -36,6 +38,8 @@ def test_stop_works_without_sign_in_and_says_when_it_is_done(
         "note = document.getElementById('stop-note'); said = [];"
         "new MutationObserver(() => said.push(note.textContent)).observe(note, {childList: true})"
     )
+    height = "document.querySelector('header').offsetHeight"
+    before = tab.evaluate(height)
     for keys in (["Tab", "Enter"], ["Escape"], []):  # STOP is the first in the order of tabs
         goal = page_server.executive.send(WAIT).identity
         shows(tab, "#running", "^wait$")
@@ -48,6 +52,7 @@ def test_stop_works_without_sign_in_and_says_when_it_is_done(
         assert tab.evaluate("said[0]").startswith("stopping…")
         assert page_server.executive.goal(goal).state.name == "CANCELED"
         shows(tab, "#goal-state", "^canceled$")
+        assert tab.evaluate(height) == before  # nothing below it moves
 
 
 def test_an_old_status_does_not_undo_the_end_of_a_goal(open_page: Open) -> None:

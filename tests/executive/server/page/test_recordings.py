@@ -122,6 +122,13 @@ def test_a_recording_is_found_played_and_linked(open_page: Open, page_server: Se
         moments.append(moment(tab))
     tab.keyboard.press(",")
     tab.wait_for_function(f"() => document.getElementById('moment').value == {moments[-2]}")
+    tab.focus("#runs .run >> nth=0")
+    tab.keyboard.press(".")  # as in the player
+    tab.wait_for_function(f"() => document.getElementById('moment').value == {moments[-1]}")
+    tab.focus("#log-search")
+    tab.keyboard.type("k,.")  # which are letters there
+    assert tab.input_value("#log-search") == "k,."
+    assert moment(tab) == moments[-1]
     tab.select_option("#speed", "10")
     tab.click("#play")
     shows(tab, "#play", "^Pause$")
@@ -132,7 +139,7 @@ def test_a_recording_is_found_played_and_linked(open_page: Open, page_server: Se
     link = f"{page_server.server.url}/#recording={name}&t=0.3"
     other = open_page(link)
     shows(other, "#moment-words", "^0.30 of ")
-    assert other.is_disabled("#delete")
+    expect(other, "#delete").to_be_disabled()
     # A goal that begins does not take a recording away that was opened.
     page_server.executive.result(page_server.executive.send(11).identity)
     shows(other, "#goal-title", "nothing")
@@ -178,6 +185,8 @@ def test_two_recordings_are_compared_at_one_moment(open_page: Open, page_server:
     tab = open_page(viewport={"width": 390, "height": 844}, color_scheme="dark")
     shows(tab, "#shown", "^move joint_1=10deg, recorded$")
     tab.select_option("#compare", index=1)
+    tab.locator("#time-panel").scroll_into_view_if_needed()
+    shows(tab, "#plots figcaption", "^Position .deg.; dotted: the other run$")
     assert tab.evaluate("document.documentElement.scrollWidth") == 390  # nothing is cut
     shows(tab, "#comparison tr", r"joint_1 *1\d\.\d° *[12]\d\.\d° *-\d+\.\d°")
     is_accessible(tab)
@@ -185,6 +194,7 @@ def test_two_recordings_are_compared_at_one_moment(open_page: Open, page_server:
     tab.keyboard.press("Home")
     shows(tab, "#comparison", "Phase|Nothing differs")
     tab.select_option("#compare", "")
+    shows(tab, "#plots figcaption", "^Position .deg.$")
     tab.locator("#comparison").wait_for(state="hidden")
 
 
@@ -207,12 +217,14 @@ def test_what_is_done_with_a_recording(open_page: Open, page_server: Served) -> 
     shows(tab, "#player-note", "No longer pinned")
     tab.click("#verify")
     shows(tab, "#player-note", "plan -> frames holds.*goal -> plan holds")
-    tab.click("#delete")
+    tab.focus("#delete")
+    tab.keyboard.press("Enter")
     shows(tab, "#runs-note", "^Deleted task 0 home.*Undo$")
+    expect(tab, "#runs-note button").to_be_focused()
     tab.locator("#player").wait_for(state="hidden")
     assert not (folder / name).exists()
     is_accessible(tab)
-    tab.click("#runs-note button")
+    tab.keyboard.press("Enter")
     shows(tab, "#runs-note", "^Restored task 0 home")
     assert (folder / name).exists()
 
@@ -243,5 +255,5 @@ def test_recordings_are_viewed_without_an_arm(open_page: Open, page_server: Serv
         shows(tab, "#failure", "fail failed.*13_fail.yaml:5")
         tab.keyboard.press("Escape")  # stops nothing
         shows(tab, "#session", "signed in")
-        assert not tab.is_disabled("#delete")
+        expect(tab, "#delete").to_be_enabled()
         tab.context.close()

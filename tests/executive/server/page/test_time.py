@@ -1,9 +1,12 @@
 """A run over time in a browser: plots, phases and log, all at one cursor."""
 
+import logging
+
 import pytest
 
 import logs
 from executive.api.move import Move
+from executive.cli.support.log_handler import recorded_log
 from tests.support.servers.browsing import Open, Tab, expect, is_accessible, shows
 from tests.support.servers.serving import Served
 
@@ -52,6 +55,7 @@ def test_the_log_is_filtered_in_and_out(open_page: Open, page_server: Served) ->
     tab = open_page()
     goal = executive.send(10).identity
     shows(tab, "#running", "^wait$")
+    shows(tab, "#tree .time", r"^[1-9]\d*\.\d s$")  # it grows while nothing else happens
     for level, word in ((20, "one"), (20, "two"), (40, "three")):
         now = page_server.clock.now()
         executive.record(logs.LogLine(now, level, "armtree", f"{word} word"))
@@ -75,6 +79,20 @@ def test_the_log_is_filtered_in_and_out(open_page: Open, page_server: Served) ->
     expect(tab, "#shown").to_have_text("")
     shows(tab, "#running", "^wait$")
     executive.cancel(goal)
+
+
+def test_the_log_has_the_words_of_the_page(
+    open_page: Open, page_server: Served, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.INFO)
+    tab = open_page()
+    tab.click("#tasks li:has(.name:text-is('10 wait')) summary")
+    with recorded_log(page_server.executive):
+        tab.click("#tasks li:has(.name:text-is('10 wait')) button:text-is('Run')")
+        shows(tab, "#log", "Executing the goal for task 10 from the page")
+        tab.keyboard.press("Escape")
+        shows(tab, "#goal-state", "^canceled$")
+    assert not [line for line in lines(tab) if "Mozilla" in line or "POST" in line]
 
 
 def test_a_recorded_run_is_plotted_too(open_page: Open, page_server: Served) -> None:

@@ -153,6 +153,11 @@ def test_a_thousand_nodes_are_folded_around_what_runs(open_page: Open, page_serv
     tab.wait_for_function("() => document.getElementById('tree').scrollTop > 0")  # it follows
     tab.click(".row:nth-child(2) .fold")
     expect(tab, "#tree .row").to_have_count(42 + STEPS)
+    height = "document.querySelector('.row').getBoundingClientRect().height"
+    before = tab.evaluate(height)
+    tab.click("#tree-smaller")
+    assert tab.evaluate(height) == pytest.approx(before / 1.2, abs=0.5)
+    tab.click("#tree-larger")
     tab.fill("#search", "line 7")
     expect(tab, "#tree .row").to_have_count(1 + 40 + 40)
     is_accessible(tab)

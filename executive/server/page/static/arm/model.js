@@ -2,8 +2,9 @@
 
 import { get } from "../api.js";
 
-/** @typedef {typeof import("../../libraries.js")} Libraries */
+/** @typedef {import("../libraries/load.js").Libraries} Libraries */
 /** @typedef {import("three").Object3D} Object3D */
+/** @typedef {import("three").Mesh} Mesh */
 /** @typedef {[number, number, number]} Vector */
 
 /**
@@ -41,6 +42,9 @@ import { get } from "../api.js";
  */
 
 const FAILURE = 0xc8281e;
+const FAILURE_EDGE = 0x4d0a06;
+const BESIDE_FAILURE = 0xa8aeb4; // of links that are not marked, so that red is seen beside any colour
+const SHARPEST = 25; // angle between two faces without an edge between them [deg]
 const DEFAULT_COLOR = /** @type {const} */ ([0.7, 0.72, 0.75, 1]);
 
 /** A robot that can be posed. */
@@ -49,14 +53,15 @@ export class ArmModel {
   root;
   /** @type {Map<string, Object3D>} by name of the link */
   links = new Map();
-  /** @type {Map<string, import("three").MeshStandardMaterial[]>} by name of the link */
-  #materials = new Map();
+  /** @type {{ link: string, material: import("three").MeshStandardMaterial, mesh: Mesh | null }[]} */
+  #parts = [];
+  /** @type {Set<string>} links in the colour of failure */
+  #marked = new Set();
   /** @type {{ joint: Joint, object: Object3D }[]} */
   #joints = [];
   #three;
   #robot;
   #opacity;
-  #failure;
 
   /**
    * @param {Libraries} three
@@ -68,7 +73,6 @@ export class ArmModel {
     this.#three = three;
     this.#robot = robot;
     this.#opacity = opacity;
-    this.#failure = new three.Color(FAILURE);
     this.root = new three.Group();
     for (const link of robot.links) this.links.set(link, new three.Group());
     for (const joint of robot.joints) this.#addJoint(joint);
@@ -104,12 +108,26 @@ export class ArmModel {
   }
 
   /**
-   * Draw some links in the colour of failure.
-   * @param {Set<string>} links
+   * Draw some links in the colour of failure with their edges, and the others grey.
+   * @param {Set<string>} links none for the robot's own colours
    */
   mark(links) {
-    for (const [link, materials] of this.#materials)
-      for (const material of materials) material.color.copy(links.has(link) ? this.#failure : material.userData.color);
+    this.#marked = links;
+    for (const { link, material, mesh } of this.#parts) {
+      const marked = links.has(link);
+      if (links.size) material.color.set(marked ? FAILURE : BESIDE_FAILURE);
+      else material.color.copy(material.userData.color);
+      const [edges] = mesh?.children ?? [];
+      if (edges) edges.visible = marked;
+      else if (marked && mesh) mesh.add(this.#edgesOf(mesh));
+    }
+  }
+
+  /** @param {Mesh} mesh */
+  #edgesOf({ geometry }) {
+    const three = this.#three;
+    const line = new three.LineBasicMaterial({ color: FAILURE_EDGE, depthTest: false }); // links hide each other
+    return new three.LineSegments(new three.EdgesGeometry(geometry, SHARPEST), line);
   }
 
   /** @param {Joint} joint */
@@ -142,8 +160,8 @@ export class ArmModel {
       polygonOffsetUnits: this.#opacity < 0.5 ? 2 : -2,
     });
     material.userData.color = material.color.clone();
-    const known = this.#materials.get(shape.link) ?? [];
-    this.#materials.set(shape.link, [...known, material]);
+    const part = { link: shape.link, material, mesh: /** @type {Mesh | null} */ (null) };
+    this.#parts.push(part);
     /** @param {import("three").BufferGeometry} geometry */
     const add = (geometry) => {
       const mesh = new this.#three.Mesh(geometry, material);
@@ -153,6 +171,8 @@ export class ArmModel {
       place(frame, shape);
       frame.add(mesh);
       this.links.get(shape.link)?.add(frame);
+      part.mesh = mesh;
+      this.mark(this.#marked);
     };
     if (shape.kind !== "mesh") return add(primitive(this.#three, shape.kind, shape.sizes));
     loadMesh(this.#three, shape.mesh).then((geometry) => {

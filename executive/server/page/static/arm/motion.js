@@ -2,7 +2,7 @@
 
 import { loadMesh, primitive } from "./model.js";
 
-/** @typedef {import("./model.js").Libraries} Libraries */
+/** @typedef {import("../libraries/load.js").Libraries} Libraries */
 /** @typedef {import("./model.js").ArmModel} ArmModel */
 /** @typedef {import("../model/run.js").Schedule} Schedule */
 /** @typedef {import("../model/run.js").Body} Body */
@@ -12,7 +12,7 @@ const MAX_POINTS = 400; // of a path
 /**
  * Return the path of the tool, with a dot where each frame is played.
  * @param {Libraries} three
- * @param {ArmModel} model which is left in another pose
+ * @param {ArmModel} model which is left at the end of the path
  * @param {Schedule} schedule
  * @param {string} color
  */
@@ -20,9 +20,9 @@ export function pathOf(three, model, schedule, color) {
   const joints = Object.keys(schedule.start);
   const step = Math.max(1, Math.ceil(schedule.samples.length / MAX_POINTS));
   const rows = schedule.samples.filter((_, row) => row % step === 0 || row === schedule.samples.length - 1);
-  const path = points(three, model, joints, rows);
   const frames = schedule.times.map((time) => rowAt(schedule, time));
   const dots = points(three, model, joints, thinned(frames));
+  const path = points(three, model, joints, rows);
   const group = new three.Group();
   const dot = new three.PointsMaterial({ color, size: 4, sizeAttenuation: false });
   group.add(new three.Line(path, new three.LineBasicMaterial({ color })), new three.Points(dots, dot));

@@ -1,6 +1,6 @@
 /** Camera, light, floor and canvas. It draws only when something has changed. */
 
-/** @typedef {import("./model.js").Libraries} Libraries */
+/** @typedef {import("../libraries/load.js").Libraries} Libraries */
 
 /** Directions of the camera from the middle of the arm, by the name of the view. */
 export const VIEWS = /** @type {Record<string, [number, number, number]>} */ ({
@@ -12,6 +12,7 @@ export const VIEWS = /** @type {Record<string, [number, number, number]>} */ ({
 
 const SOFTWARE = /swiftshader|llvmpipe|software|basic render/i;
 const PERIOD = 60; // between two pictures, if the processor draws them [ms]
+const MARGIN = 1.1; // of the distance at which all is just seen
 
 /** Shows objects in a canvas. */
 export class Stage {
@@ -34,6 +35,9 @@ export class Stage {
   #controls;
   #floor;
   #size;
+  #view = "free";
+  #turned = false; // by the user
+  #bounds; // of all that is to be seen
 
   /**
    * @param {Libraries} three
@@ -44,6 +48,7 @@ export class Stage {
     this.#three = three;
     this.#box = box;
     this.#size = size;
+    this.#bounds = new three.Box3();
     this.scene = new three.Scene();
     this.#renderer = new three.WebGLRenderer({ antialias: true, alpha: true });
     // Without a graphics card, 3D would take the processor from the rest of the page, and from the arm.
@@ -57,22 +62,60 @@ export class Stage {
     this.#camera.up.set(0, 0, 1);
     this.#controls = new three.OrbitControls(this.#camera, this.#renderer.domElement);
     this.#controls.addEventListener("change", this.draw);
+    this.#controls.addEventListener("start", () => (this.#turned = true));
     this.#addLight();
     this.#floor = new three.Group();
     this.scene.add(this.#floor);
     this.setColors();
-    this.look("free");
     new ResizeObserver(() => this.#resize()).observe(box);
+  }
+
+  /**
+   * See all of some objects, and of what was to be seen before. The camera stays where the user has
+   * turned it, and does not come closer.
+   * @param {...import("three").Object3D} objects
+   */
+  include(...objects) {
+    const before = this.#bounds.clone();
+    for (const object of objects) {
+      object.updateMatrixWorld(); // where it will be drawn
+      this.#bounds.expandByObject(object);
+    }
+    if (!this.#turned && !this.#bounds.equals(before)) this.look(this.#view);
+  }
+
+  /** Forget what was to be seen. */
+  forget() {
+    this.#bounds.makeEmpty();
+    this.#turned = false;
   }
 
   /** @param {string} view one of VIEWS */
   look(view) {
-    const middle = new this.#three.Vector3(0, 0, this.#size * 0.4);
+    this.#view = view;
+    this.#turned = false;
+    const middle = this.#bounds.getCenter(new this.#three.Vector3());
     const direction = new this.#three.Vector3(...VIEWS[view]).normalize();
     this.#controls.target.copy(middle);
-    this.#camera.position.copy(middle).addScaledVector(direction, this.#size * 2.6);
+    this.#camera.position.copy(middle).add(direction);
+    this.#controls.update();
+    const distance = MARGIN * this.#distance();
+    this.#camera.position.copy(middle).addScaledVector(direction, distance);
     this.#controls.update();
     this.draw();
+  }
+
+  /** Return how far from the middle of the bounds the camera must be, which is 1 m away now [m]. */
+  #distance() {
+    const { min, max } = this.#bounds;
+    const vertical = Math.tan((this.#camera.fov * Math.PI) / 360);
+    const horizontal = vertical * this.#camera.aspect;
+    const corners = [0, 1, 2, 3, 4, 5, 6, 7].map((corner) => {
+      const [x, y, z] = [corner & 1 ? max.x : min.x, corner & 2 ? max.y : min.y, corner & 4 ? max.z : min.z];
+      const seen = this.#camera.worldToLocal(new this.#three.Vector3(x, y, z));
+      return Math.max(Math.abs(seen.x) / horizontal, Math.abs(seen.y) / vertical) + seen.z + 1;
+    });
+    return this.#bounds.isEmpty() ? 2.6 * this.#size : Math.max(...corners);
   }
 
   /** Take the colours of the page, for example after the system has become dark. */
@@ -113,6 +156,7 @@ export class Stage {
     this.#renderer.setSize(clientWidth, clientHeight, false);
     this.#camera.aspect = clientWidth / clientHeight;
     this.#camera.updateProjectionMatrix();
+    if (!this.#turned) this.look(this.#view);
     this.#draw();
   }
 

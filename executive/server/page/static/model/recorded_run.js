@@ -5,7 +5,7 @@
  * not here yet is asked for; until it comes, the arm is where samples of the whole run show it.
  */
 
-import { get, pathOf } from "../api.js";
+import { Refused, get, pathOf } from "../api.js";
 import { History } from "./history.js";
 import { Run } from "./run.js";
 
@@ -29,7 +29,7 @@ const MOST_WINDOWS = 16; // kept; the oldest are dropped
 const ROUNDING = 1e-6; // [s]
 const STEPS = new Set(["goal", "node", "plan", "schedule", "status"]);
 
-/** Events: `change` when the state has changed, `error` when nothing more can be loaded. */
+/** Events: `change` when the state has changed, `error` when a window cannot be loaded. */
 export class RecordedRun extends EventTarget {
   /** The state at the moment that is shown. */
   run = new Run();
@@ -49,6 +49,7 @@ export class RecordedRun extends EventTarget {
   #taken = 0;
   #time = 0;
   #loading = false;
+  #refused = false; // by the server: the recording may be gone
 
   /**
    * @param {string} name of the recording; empty if all events are here
@@ -107,7 +108,7 @@ export class RecordedRun extends EventTarget {
     if (window) this.#show(window);
     else this.#showSample();
     const wanted = window ? window.to_s : time; // when it plays, the next window is needed soon
-    if (!this.#loading && !this.#find(Math.min(wanted, this.duration))) this.#loadAll(wanted);
+    if (!this.#loading && !this.#refused && !this.#find(Math.min(wanted, this.duration))) this.#loadAll(wanted);
     this.dispatchEvent(new Event("change"));
   }
 
@@ -156,10 +157,12 @@ export class RecordedRun extends EventTarget {
       await this.#load(time);
       while (!this.#find(this.#time)) await this.#load(this.#time);
     } catch (error) {
+      this.#refused = error instanceof Refused;
       this.dispatchEvent(new CustomEvent("error", { detail: error }));
-      return; // and ask no more; the recording may be gone
+      return; // the next moment that is shown asks again
+    } finally {
+      this.#loading = false;
     }
-    this.#loading = false;
     if (!this.#window) this.seek(this.#time);
   }
 

@@ -146,6 +146,18 @@ export class Run {
   }
 
   /**
+   * Take the state of the goal, and that of the arm if no event of a goal has told it.
+   * @param {import("../connection.js").Status} status
+   */
+  updateStatus({ commanded, measured, goal, time_s }) {
+    if (goal) this.updateGoal(goal);
+    if (this.active) this.length = Math.max(this.length, time_s - this.began); // also while nothing happens
+    const idle = !goal && !this.active;
+    if (idle || !this.positions) this.positions = commanded ?? this.positions;
+    if (idle || !this.measured) this.measured = measured ?? this.measured;
+  }
+
+  /**
    * Take the state of a goal, if it is this one. What has ended stays so: a status that was asked
    * for before the end may come after it.
    * @param {Goal} goal

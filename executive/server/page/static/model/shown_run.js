@@ -21,7 +21,7 @@ const FREQUENT = new Set(["sent", "measured", "feedback", "log"]);
 
 /**
  * Events: `open` when another run is shown, `change` then and when more is known of it, `error` when
- * no more of it can be read.
+ * more of it cannot be read.
  */
 export class ShownRun extends EventTarget {
   /** The run of the newest live events. */

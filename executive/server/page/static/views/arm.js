@@ -4,6 +4,7 @@ import { addBodies, pathOf } from "../arm/motion.js";
 import { ArmModel } from "../arm/model.js";
 import { Stage } from "../arm/stage.js";
 import { byId, element, setText } from "../dom.js";
+import { loadLibraries } from "../libraries/load.js";
 
 /** @typedef {import("../arm/model.js").Robot} Robot */
 /** @typedef {import("../model/run.js").Run} Run */
@@ -16,7 +17,9 @@ export class ArmView {
   #positions = byId("positions", HTMLElement);
   /** @type {Robot | null} */
   #robot = null;
-  /** @type {import("../arm/model.js").Libraries | null} */
+  /** The robot on the stage, as JSON. */
+  #staged = "";
+  /** @type {import("../libraries/load.js").Libraries | null} */
   #three = null;
   /** @type {Stage | null} */
   #stage = null;
@@ -49,25 +52,24 @@ export class ArmView {
    * @param {() => void} changed called when there is something to draw
    */
   async show(robot, changed) {
-    if (JSON.stringify(robot) === JSON.stringify(this.#robot)) return;
-    const first = this.#robot === null;
     this.#robot = robot;
-    if (first) await this.#begin(sizeOf(robot));
-    else if (!this.#three) return; // it comes with the first
+    this.#three = await loadLibraries();
+    const json = JSON.stringify(robot);
+    if (!this.#three || this.#robot !== robot || json === this.#staged) return;
+    this.#staged = json;
+    if (!this.#stage) this.#begin(this.#three, sizeOf(robot));
     this.#replace();
     changed();
   }
 
   /**
-   * Load the libraries, and make the stage.
+   * Make the stage.
+   * @param {import("../libraries/load.js").Libraries} three
    * @param {number} size of the robot [m]
    */
-  async #begin(size) {
-    // @ts-ignore: the bundle has the types of libraries.js
-    const three = /** @type {import("../arm/model.js").Libraries} */ (await import("../libraries/libraries.js"));
+  #begin(three, size) {
     try {
       this.#stage = new Stage(three, this.#box, size);
-      this.#three = three;
     } catch {
       setText(byId("no-3d", HTMLElement), "This browser shows no 3D, because WebGL is off.");
     }
@@ -78,20 +80,20 @@ export class ArmView {
     if (!this.#stage || !this.#three || !this.#robot) return;
     const before = [this.#model, this.#measured, this.#refused, this.#other];
     for (const model of before) model?.root.removeFromParent();
+    this.#stage.forget();
     this.#measured = this.#refused = this.#other = null;
     this.#last = [];
-    this.#model = new ArmModel(this.#three, this.#robot, () => this.#stage?.draw());
-    this.#stage.scene.add(this.#model.root);
+    const model = new ArmModel(this.#three, this.#robot, () => {
+      this.#stage?.include(model.root);
+      this.#stage?.draw();
+    });
+    this.#model = model;
+    this.#stage.scene.add(model.root);
   }
 
-  /**
-   * @param {Run} run
-   * @param {Record<string, number> | null} commanded position by joint [rad or m], before a run
-   * @param {Record<string, number> | null} measured the same
-   */
-  draw(run, commanded, measured) {
-    const pose = run.positions ?? commanded;
-    const there = run.measured ?? measured;
+  /** @param {Run} run */
+  draw(run) {
+    const { positions: pose, measured: there } = run;
     this.#drawPositions(pose, there);
     const now = [JSON.stringify([pose, there]), run.schedule, run.world, run.outcome];
     if (!this.#model || !this.#stage || !this.#three) return;
@@ -99,6 +101,7 @@ export class ArmView {
     if (now.slice(1).some((each, index) => each !== this.#last[index + 1])) this.#drawMotion(run);
     this.#last = now;
     this.#model.setPose(pose ?? {});
+    this.#stage.include(this.#model.root);
     this.#drawMeasured(there);
     this.#stage.draw();
   }
@@ -129,6 +132,7 @@ export class ArmView {
       const color = getComputedStyle(this.#box).getPropertyValue("outline-color");
       const path = pathOf(this.#three, this.#model, run.schedule, color);
       this.#stage.scene.add(path);
+      this.#stage.include(this.#model.root, path); // the arm is where its path ends
       this.#drawn.push(path);
     }
     this.#drawRefusal(run);
@@ -155,6 +159,7 @@ export class ArmView {
       this.#refused.setPose(refused);
       this.#refused.mark(new Set(links));
       this.#stage.scene.add(this.#refused.root);
+      this.#stage.include(this.#refused.root);
     } else this.#refused?.root.removeFromParent();
     this.#model.mark(new Set(atGoal ? [] : links));
   }

@@ -7,6 +7,7 @@ import { nameOf } from "./runs.js";
 import { mark } from "./tree.js";
 
 /** @typedef {import("../model/run.js").Run} Run */
+/** @typedef {import("../model/history.js").History} History */
 /** @typedef {import("../model/shown_run.js").ShownRun} ShownRun */
 /** @typedef {import("./runs.js").Recording} Recording */
 
@@ -32,6 +33,11 @@ export class Comparison extends EventTarget {
   /** @returns {Run | null} the other run at the same moment; null for none */
   get run() {
     return this.#other?.run ?? null;
+  }
+
+  /** @returns {History | null} what the other run has done over time; null for none */
+  get history() {
+    return this.#other?.history ?? null;
   }
 
   /** @param {number} time from the run's beginning [s] */

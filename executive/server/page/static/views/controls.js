@@ -1,7 +1,7 @@
 /** Pause, step and resume, and breakpoints. */
 
 import { isSignedIn, post } from "../api.js";
-import { byId, setText } from "../dom.js";
+import { byId, setText, setUsable } from "../dom.js";
 
 /** @typedef {import("../model/shown_run.js").ShownRun} ShownRun */
 /** @typedef {import("../connection.js").Status} Status */
@@ -31,7 +31,7 @@ export class Controls {
     byId("controls", HTMLElement).hidden = !isLive && !live.active;
     const usable = isSignedIn() && live.active;
     const paused = status?.paused ?? false;
-    for (const button of this.#buttons) button.disabled = !usable || (button.id === "pause") === paused;
+    for (const button of this.#buttons) setUsable(button, usable && (button.id === "pause") !== paused);
   }
 
   /**

@@ -1,5 +1,6 @@
 /** The lines of the run's log: filtered, and led by the time cursor. */
 
+import { withoutIds } from "../api.js";
 import { byId, element } from "../dom.js";
 
 /** @typedef {import("../model/cursor.js").Cursor} Cursor */
@@ -8,6 +9,8 @@ import { byId, element } from "../dom.js";
 
 const SHOWN = 500; // newest lines
 const LONGEST = 2000; // characters of a line
+const REQUEST = /^POST \/api\//; // a line of the server; other lines tell people what it did
+const ENDS = /** @type {Record<string, string>} */ ({ SUCCEEDED: "is done", CANCELED: "is canceled", ABORTED: "failed" });
 const LEVELS = /** @type {[number, string][]} */ ([[40, "error"], [30, "warning"], [20, "info"], [0, "debug"]]);
 
 /** Shows the log of the run. */
@@ -51,7 +54,7 @@ export class LogView {
     const least = Number(this.#level.value);
     const lines = history.lines.slice(history.lines.lastIndexOf(/** @type {Line} */ (this.#newest)) + 1);
     this.#newest = lines.at(-1) ?? this.#newest;
-    this.#add(lines.filter((line) => line.level >= least && passes(line.message, wanted)));
+    this.#add(lines.map(inWords).filter((line) => line.level >= least && passes(line.message, wanted)));
     this.#markTime();
   }
 
@@ -98,6 +101,16 @@ export class LogView {
     for (const { item } of changed) item.classList.toggle("later", past < this.#past);
     this.#past = past;
   }
+}
+
+/**
+ * Return a line in the words of the page.
+ * @param {Line} line
+ * @returns {Line}
+ */
+function inWords(line) {
+  const message = withoutIds(line.message).replace(/\bended (SUCCEEDED|CANCELED|ABORTED)\b/, (_, state) => ENDS[state]);
+  return { ...line, message, level: REQUEST.test(message) ? 0 : line.level };
 }
 
 /**

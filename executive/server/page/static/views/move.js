@@ -1,12 +1,13 @@
 /** Moves in small planned steps: joints and tool. Each is a goal like any other. */
 
-import { get, isSignedIn, post } from "../api.js";
-import { byId, element, setText } from "../dom.js";
+import { get, isSignedIn, sendGoal } from "../api.js";
+import { byId, element, setAttribute, setText, setUsable } from "../dom.js";
 
 /** @typedef {import("../connection.js").Status} Status */
 
 const DEGREE = Math.PI / 180;
 const AXES = ["x", "y", "z"];
+const WAIT = 400; // after the last key on a slider [ms]
 
 /**
  * @typedef {object} Where What the server answers at `/api/where`.
@@ -15,34 +16,72 @@ const AXES = ["x", "y", "z"];
  * @property {number[] | null} tool
  */
 
+/**
+ * @typedef {object} JointRow
+ * @property {HTMLInputElement} slider
+ * @property {HTMLElement} value
+ * @property {number} scale [rad or m] per unit of the slider
+ * @property {string} unit of the slider
+ * @property {"" | "held" | "set" | "sent"} target empty if the slider shows the commanded position,
+ *   `held` while it is dragged
+ */
+
 /** Sliders for the joints, and buttons for small steps of joints and tool. */
 export class MoveView {
   #rows = byId("move-rows", HTMLElement);
   #note = byId("move-error", HTMLElement);
   #step = byId("move-step", HTMLSelectElement);
-  /** @type {Map<string, { slider: HTMLInputElement, value: HTMLElement, scale: number, unit: string }>} */
-  #sliders = new Map();
+  /** @type {Map<string, JointRow>} */
+  #joints = new Map();
+  #timer = 0; // runs while a target may still be changed
+  #usable = false;
+  /** @type {Status | null} */
+  #status = null;
+  /** @type {Status | null} the newest one when the last move was sent; it does not know of the move */
+  #before = null;
 
   /** Make the rows for the joints of the robot. */
   async show() {
     const where = /** @type {Where} */ (await get("api/where"));
-    this.#sliders.clear();
+    this.#joints.clear();
     const joints = Object.entries(where.units).map(([name, unit]) => this.#jointRow(name, unit, where.limits[name]));
     const tool = AXES.map((axis, index) => this.#toolRow(axis, index));
     this.#rows.replaceChildren(...joints, ...tool);
   }
 
-  /** @param {Status | null} status */
-  draw(status) {
-    const usable = isSignedIn() && status?.arm === "active" && status.goal === null;
-    for (const control of this.#rows.querySelectorAll("button, input"))
-      if (control instanceof HTMLButtonElement || control instanceof HTMLInputElement) control.disabled = !usable;
-    for (const [name, { slider, value, scale, unit }] of this.#sliders) {
-      const position = status?.commanded?.[name];
-      if (position === undefined || document.activeElement === slider) continue;
+  /**
+   * @param {Status | null} status
+   * @param {boolean} idle True if no goal is under way
+   * @param {Record<string, number> | null} positions commanded, by joint [rad or m]
+   */
+  draw(status, idle, positions) {
+    const active = isSignedIn() && status?.arm === "active";
+    this.#status = status;
+    this.#usable = active && idle && status !== this.#before;
+    for (const button of this.#rows.querySelectorAll("button")) setUsable(button, this.#usable);
+    if (this.#usable) this.#release();
+    this.#sendTargets();
+    for (const [name, { slider, value, scale, unit, target }] of this.#joints) {
+      slider.disabled = !active;
+      const position = positions?.[name];
+      if (position === undefined || target) continue;
       slider.value = String(position / scale);
-      setText(value, `${(position / scale).toFixed(1)} ${unit}`);
+      show(slider, value, `${(position / scale).toFixed(1)} ${unit}`);
     }
+  }
+
+  /** Let the sliders that were sent show the commanded position again. */
+  #release() {
+    for (const joint of this.#joints.values()) if (joint.target === "sent") joint.target = "";
+  }
+
+  /** Move to the targets of all sliders, if the user has set them and no goal is under way. */
+  async #sendTargets() {
+    const set = [...this.#joints].filter(([, joint]) => joint.target === "set");
+    if (this.#timer || !this.#usable || set.length === 0) return;
+    for (const [, joint] of set) joint.target = "sent";
+    const to = set.map(([name, { slider, unit }]) => `${name}=${slider.value}${unit}`);
+    if (!(await this.#move(to, false))) this.#release();
   }
 
   /**
@@ -59,9 +98,24 @@ export class MoveView {
     const max = Math.floor(upper / scale + 1e-6);
     const slider = element("input", { type: "range", min, max, step: 0.5, "aria-label": `${name} [${unit}]` });
     const value = element("output", {}, "unknown");
-    slider.addEventListener("input", () => setText(value, `${slider.value} ${unit}`));
-    slider.addEventListener("change", () => this.#move([`${name}=${slider.value}${unit}`], false));
-    this.#sliders.set(name, { slider, value, scale, unit });
+    /** @type {JointRow} */
+    const joint = { slider, value, scale, unit, target: "" };
+    slider.addEventListener("input", () => {
+      joint.target = "held";
+      show(slider, value, `${slider.value} ${unit}`);
+    });
+    slider.addEventListener("blur", () => {
+      if (joint.target === "held") joint.target = "";
+    });
+    slider.addEventListener("change", () => {
+      joint.target = "set";
+      clearTimeout(this.#timer);
+      this.#timer = setTimeout(() => {
+        this.#timer = 0;
+        this.#sendTargets();
+      }, WAIT);
+    });
+    this.#joints.set(name, joint);
     /** @param {number} sign */
     const jog = (sign) => this.#move([`${name}=${sign * Number(this.#step.value)}${unit}`], true);
     return row(name, jog, slider, value);
@@ -81,15 +135,31 @@ export class MoveView {
   /**
    * @param {(string | number)[]} to
    * @param {boolean} relative
+   * @returns {Promise<boolean>} True if the move was accepted
    */
   async #move(to, relative) {
+    if (!this.#usable) return false;
+    this.#usable = false;
+    this.#before = this.#status;
     setText(this.#note, "");
     try {
-      await post("api/move", { to, relative });
+      await sendGoal("api/move", { to, relative });
+      return true;
     } catch (error) {
       setText(this.#note, error instanceof Error ? error.message : String(error));
+      return false;
     }
   }
+}
+
+/**
+ * @param {HTMLInputElement} slider which is in steps, so it does not say the exact value
+ * @param {HTMLElement} value
+ * @param {string} words
+ */
+function show(slider, value, words) {
+  setText(value, words);
+  setAttribute(slider, "aria-valuetext", words);
 }
 
 /**

@@ -1,12 +1,13 @@
 /** The player of a recorded run: the moment that is shown, and what is done with the recording. */
 
 import { isSignedIn, pathOf, post, request } from "../api.js";
-import { byId, element, setAttribute, setText } from "../dom.js";
+import { byId, element, setAttribute, setText, setUsable } from "../dom.js";
 
 /** @typedef {import("../model/shown_run.js").ShownRun} ShownRun */
 /** @typedef {import("../model/cursor.js").Cursor} Cursor */
 /** @typedef {import("./runs.js").Recording} Recording */
 
+const AT_END = 0.05; // less than that before the end is the end [s]
 const LONGEST_FRAME = 0.25; // of the screen; a hidden tab does not jump [s]
 
 /** Events: `delete` with the name of a recording, `change` when a recording was pinned. */
@@ -45,7 +46,7 @@ export class Player extends EventTarget {
     on("download", () => this.#act(() => this.#download()));
     on("link", () => this.#act(() => this.#copyLink()));
     on("delete", () => this.dispatchEvent(new CustomEvent("delete", { detail: this.#recording })));
-    this.#panel.addEventListener("keydown", (event) => this.#key(event));
+    document.addEventListener("keydown", (event) => this.#key(event));
   }
 
   /**
@@ -65,7 +66,7 @@ export class Player extends EventTarget {
     const { time } = this.#cursor;
     this.#pinned = recordings.find((each) => each.name === recorded.name)?.pinned ?? this.#pinned;
     setText(this.#pin, this.#pinned ? "Unpin" : "Pin");
-    for (const id of ["verify", "pin", "delete"]) byId(id, HTMLButtonElement).disabled = !isSignedIn();
+    for (const id of ["verify", "pin", "delete"]) setUsable(byId(id, HTMLButtonElement), isSignedIn());
     setAttribute(this.#moment, "max", recorded.duration);
     setAttribute(this.#moment, "step", "any");
     if (Number(this.#moment.value) !== time) this.#moment.value = String(time);
@@ -91,7 +92,7 @@ export class Player extends EventTarget {
     setText(this.#play, playing ? "Pause" : "Play");
     cancelAnimationFrame(this.#frame);
     if (!playing) return;
-    if (this.#cursor.time >= this.#cursor.end) this.#cursor.seek(0);
+    if (this.#cursor.time > this.#cursor.end - AT_END) this.#cursor.seek(0);
     let before = performance.now();
     /** @param {number} now */
     const next = (now) => {
@@ -113,14 +114,18 @@ export class Player extends EventTarget {
 
   /** @param {KeyboardEvent} event */
   #key(event) {
+    if (this.#panel.hidden || isTyping(event.target) || event.ctrlKey || event.metaKey || event.altKey) return;
     const acts = /** @type {Record<string, () => void>} */ ({
       ",": () => this.#step(-1),
       ".": () => this.#step(1),
       k: () => this.#setPlaying(!this.#playing),
-      Home: () => this.#cursor.seek(0),
-      End: () => this.#cursor.seek(this.#cursor.end),
     });
-    if (!acts[event.key] || event.ctrlKey || event.metaKey || event.altKey) return;
+    // Elsewhere these keys have another meaning.
+    if (event.target instanceof Node && this.#panel.contains(event.target)) {
+      acts.Home = () => this.#cursor.seek(0);
+      acts.End = () => this.#cursor.seek(this.#cursor.end);
+    }
+    if (!acts[event.key]) return;
     event.preventDefault();
     acts[event.key]();
   }
@@ -160,7 +165,7 @@ export class Player extends EventTarget {
   }
 
   async #copyLink() {
-    const link = `${location.origin}${location.pathname}${momentHash(this.#recording, this.#cursor.time)}`;
+    const link = `${location.origin}${location.pathname}${recordingHash(this.#recording, this.#cursor.time)}`;
     history.replaceState(null, "", link);
     await navigator.clipboard?.writeText(link);
     setText(this.#note, "The address of this moment is copied.");
@@ -168,12 +173,20 @@ export class Player extends EventTarget {
 }
 
 /**
- * Return the part of the address that names a moment of a recording.
- * @param {string} recording
- * @param {number} time from the run's beginning [s]
+ * Return whether keys go into a text field or a list.
+ * @param {EventTarget | null} target
  */
-export function momentHash(recording, time) {
-  return `#${new URLSearchParams({ recording, t: time.toFixed(3) })}`;
+function isTyping(target) {
+  return target instanceof HTMLElement && target.matches("select, input:not([type=range], [type=checkbox])");
+}
+
+/**
+ * Return the part of the address that names a recording, and a moment of it.
+ * @param {string} recording
+ * @param {number} [time] from the run's beginning [s]; default: its end
+ */
+export function recordingHash(recording, time) {
+  return `#${new URLSearchParams({ recording, ...(time === undefined ? {} : { t: time.toFixed(3) }) })}`;
 }
 
 /**

@@ -1,8 +1,9 @@
 /** Plots over time: positions, velocities with their limits, frames and their lateness. */
 
 import { byId, element, setText } from "../dom.js";
+import { loadLibraries } from "../libraries/load.js";
 
-/** @typedef {typeof import("../../libraries.js")} Libraries */
+/** @typedef {import("../libraries/load.js").Libraries} Libraries */
 /** @typedef {import("uplot")} Plot */
 /** @typedef {import("uplot").AlignedData} Data */
 /** @typedef {import("../arm/model.js").Joint} Joint */
@@ -15,6 +16,8 @@ const GROWTH = 1.25; // of the time that is shown, when the run has reached its 
 const HEIGHT = 120; // of a plot [px]
 const AXIS = 56; // width of the axis on the left [px]
 const COLORS = 8; // --series-1 and so on in the style sheet
+const MEASURED = [4, 3]; // dashes of its lines [px]
+const OTHER = [1, 3]; // of the lines of a run that is compared [px]
 const SHORTEST = 0.05; // time that a plot shows at least [s]
 
 /** Shows the plots of one robot's runs. */
@@ -25,8 +28,10 @@ export class PlotsView {
   #cursor;
   /** @type {Libraries | null} */
   #libraries = null;
-  /** @type {Joint[]} */
+  /** @type {Joint[]} that are drawn */
   #joints = [];
+  /** @type {Joint[]} of the newest robot */
+  #wanted = [];
   /** @type {Set<string>} joints that are switched off */
   #off = new Set();
   /** @type {Plot[]} positions, velocities, lateness */
@@ -35,6 +40,9 @@ export class PlotsView {
   #history = null;
   /** @type {History | null} that was to be drawn last */
   #newest = null;
+  /** @type {History | null} of the run that is compared */
+  #other = null;
+  #layout = ""; // kinds of lines that the plots have
   /** @type {[number, number] | null} the times that are shown [s]; null for all */
   #range = null;
   #grows = false;
@@ -52,7 +60,7 @@ export class PlotsView {
     this.#cursor = cursor;
     new IntersectionObserver((seen) => {
       this.#visible = seen.at(-1)?.isIntersecting ?? false;
-      if (this.#newest) this.draw(this.#newest, this.#grows);
+      this.#drawAgain();
     }).observe(byId("time-panel", HTMLElement));
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.#build());
     new ResizeObserver(() => this.#resize()).observe(this.#box);
@@ -67,50 +75,61 @@ export class PlotsView {
    */
   async show(joints, changed) {
     const moved = joints.filter((each) => each.type !== "fixed" && !each.mimic);
-    if (JSON.stringify(moved) === JSON.stringify(this.#joints)) return;
+    this.#wanted = moved;
+    this.#libraries = await loadLibraries();
+    if (!this.#libraries || this.#wanted !== moved || JSON.stringify(moved) === JSON.stringify(this.#joints)) return;
     this.#joints = moved;
     this.#keys.replaceChildren(...this.#joints.map((joint, index) => this.#key(joint, index)));
-    // @ts-ignore: the bundle has the types of libraries.js
-    this.#libraries = /** @type {Libraries} */ (await import("../libraries/libraries.js"));
+    for (const plot of this.#plots) plot.destroy();
+    this.#plots = [];
+    this.#history = null;
     changed();
   }
 
   /**
    * @param {History} history of the run that is shown
    * @param {boolean} grows True while the run goes on
+   * @param {History | null} other of the run that is compared; null for none
    */
-  draw(history, grows) {
+  draw(history, grows, other) {
     this.#newest = history;
     this.#grows = grows;
+    this.#other = other;
     if (!this.#libraries || !this.#visible) return;
     this.#drawCursor();
     const changed = history !== this.#history;
     const second = Math.floor(this.#cursor.end);
     if (second !== this.#second && !changed) this.#drawBand(history);
     this.#second = second;
-    const now = `${versions(history)} ${this.#shown()}`;
+    const now = `${versions(history)} ${other && versions(other)} ${this.#shown()}`;
     if (!changed && now === this.#drawn) return;
     const wait = this.#last + PERIOD - performance.now();
     if (!changed && wait > 0) {
       this.#timer ||= setTimeout(() => {
         this.#timer = 0;
-        if (this.#newest) this.draw(this.#newest, this.#grows);
+        this.#drawAgain();
       }, wait);
       return;
     }
     clearTimeout(this.#timer);
     this.#timer = 0;
     if (changed) this.#range = null;
-    const measures = this.#measures;
     this.#history = history;
     this.#drawn = now;
-    if (this.#plots.length === 0 || measures !== this.#measures) this.#build();
+    const layout = this.#layers().join(" ");
+    if (this.#plots.length === 0 || layout !== this.#layout) this.#build();
     else this.#fill();
     this.#last = performance.now();
   }
 
-  get #measures() {
-    return (this.#history?.measured.times.length ?? 0) > 0;
+  #drawAgain() {
+    if (this.#newest) this.draw(this.#newest, this.#grows, this.#other);
+  }
+
+  /** @returns {number[][]} the dashes of the kinds of lines: commanded, measured, and those of the other run */
+  #layers() {
+    const measures = (this.#history?.measured.times.length ?? 0) > 0;
+    return [[], ...(measures ? [MEASURED] : []), ...(this.#other ? [OTHER] : [])];
   }
 
   /** Make the plots, in the colours of the page. */
@@ -119,23 +138,25 @@ export class PlotsView {
     for (const plot of this.#plots) plot.destroy();
     const style = getComputedStyle(this.#box);
     const colors = [...this.#keys.querySelectorAll(".swatch")].map((each) => getComputedStyle(each).color);
-    /** @param {boolean} dashed */
-    const lines = (dashed) =>
+    /** @param {number[]} dash */
+    const lines = (dash) =>
       this.#joints.map((joint, index) => ({
         label: joint.name,
         show: !this.#off.has(joint.name),
         stroke: colors[index],
         width: 1.5,
-        dash: dashed ? [4, 3] : [],
+        dash,
         spanGaps: true,
         points: { show: false },
       }));
-    const joints = [...lines(false), ...(this.#measures ? lines(true) : [])];
+    const joints = this.#layers().flatMap(lines);
+    this.#layout = this.#layers().join(" ");
+    const others = this.#other ? "; dotted: the other run" : "";
     const ink = style.color;
     const dots = { label: "frame", stroke: ink, paths: () => null, points: { show: true, size: 3, fill: ink } };
     this.#plots = [
-      this.#plot(`Position [${this.#units("")}]`, joints, { range: (_plot, low, high) => this.#positionRange(low, high) }, style),
-      this.#plot(`Velocity [${this.#units("/s")}]`, joints, { range: () => this.#velocityRange() }, style),
+      this.#plot(`Position [${this.#units("")}]${others}`, joints, { range: (_plot, low, high) => this.#positionRange(low, high) }, style),
+      this.#plot(`Velocity [${this.#units("/s")}]${others}`, joints, { range: () => this.#velocityRange() }, style),
       this.#plot("Frames, lateness [ms]", [dots], { range: (_plot, low, high) => [Math.min(low, 0), Math.max(high, 1)] }, style),
     ];
     this.#plots[1].hooks.draw?.push((plot) => this.#drawLimits(plot, style.color));
@@ -217,8 +238,8 @@ export class PlotsView {
     const history = this.#history;
     if (!history || !this.#libraries || this.#plots.length === 0) return;
     const [positions, velocities, lateness] = this.#plots;
-    positions.setData(this.#aligned(history.commanded, history.measured));
-    velocities.setData(this.#aligned(history.velocity, history.measuredVelocity));
+    positions.setData(this.#aligned("commanded", "measured"));
+    velocities.setData(this.#aligned("velocity", "measuredVelocity"));
     const late = history.lateness.columns.get("frame") ?? [];
     lateness.setData([history.lateness.times, late.map((each) => (each ?? 0) * 1000)]);
     this.#drawBand(history);
@@ -226,15 +247,19 @@ export class PlotsView {
   }
 
   /**
-   * Return the values of all joints, and the measured ones if there are any, over common times.
-   * @param {Series} series
-   * @param {Series} measured
+   * Return the values of all joints in all layers, over common times.
+   * @param {"commanded" | "velocity"} commanded
+   * @param {"measured" | "measuredVelocity"} measured
    * @returns {Data}
    */
-  #aligned(series, measured) {
-    const own = this.#table(series);
-    if (!this.#measures || !this.#libraries) return own;
-    return this.#libraries.uPlot.join([own, this.#table(measured)]);
+  #aligned(commanded, measured) {
+    const { uPlot } = /** @type {Libraries} */ (this.#libraries);
+    const own = /** @type {History} */ (this.#history);
+    const tables = this.#layers().map((dash) => {
+      if (dash === OTHER) return this.#table(/** @type {History} */ (this.#other)[commanded]);
+      return this.#table(own[dash === MEASURED ? measured : commanded]);
+    });
+    return tables.length === 1 ? tables[0] : uPlot.join(tables);
   }
 
   /** @param {Series} series @returns {any} */

@@ -1,7 +1,7 @@
 /** The poses: moves to them, saves where the arm is, and removes them. */
 
-import { get, isSignedIn, post } from "../api.js";
-import { byId, element, setAttribute, setText } from "../dom.js";
+import { get, isSignedIn, post, sendGoal } from "../api.js";
+import { byId, element, setAttribute, setText, setUsable } from "../dom.js";
 
 /** @typedef {import("../connection.js").Status} Status */
 
@@ -37,13 +37,16 @@ export class PosesView {
     await this.#refresh();
   }
 
-  /** @param {Status | null} status */
-  draw(status) {
+  /**
+   * @param {Status | null} status
+   * @param {boolean} idle True if no goal is under way
+   */
+  draw(status, idle) {
     const active = isSignedIn() && status?.arm === "active";
     for (const button of this.#list.querySelectorAll("button"))
-      button.disabled = button.className === "remove" ? !isSignedIn() : !active || status.goal !== null;
+      setUsable(button, button.className === "remove" ? isSignedIn() : active && idle);
     const save = this.#form.querySelector("button");
-    if (save) save.disabled = !active;
+    if (save) setUsable(save, active);
   }
 
   async #refresh() {
@@ -55,7 +58,7 @@ export class PosesView {
   #item({ pose, positions, source }) {
     const joints = Object.keys(positions).join(", ");
     const go = element("button", { type: "button", title: `${joints}; ${source}` }, pose);
-    go.addEventListener("click", () => this.#act(() => post("api/move", { to: [pose] })));
+    go.addEventListener("click", () => this.#act(() => sendGoal("api/move", { to: [pose] })));
     const isOwn = /:\d+$/.test(source);
     return element("li", {}, go, ...(isOwn ? [this.#removal(pose)] : []));
   }

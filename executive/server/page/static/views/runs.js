@@ -69,6 +69,7 @@ export class RunsView extends EventTarget {
     const undo = element("button", { type: "button" }, "Undo");
     undo.addEventListener("click", () => this.#restore(recording));
     this.#note.replaceChildren(`Deleted ${nameOf(recording)}. `, undo);
+    undo.focus();
     await this.#load(false);
   }
 
@@ -98,6 +99,7 @@ export class RunsView extends EventTarget {
   async #restore(recording) {
     try {
       await post(`${pathOf(recording.name)}/restore`);
+      this.#search.focus(); // the button goes away
       setText(this.#note, `Restored ${nameOf(recording)}.`);
     } catch (error) {
       setText(this.#note, error instanceof Error ? error.message : String(error));

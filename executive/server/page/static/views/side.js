@@ -2,6 +2,7 @@
 
 import { hintOf, post } from "../api.js";
 import { byId, element, setText } from "../dom.js";
+import { recordingHash } from "./player.js";
 import { mark } from "./tree.js";
 
 /** @typedef {import("../connection.js").Status} Status */
@@ -38,7 +39,9 @@ function link(path, text) {
 /** @param {ShownRun} shown */
 export function drawRunning(shown) {
   const list = byId("running", HTMLElement);
-  const { running } = shown.run;
+  const now = shown.live.active || shown.isLive; // what moves is never hidden
+  const { running } = now ? shown.live : shown.run;
+  setText(byId("running-title", HTMLElement), now ? "Running now" : "Running at this moment");
   const key = running.map((node) => `${node.path}\n${node.message}`).join("\n\n");
   if (list.dataset.key === key) return;
   list.dataset.key = key;
@@ -74,19 +77,21 @@ export function drawFailure(shown) {
   const cause = run.state === "ABORTED" ? run.outcome?.cause : null;
   card.hidden = !cause;
   const place = cause ? places(shown, cause.node) : "";
+  const hint = cause ? hintOf(cause) : "";
+  const recording = run.outcome?.recording.split("/").at(-1) ?? "";
   const key = `${run.goalId} ${place}`;
   if (!cause || card.dataset.key === key) return;
   card.dataset.key = key;
   card.replaceChildren(
     element("h2", {}, `${run.title} ${shown.planned ? "would fail" : "failed"}`),
     element("p", { class: "cause" }, cause.message),
-    ...(hintOf(cause) ? [element("p", {}, "What to do: ", ...withCode(hintOf(cause)))] : []),
+    ...(hint && !cause.message.includes(hint) ? [element("p", {}, "What to do: ", ...withCode(hint))] : []),
     facts([
       ["Node", cause.node && run.nodes.has(cause.node) ? link(cause.node, cause.node) : cause.node],
       ["Joint", cause.joint],
       ["Line", place],
       ["Code", cause.code],
-      ["Recording", run.outcome?.recording ?? ""],
+      ["Recording", recording && element("a", { href: recordingHash(recording) }, recording)],
     ]),
   );
 }

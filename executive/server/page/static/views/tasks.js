@@ -1,7 +1,7 @@
 /** The tasks: each with a form of its parameters, and what its last run did. */
 
-import { isSignedIn, post } from "../api.js";
-import { byId, element, setText } from "../dom.js";
+import { isSignedIn, post, sendGoal } from "../api.js";
+import { byId, element, setText, setUsable } from "../dom.js";
 import { stateWords } from "./header.js";
 
 /** @typedef {import("../model/run.js").Goal} Goal */
@@ -11,6 +11,7 @@ import { stateWords } from "./header.js";
  * @typedef {object} Input A parameter.
  * @property {string} type
  * @property {string} unit of the limits
+ * @property {Record<string, number>} units that a value may have, in the unit of the limits
  * @property {boolean} needed
  * @property {string} default as in a task file; empty for none
  * @property {number | null} least
@@ -28,6 +29,10 @@ import { stateWords } from "./header.js";
  * @property {Record<string, Input>} inputs
  */
 
+/** Units for people, by type. Other types have their first unit. */
+const PEOPLE = /** @type {Record<string, string>} */ ({ angle: "deg", length: "mm" });
+const QUANTITY = /^([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?) ?([a-z]*)$/i;
+
 const POLICIES = /** @type {Record<string, string>} */ ({
   reject: "While a goal runs, another one is refused.",
   queue: "While a goal runs, others wait for its end.",
@@ -43,8 +48,9 @@ export class TasksView extends EventTarget {
    * @param {Task[]} tasks
    * @param {Goal[]} goals newest first
    * @param {Status | null} status
+   * @param {boolean} idle True if no goal is under way
    */
-  draw(tasks, goals, status) {
+  draw(tasks, goals, status, idle) {
     this.#drawArm(status);
     const key = JSON.stringify(tasks);
     if (key !== this.#key) {
@@ -59,8 +65,8 @@ export class TasksView extends EventTarget {
       setText(state, last ? stateWords(last.state) : "");
       state.dataset.state = last?.state ?? "";
       const [run, dry] = item.querySelectorAll("button");
-      run.disabled = !isSignedIn() || !active;
-      dry.disabled = !isSignedIn() || status?.goal !== null;
+      setUsable(run, isSignedIn() && active);
+      setUsable(dry, isSignedIn() && idle);
     }
   }
 
@@ -97,7 +103,7 @@ function taskItem(task, preview) {
     const values = fields.map((each) => [each.name, each.value()]).filter(([, value]) => value !== "");
     const goal = { task: task.task, arguments: Object.fromEntries(values) };
     try {
-      if (event.submitter !== dry) return void (await post("api/goals", goal));
+      if (event.submitter !== dry) return void (await sendGoal("api/goals", goal));
       const { events, unknown } = await post("api/plan", goal);
       setText(found, dryRunWords(events, unknown));
       preview(events);
@@ -116,6 +122,8 @@ function taskItem(task, preview) {
  * @param {string[]} unknown
  */
 function dryRunWords(events, unknown) {
+  const cause = events.find((each) => each.event === "status")?.result?.cause;
+  if (cause) return `Dry run: the task would fail. ${cause.message}`;
   const plans = events.filter((each) => each.event === "schedule");
   const seconds = plans.reduce((sum, each) => sum + each.duration_s, 0).toFixed(1);
   const motions = plans.length === 1 ? "1 motion" : `${plans.length} motions`;
@@ -134,6 +142,7 @@ function field(task, name, input) {
   const control = choices.length
     ? element("select", { id }, ...["", ...choices].map((each) => element("option", {}, each)))
     : element("input", { id, ...limits(input), required: input.needed });
+  control.addEventListener("input", () => control.setCustomValidity(mistakeIn(control.value.trim(), input)));
   const help = [input.description, range(input), input.default && `default ${input.default}`].filter(Boolean).join("; ");
   const label = element("label", { for: id }, name, element("span", { class: "quiet" }, ` ${help}`));
   return { name, row: element("div", { class: "field" }, label, control), value: () => control.value };
@@ -146,9 +155,29 @@ function limits(input) {
   return { type: "number", step, min: input.least ?? false, max: input.most ?? false };
 }
 
-/** @param {Input} input */
-function range({ least, most, unit }) {
-  if (least === null && most === null) return "";
-  if (most === null) return `from ${least} ${unit}`.trim();
-  return (least === null ? `up to ${most} ${unit}` : `${least} to ${most} ${unit}`).trim();
+/** @param {Input} input @returns {string} the limits, in units for people */
+function range({ type, least, most, unit, units }) {
+  const name = PEOPLE[type] ?? unit;
+  const [low, high] = [least, most].map((each) => each !== null && Number((each / (units[name] ?? 1)).toPrecision(6)));
+  if (low === false && high === false) return "";
+  if (high === false) return `from ${low} ${name}`.trim();
+  return (low === false ? `up to ${high} ${name}` : `${low} to ${high} ${name}`).trim();
+}
+
+/**
+ * Return what is wrong with a quantity; empty if nothing is, or if its type has no units.
+ * @param {string} text
+ * @param {Input} input
+ */
+function mistakeIn(text, input) {
+  const { type, least, most, units } = input;
+  const names = Object.keys(units);
+  if (!text || names.length === 0) return "";
+  const [, number, unit] = QUANTITY.exec(text) ?? [];
+  if (number === undefined) return `Write a number and a unit, such as 10 ${PEOPLE[type] ?? names[0]}.`;
+  const factor = units[unit || names[0]];
+  if (factor === undefined) return `There is no unit ${unit}; there are ${names.join(", ")}.`;
+  const value = Number(number) * factor;
+  const right = value >= (least ?? -Infinity) && value <= (most ?? Infinity);
+  return right ? "" : `${text}${unit ? "" : ` ${names[0]}`} is not within the limits: ${range(input)}.`;
 }

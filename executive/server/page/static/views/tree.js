@@ -6,6 +6,8 @@ import { byId, element, setAttribute, setText } from "../dom.js";
 /** @typedef {import("../model/shown_run.js").ShownRun} ShownRun */
 
 const OPEN_UP_TO = 60; // nodes of a tree that is shown unfolded
+const ZOOM = 1.2; // from one size to the next
+const SIZES = 3; // smaller ones and larger ones than the first
 const MARKS = /** @type {Record<string, [string, string]>} */ ({
   RUNNING: ["▶", "running"],
   SUCCESS: ["✓", "done"],
@@ -37,6 +39,8 @@ export class TreeView extends EventTarget {
   #breakpoints = "";
   #goal = "";
   #followed = "";
+  #time = 0; // the moment that is shown [s]
+  #size = 0; // steps from the first size
   selected = "";
 
   /** @param {ShownRun} shown */
@@ -46,6 +50,12 @@ export class TreeView extends EventTarget {
     this.#search.addEventListener("input", () => this.draw());
     this.#list.addEventListener("click", (event) => this.#click(event));
     this.#list.addEventListener("keydown", (event) => this.#key(event));
+    byId("tree-larger", HTMLElement).addEventListener("click", () => this.#zoom(1));
+    byId("tree-smaller", HTMLElement).addEventListener("click", () => this.#zoom(-1));
+    new ResizeObserver(() => {
+      this.#followed = ""; // the running row may be hidden now
+      this.scroll();
+    }).observe(this.#list);
   }
 
   /**
@@ -61,17 +71,21 @@ export class TreeView extends EventTarget {
     this.#select(path);
   }
 
-  /** @param {string[]} [breakpoints] paths; default those of the last time */
-  draw(breakpoints) {
+  /**
+   * @param {string[]} [breakpoints] paths; default those of the last time
+   * @param {number} [time] the moment that is shown [s]; default that of the last time
+   */
+  draw(breakpoints, time = this.#time) {
     const { run, facts } = this.#shown;
+    this.#time = time;
     const marked = breakpoints ? breakpoints.join("\n") : this.#breakpoints;
     const now = [run, run.goalId, facts, facts.size, marked, this.#search.value, this.#folds, this.selected];
     const redraw = now.some((each, index) => each !== this.#last[index]);
-    if (!redraw && run.changed.size === 0) return;
+    if (!redraw && run.changed.size === 0) return this.#drawTimes();
     if (run.goalId !== this.#goal) this.#begin(run.goalId);
     this.#last = now;
     this.#breakpoints = marked;
-    const atWork = nodesAtWork(run.nodes.values());
+    const atWork = nodesAtWork(run.nodes.values(), this.#shown.planned);
     const visible = this.#find(atWork);
     if (visible.some((node, index) => node !== this.#visible[index]) || visible.length !== this.#visible.length) {
       this.#visible = visible;
@@ -80,9 +94,13 @@ export class TreeView extends EventTarget {
     const points = new Set(marked.split("\n"));
     for (const node of visible)
       if (redraw || run.changed.has(node) || !this.#row(node).dataset.status)
-        this.#drawRow(node, atWork, points);
-    for (const node of visible)
-      if (node.children.length) setAttribute(this.#row(node), "aria-expanded", this.#expanded(node, atWork));
+        this.#drawRow(node, points);
+    for (const node of visible) {
+      const row = this.#row(node);
+      row.classList.toggle("at-work", atWork.has(node));
+      if (node.children.length) setAttribute(row, "aria-expanded", this.#expanded(node, atWork));
+    }
+    this.#drawTimes();
     run.changed.clear();
     this.#keepOneTabStop();
   }
@@ -96,6 +114,14 @@ export class TreeView extends EventTarget {
     const { top, height } = this.#list.getBoundingClientRect();
     const offset = row.getBoundingClientRect().top - top;
     if (offset < 0 || offset > height - row.offsetHeight) this.#list.scrollTop += offset - height / 2;
+  }
+
+  /** @param {1 | -1} step */
+  #zoom(step) {
+    this.#size = Math.min(Math.max(this.#size + step, -SIZES), SIZES);
+    this.#list.style.setProperty("--zoom", String(ZOOM ** this.#size));
+    this.#followed = "";
+    this.scroll();
   }
 
   /** @param {string} goal */
@@ -168,16 +194,14 @@ export class TreeView extends EventTarget {
 
   /**
    * @param {TreeNode} node
-   * @param {Set<TreeNode>} atWork
    * @param {Set<string>} points
    */
-  #drawRow(node, atWork, points) {
+  #drawRow(node, points) {
     const row = this.#row(node);
     const [point, , sign, , kind, message, time] = /** @type {HTMLElement[]} */ ([...row.children]);
     const [text, words] = mark(node.status);
     const facts = this.#shown.facts.get(node.path);
     row.dataset.status = node.status;
-    row.classList.toggle("at-work", atWork.has(node));
     setText(point, points.has(node.path) ? "●" : "");
     setAttribute(point, "aria-label", points.has(node.path) ? "breakpoint" : false);
     setAttribute(point, "role", points.has(node.path) ? "img" : false);
@@ -188,6 +212,18 @@ export class TreeView extends EventTarget {
     setText(message, node.message);
     setText(time, this.#shown.planned ? "" : duration(node));
     setAttribute(row, "aria-selected", String(node.path === this.selected));
+  }
+
+  /** Show how long nodes have been running. */
+  #drawTimes() {
+    const { run, planned } = this.#shown;
+    if (planned) return;
+    for (const node of this.#visible) {
+      if (node.status !== "RUNNING" || node.began === null) continue;
+      const seconds = Math.max(0, run.began + this.#time - node.began).toFixed(1);
+      const part = run.percentage !== null && node === run.running.at(-1) ? `, ${run.percentage} %` : "";
+      setText(/** @type {Element} */ (this.#row(node).lastElementChild), `${times(node)}${seconds} s${part}`);
+    }
   }
 
   /** @param {string} path */
@@ -270,15 +306,18 @@ export class TreeView extends EventTarget {
 /**
  * Return the nodes that run, were stopped, or failed and with them the node above.
  * @param {Iterable<TreeNode>} nodes parents first
+ * @param {boolean} planned True for a dry run, which ends at the first failure
  * @returns {Set<TreeNode>}
  */
-export function nodesAtWork(nodes) {
+function nodesAtWork(nodes, planned) {
   /** @type {Set<TreeNode>} */
   const found = new Set();
   for (const node of nodes) {
     const above = node.parent;
     const failed = node.status === "FAILURE" && (!above || (above.status === "FAILURE" && found.has(above)));
     if (failed || node.status === "RUNNING" || node.status === "HALTED") found.add(node);
+    // A dry run has no events of the nodes above.
+    if (planned && node.status === "FAILURE") addWithAncestors(node, found);
   }
   return found;
 }
@@ -293,9 +332,17 @@ function matching(nodes, wanted) {
   const found = new Set();
   for (const node of nodes) {
     if (!`${node.name} ${node.message} ${mark(node.status)[1]}`.toLowerCase().includes(wanted)) continue;
-    for (let each = /** @type {TreeNode | null} */ (node); each; each = each.parent) found.add(each);
+    addWithAncestors(node, found);
   }
   return found;
+}
+
+/**
+ * @param {TreeNode | null} node
+ * @param {Set<TreeNode>} found
+ */
+function addWithAncestors(node, found) {
+  for (let each = node; each; each = each.parent) found.add(each);
 }
 
 /**
@@ -303,7 +350,11 @@ function matching(nodes, wanted) {
  * @param {TreeNode} node
  */
 function duration(node) {
-  const times = node.starts > 1 ? `${node.starts}× ` : "";
-  if (node.began === null || node.ended === null) return times.trim();
-  return `${times}${(node.ended - node.began).toFixed(2)} s`;
+  if (node.began === null || node.ended === null) return times(node).trim();
+  return `${times(node)}${(node.ended - node.began).toFixed(2)} s`;
+}
+
+/** @param {TreeNode} node */
+function times({ starts }) {
+  return starts > 1 ? `${starts}× ` : "";
 }
