@@ -44,7 +44,7 @@ TEXT = {
     "how_to/language_models.md": 1,  # two processes; tests/executive/mcp starts them
     "how_to/own_driver.md": 1,  # it installs; tests/hardware/drivers/test_driver.py
     "how_to/real_arduino.md": 1,  # avrdude writes into a board
-    "how_to/ros2.md": 1,  # two processes; tests/executive/ros2 starts them
+    "how_to/ros2.md": 2,  # two processes, and colcon; tests/executive/ros2 does both
     "how_to/service.md": 4,  # they change the system; tests/executive/cli/test_service.py
     "how_to/so101.md": 1,  # the port of a real arm
     "install.md": 3,  # they install; tests/end_to_end/test_wheel.py

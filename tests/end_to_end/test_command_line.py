@@ -260,7 +260,7 @@ def test_bad_input_is_reported_and_nothing_moves(
 def test_wrong_usage_is_2(tmp_path: Path, arguments: list[str]) -> None:
     status, out, err = typed(tmp_path, *arguments)
     assert (status, out) == (2, "")
-    assert "Usage" in err
+    assert re.fullmatch(r"Error: .+; see armtree .*--help \[usage\]\n", err)
 
 
 def test_a_target_out_of_bounds_names_every_joint(tmp_path: Path) -> None:

@@ -1,14 +1,18 @@
 """Pictures of every view of the page, at three sizes, light and dark.
 
 `python -m tests.support.generated.page_pictures FOLDER [VIEW ...]`. The view `page` is that of the
-documentation: `python -m tests.support.generated.page_pictures docs/pages/assets page` takes it.
+documentation, a moving picture of a recording that plays:
+`python -m tests.support.generated.page_pictures docs/pages/assets page` takes it.
 """
 
+import io
 import shutil
 import sys
 from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 from typing import Any
+
+from PIL import Image
 
 from executive.api.move import Move
 from tests.support.recordings.finished import at_rest, rest
@@ -16,7 +20,8 @@ from tests.support.servers.browsing import shows
 from tests.support.servers.serving import Served, serving
 
 SIZES = {"phone": (390, 844), "laptop": (1280, 800), "wall": (1920, 1080)}
-DOCUMENTED = "page"  # one picture of the size of a screen, only if it is named
+DOCUMENTED = "page"  # a moving picture of the size of a screen, only if it is named
+FRAMES, FRAME_MS = 25, 200  # of the moving picture
 DELIVER = """task: 20
 name: deliver
 description: Fail deep inside.
@@ -53,7 +58,7 @@ def views(served: Served) -> Iterator[tuple[str, Callable[[Any], object]]]:
     )
     yield "refused", id
     executive.result(executive.send(1).identity)
-    yield DOCUMENTED, show_middle
+    yield DOCUMENTED, id
     yield "done", lambda tab: (tab.click("#move summary"), tab.click("#tasks summary >> nth=5"))
     executive.result(executive.send(0).identity)  # away from where the dry run ends
     yield "planned", plan_pick
@@ -90,8 +95,13 @@ def plan_pick(tab: Any) -> None:
 def show_middle(tab: Any) -> None:
     """Show the newest recording in its middle."""
     shows(tab, "#shown", "recorded")
+    show_moment(tab, 0.5)
+
+
+def show_moment(tab: Any, share: float) -> None:
+    """Show the moment after a share of the recording, from 0 to 1."""
     tab.evaluate(
-        "moment = document.getElementById('moment'); moment.value = 0.5 * moment.max;"
+        f"moment = document.getElementById('moment'); moment.value = {share} * moment.max;"
         "moment.dispatchEvent(new Event('input'))"
     )
 
@@ -143,7 +153,7 @@ def main(folder: Path, wanted: Collection[str]) -> None:
         for name, act in views(served):
             if name == DOCUMENTED and name in wanted:
                 context = browser.new_context(viewport={"width": 1280, "height": 800})
-                take(context, served, act, folder / f"{name}.png", full_page=False)
+                film(context, served, folder / f"{name}.webp")
             elif name != DOCUMENTED and (name in wanted or not wanted):
                 for size, (width, height) in SIZES.items():
                     for scheme in ("light", "dark"):
@@ -153,20 +163,39 @@ def main(folder: Path, wanted: Collection[str]) -> None:
         browser.close()
 
 
-def take(
-    context: Any, served: Served, act: Callable[[Any], object], path: Path, full_page: bool = True
-) -> None:
-    """Take a picture of a new tab after an act, and close the tab."""
+def film(context: Any, served: Served, path: Path) -> None:
+    """Take a moving picture of the newest recording in a new tab, and close the tab."""
+    tab = opened(context, served)
+    shows(tab, "#shown", "recorded")
+    frames = []
+    for number in range(FRAMES):
+        show_moment(tab, number / (FRAMES - 1))
+        tab.wait_for_timeout(100)  # the arm and the plots are drawn
+        frames.append(Image.open(io.BytesIO(tab.screenshot())).resize((960, 600)))
+    durations = [FRAME_MS] * (FRAMES - 1) + [10 * FRAME_MS]
+    rest: dict[str, Any] = {"append_images": frames[1:], "duration": durations}
+    frames[0].save(path, save_all=True, loop=0, quality=60, method=6, **rest)
+    context.close()
+
+
+def opened(context: Any, served: Served) -> Any:
+    """Return a new tab that is signed in and has drawn the arm."""
     tab = context.new_page()
     tab.goto(served.server.sign_in.link())
     tab.locator("#arm canvas").wait_for()
     tab.locator("#tasks li").first.wait_for()
     tab.wait_for_timeout(300)
+    return tab
+
+
+def take(context: Any, served: Served, act: Callable[[Any], object], path: Path) -> None:
+    """Take a picture of a new tab after an act, and close the tab."""
+    tab = opened(context, served)
     act(tab)
     tab.locator("#time-panel").scroll_into_view_if_needed()  # plots are drawn when they are seen
     tab.wait_for_timeout(100)
     tab.evaluate("scrollTo(0, 0)")
-    tab.screenshot(path=path, full_page=full_page)
+    tab.screenshot(path=path, full_page=True)
     context.close()
 
 

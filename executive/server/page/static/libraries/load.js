@@ -22,7 +22,7 @@ async function load() {
   try {
     // A browser may keep a module that failed, so each attempt has its own address.
     const libraries = await import(`./libraries.js${failures ? `?attempt=${failures}` : ""}`);
-    setText(note, "");
+    if (note.textContent === FAILED) setText(note, ""); // another error stays
     return libraries;
   } catch {
     failures += 1;
