@@ -95,10 +95,10 @@ class NotEnded(GoalError, TimeoutError):
 
     code = "goal.not_ended"
     exit_status = 8
-    hint = "look at the arm, and switch off its power if it moves"
+    hint = "check the arm, and switch off its power if it moves"
 
     def __init__(self, command: str) -> None:
-        super().__init__(f"{command} was told to stop, but has not ended; {self.hint}")
+        super().__init__(f"{command} was asked to stop, but has not ended; {self.hint}")
 
 
 class NotExecuting(GoalError):

@@ -177,7 +177,7 @@ class NoLeader(TaskFailed):
     """There is no hand-guided arm to follow."""
 
     code = "task.no_leader"
-    hint = "`armtree teleop --leader PORT` has a leader"
+    hint = "type: armtree teleop --leader PORT"
 
 
 KnownError = SkillError | MotionError | HardwareError

@@ -40,7 +40,7 @@ class NullLeader:
 
     def positions(self) -> tuple[float, ...] | None:
         """Raise the error."""
-        raise NoLeader("there is no arm to follow; `armtree teleop --leader PORT` has a leader")
+        raise NoLeader("there is no arm to follow; type: armtree teleop --leader PORT")
 
     def show(self, blocked: Blocked | None) -> None:
         """Do nothing."""

@@ -191,7 +191,7 @@ def _restore(calibrator: "Calibrator", before: Mapping[str, Mapping[str, int]]) 
     _confirm(f"Write {_values(changes)} to the servos, and delete {calibrator.path}?")
     calibrator.write(changes)
     calibrator.path.unlink()
-    echo("The servos have the values from before the calibration again")
+    echo("Restored the values that the servos had before the calibration")
 
 
 def _values(changes: "Sequence[Change]") -> str:

@@ -490,7 +490,11 @@ class Worker:
                     try:
                         found = await self._fleet.get(JobRecord, identity)
                     except BadJob as error:
-                        logger.warning("Fleet: replaced the record of %s: %s", identity, error)
+                        logger.warning(
+                            "Fleet: the record of %s was invalid and is replaced: %s",
+                            identity,
+                            error,
+                        )
                         await self._fleet.jobs.put(identity, to_bytes(mine))
                         return
                     if found is None:  # the NATS server has lost its disk

@@ -247,7 +247,7 @@ def _firmware_values(robot: Robot, recorded: str) -> dict[str, Any]:
     for name, known in figures.items():
         value = values.get(name, _plain(known))
         if not _same_type(value, _plain(known)) or not _in_range(name, value):
-            raise ValueError(f"{name} {value!r}")
+            raise ValueError(f"{name} is {value!r}: wrong type or out of range")
         figures[name] = value.encode("latin-1") if isinstance(known, bytes) else value
     return figures
 

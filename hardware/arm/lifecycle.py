@@ -122,7 +122,9 @@ class Lifecycle:
         if self.state in _PRIMARY:
             self._check(label)  # a refused request must not hold the lock when raise_error needs it
         if not self._changing.acquire(blocking=False):
-            raise TransitionRefused(f"cannot {label} now: {self.state.value} is under way")
+            raise TransitionRefused(
+                f"cannot {label} now: the arm is {self.state.value}; wait until that has ended"
+            )
         try:
             self._check(label)
             self._run(label)

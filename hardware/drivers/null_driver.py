@@ -46,7 +46,7 @@ class NullWireFormat:
         return Frame(tuple(servos), "".join(f"{servo:+010d}," for servo in servos).encode())
 
     def decode(self, frame: Frame) -> tuple[float, ...]:
-        """Return the joint positions of a frame, within their limits [rad]."""
+        """Return the joint positions of a frame, clipped to the joint limits [rad]."""
         return tuple(
             min(max(servo * _RESOLUTION, joint.lower), joint.upper)
             for joint, servo in zip(self._joints, frame.servos, strict=True)

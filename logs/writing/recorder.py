@@ -122,7 +122,7 @@ class Recorder:
         return mark.wait(timeout)
 
     def write_time(self) -> float:
-        """Return the time that writes took since the last call [s], also one so far."""
+        """Return the duration of writes since the last call [s], also of an unfinished one."""
         journal = self._journal
         return journal.write_time() if journal else 0.0
 

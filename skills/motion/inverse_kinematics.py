@@ -393,7 +393,7 @@ def _check_vector(what: str, vector: Vector) -> None:
             raise NotFinite(f"{name} of the {what}", "", value)
         if what in _LENGTHS and abs(value) > MAX_MAGNITUDE:
             most = f"{MAX_MAGNITUDE:g} m"
-            raise BadQuery(f"The {name} of the {what} is {value:g}; give at most {most}")
+            raise BadQuery(f"The {name} of the {what} is {value:g} m; give -{most} to {most}")
 
 
 def _exceeds_floats(value: float) -> bool:

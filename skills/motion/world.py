@@ -167,7 +167,7 @@ class World:
             if body.name == name:
                 return body
         there = ", ".join(body.name for body in self.bodies) or "none"
-        raise BadWorld(f"There is no body {name}; there are {there}")
+        raise BadWorld(f"There is no body {name}; known bodies: {there}")
 
     def adding(self, body: Body) -> "World":
         """Return this world with a body. It replaces a body with the same name."""

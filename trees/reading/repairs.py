@@ -1,7 +1,8 @@
 """Repairs: small edits that correct the layout of a task file.
 
-A YAML parser fails after the mistake, with technical words. Therefore this module undoes common
-slips near that place, one by one. The edits that leave the fewest mistakes become the correction.
+A YAML parser fails after the mistake, with technical words. Therefore this module corrects common
+mistakes near that place, one by one. The edits that leave the fewest mistakes become the
+correction.
 """
 
 import re

@@ -83,7 +83,7 @@ def _arguments(name: str) -> dict[str, Any]:
 
 
 def find_setting(ctx: click.Context, name: str) -> tuple[Any, str]:
-    """Return the value of a setting without an option, and its source.
+    """Return the value of a setting if its option is not given, and the source of the value.
 
     Raises:
         UsageError: The value of the environment is wrong.

@@ -32,7 +32,7 @@ def _refuse_exit(status: int) -> NoReturn:
 
 
 def raise_priority() -> None:
-    """Raise the priority of this process, if the operating system allows it, as for root.
+    """Raise the priority of this process, if the operating system allows it, for example for root.
 
     Frames and stops are then on time on a busy computer. A niceness that the user chose remains.
     Call this function before threads start, because they inherit the priority.

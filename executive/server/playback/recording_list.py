@@ -276,7 +276,7 @@ class _Cache(Generic[T]):
         self._values: OrderedDict[Hashable, T] = OrderedDict()
 
     def get(self, key: Hashable, make: Callable[[], T]) -> T:
-        """Return a value. Make missing values, one at a time."""
+        """Return the value of a key. Makes a missing value first; only one is made at a time."""
         with self._lock:
             if key not in self._values:
                 self._values[key] = make()

@@ -144,7 +144,7 @@ def _unreadable(text: str, why: str) -> BadMessage:
 def _send_goal(message: dict[str, Any]) -> SendGoal:
     identity = _text(message, "id") if "id" in message else ""
     if _slashed(message.get("action")) != ACTION:
-        raise BadGoal(f"no action {message.get('action')!r}; there is {ACTION}", identity)
+        raise BadGoal(f"no action {message.get('action')!r}; the only action is {ACTION}", identity)
     if not _same_type(message.get("action_type"), ACTION_TYPE):
         raise BadGoal(
             f"{ACTION} is of type {ACTION_TYPE}, not {message.get('action_type')!r}", identity
@@ -167,7 +167,9 @@ def _send_goal(message: dict[str, Any]) -> SendGoal:
 def _cancel_goal(message: dict[str, Any]) -> CancelGoal:
     identity = _text(message, "id")
     if _slashed(message.get("action")) != ACTION:
-        raise BadMessage(f"no action {message.get('action')!r}; there is {ACTION}", identity)
+        raise BadMessage(
+            f"no action {message.get('action')!r}; the only action is {ACTION}", identity
+        )
     return CancelGoal(identity)
 
 

@@ -83,7 +83,7 @@ class Codec:
         return Frame(servos, data)
 
     def decode(self, frame: Frame) -> tuple[float, ...]:
-        """Return the joint positions of a frame, within their limits [rad].
+        """Return the joint positions of a frame, clipped to the joint limits [rad].
 
         Truncation maps an interval of positions to one angle. The result is the middle of the
         interval.

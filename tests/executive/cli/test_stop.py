@@ -57,7 +57,7 @@ def test_stop_says_that_a_run_does_not_end(
     for _ in range(2):
         status, out, error = typed(tmp_path, "stop")
         assert (status, out) == (8, "")
-        assert f"armtree run (process {run.pid}) was told to stop, but has not ended" in error
+        assert f"armtree run (process {run.pid}) was asked to stop, but has not ended" in error
     run.send_signal(signal.SIGCONT)
     typed(tmp_path, "stop")
     printed, _ = run.communicate(timeout=60)

@@ -221,7 +221,7 @@ def test_shutdown_waits_for_the_fault_that_another_thread_is_at() -> None:
     arm.activate()
     fault = rig.clock.spawn(lambda: arm.fault(PortLost("board", "gone")), "fault")
     assert entered.wait(5)
-    with pytest.raises(TransitionRefused, match="errorprocessing is under way"):
+    with pytest.raises(TransitionRefused, match="the arm is errorprocessing"):
         arm.deactivate()
     shutdown = rig.clock.spawn(arm.shutdown, "shutdown")
     leave.set()
