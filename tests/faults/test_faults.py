@@ -14,7 +14,7 @@ from tests.faults.machine import Busy, Machine
 from tests.faults.process import processes, until, variables_of
 from tests.faults.row import Row, Scene, compare, inject
 from tests.faults.rows.host import shifts
-from tests.faults.run import found, main, rows
+from tests.faults.run import PAGE, found, main, promised, rows
 from tests.faults.soaking.figures import Sample, growth
 
 PROGRAM = Path(__file__).with_name("run.py")
@@ -120,6 +120,22 @@ def test_a_page_is_of_all_rows(tmp_path: Path, part: list[str]) -> None:
     with pytest.raises(SystemExit):
         main([*part, "--page", str(tmp_path / "page.md")])
     assert not list(tmp_path.iterdir())
+
+
+def test_the_page_lists_the_rows_that_there_are() -> None:
+    """`make faults` writes the page."""
+    text, head = PAGE.read_text(), PROGRAM.with_name("page.md").read_text()
+    assert text.startswith(head), "run `make faults`: tests/faults/page.md has changed"
+    lines = [line[2:].split(" | ") for line in text.splitlines() if line.startswith("| `")]
+    listed = [
+        (name, fault.partition("; here by ")[0], promise, limit)
+        for name, fault, promise, _times, _held, limit, *_ in lines
+    ]
+    there = [
+        (f"`{one.name}`", one.fault, one.promise, promised(one.limit, one.worst, one.unit))
+        for one in rows()
+    ]
+    assert listed == there, "run `make faults`: the rows have changed"
 
 
 @pytest.mark.slow
