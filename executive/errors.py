@@ -4,6 +4,8 @@ The roots are GoalError, ServerError, RequestError (a server refuses a request b
 goal) and ClientError. Every error has a stable `code`, and its message says what to do next.
 """
 
+from pathlib import Path
+
 from hardware import ArmtreeError, HardwareError, WriteRefused
 from logs import goal_title
 from trees import FileError
@@ -464,12 +466,16 @@ class ServerUnreachable(ClientError, ConnectionError):
 
 
 class NothingToStop(ServerUnreachable):
-    """This user moves no arm on this machine, and no server answers there."""
+    """No command and no server of this user was found, and no server answers at the set port.
 
-    def __init__(self) -> None:
+    Args:
+        folder: The runtime folder that was searched. `XDG_RUNTIME_DIR` changes it.
+    """
+
+    def __init__(self, folder: Path) -> None:
         self.hint = "stop an arm elsewhere with --server URL, and a Python program with Ctrl-C"
-        why = "nothing was stopped: no armtree command and no server of yours runs on this machine"
-        Exception.__init__(self, f"{why}; {self.hint}")
+        found = f"no armtree command and no server of yours was found in {folder}"
+        Exception.__init__(self, f"nothing was stopped: {found}; {self.hint}")
 
 
 class ServerLost(ServerUnreachable):

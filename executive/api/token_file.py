@@ -72,7 +72,7 @@ def new_token() -> str:
 
 def file_of(port: int, kind: str = SERVER) -> Path:
     """Return the path of a server's file, for a kind of server and a port."""
-    return _folder() / f"{kind}-{port}.json"
+    return runtime_folder() / f"{kind}-{port}.json"
 
 
 def write(port: int, info: ServerInfo, kind: str = SERVER) -> None:
@@ -91,13 +91,19 @@ def write(port: int, info: ServerInfo, kind: str = SERVER) -> None:
     os.replace(name, file_of(port, kind))
 
 
+def runtime_folder() -> Path:
+    """Return the runtime folder of this user. It may be missing."""
+    own = os.environ.get("XDG_RUNTIME_DIR")
+    return Path(own, "armtree") if own else Path(tempfile.gettempdir(), f"armtree-{os.getuid()}")
+
+
 def make_folder() -> Path:
     """Return the runtime folder of this user. Make it if it does not exist.
 
     Raises:
         OSError: It cannot be made, or other users have access to it.
     """
-    folder = _folder()
+    folder = runtime_folder()
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     found = folder.lstat()
     if found.st_uid != os.getuid() or stat.S_IMODE(found.st_mode) & 0o077:
@@ -122,7 +128,7 @@ def read(port: int, kind: str = SERVER) -> ServerInfo | None:
 
 def running() -> list[ServerInfo]:
     """Return the running servers of this user, in the order of their files."""
-    found = map(_read, sorted(_folder().glob("server-*.json")))
+    found = map(_read, sorted(runtime_folder().glob("server-*.json")))
     return [info for info in found if info and info.is_running]
 
 
@@ -136,8 +142,3 @@ def _read(file: Path) -> ServerInfo | None:
             return ServerInfo(**parse_object(stream.read(_MOST))) if is_own else None
     except (OSError, ValueError, TypeError):
         return None
-
-
-def _folder() -> Path:
-    own = os.environ.get("XDG_RUNTIME_DIR")
-    return Path(own, "armtree") if own else Path(tempfile.gettempdir(), f"armtree-{os.getuid()}")

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TextIO
 from urllib.parse import urlsplit
 
 import click
@@ -78,10 +79,14 @@ def stoppable(report: Callable[[str], None]) -> Iterator[None]:
 
 @contextmanager
 def own_runs() -> Iterator[list[OwnRun]]:
-    """Yield the commands of this user on this machine that move an arm of their own."""
+    """Yield the commands of this user on this machine that move an arm of their own.
+
+    Raises:
+        OSError: The system does not let this process watch a command.
+    """
     with ExitStack() as stack:
         try:
-            files = sorted(token_file.make_folder().glob("run-*.lock"))
+            files = sorted(token_file.make_folder().glob("run-[0-9]*.lock"))
         except OSError:
             files = []  # no command could make a file
         yield [run for file in files if (run := _find(file, stack))]
@@ -89,20 +94,29 @@ def own_runs() -> Iterator[list[OwnRun]]:
 
 def _find(file: Path, stack: ExitStack) -> OwnRun | None:
     """Return the command of a file, or None if it has ended."""
-    pid = int(file.stem.removeprefix("run-"))
-    try:
-        process = os.pidfd_open(pid)
-        stack.callback(os.close, process)
-        stream = stack.enter_context(file.open("r+"))
-    except OSError:  # the process or its file is gone
-        file.unlink(missing_ok=True)
+    pid = file.stem.removeprefix("run-")
+    if not pid.isdecimal():
         return None
     try:
-        fcntl.lockf(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:  # the process has the lock, so `process` is no later process with its id
-        return OwnRun(pid, stream.read(), process)
-    file.unlink(missing_ok=True)
-    return None
+        stream = stack.enter_context(file.open())
+        if not _locked(stream):  # of a killed command
+            file.unlink(missing_ok=True)
+            return None
+        process = os.pidfd_open(int(pid))
+    except (FileNotFoundError, ProcessLookupError):  # it has just ended
+        return None
+    stack.callback(os.close, process)
+    # If the lock is still held, `process` is no later process with the same id.
+    return OwnRun(int(pid), stream.read(), process) if _locked(stream) else None
+
+
+def _locked(stream: TextIO) -> bool:
+    """Return True if a command holds the lock of its file. Other callers do not count."""
+    try:
+        fcntl.lockf(stream, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except (BlockingIOError, PermissionError):  # lockf(3) raises one or the other
+        return True
+    return False
 
 
 def running_server() -> str | None:

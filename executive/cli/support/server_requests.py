@@ -147,7 +147,8 @@ def _stop_servers(urls: Sequence[str], as_json: bool, own: bool = True) -> int:
                 return client.url, client.stop()
             except ClientError as error:
                 nothing = isinstance(error, ServerUnreachable) and not own
-                return client.url, NothingToStop() if nothing else error
+                folder = token_file.runtime_folder()
+                return client.url, NothingToStop(folder) if nothing else error
 
     status = 0
     with ThreadPoolExecutor(len(urls) or 1, "stop") as threads:

@@ -1,18 +1,22 @@
 """`armtree stop` while another process of this user moves an arm of its own."""
 
+import errno
 import json
 import os
 import signal
 import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from executive.cli.support import server_requests
+from executive.cli.support.own_arms import own_runs
 from tests.end_to_end.test_command_line import robot, start
 from tests.support.command_line.pseudo_terminal import PseudoTerminal
 from tests.support.command_line.typed import typed
+from tests.support.paths import ROOT
 
 pytestmark = pytest.mark.slow
 
@@ -73,11 +77,72 @@ def test_stop_signals_no_process_but_a_run(run: "subprocess.Popen[str]", tmp_pat
         later = file.rename(file.with_stem(f"run-{other.pid}"))
         status, out, error = typed(tmp_path, "stop")
         assert (status, out) == (13, "")
-        assert "nothing was stopped: no armtree command and no server of yours runs" in error
+        found = f"no armtree command and no server of yours was found in {tmp_path}/armtree"
+        assert f"nothing was stopped: {found}" in " ".join(error.split())
         assert not later.exists()
         assert other.poll() is None
         other.communicate()
     assert other.returncode == 0
+
+
+@pytest.mark.parametrize("number", [errno.EMFILE, errno.ENOSYS, errno.EPERM])
+def test_an_error_of_the_system_does_not_hide_a_run(
+    run: "subprocess.Popen[str]", tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int
+) -> None:
+    def fail(pid: int) -> int:
+        raise OSError(number, os.strerror(number))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "pidfd_open", fail)
+        with pytest.raises(OSError, match=os.strerror(number)), own_runs():
+            pass
+    with own_runs() as runs:
+        assert [found.pid for found in runs] == [run.pid]
+
+
+def test_two_stops_take_each_other_for_no_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Both find the file of a killed command whose process id another process has now."""
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    folder = tmp_path / "armtree"
+    folder.mkdir(mode=0o700)
+    program = """
+from pathlib import Path
+from executive.cli.support import own_arms
+unlink = Path.unlink
+def wait(path, missing_ok=False):  # with the lock of the probe
+    print("probed", flush=True)
+    input()
+    unlink(path, missing_ok)
+Path.unlink = wait
+with own_arms.own_runs() as runs:
+    assert not runs
+"""
+    with subprocess.Popen(["cat"], stdin=subprocess.PIPE) as foreign:
+        (folder / f"run-{foreign.pid}.lock").write_text("armtree run")
+        pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+        with subprocess.Popen(
+            [sys.executable, "-c", program], text=True, cwd=ROOT, **pipes
+        ) as stop:
+            assert stop.stdout
+            assert stop.stdout.readline() == "probed\n"
+            with own_runs() as runs:
+                assert runs == []
+            stop.communicate("\n", timeout=60)
+        assert stop.returncode == 0
+        foreign.communicate()
+
+
+def test_a_foreign_file_in_the_folder_is_ignored(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    (tmp_path / "armtree").mkdir(mode=0o700)
+    for name in ("run-x.lock", "run-7x.lock"):
+        (tmp_path / "armtree" / name).touch()
+    with own_runs() as runs:
+        assert runs == []
 
 
 def test_stop_ends_a_jog(tmp_path: Path, robot: Path, monkeypatch: pytest.MonkeyPatch) -> None:
