@@ -29,7 +29,7 @@ _LAST_WORDS = (
 class Interrupts:
     """The first signal cancels the run. The second one ends the process. Ctrl-Z suspends it.
 
-    `STOP` cancels it as often as it comes.
+    `STOP` cancels a run that is not canceled yet. It does not count as the first signal.
 
     One thread reads the signals from a pipe, and another one cancels. Therefore the second signal
     works even if the cancel or the main thread does not return.
@@ -41,7 +41,7 @@ class Interrupts:
     def __init__(self, last: str = _LAST_WORDS) -> None:
         self._last = last
         self._cancel: Callable[[], None] | None = None
-        self._canceled = False
+        self._canceled = self._signaled = False  # a STOP cancels, too
         self._lock, self._ended = threading.Lock(), threading.Event()
 
     def __enter__(self) -> Self:
@@ -94,9 +94,10 @@ class Interrupts:
     def _handle_signals(self) -> None:
         while (number := os.read(self._reader, 1)[0]) != _END:
             if number in _SIGNALS and number in self._handlers:
-                if self._canceled:
+                if self._signaled:
                     last_words(self._last)
                     end_process(INTERRUPTED_EXIT)
+                self._signaled = True
                 self._start_cancel()
             elif number == STOP and not self._canceled:
                 self._start_cancel()

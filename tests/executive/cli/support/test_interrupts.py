@@ -7,6 +7,7 @@ import sys
 
 import pytest
 
+from executive.cli.support.interrupts import STOP
 from tests.support.command_line.screen import Screen, on_screen
 from tests.support.paths import ROOT
 
@@ -38,6 +39,21 @@ def test_a_second_signal_ends_a_process_that_is_stuck_everywhere() -> None:
         assert process.stdout.readline() == "canceling\n"
         process.send_signal(signal.SIGTERM)
         assert process.wait(60) == 130
+
+
+def test_a_persons_first_signal_after_a_stop_does_not_end_the_process() -> None:
+    """The person has not typed Ctrl-C before, and the arm may not have stopped yet."""
+    program = [sys.executable, "-c", PROGRAM]
+    with subprocess.Popen(program, stdout=subprocess.PIPE, text=True, cwd=ROOT) as process:
+        assert process.stdout
+        assert process.stdout.readline() == "running\n"
+        for number in (STOP, signal.SIGINT):
+            process.send_signal(number)
+            assert process.stdout.readline() == "canceling\n"
+        process.send_signal(STOP)  # has no further effect
+        process.send_signal(signal.SIGINT)
+        assert process.wait(60) == 130
+        assert process.stdout.read() == ""
 
 
 HIDE_CURSOR = r'print("\x1b[?25l", end="")'
