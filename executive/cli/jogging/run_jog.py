@@ -62,7 +62,6 @@ def run_jog(
     # The shell must not get keys that are typed while the arm stops and the recording is closed.
     with (
         Interrupts() as interrupts,
-        stoppable(echo),
         key_by_key() as keys,
         _arm(server, options) as (port, arm, note),
     ):
@@ -91,7 +90,11 @@ def _arm(server: str | None, options: Mapping[str, Any]) -> Iterator[tuple[str, 
             yield f"Server {client.url}", ServerArm(client), note
         return
     setup = Setup(**options, reload=True, single_user=True)
-    with open_executive(setup, report=echo) as executive, recorded_log(executive):
+    with (
+        stoppable(echo),
+        open_executive(setup, report=echo) as executive,
+        recorded_log(executive),
+    ):
         executive.start()
         effect, arm = executive.robot.open_effect, OwnArm(executive)
         yield port_line(executive), arm, f"The first step opens the port; the arm {effect}"

@@ -13,6 +13,7 @@ from click.testing import CliRunner
 from armtree import Client
 from executive.api.token_file import running
 from executive.cli.main import cli
+from executive.cli.support.own_arms import own_runs
 from executive.replay.verification import verify
 from logs import Recording, Sent
 from tests.end_to_end.test_command_line import robot
@@ -132,6 +133,8 @@ def test_a_jog_on_a_server(serve: Serve, tmp_path: Path) -> None:
     (info,) = running()
     with PseudoTerminal(tmp_path, "jog") as terminal, Client(info.url) as client:
         terminal.until("arm active", "joint_1              0.0 deg")
+        with own_runs() as runs:
+            assert runs == []  # it has no arm of its own
         terminal.type(RIGHT)
         terminal.at_rest("joint_1              2.0 deg")
         assert client.where().commanded == served.executive.where().commanded
