@@ -5,6 +5,7 @@ The messages are those of sd_notify(3), the environment variables those of sd_wa
 
 import asyncio
 import os
+import re
 import socket
 from collections.abc import Mapping
 
@@ -20,7 +21,7 @@ class SystemdNotifier:
 
     def __init__(self, environment: Mapping[str, str] = os.environ) -> None:
         # A name that begins with @ is an abstract socket.
-        self._address = environment.get("NOTIFY_SOCKET", "").replace("@", "\0", 1)
+        self._address = re.sub("^@", "\0", environment.get("NOTIFY_SOCKET", ""))
         own = environment.get("WATCHDOG_PID", str(os.getpid())) == str(os.getpid())
         self._timeout = int(environment.get("WATCHDOG_USEC", "0")) / 1e6 if own else 0.0
 

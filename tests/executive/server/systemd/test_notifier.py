@@ -50,6 +50,18 @@ def test_a_loop_that_hangs_reports_nothing(manager: socket.socket) -> None:
     loop.close()
 
 
+def test_only_a_name_that_begins_with_an_at_sign_is_abstract(tmp_path: Path) -> None:
+    for name, address in (
+        (f"{tmp_path}/a@b", f"{tmp_path}/a@b"),
+        (f"@{tmp_path}/c@d", f"\0{tmp_path}/c@d"),
+    ):
+        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listener:
+            listener.bind(address)
+            listener.setblocking(False)
+            SystemdNotifier({"NOTIFY_SOCKET": name}).ending()
+            assert listener.recv(99) == b"STOPPING=1"
+
+
 @pytest.mark.parametrize(
     ("variable", "value"), [("WATCHDOG_PID", "1"), ("WATCHDOG_USEC", "0"), ("NOTIFY_SOCKET", "/no")]
 )
