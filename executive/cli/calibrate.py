@@ -6,6 +6,7 @@ import shlex
 import shutil
 import sys
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -88,20 +89,21 @@ def calibrate(
         kept = read_lerobot(imported, arm.actuated, arm.servos) if imported else {}
         # Values that move the zero of a servo would move an arm with torque.
         _confirm("The torque goes off, and gravity moves the arm. Do you hold it?")
-        bus.release([*arm.servos.values()])
         try:
+            bus.release([*arm.servos.values()])
             if restore:
                 _restore(calibrator, before)
             elif imported:
                 echo(f"LeRobot has written the values of {imported} to the servos of its arm.")
                 _finish(arm, calibrator, kept, f"from {imported.name} of LeRobot")
             else:
-                _sweep(calibrator)
+                with _leavable():
+                    _show_ranges(calibrator)
                 for text in _table(calibrator.rows):
                     echo(text, whole=True)
                 _finish(arm, calibrator, calibrator.kept(centre), "swept by hand")
         finally:
-            echo("The servos have no torque: hold the arm.")
+            echo("Servos have no torque: hold the arm.")  # some or all
     given = {"--robot": robot, "--port": port}
     words = [word for name, value in given.items() if value for word in (name, str(value))]
     echo("Next, type:")
@@ -114,16 +116,18 @@ def _confirm(question: str) -> None:
         raise click.Abort
 
 
-def _sweep(calibrator: "Calibrator") -> None:
-    """Show the ranges of the joints until a person presses Enter."""
+@contextmanager
+def _leavable() -> Iterator[None]:
+    """Report that nothing was written if a person ends the command in this context."""
     try:
-        _show_ranges(calibrator)
-    except (KeyboardInterrupt, click.exceptions.Exit):
+        yield
+    except (KeyboardInterrupt, click.Abort, click.exceptions.Exit):
         echo("Nothing was written.")
         raise
 
 
 def _show_ranges(calibrator: "Calibrator") -> None:
+    """Show the ranges of the joints until a person presses Enter."""
     note = ""
     with key_by_key() as keyboard, FullScreen(sys.stdout) as screen:
         if keyboard is None:
@@ -167,7 +171,9 @@ def _finish(
     joints, changes = calibrator.joints(kept), calibrator.changes(kept)
     _show(changes)
     replaces = ", which is replaced" if calibrator.path.exists() else ""
-    _confirm(f"Write {_values(changes)} to the servos, and the file {calibrator.path}{replaces}?")
+    file = f"the file {calibrator.path}{replaces}"
+    with _leavable():
+        _confirm(f"Write {_values(changes)} to the servos, and {file}?")
     made = f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC, {how}"
     # The file comes first: it has the old values, which --restore writes back.
     write_calibration(calibrator.path, arm.name, made, joints)
@@ -188,7 +194,8 @@ def _before(arm: "Robot", calibrator: "Calibrator") -> dict[str, dict[str, int]]
 def _restore(calibrator: "Calibrator", before: Mapping[str, Mapping[str, int]]) -> None:
     changes = calibrator.changes(before)
     _show(changes)
-    _confirm(f"Write {_values(changes)} to the servos, and delete {calibrator.path}?")
+    with _leavable():
+        _confirm(f"Write {_values(changes)} to the servos, and delete {calibrator.path}?")
     calibrator.write(changes)
     calibrator.path.unlink()
     echo("Restored the values that the servos had before the calibration")

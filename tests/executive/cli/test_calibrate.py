@@ -212,7 +212,7 @@ def test_a_calibration_by_lerobot_is_taken_and_restored_without_torque(
         terminal.until("Write 12 values to the servos")
         terminal.type("y\r")
         status, printed = terminal.end()
-        assert (status, "The servos have no torque: hold the arm." in printed) == (0, True)
+        assert (status, "Servos have no torque: hold the arm." in printed) == (0, True)
     assert arm.kept() == [(10 * k, *ends) for k, ends in ENDS.items()]
     assert load_robot(arm.file).calibration
     assert not any(arm.board.state().torque.values())
@@ -225,7 +225,7 @@ def test_a_calibration_by_lerobot_is_taken_and_restored_without_torque(
         terminal.until("Write 12 values to the servos, and delete")
         terminal.type("y\r")
         status, printed = terminal.end()
-        assert (status, "The servos have no torque: hold the arm." in printed) == (0, True)
+        assert (status, "Servos have no torque: hold the arm." in printed) == (0, True)
     assert arm.kept() == [(0, 0, 4095)] * 4
     assert not any(arm.board.state().torque.values())
     assert arm.physical() == before
@@ -283,6 +283,47 @@ def test_the_calibration_of_a_robot_that_ships_belongs_to_the_user(tmp_path: Pat
     ]
 
 
+def test_a_release_that_fails_after_some_servos_says_to_hold_the_arm(arm: Arm) -> None:
+    with arm.calibrate() as terminal:
+        terminal.until("Do you hold it?")
+        arm.board.call("connect", [0, 1, 2])
+        terminal.type("y\r")
+        status, printed = terminal.end()
+        shown = " ".join(printed.split())
+        assert (status, "do not report that: 4. Nothing was written" in shown) == (6, True)
+        assert "Servos have no torque: hold the arm." in shown
+    assert [*arm.board.state().torque.values()][:3] == [False] * 3
+
+
+@pytest.mark.parametrize(("answer", "status"), [("n\r", 130), ("\x03", 130)])
+def test_whoever_declines_the_write_learns_that_nothing_was_written(
+    arm: Arm, tmp_path: Path, answer: str, status: int
+) -> None:
+    imported = "--import", str(lerobot(tmp_path / "arm.json"))
+    with arm.calibrate(*imported) as terminal:
+        arm.hold(terminal)
+        terminal.until("to the servos, and the file")
+        terminal.type(answer)
+        ended, printed = terminal.end()
+        assert (ended, "Nothing was written." in printed) == (status, True)
+    assert arm.kept() == [(0, 0, 4095)] * 4
+    with arm.calibrate(*imported) as terminal:
+        terminal.until("Do you hold it?")
+        terminal.type("y\r")
+        terminal.until("to the servos, and the file")
+        terminal.type("y\r")
+        assert terminal.end()[0] == 0
+    written = arm.kept()
+    with arm.calibrate("--restore") as terminal:
+        terminal.until("Do you hold it?")
+        terminal.type("y\r")
+        terminal.until("to the servos, and delete")
+        terminal.type(answer)
+        ended, printed = terminal.end()
+        assert (ended, "Nothing was written." in printed) == (status, True)
+    assert arm.kept() == written
+
+
 @pytest.mark.parametrize(("key", "status"), [("q", 0), ("\x03", 130)])
 def test_whoever_leaves_learns_that_the_servos_have_no_torque(
     arm: Arm, key: str, status: int
@@ -293,6 +334,6 @@ def test_whoever_leaves_learns_that_the_servos_have_no_torque(
         terminal.type(key)
         ended, printed = terminal.end()
         assert ended == status
-        for left in ("Nothing was written.", "The servos have no torque: hold the arm."):
+        for left in ("Nothing was written.", "Servos have no torque: hold the arm."):
             assert left in printed
     assert arm.kept() == [(0, 0, 4095)] * 4
