@@ -1,6 +1,7 @@
 """`armtree service`: start the server with the computer."""
 
 import os
+import shlex
 import shutil
 import subprocess
 import sys
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING
 import click
 
 from hardware import VIRTUAL
+from hardware.files import write_file
 
 from .settings import option
 from .support.command_group import CommandGroup
@@ -47,27 +49,25 @@ def install(port: str | None, robot: Path | None, dry_run: bool, yes: bool) -> N
     \b
     Examples:
       armtree service install --port /dev/ttyACM0 --dry-run
-      sudo armtree service install --port virtual
+      sudo /opt/armtree/bin/armtree service install --port virtual
     """  # noqa: D301
     from executive.server.systemd.service_files import hidden_from_service, install_steps
     from hardware import load_robot
-    from hardware.link.serial_ports import usb_id
 
     if not port:
         raise click.UsageError("give the port of the board, such as --port /dev/ttyACM0")
     if port != VIRTUAL and not Path(port).exists():
         raise Refusal(f"{port} does not exist; plug the board in, or see `armtree doctor`")
-    command = Path(sys.argv[0]).absolute()
-    for path in (command, Path(sys.prefix), *([robot] if robot else [])):
+    command, file = _own_path(), robot if robot and robot.exists() else None
+    for path in (command, Path(sys.prefix), Path(sys.base_prefix), *([file] if file else [])):
         if hidden_from_service(path):
             raise Refusal(
-                f"the service cannot read {path}, which is in a home folder; install armtree into "
-                "/opt/armtree, and put robot files there"
+                f"the service cannot read {path}, which is in a home or temporary folder; install "
+                "armtree into /opt/armtree with the Python of the system, and put robot files there"
             )
     load_robot(robot)  # the service would start again and again with a wrong one
-    chosen = robot.absolute() if robot and robot.exists() else robot
-    usb = "" if port == VIRTUAL else usb_id(port)
-    steps = install_steps(command, port, usb, chosen)
+    name, usb = (port, "") if port == VIRTUAL else _persistent(port)
+    steps = install_steps(command, name, usb, file.absolute() if file else robot)
     _perform(list(steps), dry_run, yes)
     if not dry_run:
         echo("The service runs. Its log: journalctl -u armtree")
@@ -83,6 +83,33 @@ def remove(dry_run: bool, yes: bool) -> None:
     _perform(list(remove_steps()), dry_run, yes)
 
 
+def _own_path() -> Path:
+    """Return the path of the command `armtree`."""
+    return Path(sys.argv[0]).absolute()
+
+
+def _persistent(port: str) -> tuple[str, str]:
+    """Return the persistent name of a port, and "". Without one, return the port and its USB id.
+
+    Raises:
+        Refusal: Neither distinguishes the port from another one.
+    """
+    from hardware.link.serial_ports import serial_ports
+
+    ports, device = serial_ports(), os.path.realpath(port)
+    own = next((each for each in ports if os.path.realpath(each.device) == device), None)
+    if own is None:
+        return port, ""
+    same = [each for each in ports if own.usb and each.usb == own.usb]
+    # Boards without a serial number share a persistent name, and only one port gets it.
+    if len(same) > 1 and not all(each.by_id for each in same):
+        raise Refusal(
+            f"{len(same)} serial ports have the USB id {own.usb}, and nothing else distinguishes "
+            "them after a restart; connect only the board of this arm to this computer"
+        )
+    return (own.by_id, "") if own.by_id else (port, own.usb)
+
+
 def _perform(steps: Sequence["Step"], dry_run: bool, yes: bool) -> None:
     """Show the steps, ask, and perform them.
 
@@ -96,7 +123,9 @@ def _perform(steps: Sequence["Step"], dry_run: bool, yes: bool) -> None:
     if dry_run:
         return
     if os.geteuid() != 0:
-        raise Refusal("nothing was changed; this needs root: type it again with sudo")
+        # sudo does not search the folder of a virtual environment.
+        again = shlex.join(["sudo", str(_own_path()), *sys.argv[1:]])
+        raise Refusal(f"nothing was changed; this needs root; type: {again}")
     missing = {
         step.words[0]
         for step in steps
@@ -108,6 +137,6 @@ def _perform(steps: Sequence["Step"], dry_run: bool, yes: bool) -> None:
         click.confirm("Write these files and run these commands?", abort=True, err=True)
     for step in steps:
         if isinstance(step, NewFile):
-            step.path.write_text(step.text)
+            write_file(step.path, step.text.encode())
         elif status := subprocess.run(step.words, check=False).returncode:
             raise Refusal(f"`{step}` failed with status {status}; correct it, then try again")

@@ -1,6 +1,7 @@
 """The files and commands that make `armtree serve` a service of systemd."""
 
 import pwd
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,7 +10,8 @@ USER = "armtree"
 UNIT = Path("/etc/systemd/system/armtree.service")
 RULE = Path("/etc/udev/rules.d/90-armtree.rules")
 DEVICE = "/dev/armtree"  # name of the port by the udev rule
-_HIDDEN = ("/home/", "/root/", "/run/user/")  # folders that ProtectHome hides from the service
+# Folders that ProtectHome and PrivateTmp hide from the service.
+_HIDDEN = ("/home/", "/root/", "/run/user/", "/tmp/", "/var/tmp/")
 
 
 @dataclass(frozen=True)
@@ -51,8 +53,8 @@ def install_steps(armtree: Path, port: str, usb: str, robot: Path | None) -> Ite
     Args:
         armtree: The command `armtree`.
         port: Serial port, or `virtual`.
-        usb: Vendor and product id of the port's device, such as `2341:0043`; empty if it is not a
-            USB device.
+        usb: Vendor and product id of the port's device, such as `2341:0043`, for a rule that gives
+            the port a persistent name; empty if it needs none.
         robot: Robot file, or the name of a shipped robot; None for the shipped Arduinobot.
     """
     try:
@@ -65,12 +67,14 @@ def install_steps(armtree: Path, port: str, usb: str, robot: Path | None) -> Ite
         yield _program("udevadm trigger --action=add --subsystem-match=tty")
     yield NewFile(UNIT, unit_text(armtree, DEVICE if usb else port, robot))
     yield _program("systemctl daemon-reload")
-    yield _program("systemctl enable --now armtree.service")
+    yield _program("systemctl enable armtree.service")
+    yield _program("systemctl restart armtree.service")  # an earlier one may run
 
 
 def remove_steps() -> Iterator[Program]:
     """Return the steps that remove the service. Its user, tasks and recordings stay."""
-    yield _program("systemctl disable --now armtree.service")
+    if UNIT.exists():  # an installation may have failed before
+        yield _program("systemctl disable --now armtree.service")
     yield _program(f"rm -f {UNIT} {RULE}")
     yield _program("systemctl daemon-reload")
     yield _program("udevadm control --reload")
@@ -87,7 +91,7 @@ def udev_rule(usb: str) -> str:
 
 def unit_text(armtree: Path, port: str, robot: Path | None = None) -> str:
     """Return the unit of systemd; the arguments are those of `install_steps`."""
-    chosen = f" --robot {robot}" if robot else ""
+    words = [str(armtree), "serve", "--port", port, *(["--robot", str(robot)] if robot else [])]
     return f"""\
 [Unit]
 Description=armtree, a task executive for small robot arms
@@ -95,7 +99,7 @@ Description=armtree, a task executive for small robot arms
 [Service]
 Type=notify
 User={USER}
-ExecStart={armtree} serve --port {port}{chosen}
+ExecStart={" ".join(map(_quoted, words))}
 WorkingDirectory=/var/lib/armtree
 StateDirectory=armtree
 RuntimeDirectory=armtree
@@ -118,8 +122,15 @@ WantedBy=multi-user.target
 
 
 def hidden_from_service(path: Path) -> bool:
-    """Return True if the service cannot read a path, because it is in a home folder."""
+    """Return True if the service cannot read a path: in a home folder or a temporary one."""
     return str(path.resolve()).startswith(_HIDDEN)
+
+
+def _quoted(word: str) -> str:
+    """Return a word of a command line as systemd.service(5) reads it."""
+    if re.fullmatch(r"[\w./:+-]+", word):
+        return word
+    return '"' + re.sub(r'["\\]', r"\\\g<0>", word).replace("%", "%%").replace("$", "$$") + '"'
 
 
 def _program(line: str) -> Program:

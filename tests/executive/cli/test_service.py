@@ -9,15 +9,21 @@ import pytest
 from executive.server.systemd import service_files
 from executive.server.systemd.service_files import udev_rule, unit_text
 from hardware.link import serial_ports
+from hardware.link.serial_ports import SerialPort
 from tests.support.command_line.typed import typed
 from tests.support.paths import ROOT
 
+USB = "2341:0043"
+BY_ID = "/dev/serial/by-id/usb-Arduino__www.arduino.cc__0043_95735353032351F0C1B2-if00"
 PAGE = (ROOT / "docs" / "pages" / "how_to" / "service.md").read_text()
 
 
 @pytest.fixture
 def machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A machine with a board; programs that change the system only note how they were called."""
+    """A machine with a board without a persistent name.
+
+    Programs that change the system only note how they were called.
+    """
     programs = tmp_path / "bin"
     programs.mkdir()
     for name in ("useradd", "udevadm", "systemctl", "rm"):
@@ -26,15 +32,31 @@ def machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("PATH", str(programs))
     monkeypatch.setattr(service_files, "UNIT", tmp_path / "armtree.service")
     monkeypatch.setattr(service_files, "RULE", tmp_path / "90-armtree.rules")
-    monkeypatch.setattr(serial_ports, "usb_id", lambda port: "2341:0043")
     monkeypatch.setattr(os, "geteuid", lambda: 0)
     monkeypatch.setattr(sys, "prefix", "/opt/armtree")
+    monkeypatch.setattr(sys, "base_prefix", "/usr")
+    monkeypatch.chdir("/opt")
     (tmp_path / "ttyACM0").touch()
+    boards(monkeypatch, tmp_path, "")
     return tmp_path
+
+
+def boards(patch: pytest.MonkeyPatch, machine: Path, *names: str) -> None:
+    """Connect equal boards: ttyACM0, ttyACM1 ... with these persistent names."""
+    ports = [
+        SerialPort(f"{machine}/ttyACM{k}", "Arduino Uno", USB, name) for k, name in enumerate(names)
+    ]
+    patch.setattr(serial_ports, "serial_ports", lambda: ports)
 
 
 def install(machine: Path, *options: str) -> tuple[int, str, str]:
     return typed(machine, "service", "install", "--port", str(machine / "ttyACM0"), *options)
+
+
+def remove(machine: Path) -> list[str]:
+    """The calls of a removal."""
+    assert typed(machine, "service", "remove", "--yes")[0] == 0
+    return calls(machine)
 
 
 def calls(machine: Path) -> list[str]:
@@ -65,7 +87,8 @@ def test_what_is_shown_is_done(machine: Path) -> None:
         "udevadm control --reload",
         "udevadm trigger --action=add --subsystem-match=tty",
         "systemctl daemon-reload",
-        "systemctl enable --now armtree.service",
+        "systemctl enable armtree.service",
+        "systemctl restart armtree.service",
     ]
 
 
@@ -76,18 +99,86 @@ def test_a_virtual_board_needs_no_rule(machine: Path) -> None:
     assert "udev" not in out
 
 
+def test_a_board_with_a_persistent_name_needs_no_rule(
+    machine: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An equal board has another persistent name."""
+    boards(monkeypatch, machine, BY_ID, f"{BY_ID}-other")
+    status, out, error = install(machine, "--dry-run")
+    assert (status, error) == (0, "")
+    assert f"serve --port {BY_ID}\n" in out
+    assert "udev" not in out
+
+
+@pytest.mark.parametrize("names", [("", ""), (BY_ID, "")])
+def test_equal_boards_that_no_name_distinguishes_are_refused(
+    machine: Path, monkeypatch: pytest.MonkeyPatch, names: tuple[str, ...]
+) -> None:
+    """Boards without a serial number have the same persistent name; only one of them gets it."""
+    boards(monkeypatch, machine, *names)
+    status, _, error = install(machine, "--yes")
+    assert (status, calls(machine)) == (2, [])
+    assert f"2 serial ports have the USB id {USB}" in error
+
+
+def test_a_robot_file_is_quoted_in_the_unit() -> None:
+    robot = Path('/srv/50% "arm" $x/a.toml')
+    line = next(
+        x for x in unit_text(Path("/a/armtree"), "virtual", robot).splitlines() if "Ex" in x
+    )
+    quoted = r'"/srv/50%% \"arm\" $$x/a.toml"'
+    assert line == f"ExecStart=/a/armtree serve --port virtual --robot {quoted}"
+
+
+@pytest.mark.parametrize(
+    "folder",
+    ["/home/me", "/root", "/run/user/1000", "/tmp", "/var/tmp"],
+)
+def test_what_the_service_cannot_read_is_refused(
+    machine: Path, monkeypatch: pytest.MonkeyPatch, folder: str
+) -> None:
+    monkeypatch.setattr(sys, "base_prefix", f"{folder}/python")
+    status, _, error = install(machine, "--yes")
+    assert (status, calls(machine)) == (2, [])
+    assert f"the service cannot read {folder}/python" in error
+
+
+def test_a_shipped_robot_is_no_file_of_the_current_folder(
+    machine: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(machine)  # a folder for temporary files, as pytest uses
+    monkeypatch.setattr(service_files, "_HIDDEN", (f"{machine}/so101",))
+    assert install(machine, "--dry-run", "--robot", "so101")[0] == 0
+
+
 def test_a_removal_undoes_it(machine: Path) -> None:
-    assert typed(machine, "service", "remove", "--yes")[0] == 0
-    assert calls(machine)[0] == "systemctl disable --now armtree.service"
-    assert calls(machine)[1] == f"rm -f {machine}/armtree.service {machine}/90-armtree.rules"
+    install(machine, "--yes")
+    (machine / "calls").unlink()
+    assert remove(machine) == [
+        "systemctl disable --now armtree.service",
+        f"rm -f {machine}/armtree.service {machine}/90-armtree.rules",
+        "systemctl daemon-reload",
+        "udevadm control --reload",
+    ]
+
+
+def test_a_removal_cleans_an_installation_that_failed(machine: Path) -> None:
+    (machine / "90-armtree.rules").touch()
+    assert remove(machine)[0] == f"rm -f {machine}/armtree.service {machine}/90-armtree.rules"
 
 
 @pytest.mark.parametrize(
     ("change", "why"),
     [
-        (lambda patch, machine: patch.setattr(os, "geteuid", lambda: 1), "this needs root"),
+        (
+            lambda patch, machine: patch.setattr(os, "geteuid", lambda: 1),
+            "this needs root; type: sudo /opt/armtree service install --port /",
+        ),
         (lambda patch, machine: patch.setenv("PATH", "/none"), "not installed: systemctl, udevadm"),
-        (lambda patch, machine: patch.setattr(sys, "prefix", "/root/env"), "is in a home folder"),
+        (
+            lambda patch, machine: patch.setattr(sys, "prefix", "/root/env"),
+            "is in a home or temporary folder",
+        ),
         (lambda patch, machine: (machine / "ttyACM0").unlink(), "ttyACM0 does not exist; plug"),
         (
             lambda patch, machine: (machine / "bin" / "systemctl").write_text("#!/bin/sh\nexit 5"),
@@ -118,5 +209,5 @@ def test_an_answer_of_no_changes_nothing(machine: Path, monkeypatch: pytest.Monk
 
 
 def test_the_page_shows_the_same_files() -> None:
-    assert unit_text(Path("/opt/armtree/bin/armtree"), "/dev/armtree") in PAGE
-    assert udev_rule("2341:0043") in PAGE
+    assert unit_text(Path("/opt/armtree/bin/armtree"), BY_ID) in PAGE
+    assert udev_rule(USB) in PAGE
