@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hardware import VIRTUAL
-from hardware.files import write_file
+from hardware import VIRTUAL, serial_ports, write_file
 
 from .settings import option
 from .support.command_group import CommandGroup
@@ -49,7 +48,8 @@ def install(port: str | None, robot: Path | None, dry_run: bool, yes: bool) -> N
     \b
     Examples:
       armtree service install --port /dev/ttyACM0 --dry-run
-      sudo /opt/armtree/bin/armtree service install --port virtual
+      sudo /opt/armtree/bin/armtree service install \\
+        --port virtual
     """  # noqa: D301
     from executive.server.systemd.service_files import hidden_from_service, install_steps
     from hardware import load_robot
@@ -94,8 +94,6 @@ def _persistent(port: str) -> tuple[str, str]:
     Raises:
         Refusal: Neither distinguishes the port from another one.
     """
-    from hardware.link.serial_ports import serial_ports
-
     ports, device = serial_ports(), os.path.realpath(port)
     own = next((each for each in ports if os.path.realpath(each.device) == device), None)
     if own is None:

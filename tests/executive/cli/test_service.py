@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from executive.cli import service
 from executive.server.systemd import service_files
 from executive.server.systemd.service_files import udev_rule, unit_text
-from hardware.link import serial_ports
 from hardware.link.serial_ports import SerialPort
 from tests.support.command_line.typed import typed
 from tests.support.paths import ROOT
@@ -46,7 +46,7 @@ def boards(patch: pytest.MonkeyPatch, machine: Path, *names: str) -> None:
     ports = [
         SerialPort(f"{machine}/ttyACM{k}", "Arduino Uno", USB, name) for k, name in enumerate(names)
     ]
-    patch.setattr(serial_ports, "serial_ports", lambda: ports)
+    patch.setattr(service, "serial_ports", lambda: ports)
 
 
 def install(machine: Path, *options: str) -> tuple[int, str, str]:

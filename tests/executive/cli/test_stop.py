@@ -121,9 +121,12 @@ with own_arms.own_runs() as runs:
 """
     with subprocess.Popen(["cat"], stdin=subprocess.PIPE) as foreign:
         (folder / f"run-{foreign.pid}.lock").write_text("armtree run")
-        pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
         with subprocess.Popen(
-            [sys.executable, "-c", program], text=True, cwd=ROOT, **pipes
+            [sys.executable, "-c", program],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            cwd=ROOT,
         ) as stop:
             assert stop.stdout
             assert stop.stdout.readline() == "probed\n"
