@@ -61,10 +61,13 @@ def install(port: str | None, robot: Path | None, dry_run: bool, yes: bool) -> N
     command, file = _own_path(), robot if robot and robot.exists() else None
     for path in (command, Path(sys.prefix), Path(sys.base_prefix), *([file] if file else [])):
         if hidden_from_service(path):
-            raise Refusal(
+            why = (
                 f"the service cannot read {path}, which is in a home or temporary folder; install "
                 "armtree into /opt/armtree with the Python of the system, and put robot files there"
             )
+            if not dry_run:
+                raise Refusal(why)
+            echo(f"This would be refused: {why}", err=True)
     load_robot(robot)  # the service would start again and again with a wrong one
     name, usb = (port, "") if port == VIRTUAL else _persistent(port)
     steps = install_steps(command, name, usb, file.absolute() if file else robot)

@@ -141,6 +141,9 @@ def test_what_the_service_cannot_read_is_refused(
     status, _, error = install(machine, "--yes")
     assert (status, calls(machine)) == (2, [])
     assert f"the service cannot read {folder}/python" in error
+    status, out, error = install(machine, "--dry-run")
+    assert (status, "ExecStart=" in out) == (0, True)
+    assert f"This would be refused: the service cannot read {folder}/python" in error
 
 
 def test_a_shipped_robot_is_no_file_of_the_current_folder(
