@@ -67,11 +67,12 @@ def _motions_difference(robot: Robot, records: Sequence[Record], whole: bool) ->
     begins = [i for i, record in enumerate(records) if isinstance(record, Schedule)]
     parts = [records[: begins[0]] if begins else records]
     parts += [records[i:j] for i, j in zip_longest(begins, begins[1:])]
-    held: bytes | None = None
+    held: Sent | None = None
+    measured: Measured | None = None
     for number, (part, stopped) in enumerate(zip(parts, _stopped(parts, whole), strict=True)):
         sent = [record for record in part if isinstance(record, Sent) and record.joints]
         schedule = part[0] if part and isinstance(part[0], Schedule) else None
-        words = _positions_difference(robot, sent) or _holds_difference(part, held, robot)
+        words = _positions_difference(robot, sent) or _holds_difference(part, held, measured, robot)
         if not words and schedule:
             compiled, words = _compiled(robot, schedule)
             words = words or _sent_difference(schedule, sent, stopped)
@@ -81,7 +82,8 @@ def _motions_difference(robot: Robot, records: Sequence[Record], whole: bool) ->
             words = f"{moved[0].text} was sent without a schedule"
         if words:
             return f"motion {number}: {words}"
-        held = sent[-1].data if sent else held
+        held = sent[-1] if sent else held
+        measured = next((r for r in reversed(part) if isinstance(r, Measured)), measured)
     return ""
 
 
@@ -127,33 +129,40 @@ def _positions_difference(robot: Robot, sent: Iterable[Sent]) -> str:
     return ""
 
 
-def _holds_difference(records: Iterable[Record], last: bytes | None, robot: Robot) -> str:
+def _holds_difference(
+    records: Iterable[Record], before: Sent | None, measured: Measured | None, robot: Robot
+) -> str:
     """Check that each hold repeats the previous frame, or loosens a gripper.
+
+    Args:
+        records: The records of a motion.
+        before: The last frame before them.
+        measured: The last measurement before them.
+        robot: The recorded robot.
 
     A server's own recording has no frames of goals, so the last frame after a goal is unknown.
     """
     elsewhere = False
-    before: Sent | None = None
-    measured: Measured | None = None
     for record in records:
         match record:
             case Goal() if record.elsewhere:
-                elsewhere, last, before = True, None, None
+                elsewhere, before = True, None
             case Result() if elsewhere:
-                last, before = None, None
+                before = None
             case Measured():
                 measured = record
             case Sent() if record.joints:
-                if record.hold and last not in (None, record.data):
-                    assert last
-                    if not (before and measured and _loosens(robot, before, record, measured)):
-                        return f"the hold {record.text} does not repeat {wire_text(last)}"
-                last, before = record.data, record
+                moves = record.hold and before is not None and before.data != record.data
+                if before and moves and not _loosens(robot, before, record, measured):
+                    return f"the hold {record.text} does not repeat {before.text}"
+                before = record
     return ""
 
 
-def _loosens(robot: Robot, before: Sent, hold: Sent, measured: Measured) -> bool:
+def _loosens(robot: Robot, before: Sent, hold: Sent, measured: Measured | None) -> bool:
     """Return True if a hold only moves grippers, each nearer to where it is measured."""
+    if measured is None:
+        return False
     rows = zip(hold.joints, before.positions, hold.positions, measured.position, strict=True)
     for name, then, now, there in rows:
         low, high = sorted((then, there))

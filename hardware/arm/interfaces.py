@@ -74,6 +74,11 @@ class Claims:
         self._held.append(claim)
         return claim
 
+    @property
+    def held(self) -> bool:
+        """True while an interface is claimed."""
+        return bool(self._held)
+
     def check(self, claim: Claim) -> None:
         """Check that a claim has not ended.
 

@@ -29,7 +29,8 @@ class MeasuredGuard:
 
     A gripper may close on an object. It then stands still and pushes. `loosened` returns a pose in
     which it pushes less: with a third of the difference from where it is measured, and at most
-    with `squeeze_deg`.
+    with `squeeze_deg`. If it is then commanded away from the object and does not move, its limits
+    are those of the other joints.
 
     Args:
         joints: The actuated joints. The positions of prismatic joints are not checked.
@@ -39,6 +40,8 @@ class MeasuredGuard:
 
     def __init__(self, joints: Sequence[Joint], guards: Guards, free: Collection[str]) -> None:
         self._joints, self._guards, self._free = joints, guards, free
+        # Where each gripper last closed on an object, and how far it was commanded past it [rad].
+        self._grips = dict[int, tuple[float, float]]()
         self._since = dict[tuple[str, str], float]()  # time at which a joint exceeded a limit [s]
         self._warned = set[tuple[str, str]]()
         self._stalled = set[str]()  # names of free joints that have pushed for too long
@@ -67,10 +70,8 @@ class MeasuredGuard:
             self._measured = measured
             self._effect = self._guards.effect if active else ""
             for k, joint in enumerate(self._joints):
-                check = self._check_grip if joint.name in self._free else self._check_position
                 if joint.unit == "rad":
-                    effort = self._standing_effort(k, measured)
-                    check(joint, commanded[k], measured.position[k], effort, now)
+                    self._check_position(k, commanded[k], measured, now)
                 if measured.temperature:
                     self._check_temperature(joint, measured.temperature[k])
                 if measured.voltage:
@@ -82,26 +83,30 @@ class MeasuredGuard:
         idles = measured.current and abs(measured.current[k]) < self._guards.stall_a
         return 0.0 if moves or idles or not measured.effort else abs(measured.effort[k])
 
-    def _check_position(
-        self, joint: Joint, commanded: float, measured: float, effort: float, now: float
-    ) -> None:
-        guards, error = self._guards, math.degrees(abs(commanded - measured))
-        stalls = effort >= guards.stall_effort and error >= guards.stall_deg
-        if self._lasts("stall", joint, stalls, now, guards.stall_s):
-            raise JointStalled(joint.name, effort, guards.stall_effort, error, self._effect)
-        if self._lasts("error", joint, error > guards.following_deg, now, guards.following_s):
-            values = math.degrees(commanded), math.degrees(measured)
-            raise JointNotFollowing(joint.name, *values, guards.following_deg, self._effect)
-
-    def _check_grip(
-        self, joint: Joint, commanded: float, measured: float, effort: float, now: float
-    ) -> None:
-        guards, error = self._guards, math.degrees(abs(commanded - measured))
-        pushes = effort >= guards.grip_effort and error >= _LEAST_SQUEEZE
+    def _check_position(self, k: int, commanded: float, measured: Measurement, now: float) -> None:
+        guards, joint, there = self._guards, self._joints[k], measured.position[k]
+        error, effort = math.degrees(abs(commanded - there)), self._standing_effort(k, measured)
+        closes = joint.name in self._free and not self._fails_to_open(k, commanded, there)
+        pushes = closes and effort >= guards.grip_effort and error >= _LEAST_SQUEEZE
         if self._lasts("grip", joint, pushes, now, guards.stall_s):
             self._stalled.add(joint.name)
         else:
             self._stalled.discard(joint.name)
+        stalls = not closes and effort >= guards.stall_effort and error >= guards.stall_deg
+        if self._lasts("stall", joint, stalls, now, guards.stall_s):
+            raise JointStalled(joint.name, effort, guards.stall_effort, error, self._effect)
+        # Without a measured effort, the difference may be that of a gripper that holds an object.
+        holds = not measured.effort or abs(measured.effort[k]) >= guards.grip_effort
+        far = error > guards.following_deg and not (closes and holds)
+        if self._lasts("error", joint, far, now, guards.following_s):
+            values = math.degrees(commanded), math.degrees(there)
+            raise JointNotFollowing(joint.name, *values, guards.following_deg, self._effect)
+
+    def _fails_to_open(self, k: int, commanded: float, there: float) -> bool:
+        """Return True if a gripper is commanded away from its object and has not moved."""
+        at, past = self._grips.get(k, (math.inf, 0.0))
+        stays = math.degrees(abs(there - at)) < self._guards.stall_deg
+        return stays and (commanded - there) * past < 0
 
     def loosened(self, commanded: Sequence[float], now: float) -> tuple[float, ...] | None:
         """Return a pose in which stalled grippers push less; None if none is stalled.
@@ -118,6 +123,7 @@ class MeasuredGuard:
                 if joint.name in self._stalled:
                     there = self._measured.position[k]
                     less = (commanded[k] - there) / 3
+                    self._grips[k] = there, commanded[k] - there
                     near = there + min(max(less, -squeeze), squeeze)
                     pose[k] = min(max(near, joint.lower), joint.upper)
                     self._since["grip", joint.name] = now

@@ -47,7 +47,8 @@ class Playback:
         state: State of the playback.
         error: The error if it failed, else None.
         max_lateness: Largest lateness of a frame so far [s].
-        gripped: True if a gripper closed on an object. The motion then ends there.
+        gripped: True if a gripper closed on an object. The motion then ends there, even if it was
+            stopped before.
     """
 
     def __init__(
@@ -134,6 +135,7 @@ class Streamer:
         self._measured = measured
         self._signal = clock.signal()
         self._playback: Playback | None = None
+        self._stopped: Playback | None = None  # the last motion, if it was stopped
         self._braking: tuple[float, float] | None = None  # start and duration [s]
         self._closing = False
         self._cause: HardwareError | None = None  # fault for which it was closed
@@ -161,7 +163,7 @@ class Streamer:
                 raise NotActive("the arm left the active state; configure and activate it first")
             claim = self._guard.claim(owner, self._guard.interfaces, generation)
             self._playback = Playback(schedule, claim, self._session.sent, on_change)
-            self._braking = None
+            self._stopped = self._braking = None
             self._signal.notify()
             return self._playback
 
@@ -206,7 +208,7 @@ class Streamer:
         """Start to slow down, unless this has begun. Return False if no motion is left."""
         with self._signal:
             playback = self._playback
-            if not self.playing or not playback or playback.sent_all:
+            if not self.playing or not playback or playback.sent_all or playback.gripped:
                 return False
             if self._braking is None:
                 self._braking = self._clock.now(), brake
@@ -238,6 +240,7 @@ class Streamer:
             playback, self._playback = self._playback, None
             if playback:
                 playback.finish(state, error)
+                self._stopped = playback
             self._signal.notify()
         if playback:
             playback.notify()
@@ -273,12 +276,28 @@ class Streamer:
         playback.notify()
 
     def _next(self) -> Playback | None:
-        """Wait for a playback. Return None when closing."""
+        """Wait for a playback, and loosen stalled grippers. Return None when closing."""
         while True:
-            self._wait(lambda: not (self._closing or self.playing), lambda: math.inf)
+            self._wait(
+                lambda: not (self._closing or self.playing or self._pushes), lambda: math.inf
+            )
             with self._signal:
                 if self._closing or self.playing:
                     return None if self._closing else self._playback
+            self._loosen_at_rest()
+
+    @property
+    def _pushes(self) -> bool:
+        """True if a gripper must be loosened without a motion, not between steps of one."""
+        last = self._playback
+        return self._measured.stalled and not (last and last.schedule.continues)
+
+    def _loosen_at_rest(self) -> None:
+        """Loosen a stalled gripper after a motion."""
+        commanded, stopped = self._guard.commanded, self._stopped
+        pose = self._measured.loosened(commanded, self._clock.now())
+        if pose and self._guard.loosen(pose) and stopped:
+            stopped.gripped |= _only_pushes(stopped, commanded, pose)
 
     def _play(self, playback: Playback) -> None:
         origin, schedule = self._clock.now(), playback.schedule
@@ -309,18 +328,14 @@ class Streamer:
                 self._wait_until_settled(playback)
 
     def _loosen(self, playback: Playback) -> bool:
-        """Loosen a stalled gripper if the rest of the motion moves it alone.
+        """Loosen a stalled gripper if the rest of the motion only pushes it on.
 
         Returns:
             True if a frame was sent. The gripper holds an object, and the motion ends there.
         """
         commanded = self._guard.commanded
         pose = self._measured.loosened(commanded, self._clock.now())
-        if pose is None:
-            return False
-        rest = playback.schedule.setpoints[playback.written :]
-        others = [k for k, (q, held) in enumerate(zip(pose, commanded, strict=True)) if q == held]
-        if any(each.positions[k] != commanded[k] for each in rest for k in others):
+        if pose is None or not _only_pushes(playback, commanded, pose):
             return False
         playback.gripped |= self._guard.loosen(pose, playback.claim)
         return playback.gripped
@@ -401,3 +416,22 @@ class Streamer:
         self._wait(lambda: playback is self._playback and not is_over(), lambda: until)
         if playback is not self._playback:
             raise StaleGeneration("stopped")
+
+
+def _only_pushes(
+    playback: Playback, commanded: tuple[float, ...], loosened: tuple[float, ...]
+) -> bool:
+    """Return True if the rest of a motion only pushes stalled grippers on.
+
+    Args:
+        playback: The motion.
+        commanded: Commanded positions, one per joint [rad].
+        loosened: Positions in which the grippers push less, one per joint [rad].
+    """
+    rest = playback.schedule.setpoints[playback.written :]
+    for k, (q, less) in enumerate(zip(commanded, loosened, strict=True)):
+        if less == q and any(each.positions[k] != q for each in rest):
+            return False  # another joint moves, too
+        if rest and (rest[-1].positions[k] - q) * (q - less) < 0:
+            return False  # the gripper leaves the object
+    return True

@@ -261,28 +261,42 @@ class WriteGuard:
                 self._send(self._last_frame, self._commanded, None)
         self._outbox.deliver()
 
-    def loosen(self, positions: Sequence[float], claim: Claim) -> bool:
+    def loosen(self, positions: Sequence[float], claim: Claim | None = None) -> bool:
         """Command positions nearer to where standing joints are measured, as a hold.
 
         The joints push against an object and stand still. Therefore their velocity is not checked.
 
         Args:
             positions: One position per actuated joint [rad].
-            claim: Claim of the motion.
+            claim: Claim of the motion, or None if no motion is played. Motions that were planned
+                from the positions before are then refused.
 
         Returns:
-            True if a frame was sent; False if it equals the last one.
+            True if a frame was sent; False if it equals the last one, if the board has no room for
+            it now, or if there is no claim and a motion began or the torque went off.
 
         Raises:
-            WriteRefused: The arm is not active, the claim has ended, or a position is invalid.
+            NotActive: The arm is not active.
+            TorqueOff: The arm of the claim has no torque.
+            StaleGeneration: The claim has ended.
+            BadPosition: A position is invalid.
             LinkError: The port failed.
+            DriverFailed: The link failed otherwise.
         """
         with self._lock:
             self._check_active()
-            self._claims.check(claim)
-            target = self._target(positions, claim)
+            if claim:
+                self._claims.check(claim)
+                if not self.torque:
+                    raise TorqueOff
+            elif self._claims.held or not self.torque:
+                return False
+            target = check_positions(self._robot.actuated, tuple(positions))
             frame = self._codec.encode(target)
-            if changed := frame != self._last_frame:
+            changed = frame != self._last_frame and self.earliest <= self._clock.now()
+            if changed:
+                if claim is None:
+                    self._claims.release_all()
                 self._send(frame, target, None)
                 self._commanded = target
         self._outbox.deliver()

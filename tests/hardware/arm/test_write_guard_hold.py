@@ -9,7 +9,14 @@ from hypothesis import given, strategies as st
 
 from hardware import ArmEvent, FrameSent, NotActive, RealClock
 from hardware.drivers.arduino.firmware_profile import FIRMWARES
-from hardware.errors import DriverFailed, PortLost, PortStalled, StaleGeneration, WriteRefused
+from hardware.errors import (
+    DriverFailed,
+    PortLost,
+    PortStalled,
+    StaleGeneration,
+    TorqueOff,
+    WriteRefused,
+)
 from hardware.link.timed_link import TimedLink
 from tests.support.arms.write_guard_rig import HOME, Rig, degrees
 
@@ -299,3 +306,32 @@ def test_many_holds_at_once_write_one_frame() -> None:
         for thread in threads:
             thread.join()
         assert len(rig.sent) == 2
+
+
+def test_a_gripper_is_loosened_only_if_the_board_has_room_and_no_motion_has_begun() -> None:
+    rig = Rig()
+    step = 0
+    while rig.guard.earliest <= rig.clock.now():
+        rig.write(degrees(2 + step))
+        step = 1 - step
+    assert not rig.guard.loosen(degrees(1), rig.claim)
+    rig.wait(rig.guard.earliest)
+    assert not rig.guard.loosen(degrees(1))
+    assert rig.guard.loosen(degrees(1), rig.claim)
+    assert rig.guard.commanded == degrees(1)
+    rig.guard.hold()
+    planned = rig.guard.generation
+    rig.wait(rig.guard.earliest)
+    assert rig.guard.loosen(degrees(0))
+    assert rig.guard.generation > planned
+    assert rig.sent[-1][:4] == "b090"
+
+
+def test_nothing_is_loosened_without_torque() -> None:
+    rig = Rig()
+    rig.guard.torque = False
+    with pytest.raises(TorqueOff):
+        rig.guard.loosen(degrees(1), rig.claim)
+    rig.guard.hold()
+    assert not rig.guard.loosen(degrees(1))
+    assert rig.sent == []
