@@ -24,7 +24,7 @@ from .urdf import Urdf, UrdfError, UrdfJoint
 BAUD_RATES = range(1200, 4_000_001)  # [bit/s]; at 1200 a frame of 20 bytes takes 0.17 s
 MAX_BOOT_WAIT = 60.0  # [s]
 MAX_BRAKE = 10.0  # [s]
-MAX_LOST = 100  # lost answers in a row
+MAX_LOST = 20  # lost answers in a row; at 50 Hz the arm is blind for 0.4 s
 _ROUNDING = 1.0 + 1e-9  # factor of a velocity limit: allows rounding errors of multipliers
 
 
@@ -123,7 +123,8 @@ def _board(root: TomlTable, driver: Driver | NullDriver) -> tuple[Serial, Firmwa
     if firmware.most_rate:
         least, most = firmware.rate, firmware.most_rate
         rate = table.number("rate_hz", least=least, most=most, default=least)
-        firmware = replace(firmware, rate=rate)
+        step = int(firmware.max_step * least / rate)  # the same speed of the servos
+        firmware = replace(firmware, rate=rate, max_step=step)
     if firmware.lost_answers and "lost_answers" in table:
         lost = table.integer("lost_answers", range(1, MAX_LOST + 1))
         firmware = replace(firmware, lost_answers=lost)

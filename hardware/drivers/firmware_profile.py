@@ -44,10 +44,11 @@ class Firmware:
     Attributes:
         name: Name in a robot file.
         rate: Rate at which motions are sampled into frames [Hz].
-        most_rate: Largest rate that a robot file may choose [Hz]; 0 if the rate is fixed.
+        most_rate: Largest rate that a robot file may choose [Hz]; 0 if the rate is fixed. At a
+            higher rate, `max_step` is smaller in proportion.
         lost_answers: Lost answers of a servo in a row that are a fault; 0 for a board without
             requests. A robot file may override this.
-        max_step: Largest change of one frame: the sum over all servos.
+        max_step: Largest change of one frame at this rate: the sum over all servos.
         boot_time: Time from opening the port until the board reads from its line [s].
         baud: Speed of its line [bit/s]; 0 if any speed is possible.
         ring: Size of the receive buffer for unread bytes [bytes].

@@ -22,7 +22,8 @@ from .wire_format import ServoFormat, ServoWire
 
 _RATE, _MOST_RATE = 50.0, 100.0  # [Hz]
 _LOST_ANSWERS = 5  # lost answers of a servo in a row that are a fault
-_MAX_STEP = 400  # largest total step of one frame [ticks]; six servos at top speed need 408
+# Largest total step of one frame at the default rate [ticks]; six servos at top speed need 408.
+_MAX_STEP = 400
 _GRAVITY = 0.2  # load of a joint of the model, as a part of the largest torque
 
 _WORDS = Words(
@@ -108,7 +109,8 @@ class Feetech:
     ) -> BusProtocol:
         """Return the protocol of a bus: its requests and answers."""
         series = _SERIES[firmware.name]
-        return BusProtocol(series, ServoFormat(series, joints), firmware.lost_answers)
+        wires = ServoFormat(series, joints)
+        return BusProtocol(series, wires, firmware.lost_answers, firmware.rate)
 
     def link(self, joints: Sequence[Joint], firmware: Firmware, baud: int, port: str) -> Link:
         """Return a serial port."""

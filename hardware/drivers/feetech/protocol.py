@@ -32,14 +32,13 @@ _LEAST_TIMEOUT = 0.003  # smallest timeout of the rest [s]
 _TIMES_SLOWEST = 2.0  # timeout of the rest / slowest of the last cycles
 _HOST_LATE = 0.005  # a request later than this shows a busy host, not a silent servo [s]
 _REMEMBERED = 0.99  # factor that the slowest cycle decays by in each cycle
-_PERIOD = 0.02  # period of requests without a frame, while the arm may move [s]
 _IDLE_PERIOD = 0.2  # period of requests while nothing moves [s]
 _SETTLING = 1.0  # time after a frame in which the arm may move [s]
 _TIMES_ALL = 2  # times as many may be lost if no servo answers: the host or adapter may be busy
 _STATE_PERIOD = 0.1  # period of requests that include the torque [s]
 _LIMP = 5  # answers that may still report no torque after it was switched on
 _MEASURED = {"position", "speed", "load", "max_torque", "temperature", "voltage", "current"}
-_RAMP = 15  # steps in which torque rises, one in each period of frames
+_RAMP = 0.3  # time in which torque rises, by one step in each period of frames [s]
 
 
 class BusProtocol(BoardProtocol):
@@ -49,10 +48,11 @@ class BusProtocol(BoardProtocol):
         series: Series of the servos.
         wires: Wire format of the joints.
         allowed: Lost answers of a servo in a row that are a fault.
+        rate: Rate of frames, and of requests while the arm may move [Hz].
     """
 
-    def __init__(self, series: Series, wires: ServoFormat, allowed: int) -> None:
-        self._series, self._wires, self._allowed = series, wires, allowed
+    def __init__(self, series: Series, wires: ServoFormat, allowed: int, rate: float) -> None:
+        self._series, self._wires, self._allowed, self._rate = series, wires, allowed, rate
         self._joints = {servo: joint for joint, servo in wires.servos.items()}
         kept, self._state, self._cycle = series.blocks
         self._asked = [self._state, kept]  # the next requests; after them, only the cycle repeats
@@ -115,9 +115,10 @@ class BusProtocol(BoardProtocol):
         lows = [low if holds else 0 for low, holds in zip(present, holding, strict=True)]
         if lows == most:
             return [self.boot_frame.data, enable]
+        steps = round(_RAMP * self._rate)
         limits = [
-            [low + (top - low) * part // _RAMP for low, top in zip(lows, most, strict=True)]
-            for part in range(1, _RAMP + 1)
+            [low + (top - low) * part // steps for low, top in zip(lows, most, strict=True)]
+            for part in range(1, steps + 1)
         ]
         ramp = [self._wires.command("torque_limit", each) for each in limits]
         return [ramp[0], self.boot_frame.data, enable, *ramp[1:]]
@@ -194,13 +195,14 @@ class BusProtocol(BoardProtocol):
                     self._slowest = max(now - self._begun, _REMEMBERED * self._slowest)
                     rests = self._holds and now > self._settles
                     self.free_at = -math.inf
-                    self.next_poll = now + (_IDLE_PERIOD if rests else _PERIOD)
+                    self.next_poll = now + (_IDLE_PERIOD if rests else 1 / self._rate)
                     self._take_answers(now)
 
     def _process(self, packet: Packet) -> None:
         servo, (first, count) = packet.servo, self._block
         whole = len(packet.parameters) == count
-        if packet.code and not (whole and self._requests == 1):  # the limits are read next
+        limits_next = len(self._asked) > 1  # an error is reported with its limits
+        if packet.code and not (whole and limits_next):
             names = [name for bit, name in ERRORS.items() if packet.code & bit]
             memory = bytearray(self._memories[servo])
             if whole:

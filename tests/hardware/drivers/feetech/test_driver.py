@@ -154,6 +154,17 @@ def test_the_robot_file_says_how_many_answers_may_be_lost_and_how_often_it_asks(
         assert min(b - a for a, b in pairwise(due)) == pytest.approx(0.01)
 
 
+def test_a_higher_rate_asks_more_often_and_moves_no_faster(tmp_path: Path) -> None:
+    with rig(tmp_path, serial="rate_hz = 100") as made:
+        assert made.robot.firmware.max_step == 200
+        made.arm.activate()
+        assert made.play(PICK, 4.0) is None
+        made.events.clear()
+        made.wait(0.5)  # the arm may still move
+        times = [event.time for event in made.events if isinstance(event, Measured)]
+        assert max(b - a for a, b in pairwise(times)) < 0.015
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("fault", "error", "words"),
@@ -274,7 +285,7 @@ def test_a_servo_that_vanishes_from_a_resting_arm_is_a_fault(tmp_path: Path) -> 
         ("[groups]", '[guards]\non_fault = "fall"\n[groups]', "on_fault: .* hold"),
         ("[groups]", "[guards]\nmost_f = 9\n[groups]", "most_f"),
         ("baud =", "rate_hz = 200\nbaud =", "rate_hz: 200 is not allowed"),
-        ("baud =", "lost_answers = 0\nbaud =", "lost_answers: 0 is not from 1 to 100"),
+        ("baud =", "lost_answers = 0\nbaud =", "lost_answers: 0 is not from 1 to 20"),
         ("id = 2", "id = 1", "joint_2: its servo 1 is the servo of joint_1 already"),
         ("id = 2", "id = 254", "id: 254 is not from 0 to 252"),
         ("offset_deg = 0", "offset_deg = 120", "joint_1: servo 1 cannot reach the limit 90 deg"),

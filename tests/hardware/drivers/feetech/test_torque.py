@@ -72,6 +72,21 @@ def test_torque_rises_in_small_steps(tmp_path: Path) -> None:
         assert made.bus.state(made.clock.now()).collisions == 0
 
 
+@pytest.mark.parametrize("rate", [50, 80, 100])
+def test_torque_rises_in_the_same_time_at_every_rate(tmp_path: Path, rate: int) -> None:
+    with rig(tmp_path, serial=f"rate_hz = {rate}") as made:
+        made.arm.activate()
+        head = bytes([STS.registers["torque_limit"].address, 2])
+        sent = [e for e in made.events if isinstance(e, CommandSent)]
+        times = [
+            event.time
+            for event in sent
+            for packet in take_packets(bytearray(event.data))
+            if packet.code == Instruction.SYNC_WRITE and packet.parameters[:2] == head
+        ]
+        assert times[-1] - times[0] == pytest.approx(0.3, rel=0.2)
+
+
 def test_an_arm_that_holds_keeps_its_torque(tmp_path: Path) -> None:
     with rig(tmp_path) as made:
         made.arm.activate()
