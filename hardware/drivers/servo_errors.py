@@ -141,7 +141,7 @@ class ServoFault(BoardError):
 
     Attributes:
         joint: Name of the joint.
-        value: The value that the first error is about; NaN if there is none.
+        value: The value of the first error that is about one; NaN if there is none.
         limit: Its limit; NaN if there is none.
     """
 
@@ -150,7 +150,9 @@ class ServoFault(BoardError):
 
     def __init__(self, servo: int, joint: str, errors: Sequence[str], health: ServoHealth) -> None:
         self.joint = joint
-        self.value, self.limit = health.reading(errors[0] if errors else "")
+        readings = (health.reading(error) for error in errors)
+        known = (each for each in readings if not math.isnan(each[0]))
+        self.value, self.limit = next(known, (math.nan, math.nan))
         super().__init__(
             f"Servo {servo} of {joint} reports the error {' and '.join(errors) or 'unknown'}, "
             f"{health}. Free the joint, let the servo cool down, and check its supply, then run "

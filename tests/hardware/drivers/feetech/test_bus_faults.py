@@ -1,5 +1,6 @@
 """What is wrong on a bus has a code, a cause and a way out, and nothing moves."""
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import pytest
 from hardware import CommandSent, FrameSent, HardwareError, State, load_robot
 from hardware.drivers.feetech.packets import Instruction, take_packets
 from hardware.drivers.feetech.virtual.bus import Bus, Fault
+from hardware.drivers.servo_errors import ServoFault, ServoHealth
 from hardware.errors import SupplyTooLow
 from tests.support.arms.bus_arms import BusRig, bus_arm, rig
 
@@ -95,6 +97,21 @@ def test_a_pose_outside_the_calibrated_range_is_refused(tmp_path: Path) -> None:
             made.arm.activate()
         assert caught.value.code == "hw.pose_outside"
         assert load_robot(made.robot.path).firmware.words.advice_outside in str(caught.value)
+
+
+def test_an_error_before_the_start_is_reported_with_its_limits(tmp_path: Path) -> None:
+    """The first request is repeated, because another servo did not answer it."""
+    with rig(tmp_path, Fault("brown_out", 1, 0.0), Fault("lose", 2, 0.0, 2)) as made:
+        with pytest.raises(HardwareError, match="limits 4 and 14") as caught:
+            made.arm.activate()
+        assert caught.value.code == "hw.servo_fault"
+
+
+def test_a_fault_has_the_value_of_the_first_error_that_is_about_one() -> None:
+    health = ServoHealth(0.5, 1.0, 80.0, 70.0, 12.0, 4.0, 14.0)
+    fault = ServoFault(1, "joint_1", ["angle sensor", "temperature"], health)
+    assert (fault.value, fault.limit) == (80.0, 70.0)
+    assert math.isnan(ServoFault(1, "joint_1", ["angle sensor"], health).value)
 
 
 def test_only_a_servo_that_answers_every_request_twice_is_named(tmp_path: Path) -> None:
