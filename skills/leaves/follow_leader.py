@@ -104,6 +104,7 @@ class FollowLeader(Skill):
         """Drop the current step, because the arm is at rest."""
         self._playback, self._checks, self._contact, self._blocked = None, (), "", False
         self._velocity = [0.0] * len(self.context.robot.actuated)  # last velocity [rad/s]
+        self._gripping = set[int]()  # columns of grippers that push against an object
 
     def _step(self, target: Sequence[float]) -> None:
         """Request a check of the next step towards the leader."""
@@ -123,19 +124,25 @@ class FollowLeader(Skill):
         """Return the joint positions after one period: towards the leader, within their limits.
 
         Each joint is slow enough to stop at the leader's position. All of them together stay within
-        `acceleration_sum` at any time, because each one has its share of it. A measured gripper is
-        led by `squeeze_deg` at most, so that it holds an object and does not overload its servo.
+        `acceleration_sum` at any time, because each one has its share of it. A gripper that pushes
+        against an object is led by `squeeze_deg` at most until the leader lets go, so that it does
+        not overload its servo. One that moves freely may lag by more.
         """
         speed, period, positions = self.get_input("speed"), self._period, []
         robot, measured = self.context.robot, self.context.arm.measured
         total = speed**2 * sum(joint.acceleration for joint in robot.actuated)
         share = min(1.0, robot.acceleration_sum / total)
-        squeeze = math.radians(robot.guards.squeeze_deg)
+        guards, squeeze = robot.guards, math.radians(robot.guards.squeeze_deg)
         for column, joint in enumerate(robot.actuated):
             most, at, goal = share * speed**2 * joint.acceleration, start[column], target[column]
             if measured and joint.name in robot.groups["gripper"] and joint.unit == "rad":
                 there = measured.position[column]
-                goal = _clip(goal, there - squeeze, there + squeeze)
+                if not measured.effort or abs(measured.effort[column]) >= guards.grip_effort:
+                    self._gripping.add(column)
+                elif abs(goal - there) <= squeeze:
+                    self._gripping.discard(column)
+                if column in self._gripping:
+                    goal = _clip(goal, there - squeeze, there + squeeze)
             left = _clip(goal, joint.lower, joint.upper) - at
             change = most * period
             stoppable = math.sqrt(change**2 + 2 * most * abs(left)) - change

@@ -174,6 +174,20 @@ def test_a_gripper_that_closes_on_an_object_holds_it(robot: Robot, tmp_path: Pat
         assert commanded["gripper"] == pytest.approx(0.4 - math.radians(1.5), abs=0.01)
 
 
+def test_a_gripper_that_moves_freely_follows_at_full_speed(robot: Robot, tmp_path: Path) -> None:
+    """It may lag by more than the squeeze of a gripper that holds an object."""
+    tight = replace(robot, guards=replace(robot.guards, squeeze_deg=0.5))
+
+    def path(time: float) -> tuple[float, ...]:
+        return (*ZERO[:5], 1.0)
+
+    with followed(tight, tmp_path, path) as (outcome, _, _):
+        assert outcome.success, outcome.text()
+    due = {frame.scheduled: frame.positions[5] for frame in sent(outcome) if frame.scheduled}
+    speeds = [(due[b] - due[a]) / (b - a) for a, b in pairwise(due)]
+    assert max(speeds) > 0.9 * robot.joint("gripper").velocity
+
+
 def test_a_collision_stops_it_and_shows_where_it_is_free(robot: Robot, tmp_path: Path) -> None:
     def path(time: float) -> tuple[float, ...]:
         return FLOOR if time < 3.0 else ZERO
