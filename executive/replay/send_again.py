@@ -147,14 +147,28 @@ def _setpoints(path: Path, robot_file: Path) -> tuple[Setpoint, ...]:
 
 
 def _motions(path: Path) -> list[tuple[RecordedSchedule, list[RecordedFrame]]]:
-    """Return the started schedules of a recording, each with its frames."""
+    """Return the started schedules of a recording, each with its frames.
+
+    Raises:
+        NotReplayable: A motion follows a grip, or frames have no schedule.
+    """
     motions: list[tuple[RecordedSchedule, list[RecordedFrame]]] = []
+    last, gripped = b"", False
     for record in Recording(path).records(RecordedSchedule, RecordedFrame):
         if isinstance(record, RecordedSchedule):
             motions.append((record, []))
-        elif isinstance(record, RecordedFrame) and record.joints and not record.hold:
+        elif isinstance(record, RecordedFrame) and record.joints:
+            before, last = last, record.data
+            if record.hold:
+                gripped |= before not in (b"", last)  # other holds repeat the last frame
+                continue
             if not motions:
                 raise NotReplayable(f"{path}: frames were recorded without a schedule")
+            if gripped:
+                raise NotReplayable(
+                    f"{path}: the gripper held an object, and its command depended on where it was "
+                    "measured. Such a run can be shown and verified, but not sent again"
+                )
             motions[-1][1].append(record)
     return [(schedule, frames) for schedule, frames in motions if frames]
 
