@@ -66,12 +66,20 @@ class OutOfBounds(SkillError):
 
 
 class BadTarget(SkillError):
-    """A target names an unknown joint, omits one, or contradicts the leader of a mimic joint."""
+    """A target names an unknown joint, omits one, or contradicts the leader of a mimic joint.
+
+    Attributes:
+        superfluous: True if the target is right without the value at `location`.
+    """
 
     code = "goal.bad_target"
     exit_status = 4
     hint = "give joints within their limits, a saved pose, or a point within reach"
     heading = "The target is invalid"
+
+    def __init__(self, why: str, superfluous: bool = False) -> None:
+        self.superfluous = superfluous
+        super().__init__(why)
 
 
 class BadBody(SkillError):

@@ -188,7 +188,7 @@ def _value_errors(
     errors: list[SkillError] = []
     for joint in (joint for joint in robot.joints if joint.name in target):
         if why := _contradiction(joint, target):
-            errors.append(BadTarget(why).at(*location, joint.name))
+            errors.append(BadTarget(why, superfluous=True).at(*location, joint.name))
             continue
         try:
             check_position(joint, target[joint.name])

@@ -14,7 +14,7 @@ from py_trees.behaviours import Dummy
 
 from hardware import Robot
 from hardware.spelling import did_you_mean, suggested
-from skills import Context, Skill, SkillBroken, SkillError, known_errors
+from skills import BadTarget, Context, Skill, SkillBroken, SkillError, known_errors
 from skills.motion import Body, MotionError, ToolQuery, shown
 from trees.errors import Correction, Mistake, Place
 from trees.reading.document import Located
@@ -114,9 +114,7 @@ class SkillHooks:
                 step = fault.location[-1] if isinstance(fault, SkillError) else ""
                 there = place.replaced(str(step), name)
                 instead = there or place.replaced(str(value.value), name)
-            if value and str(fault).endswith(
-                f"leave {value.label.location.rpartition('.')[2]} out"
-            ):
+            if value and isinstance(fault, BadTarget) and fault.superfluous:
                 instead = left_out(place)
             if value and (units := _in_smaller_unit(leaf, robot, inputs, fault)):
                 unit, near = units
