@@ -15,7 +15,7 @@ from executive.task_runner import TaskRunner
 from executive.testing import SharedPool
 from hardware import BoardLink, SimulatedClock, load_robot
 from hardware.drivers.feetech.virtual.bus import Bus
-from logs import NodeStatus, Recording, Sent
+from logs import Measured, NodeStatus, Recording, Sent
 from logs.records.cdr import decode, encode
 from skills.errors import NotReplayable
 from tests.support.recordings.alterations import altered, each
@@ -76,3 +76,48 @@ def measured_closed(record: Any) -> None:
     measured = decode(_MEASURED, record.data)
     measured.position = [*list(measured.position)[:5], math.radians(-9)]
     record.data = encode(_MEASURED, measured)
+
+
+def test_a_gripper_that_pushes_in_a_pause_is_loosened_and_the_task_goes_on(tmp_path: Path) -> None:
+    robot, clock = load_robot(Path("so101")), SimulatedClock()
+    model = robot.model()
+    assert isinstance(model, Bus)
+    there = robot.wire_format.encode([0.0] * 5 + [math.radians(25.0)]).servos[5]
+    model.servos[5].stops = there, math.inf
+    signal, pushed = clock.signal(), list[float]()
+    measured, left = [0.0], list[float]()
+
+    def watch(event: Any) -> None:
+        if isinstance(event, Measured):
+            measured[0] = event.position[5]
+        if isinstance(event, Sent) and event.joints:
+            push = math.degrees(measured[0] - event.positions[5])
+            if push > 2.5 * SQUEEZE and not pushed:
+                pushed.append(push)
+                clock.spawn(pause, "pause")
+            left[:] = [push]
+
+    def pause() -> None:
+        goal = executive.status().goal
+        assert goal
+        executive.pause(goal.identity)
+        until = clock.now() + 2.0
+        with signal:
+            while clock.now() < until:
+                signal.wait(until)
+        pushed.append(*left)
+        executive.resume(goal.identity)
+
+    setup = Setup(robot=robot, recordings=tmp_path, single_user=True)
+    link = BoardLink(model, clock)
+    with (
+        closing(SharedPool(robot, 1, clock)) as pool,
+        clock.working(),
+        open_executive(setup, clock=clock, link=link, pool=pool, subscriber=watch) as executive,
+    ):
+        executive.start()
+        outcome = TaskRunner(executive).run(1)
+        assert outcome.success, outcome.text()
+    before, after = pushed
+    assert after < SQUEEZE + 0.2 < before
+    assert verify(Path(outcome.recording)).holds
