@@ -68,7 +68,10 @@ function sentence(hint) {
   return hint.charAt(0).toUpperCase() + hint.slice(1);
 }
 
-/** Events: `change` when this tab signs in or out, `goal` when the server accepted a goal of it. */
+/**
+ * Events of this tab: `change` when it signs in or out, `goal` when the server accepted a goal of
+ * it, `stop` when it stops the arm.
+ */
 export const session = new EventTarget();
 
 /** @returns {boolean} True if this tab has a token. */
@@ -130,10 +133,12 @@ export async function post(path, body = {}, signal) {
  * Send a goal.
  * @param {"api/goals" | "api/move"} path
  * @param {object} body
+ * @returns {Promise<string>} identity of the goal
  */
 export async function sendGoal(path, body) {
-  await post(path, body);
+  const { goal_id } = await post(path, body);
   session.dispatchEvent(new Event("goal"));
+  return goal_id;
 }
 
 /**

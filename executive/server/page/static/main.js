@@ -73,13 +73,14 @@ let acts = [];
 
 /** Draw what one can do, unless nothing of it has changed. */
 function drawActs() {
-  const { active, positions } = shown.live;
-  const now = [status, runs.tasks, runs.goals, isSignedIn(), active, positions];
+  const { active, goalId, positions } = shown.live;
+  const goal = active ? goalId : (status?.goal?.goal_id ?? null);
+  const now = [status, runs.tasks, runs.goals, isSignedIn(), goal, positions];
   if (!connection.hasArm || now.every((each, index) => each === acts[index])) return;
   acts = now;
-  const idle = status?.goal === null && !active;
+  const idle = status !== null && goal === null;
   tasks.draw(runs.tasks, runs.goals, status, idle);
-  move.draw(status, idle, positions);
+  move.draw(status, goal, positions);
   poses.draw(status, idle);
 }
 

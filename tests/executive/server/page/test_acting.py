@@ -163,6 +163,37 @@ def test_joints_and_tool_move_in_steps(open_page: Open, page_server: Served) -> 
     is_accessible(tab)
 
 
+SLIDER = "#move [aria-label='joint_1 [deg]']"
+SET = """slider.value = 20;
+for (const kind of ["input", "change"]) slider.dispatchEvent(new Event(kind));"""
+
+
+@pytest.mark.parametrize("stop", ["another goal", "its own move", "an idle arm"])
+def test_a_slider_moves_nothing_after_a_stop(
+    open_page: Open, page_server: Served, stop: str
+) -> None:
+    executive = page_server.executive
+    executive.result(executive.send(Move(("joint_1=0deg",))).identity)
+    tab = open_page()
+    tab.click("#move summary")
+    more = "[aria-label='joint_2 more']"
+    expect(tab, more).to_be_enabled()
+    if stop == "another goal":
+        executive.send(10)
+        shows(tab, "#running", "^wait$")
+        expect(tab, SLIDER).to_be_disabled()
+    elif stop == "its own move":
+        with tab.expect_response("**/api/move"):
+            tab.click(more)
+    before = executive.goals()
+    escape = "dispatchEvent(new KeyboardEvent('keydown', { key: 'Escape' }));"
+    tab.locator(SLIDER).evaluate(f"slider => {{ {SET} {escape} }}")  # within 0.4 s
+    shows(tab, "#stop-note", "^stopped at")
+    expect(tab, "#move-rows output >> nth=0").to_have_text("0.0 deg")
+    expect(tab, more).to_be_enabled()
+    assert [goal.identity for goal in executive.goals()] == [goal.identity for goal in before]
+
+
 def test_the_arm_is_activated_from_the_page(open_page: Open, page_server: Served) -> None:
     page_server.executive.arm_to("deactivate")
     tab = open_page()

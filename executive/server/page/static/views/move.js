@@ -1,6 +1,6 @@
 /** Moves in small planned steps: joints and tool. Each is a goal like any other. */
 
-import { get, isSignedIn, sendGoal } from "../api.js";
+import { get, isSignedIn, sendGoal, session } from "../api.js";
 import { byId, element, setAttribute, setText, setUsable } from "../dom.js";
 
 /** @typedef {import("../connection.js").Status} Status */
@@ -39,6 +39,13 @@ export class MoveView {
   #status = null;
   /** @type {Status | null} the newest one when the last move was sent; it does not know of the move */
   #before = null;
+  /** @type {string | null} identity of the last move; null until the server answers, empty for none */
+  #own = "";
+  #stops = 0; // that the newest status counts
+
+  constructor() {
+    session.addEventListener("stop", () => this.#clear());
+  }
 
   /** Make the rows for the joints of the robot. */
   async show() {
@@ -51,23 +58,33 @@ export class MoveView {
 
   /**
    * @param {Status | null} status
-   * @param {boolean} idle True if no goal is under way
+   * @param {string | null} goal identity of the goal under way; null for none
    * @param {Record<string, number> | null} positions commanded, by joint [rad or m]
    */
-  draw(status, idle, positions) {
+  draw(status, goal, positions) {
     const active = isSignedIn() && status?.arm === "active";
+    const waits = active && (goal === null || this.#own === null || goal === this.#own);
+    const stops = status?.stops ?? 0;
+    // A target waits for the end of a move of this tab, not for that of another goal or of a stop.
+    if (!waits || stops !== this.#stops) this.#clear();
+    this.#stops = stops;
     this.#status = status;
-    this.#usable = active && idle && status !== this.#before;
+    this.#usable = active && goal === null && status !== this.#before;
     for (const button of this.#rows.querySelectorAll("button")) setUsable(button, this.#usable);
     if (this.#usable) this.#release();
     this.#sendTargets();
     for (const [name, { slider, value, scale, unit, target }] of this.#joints) {
-      slider.disabled = !active;
+      slider.disabled = !waits;
       const position = positions?.[name];
       if (position === undefined || target) continue;
       slider.value = String(position / scale);
       show(slider, value, `${(position / scale).toFixed(1)} ${unit}`);
     }
+  }
+
+  /** Drop all targets: the sliders show the commanded position again. */
+  #clear() {
+    for (const joint of this.#joints.values()) joint.target = "";
   }
 
   /** Let the sliders that were sent show the commanded position again. */
@@ -141,11 +158,13 @@ export class MoveView {
     if (!this.#usable) return false;
     this.#usable = false;
     this.#before = this.#status;
+    this.#own = null;
     setText(this.#note, "");
     try {
-      await sendGoal("api/move", { to, relative });
+      this.#own = await sendGoal("api/move", { to, relative });
       return true;
     } catch (error) {
+      this.#own = "";
       setText(this.#note, error instanceof Error ? error.message : String(error));
       return false;
     }

@@ -1,6 +1,6 @@
 /** The STOP button. It needs no sign-in, and works from anywhere by Esc. */
 
-import { Refused, get, post } from "../api.js";
+import { Refused, get, post, session } from "../api.js";
 import { byId, setText } from "../dom.js";
 
 const TIMEOUT = 2000; // longest time for the answer to a stop [ms]
@@ -25,6 +25,7 @@ export function showStop(isReachable) {
 
   async function stop() {
     const number = ++stops;
+    session.dispatchEvent(new Event("stop"));
     answer = `stopping… (${SAFETY})`;
     button.classList.add("busy");
     draw();
