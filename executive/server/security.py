@@ -30,7 +30,7 @@ def client_of(headers: Headers) -> str:
     """Return the name of a client for the log and recordings; empty if it gives none."""
     name = headers.get("user-agent", "")
     if name.startswith("Mozilla/"):  # as every browser says
-        return "the page"
+        return "a browser"
     return printable(name[:MAX_CLIENT])
 
 

@@ -89,7 +89,7 @@ def test_the_log_has_the_words_of_the_page(
     tab.click("#tasks li:has(.name:text-is('10 wait')) summary")
     with recorded_log(page_server.executive):
         tab.click("#tasks li:has(.name:text-is('10 wait')) button:text-is('Run')")
-        shows(tab, "#log", "Executing the goal for task 10 from the page")
+        shows(tab, "#log", "Executing the goal for task 10 from a browser")
         tab.keyboard.press("Escape")
         shows(tab, "#goal-state", "^canceled$")
     assert not [line for line in lines(tab) if "Mozilla" in line or "POST" in line]
