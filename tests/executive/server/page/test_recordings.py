@@ -69,6 +69,28 @@ SAME_STATES = """async ([name, count]) => {
 }"""
 
 
+# Refuses a window with a status; returns how often it is asked for when the moment is shown again.
+ASKED_AGAIN = """async ([name, status]) => {
+  const { RecordedRun } = await import("./page/model/recorded_run.js");
+  const recorded = new RecordedRun(name);
+  await recorded.open(0);
+  const { fetch } = window;
+  let asked = 0;
+  window.fetch = (path, ...rest) => {
+    if (!path.includes(`${name}/events`)) return fetch(path, ...rest);
+    asked++;
+    return Promise.resolve(new Response('{"code": "", "message": "", "hint": ""}', { status }));
+  };
+  const refused = new Promise((done) => recorded.addEventListener("error", done, { once: true }));
+  recorded.seek(recorded.duration);
+  await refused;
+  asked = 0;
+  recorded.seek(recorded.duration);
+  window.fetch = fetch;
+  return asked;
+}"""
+
+
 def run(served: Served, *tasks: int | Move) -> Path:
     """Run tasks; return the folder of recordings."""
     for task in tasks:
@@ -93,6 +115,9 @@ def test_a_state_from_windows_is_that_of_playing_everything(
     assert windows > 5
     assert wrong == []
     assert tab.evaluate(SAME_STATES, [source.name, 30])[1] == []
+    # A deleted recording is not asked for again; one that the server refused for a while is.
+    asked = [tab.evaluate(ASKED_AGAIN, [LONG, status]) for status in (404, 401, 429)]
+    assert asked == [0, 1, 1]
     tab.context.close()  # it may still load what comes next
     (folder / LONG).unlink()
 
@@ -196,6 +221,27 @@ def test_two_recordings_are_compared_at_one_moment(open_page: Open, page_server:
     tab.select_option("#compare", "")
     shows(tab, "#plots figcaption", "^Position .deg.$")
     tab.locator("#comparison").wait_for(state="hidden")
+
+
+def test_another_comparison_is_plotted(open_page: Open, page_server: Served) -> None:
+    run(page_server, *[Move((f"joint_1={angle}deg",), False, 1.0) for angle in (0, 10, 20, 10)])
+    tab = open_page()
+    shows(tab, "#shown", "^move joint_1=10deg, recorded$")
+    tab.locator("#time-panel").scroll_into_view_if_needed()
+    canvas = tab.locator("#plots canvas").first
+    plotted = "document.querySelector('#plots canvas').toDataURL() === second"
+
+    def compare(index: int) -> str:
+        tab.select_option("#compare", "")
+        shows(tab, "#plots figcaption", "^Position .deg.$")
+        tab.select_option("#compare", index=index)
+        shows(tab, "#plots figcaption", "dotted")
+        return str(canvas.evaluate("each => each.toDataURL()"))
+
+    second = compare(2)
+    assert compare(1) != second
+    tab.select_option("#compare", index=2)
+    tab.wait_for_function(f"second => {plotted}", arg=second)
 
 
 def test_what_is_done_with_a_recording(open_page: Open, page_server: Served) -> None:

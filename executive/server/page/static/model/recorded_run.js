@@ -49,7 +49,7 @@ export class RecordedRun extends EventTarget {
   #taken = 0;
   #time = 0;
   #loading = false;
-  #refused = false; // by the server: the recording may be gone
+  #gone = false; // the server has the recording no longer
 
   /**
    * @param {string} name of the recording; empty if all events are here
@@ -108,7 +108,7 @@ export class RecordedRun extends EventTarget {
     if (window) this.#show(window);
     else this.#showSample();
     const wanted = window ? window.to_s : time; // when it plays, the next window is needed soon
-    if (!this.#loading && !this.#refused && !this.#find(Math.min(wanted, this.duration))) this.#loadAll(wanted);
+    if (!this.#loading && !this.#gone && !this.#find(Math.min(wanted, this.duration))) this.#loadAll(wanted);
     this.dispatchEvent(new Event("change"));
   }
 
@@ -157,7 +157,7 @@ export class RecordedRun extends EventTarget {
       await this.#load(time);
       while (!this.#find(this.#time)) await this.#load(this.#time);
     } catch (error) {
-      this.#refused = error instanceof Refused;
+      this.#gone = error instanceof Refused && error.status === 404;
       this.dispatchEvent(new CustomEvent("error", { detail: error }));
       return; // the next moment that is shown asks again
     } finally {

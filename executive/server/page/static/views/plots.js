@@ -94,6 +94,7 @@ export class PlotsView {
   draw(history, grows, other) {
     this.#newest = history;
     this.#grows = grows;
+    if (other !== this.#other) this.#drawn = ""; // two recordings may have the same versions
     this.#other = other;
     if (!this.#libraries || !this.#visible) return;
     this.#drawCursor();
