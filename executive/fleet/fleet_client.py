@@ -151,9 +151,13 @@ class FleetClient:
             return False
         return True
 
+    async def pools(self) -> dict[str, int]:
+        """Return the number of unclaimed jobs of each pool that an arm has ever joined."""
+        return await self._fleet.pools()
+
     async def waiting(self) -> dict[str, str]:
         """Return why jobs wait, by pool, for pools without an arm that is ready or busy."""
-        queued = await self._fleet.pools()
+        queued = await self.pools()
         return waiting_words(await self.arms(), queued) if any(queued.values()) else {}
 
     async def arms(self) -> list[ArmRow]:
