@@ -378,8 +378,10 @@ class Worker:
             in_time, _ = await asyncio.wait((waiting,), timeout=left)
             if not in_time:
                 self._canceled.add(job.identity)
+            while not waiting.done():  # a cancel may be lost
                 with suppress(ClientError):
                     await self._server.cancel(job.identity)
+                await asyncio.wait((waiting,), timeout=_PAUSE_SECONDS)
             ending = await waiting
         finally:
             waiting.cancel()
