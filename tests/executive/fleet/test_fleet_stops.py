@@ -7,6 +7,7 @@ import logging
 import nats.errors
 import pytest
 from nats.aio.msg import Msg
+from nats.js.kv import KeyValue
 
 from executive.fleet.connection import (
     JOBS,
@@ -179,6 +180,39 @@ def test_a_stop_by_the_fleet_outlives_a_restart_of_the_worker(url: str) -> None:
             await client.resume(["bench"])
             assert (await ended(client, job)).state == "SUCCEEDED"
             worker.end()
+
+    asyncio.run(main())
+
+
+def test_a_confirmed_stop_is_stored_so_that_it_outlives_a_killed_worker(url: str) -> None:
+    async def main() -> None:
+        async with joined(url, SimulatedArm()) as client:
+            await client.stop(["bench.0"])
+            found = await client._fleet.get(Member, "bench.0")
+            assert found
+            assert found[0].held == "stopped by the fleet"
+
+    asyncio.run(main())
+
+
+def test_a_stop_is_confirmed_though_its_hold_cannot_be_stored_now(
+    url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def main() -> None:
+        arm, put, free = SimulatedArm(), KeyValue.put, asyncio.Event()
+
+        async def stuck(bucket: KeyValue, key: str, value: bytes) -> int:
+            await free.wait()
+            return await put(bucket, key, value)
+
+        async with joined(url, arm) as client:
+            monkeypatch.setattr(KeyValue, "put", stuck)
+            assert [each.arm for each in await client.stop(["bench.0"])] == ["bench.0"]
+            assert arm.stops == 1
+            free.set()
+            async with asyncio.timeout(10):  # the worker stores it later
+                while not (await client._fleet.values(Member))["bench.0"].held:
+                    continue
 
     asyncio.run(main())
 
