@@ -186,18 +186,36 @@ class ArmLost(FleetError):
 
 
 class NotConfirmed(FleetError):
-    """Some arms did not confirm a request.
+    """Some arms did not confirm a request, or the queues are not held after a stop.
+
+    Args:
+        request: `stop`, `resume` or `cancel`.
+        confirmed: The answers of the arms that confirmed.
+        wanted: Number of arms that should confirm.
+        missing: The other arms, and why.
+        unheld: Why the queues are not held; empty if they are.
 
     Attributes:
-        confirmed: The answers of those that did.
+        confirmed, wanted, missing: As above.
     """
 
     code = "fleet.not_confirmed"
     hint = "look at these arms, and use their own pages or power switches"
 
     def __init__(
-        self, request: str, confirmed: Sequence[Confirmation], wanted: int, missing: Sequence[str]
+        self,
+        request: str,
+        confirmed: Sequence[Confirmation],
+        wanted: int,
+        missing: Sequence[str],
+        unheld: str = "",
     ) -> None:
-        words = f"{len(confirmed)} of {wanted} arms confirmed {request}; not {', '.join(missing)}"
+        words = f"{len(confirmed)} of {wanted} arms confirmed {request}"
+        if missing:
+            words += f"; not {', '.join(missing)}"
+        if unheld:
+            words += f"; the queues are not held and still deliver jobs ({unheld})"
+            again = f"type the {request} again"
+            self.hint = f"{self.hint}; then {again}" if missing else again
         super().__init__(f"{words}; {self.hint}")
-        self.confirmed = tuple(confirmed)
+        self.confirmed, self.wanted, self.missing = tuple(confirmed), wanted, tuple(missing)

@@ -151,9 +151,13 @@ class FleetClient:
             return False
         return True
 
+    async def pools(self) -> dict[str, int]:
+        """Return the number of unclaimed jobs of each pool that an arm has ever joined."""
+        return await self._fleet.pools()
+
     async def waiting(self) -> dict[str, str]:
         """Return why jobs wait, by pool, for pools without an arm that is ready or busy."""
-        queued = await self._fleet.pools()
+        queued = await self.pools()
         return waiting_words(await self.arms(), queued) if any(queued.values()) else {}
 
     async def arms(self) -> list[ArmRow]:
@@ -272,18 +276,20 @@ class FleetClient:
             whom: Pools, and arms as POOL.NAME; empty for all arms.
 
         Raises:
-            NotConfirmed: Some arms did not confirm. The error names them.
+            NotConfirmed: Some arms did not confirm, or the queues are not held. The error says so.
         """
         asked = asyncio.create_task(self.request("stop", whom))
         await asyncio.sleep(0)  # the stop is sent first
         holding = self._hold_queues(whom, hold=True)
         confirmed, failure = await asyncio.gather(asked, holding, return_exceptions=True)
+        unheld = (str(failure) or type(failure).__name__) if isinstance(failure, GONE) else ""
+        if unheld and isinstance(confirmed, NotConfirmed):
+            found = confirmed
+            raise NotConfirmed("stop", found.confirmed, found.wanted, found.missing, unheld)
         if isinstance(confirmed, BaseException):
             raise confirmed
-        if isinstance(failure, GONE):
-            why = str(failure) or type(failure).__name__
-            queues = f"the queues, which are not held ({why})"
-            raise NotConfirmed("stop", confirmed, len(confirmed), [queues])
+        if unheld:
+            raise NotConfirmed("stop", confirmed, len(confirmed), [], unheld)
         if failure:
             raise failure
         return confirmed

@@ -22,7 +22,7 @@ from executive.api import ADDRESS
 
 from .connection import GONE
 from .errors import NotStarted
-from .fleet_client import ArmRow, FleetClient
+from .fleet_client import ArmRow, FleetClient, waiting_words
 from .supervisor import Supervisor
 
 _FILES = ("index.html", "fleet.css", "fleet.js")
@@ -86,7 +86,7 @@ def make_app(client: FleetClient, supervisor: Supervisor) -> Starlette:
 
     async def arms(_: Request) -> Response:
         rows, queued = await read()
-        waiting = [*(await client.waiting()).values()] if queued else []
+        waiting = [*waiting_words(rows, await client.pools()).values()] if queued else []
         found = {"queued": queued, "waiting": waiting, "arms": [row.to_json() for row in rows]}
         return JSONResponse({"host": socket.gethostname(), **found}, headers=_HEADERS)
 

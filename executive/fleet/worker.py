@@ -55,6 +55,7 @@ BEAT_SECONDS = 3.0  # time between two presences
 _SPREAD = 0.3, 1.0  # delay of a presence after a change [s]
 _LAST_SECONDS = 3.0  # longest time for the last result after `end`
 _PAUSE_SECONDS = 1.0  # delay before a failed step is repeated
+_STORE_SECONDS = 0.1  # longest time that the confirmation of a stop waits until its hold is stored
 _ATTEMPTS = 10  # longest time to reach the server of the arm for a result
 # Codes of refusals before any motion, so that another arm may run the job.
 _NOT_NOW = (GoalBusy.code, QueueFull.code)
@@ -125,12 +126,12 @@ class Worker:
         self._canceled: set[str] = set()  # jobs that the fleet has canceled
         self._revision = 0  # revision of the stored presence; 0 if it is not stored
         self._joined_ns = utc_ns(clock)
-        self._member: Member | None = None  # as the NATS server knows it, with its pool
+        self._member: Member | None = None  # as the NATS server knows it; None if unknown
         self._in_order = True
         self._changed, self._free = asyncio.Event(), asyncio.Event()
         self._idle, self._ending = asyncio.Event(), asyncio.Event()
         self._sending = asyncio.Lock()  # held from the claim of a job until its arm has accepted it
-        self._looking = asyncio.Lock()
+        self._looking, self._storing = asyncio.Lock(), asyncio.Lock()
         self._requests = JobRequests(fleet, pool)
         self._idle.set()
 
@@ -220,12 +221,25 @@ class Worker:
             else:  # it expired, or the NATS server restarted, perhaps without its disk
                 self._member = None
             await self._say()
-        host = socket.gethostname()
-        mine = Member(self.arm, self._page, host, self._me, self._joined_ns, self._held)
-        if mine != self._member:
-            await fleet.members.put(self.arm, to_bytes(mine))
-            await fleet.add_consumers(self._pool)
-            self._member = mine
+        await self._store_member()
+
+    async def _store_member(self) -> None:
+        """Store the member and the consumers of its pool, if the NATS server may not know them."""
+        async with self._storing:  # so that no older hold is stored after a newer one
+            host = socket.gethostname()
+            mine = Member(self.arm, self._page, host, self._me, self._joined_ns, self._held)
+            if mine != self._member:
+                self._member = None  # unknown until the answers, which may be lost
+                await self._fleet.members.put(self.arm, to_bytes(mine))
+                await self._fleet.add_consumers(self._pool)
+                self._member = mine
+
+    async def _store_hold(self) -> None:
+        """Store the hold of a stop, in case this worker dies. If NATS is slow, `_beat` does it."""
+        with suppress(*GONE):
+            async with asyncio.timeout(_STORE_SECONDS):
+                if self._revision:  # else another worker may have the name
+                    await self._store_member()
 
     async def _stored(self, kind: type[T]) -> tuple[T, int] | None:
         """Return a stored value of this arm, and its revision. Remove a malformed value."""
@@ -243,9 +257,8 @@ class Worker:
         with suppress(*GONE):
             if self._in_order and self._idle.is_set() and self._held != _BY_FLEET:
                 await self._fleet.members.purge(self.arm)
-            elif self._member:
-                kept = replace(self._member, held=self._held)
-                await self._fleet.members.put(self.arm, to_bytes(kept))
+            else:
+                await self._store_member()
             await self._fleet.alive.purge(self.arm)
 
     async def _beat(self) -> None:
@@ -378,8 +391,10 @@ class Worker:
             in_time, _ = await asyncio.wait((waiting,), timeout=left)
             if not in_time:
                 self._canceled.add(job.identity)
+            while not waiting.done():  # a cancel may be lost
                 with suppress(ClientError):
                     await self._server.cancel(job.identity)
+                await asyncio.wait((waiting,), timeout=_PAUSE_SECONDS)
             ending = await waiting
         finally:
             waiting.cancel()
@@ -411,12 +426,6 @@ class Worker:
         wanted = (each for each in tasks if job.task in (each.number, each.name))
         return any(each.retry_safe for each in wanted)
 
-    def _record(self, job: Job, result: Ending | None, safe: bool = False) -> JobRecord:
-        now = utc_ns(self._clock)
-        return JobRecord(
-            job, self.arm, self._page, self._me, now, safe, result, now if result else 0
-        )
-
     async def _claim(
         self, message: Msg, job: Job, safe: bool
     ) -> tuple[JobRecord, int, float | None]:
@@ -441,7 +450,9 @@ class Worker:
                 age = await self._fleet.age(message, job) if limits else 0.0
                 late = age - min(limits, default=math.inf)
                 result = failed(DeadlinePassed(late)) if late > 0 else None
-                record = self._record(job, result, safe)
+                now = utc_ns(self._clock)
+                end = now if result else 0
+                record = JobRecord(job, self.arm, self._page, self._me, now, safe, result, end)
                 left = None if job.end_within_s is None else job.end_within_s - age
                 return record, await self._create(record), left
             except GONE as error:
@@ -490,11 +501,8 @@ class Worker:
                     try:
                         found = await self._fleet.get(JobRecord, identity)
                     except BadJob as error:
-                        logger.warning(
-                            "Fleet: the record of %s was invalid and is replaced: %s",
-                            identity,
-                            error,
-                        )
+                        words = "Fleet: the record of %s was invalid and is replaced: %s"
+                        logger.warning(words, identity, error)
                         await self._fleet.jobs.put(identity, to_bytes(mine))
                         return
                     if found is None:  # the NATS server has lost its disk
@@ -556,11 +564,15 @@ class Worker:
     async def _stop(self, _: bytes) -> dict[str, Any]:
         self._held = _BY_FLEET
         self._wait()
-        goals = (await self._server.stop()).goals
-        if self._sending.locked():  # a job may reach the arm after the stop
-            async with self._sending:
-                goals += (await self._server.stop()).goals
-        self._changed.set()
+        storing = asyncio.create_task(self._store_hold())
+        try:
+            goals = (await self._server.stop()).goals
+            if self._sending.locked():  # a job may reach the arm after the stop
+                async with self._sending:
+                    goals += (await self._server.stop()).goals
+        finally:
+            self._changed.set()
+            await storing
         return {"goals": list(goals)}
 
     async def _resume(self, _: bytes) -> dict[str, Any]:

@@ -99,7 +99,7 @@ class RunningWorker:
 
     def keep(self) -> None:
         """Start it again, with a growing delay, until `end` or until the fleet refuses it."""
-        delay, begun = _FIRST_DELAY, self._clock.now()
+        delay, begun, failure = _FIRST_DELAY, self._clock.now(), ""
         while True:
             status = self._process.wait()
             with self._signal:
@@ -112,16 +112,21 @@ class RunningWorker:
                     return
                 if self._clock.now() - begun > _LONGEST_DELAY:
                     delay = _FIRST_DELAY
-                words = "FLEET: the worker ended with status %d; it starts again in %g s"
-                logger.warning(words, status, delay)
+                why = failure or f"ended with status {status}"
+                logger.warning("FLEET: the worker %s; it starts again in %g s", why, delay)
                 begun = self._clock.now() + delay
                 while not self._ended and self._clock.now() < begun:
                     self._signal.wait(begun)
                 if self._ended:
                     return
-                assert self._process.stdin
-                self._process.stdin.close()
-                self._process = self._start()
+                try:
+                    process, failure = self._start(), ""
+                except OSError as error:  # such as too many processes
+                    failure = f"cannot be started ({error})"
+                else:
+                    assert self._process.stdin
+                    self._process.stdin.close()
+                    self._process = process
             delay = min(2 * delay, _LONGEST_DELAY)
 
     def end(self) -> None:

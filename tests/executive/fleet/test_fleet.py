@@ -10,7 +10,7 @@ import nats.errors
 import pytest
 from nats.js.kv import KeyValue
 
-from executive.api.outcome import Outcome
+from executive.api.outcome import CancelResult, Outcome
 from executive.errors import ServerUnreachable
 from executive.fleet import connection, worker as worker_module
 from executive.fleet.connection import job_subject, open_fleet
@@ -118,6 +118,32 @@ def test_a_job_that_takes_too_long_is_canceled_and_its_arm_takes_the_next(url: s
             arm.duration = 0.0
             after = await client.send(2, "bench", {}, end_within=60)
             assert (await ended(client, after)).state == "SUCCEEDED"
+
+    asyncio.run(main())
+
+
+def test_a_failed_cancel_of_a_job_that_takes_too_long_is_repeated(
+    url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("executive.fleet.worker._PAUSE_SECONDS", 0.0)
+
+    class Unsteady(SimulatedArm):
+        """An arm that does not get the first cancels."""
+
+        lost = 2
+
+        async def cancel(self, goal_id: str = "") -> CancelResult:
+            if self.lost:
+                self.lost -= 1
+                raise ServerUnreachable(self.url, "lost")
+            return await super().cancel(goal_id)
+
+    async def main() -> None:
+        async with joined(url, Unsteady()) as client, asyncio.timeout(10):
+            job = await client.send(1, "bench", {}, end_within=0.3)
+            result = (await ended(client, job)).result
+            assert result
+            assert (result.state.name, result.code) == ("CANCELED", "fleet.too_long")
 
     asyncio.run(main())
 

@@ -7,6 +7,7 @@ import logging
 import nats.errors
 import pytest
 from nats.aio.msg import Msg
+from nats.js.kv import KeyValue
 
 from executive.fleet.connection import (
     JOBS,
@@ -183,6 +184,39 @@ def test_a_stop_by_the_fleet_outlives_a_restart_of_the_worker(url: str) -> None:
     asyncio.run(main())
 
 
+def test_a_confirmed_stop_is_stored_so_that_it_outlives_a_killed_worker(url: str) -> None:
+    async def main() -> None:
+        async with joined(url, SimulatedArm()) as client:
+            await client.stop(["bench.0"])
+            found = await client._fleet.get(Member, "bench.0")
+            assert found
+            assert found[0].held == "stopped by the fleet"
+
+    asyncio.run(main())
+
+
+def test_a_stop_is_confirmed_though_its_hold_cannot_be_stored_now(
+    url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def main() -> None:
+        arm, put, free = SimulatedArm(), KeyValue.put, asyncio.Event()
+
+        async def stuck(bucket: KeyValue, key: str, value: bytes) -> int:
+            await free.wait()
+            return await put(bucket, key, value)
+
+        async with joined(url, arm) as client:
+            monkeypatch.setattr(KeyValue, "put", stuck)
+            assert [each.arm for each in await client.stop(["bench.0"])] == ["bench.0"]
+            assert arm.stops == 1
+            free.set()
+            async with asyncio.timeout(10):  # the worker stores it later
+                while not (await client._fleet.values(Member))["bench.0"].held:
+                    continue
+
+    asyncio.run(main())
+
+
 def test_an_arm_whose_server_died_remains_a_member_so_that_a_stop_names_it(
     url: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -215,19 +249,47 @@ def test_an_arm_whose_server_died_remains_a_member_so_that_a_stop_names_it(
     asyncio.run(main())
 
 
+async def fail_to_hold(*_: object, hold: bool) -> None:
+    raise nats.errors.TimeoutError
+
+
 def test_a_stop_whose_queues_cannot_be_held_shows_its_confirmations(
     url: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    async def fail(*_: object, hold: bool) -> None:
-        raise nats.errors.TimeoutError
-
     async def main() -> None:
         arm = SimulatedArm()
         async with joined(url, arm) as client:
-            monkeypatch.setattr(client, "_hold_queues", fail)
-            with pytest.raises(NotConfirmed, match="queues, which are not held") as failure:
+            monkeypatch.setattr(client, "_hold_queues", fail_to_hold)
+            with pytest.raises(NotConfirmed) as failure:
                 await client.stop()
+            assert str(failure.value) == (
+                "1 of 1 arms confirmed stop; the queues are not held and still deliver jobs "
+                "(nats: timeout); type the stop again"
+            )
+            assert failure.value.hint == "type the stop again"
             assert [each.arm for each in failure.value.confirmed] == ["bench.0"]
             assert arm.stops == 1
+
+    asyncio.run(main())
+
+
+def test_a_stop_names_silent_arms_and_queues_that_are_not_held(
+    url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("executive.fleet.fleet_client.STOP_SECONDS", 0.3)
+
+    async def main() -> None:
+        async with joined(url, SimulatedArm()) as client:
+            silent = Member("bench.silent", "http://silent", "host", "e" * 32, 1)
+            await client._fleet.members.put(silent.arm, to_bytes(silent))
+            monkeypatch.setattr(client, "_hold_queues", fail_to_hold)
+            with pytest.raises(NotConfirmed) as failure:
+                await client.stop()
+            assert str(failure.value) == (
+                "1 of 2 arms confirmed stop; not bench.silent; the queues are not held and still "
+                "deliver jobs (nats: timeout); look at these arms, and use their own pages or "
+                "power switches; then type the stop again"
+            )
+            assert [each.arm for each in failure.value.confirmed] == ["bench.0"]
 
     asyncio.run(main())

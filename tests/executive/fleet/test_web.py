@@ -41,8 +41,8 @@ class Stored:
             raise self.error
         return ROWS
 
-    async def waiting(self) -> dict[str, str]:
-        return {"bench": "no arm of bench is ready: 1 held; 4 jobs wait"}
+    async def pools(self) -> dict[str, int]:
+        return {"bench": 1, "paint": 3}
 
     async def queued(self, most: int) -> tuple[int, list[object]]:
         return 4, []
@@ -63,7 +63,7 @@ def requests(stored: Stored) -> Iterator[TestClient]:
 def test_the_page_its_arms_and_its_files(requests: TestClient) -> None:
     found = requests.get("/arms").json()
     assert (found["queued"], found["host"]) == (4, socket.gethostname())
-    assert found["waiting"] == ["no arm of bench is ready: 1 held; 4 jobs wait"]
+    assert found["waiting"] == ["no arm of paint is ready: none has joined; 3 jobs wait"]
     assert [each["state"] for each in found["arms"]] == ["busy", *["gone"] * 3]
     assert found["arms"][0]["url"] == "http://arm:8765"
     for path, kind in (("/", "text/html"), ("/fleet.js", "javascript"), ("/fleet.css", "text/css")):
@@ -122,7 +122,7 @@ def test_a_browser_shows_the_arms_and_links_to_pages_that_it_can_reach(
     tab.on("pageerror", lambda error: problems.append(str(error)))
     tab.goto(page)
     shows(tab, "#summary", "^4 arms: 1 busy, 3 gone; 4 jobs queued$")
-    shows(tab, "#waiting", "^no arm of bench is ready: 1 held; 4 jobs wait$")
+    shows(tab, "#waiting", "^no arm of paint is ready: none has joined; 3 jobs wait$")
     assert [each.inner_text() for each in tab.locator("#arms tr").first.locator("td").all()] == [
         *("bench.arm-7", "busy", "a" * 32, "ok", "3", "lab")
     ]

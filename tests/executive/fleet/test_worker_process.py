@@ -1,6 +1,8 @@
 """The worker of a server as a process: it starts again, unless the fleet refuses it."""
 
+import errno
 import logging
+import os
 import subprocess
 import threading
 
@@ -11,11 +13,16 @@ from hardware import RealClock
 
 
 def started(*scripts: str) -> tuple[RunningWorker, list[str]]:
-    """A worker whose processes are these scripts, one after the other; the scripts left."""
+    """A worker whose processes are these scripts, one after the other; the scripts left.
+
+    An empty script cannot be started.
+    """
     left = [*scripts]
 
     def start() -> "subprocess.Popen[bytes]":
-        return subprocess.Popen(["sh", "-c", left.pop(0)], stdin=subprocess.PIPE)
+        if not (script := left.pop(0)):
+            raise BlockingIOError(errno.EAGAIN, os.strerror(errno.EAGAIN))
+        return subprocess.Popen(["sh", "-c", script], stdin=subprocess.PIPE)
 
     return RunningWorker(start, "armtree fleet join", RealClock()), left
 
@@ -34,6 +41,43 @@ def test_a_worker_that_dies_starts_again_until_the_fleet_refuses_it(
         "FLEET: the worker ended with status 1",
     ]
     assert "type: armtree fleet join" in caplog.text
+
+
+def test_a_worker_that_cannot_be_started_is_started_later(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("executive.fleet.worker_process._FIRST_DELAY", 0.01)
+    running, left = started("exit 1", "", "exit 13")
+    with caplog.at_level(logging.WARNING):
+        running.keep()
+    running.end()
+    assert left == []
+    assert [each.getMessage() for each in caplog.records[:2]] == [
+        "FLEET: the worker ended with status 1; it starts again in 0.01 s",
+        "FLEET: the worker cannot be started ([Errno 11] Resource temporarily unavailable); it "
+        "starts again in 0.02 s",
+    ]
+
+
+def test_a_server_can_end_while_its_worker_cannot_be_started(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("executive.fleet.worker_process._FIRST_DELAY", 0.01)
+    processes, failed = iter([subprocess.Popen("true", stdin=subprocess.PIPE)]), threading.Event()
+
+    def start() -> "subprocess.Popen[bytes]":
+        for process in processes:
+            return process
+        failed.set()
+        raise BlockingIOError
+
+    running = RunningWorker(start, "armtree fleet join", RealClock())
+    keeping = threading.Thread(target=running.keep)
+    keeping.start()
+    assert failed.wait(10)
+    running.end()
+    keeping.join(10)
+    assert not keeping.is_alive()
 
 
 def test_a_worker_that_ends_in_order_learns_it_and_does_not_start_again() -> None:
