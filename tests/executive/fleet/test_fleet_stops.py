@@ -207,9 +207,12 @@ def test_a_stop_is_confirmed_though_its_hold_cannot_be_stored_now(
 
         async with joined(url, arm) as client:
             monkeypatch.setattr(KeyValue, "put", stuck)
-            assert [each.arm for each in await client.stop(["bench.0"])] == ["bench.0"]
+            try:
+                confirmed = await client.stop(["bench.0"])
+            finally:
+                free.set()
+            assert [each.arm for each in confirmed] == ["bench.0"]
             assert arm.stops == 1
-            free.set()
             async with asyncio.timeout(10):  # the worker stores it later
                 while not (await client._fleet.values(Member))["bench.0"].held:
                     continue
