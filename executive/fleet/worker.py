@@ -576,10 +576,9 @@ class Worker:
         return {"goals": list(goals)}
 
     async def _resume(self, _: bytes) -> dict[str, Any]:
-        self._stops = None
+        self._held, self._stops = "", None  # before the wait, in which a new stop may come
         with suppress(ClientError):
             await self._status()  # earlier stops hold it no longer
-        self._held = ""
         self._changed.set()
         return {}
 
