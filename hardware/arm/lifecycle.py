@@ -123,7 +123,8 @@ class Lifecycle:
             self._check(label)  # a refused request must not hold the lock when raise_error needs it
         if not self._changing.acquire(blocking=False):
             raise TransitionRefused(
-                f"cannot {label} now: the arm is {self.state.value}; wait until that has ended"
+                f"cannot {label} while a transition is under way: the arm is {self.state.value}; "
+                "try again when it has ended"
             )
         try:
             self._check(label)

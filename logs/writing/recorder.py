@@ -215,7 +215,8 @@ class Recorder:
             self._unsynced = False
             try:
                 os.fsync(self._file)
-                if not os.fstat(self._file).st_nlink:
+                # At the end, the complete recording takes the name of this file.
+                if not os.fstat(self._file).st_nlink and not self._ended.is_set():
                     raise FileNotFoundError(errno.ENOENT, "it was deleted", str(self.path))
             except OSError as cause:
                 self._fail(cause)

@@ -33,6 +33,7 @@ from logs import (
 )
 from logs.reading.file_state import is_complete
 from logs.records.records import Item
+from logs.writing.compaction import rewrite
 from logs.writing.journal import Journal
 from tests.logs.test_run import EPOCH_NS, fail, node
 from tests.support.paths import ROOT
@@ -238,6 +239,31 @@ def test_a_recording_that_is_deleted_is_reported_while_it_is_written(
     assert not recorder.caught_up(0.0)
     with pytest.raises(RecordingIncomplete, match="was moved or deleted while it was written"):
         recorder.close()
+
+
+def test_a_sync_that_ends_after_the_recording_is_complete_is_no_loss(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The complete recording has taken the place of the file that was synced."""
+    syncs, complete = threading.Event(), threading.Event()
+
+    def sync(_: int) -> None:
+        if not syncs.is_set():  # the first one is that of the written records
+            syncs.set()
+            assert complete.wait(20)
+
+    def rewritten(path: Path) -> object:
+        summary = rewrite(path)
+        complete.set()
+        return summary
+
+    monkeypatch.setattr(logs.writing.recorder, "rewrite", rewritten)
+    monkeypatch.setattr(logs.writing.recorder, "FSYNC_S", 0.0)
+    monkeypatch.setattr(os, "fsync", sync)
+    recorder = Recorder(tmp_path / "run.mcap", EPOCH_NS, lambda _: None)
+    recorder.put(sent(0))
+    assert syncs.wait(20)
+    assert recorder.close().messages == 3
 
 
 def test_closing_twice_gives_the_same_summary_and_late_records_are_ignored(tmp_path: Path) -> None:

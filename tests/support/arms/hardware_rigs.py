@@ -119,10 +119,10 @@ def open_files() -> int:
 
 
 def settled_for(arm: Arm, state: State, patience: float) -> None:
-    """Waits in real time until an arm is in a state, for so long at the most [s]."""
+    """Waits in real time until an arm has come to a state, for so long at the most [s]."""
     clock = RealClock()
     signal, until = clock.signal(), clock.now() + patience
-    while arm.state is not state:
+    while arm.state is not state or arm._is_changing():
         assert clock.now() < until, arm.state
         with signal:
             signal.wait(clock.now() + 0.002)
