@@ -123,7 +123,8 @@ def travel_bounds(
 def _motion(model: pin.Model, data: pin.Data, joint: int) -> Array:
     """Return a joint frame's velocity per unit of the joint, in that frame: linear, angular."""
     jacobian = pin.computeJointJacobian(model, data, pin.neutral(model), joint)
-    return np.asarray(jacobian[:, model.joints[joint].idx_v], dtype=np.float64)
+    columns = jacobian.reshape(6, -1)  # pinocchio returns a vector for one joint
+    return np.asarray(columns[:, model.joints[joint].idx_v], dtype=np.float64)
 
 
 def _slide_range(robot: Robot, model: pin.Model, joint: int) -> float | None:

@@ -233,7 +233,7 @@ def _with_one_coordinate(model: pin.Model, joint: int) -> pin.JointModel:
     if original.nq == original.nv:
         return original
     data, neutral = model.createData(), pin.neutral(model)
-    axis = pin.computeJointJacobian(model, data, neutral, joint)[3:, original.idx_v]
+    axis = pin.computeJointJacobian(model, data, neutral, joint).reshape(6, -1)[3:, original.idx_v]
     return pin.JointModelRevoluteUnaligned(axis)
 
 

@@ -137,6 +137,14 @@ def test_at_a_terminal_it_asks_for_the_tool(folder: Path, monkeypatch: pytest.Mo
     assert tool.link == "c"
 
 
+@pytest.mark.parametrize("kind", ["revolute", "continuous"])
+def test_an_arm_may_have_one_joint(folder: Path, kind: str) -> None:
+    (folder / "one.urdf").write_text(urdf([f"base -> a: {kind} turn"]))
+    assert armtree("new-arm", "one.urdf").exit_code == 0
+    robot = load_robot(folder / "one.toml")
+    assert Planner(robot).plan(Query("arm", robot.boot_pose, (0.1,))).duration > 0.0
+
+
 def test_no_file_is_overwritten(folder: Path) -> None:
     (folder / "arm.toml").write_text("mine")
     status, _, error = type_command(folder, "new-arm", "arm.urdf")
