@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from hardware import BadPosition, Mimic, check_position, load_robot
-from hardware.joints import check_positions, rounded
+from hardware.joints import check_positions, joint_words, rounded
 
 ROBOT = load_robot()
 CONTINUOUS = dataclasses.replace(ROBOT.joint("joint_1"), lower=-math.inf, upper=math.inf)
@@ -68,6 +68,11 @@ def test_a_rounded_position_has_the_unit_of_its_joint_and_no_minus_zero(
 
 def test_a_rounded_position_is_in_degrees_unless_it_has_a_unit() -> None:
     assert rounded(math.radians(-90)) == "-90.0 deg"
+
+
+def test_positions_by_joint_have_the_unit_of_each_joint() -> None:
+    positions = {"joint_1": math.radians(70), "slide": 0.01236}
+    assert joint_words(positions, {"slide": "m"}) == "joint_1 70.0 deg, slide 12.4 mm"
 
 
 def test_too_few_or_too_many_positions_are_refused_by_the_names_of_the_joints() -> None:

@@ -18,6 +18,8 @@ from skills import (
 )
 from skills.joint_targets import (
     check_complete,
+    check_distances,
+    check_joints,
     configuration_errors,
     link_errors,
     mimic_errors,
@@ -324,3 +326,17 @@ def test_a_mimic_joint_whose_leader_is_named_only_later_or_misspelt_is_not_alone
     alone.unknown = ("joint_5",)
     with pytest.raises(BadTarget, match=r"name joint_4 instead$"):
         Target.validate(robot, {"joints": alone})
+
+
+def test_a_target_of_one_joint_is_checked_without_the_others(robot: Robot) -> None:
+    check_joints(robot, Positions(joint_2=0.3))
+    with pytest.raises(OutOfBounds, match=r"joint_2 = 171\.89 deg") as caught:
+        check_joints(robot, Positions(joint_2=3.0))
+    assert caught.value.location == ("joints", "joint_2")
+
+
+def test_a_distance_of_one_joint_is_checked_without_the_others(robot: Robot) -> None:
+    check_distances(robot, {"joint_2": 0.3})
+    with pytest.raises(OutOfBounds, match="joint_2") as caught:
+        check_distances(robot, {"joint_2": 7.0})
+    assert caught.value.location == ("by", "joint_2")
