@@ -12,9 +12,6 @@ from typing import Any, Self
 
 from hardware import VIRTUAL, load_robot
 from skills import Operator
-from trees import EXAMPLES
-from trees.errors import SHIPPED_ROBOT
-from trees.reading.library import with_robot
 
 from .api.codes import OK
 from .api.events import Where
@@ -22,10 +19,8 @@ from .api.move import HOME, Move
 from .api.outcome import Outcome
 from .errors import GoalFailed
 from .session import load_own_skills, open_executive
-from .setup import Setup
+from .setup import Setup, find_own_trees
 from .task_runner import TaskRunner
-
-OWN_TREES = Path("trees")  # as on the command line
 
 
 class Arm:
@@ -37,8 +32,8 @@ class Arm:
     Args:
         port: Serial port such as `/dev/ttyACM0`; default: `virtual`, a simulated board.
         robot: Robot file; default: the shipped Arduinobot.
-        trees: Folder with task files of your own; default: `./trees`. If it has no task files, the
-            Arduinobot has the example tasks.
+        trees: Folder with task files of your own; default: `./trees`, if it exists. The
+            example tasks are in `armtree.EXAMPLES`.
         skills: Folder with Python files of skills of your own.
         recordings: Folder for recordings.
         seed: Seed of planning, from 1.
@@ -76,7 +71,7 @@ class Arm:
         setup = Setup(
             port=port,
             robot=description,
-            trees=_default_trees(description.name) if trees is None else Path(trees),
+            trees=find_own_trees() if trees is None else Path(trees),
             recordings=Path(recordings),
             seed=seed,
             pose=pose,
@@ -155,13 +150,6 @@ class Arm:
     def stop(self) -> None:
         """Stop the arm and cancel the task that runs. Any thread may call."""
         self.executive.cancel()
-
-
-def _default_trees(robot: str) -> Path | None:
-    """Return `./trees` if it has tasks for a robot, else the examples if they fit the robot."""
-    if any(file for folder in with_robot(OWN_TREES, robot) for file in folder.glob("*.yaml")):
-        return OWN_TREES
-    return EXAMPLES if robot == SHIPPED_ROBOT else None
 
 
 def _check(name: str, value: object, valid: object, wanted: str) -> None:

@@ -10,6 +10,11 @@ if TYPE_CHECKING:
     from hardware import Robot
 
 
+def find_own_trees() -> Path | None:
+    """Return `./trees`, or None if there is no such folder."""
+    return own if (own := Path("trees")).is_dir() else None
+
+
 @dataclass(frozen=True, kw_only=True)
 class Setup:
     """The set-up: a robot, its tasks, and the options of runs. The settings have the same defaults.

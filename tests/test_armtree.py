@@ -14,7 +14,7 @@ import pytest
 import armtree
 import logs
 from executive.api.events import Event
-from executive.arm import Arm, _default_trees
+from executive.arm import Arm
 from executive.executive import Executive
 from executive.session import open_executive
 from executive.setup import Setup
@@ -225,22 +225,16 @@ asyncio.new_event_loop().run_until_complete(cells())
 """
 
 
-def test_without_own_tasks_the_examples_are_there(
+def test_the_tasks_are_those_of_the_command_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert _default_trees("arduinobot") == armtree.EXAMPLES
-    assert _default_trees("so101") is None  # the examples are for another robot
-    monkeypatch.chdir(ROOT)  # with a folder `trees` of another kind
-    assert _default_trees("arduinobot") == armtree.EXAMPLES
-    own = tmp_path / "trees" / "so101"
-    own.mkdir(parents=True)
-    monkeypatch.chdir(tmp_path)
-    (own / "8_wait.yaml").write_text(WAIT)
-    assert _default_trees("so101") == Path("trees")
-    assert _default_trees("arduinobot") == armtree.EXAMPLES
-    (own.parent / "8_wait.yaml").write_text(WAIT)
-    assert _default_trees("arduinobot") == Path("trees")
+    with armtree.Arm() as arm, pytest.raises(armtree.UnknownTask, match="wave is an example"):
+        arm.run("wave")
+    (tmp_path / "trees").mkdir()
+    (tmp_path / "trees" / "9_ask.yaml").write_text(ASK)
+    with armtree.Arm() as arm, pytest.raises(armtree.GoalFailed, match="operator"):
+        arm.run("ask")
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from hardware import Arm, RealClock, Robot
-from hardware.description.neighbours import advice_for_missing_shapes
+from hardware.description.neighbours import shape_warnings
 from hardware.spelling import closest, did_you_mean
 from skills import (
     BadTarget,
@@ -102,8 +102,7 @@ def check(robot: Robot, folder: Path | None, files: Sequence[Path] = ()) -> Find
         for key in (() if tree.mistakes.found else tree.unread)
     ]
     findings.notes += [note for tree in collisions.trees for note in tree.mistakes.notes]
-    if missing := advice_for_missing_shapes(robot):
-        findings.notes.append(Mistake(Place(robot.urdf), missing))
+    findings.notes += [Mistake(Place(robot.urdf), why) for why in shape_warnings(robot)]
     for library in libraries:
         findings.notes += _for_other_robots(robot, library, collisions.trees)
     findings.notes = list(FileError(findings.notes).mistakes)

@@ -131,27 +131,27 @@ def new_arm(
 
 def _report(robot: "Robot", allowed: "AllowedPairs", saved: Path | None) -> list[str]:
     """Return lines about the guesses and results."""
-    from hardware.description.neighbours import advice_for_missing_shapes
+    from hardware.description.neighbours import shape_warnings
 
     reasons, nearest = Counter(allowed.reasons.values()), allowed.nearest
     counts = ", ".join(f"{count} {reason}" for reason, count in reasons.items())
+    unchecked = f"{len(allowed.reasons)} are not checked: {counts}"
     away = [f"{joint.name} {joint.words(joint.boot, 4)}" for joint in robot.actuated if joint.boot]
     pose = f"{', '.join(away)}, others 0" if away else "all joints at 0"
     poses = ", ".join(f"{name} {robot.words(each)}" for name, each in allowed.poses.items())
     free = "no links are checked there"
     if nearest:
         free = f"{nearest.first} and {nearest.second} are nearest, {1e3 * nearest.distance:.0f} mm"
-    missing = advice_for_missing_shapes(robot)
     lines = {
         "arm": ", ".join(robot.groups["arm"]),
         "gripper": ", ".join(robot.groups["gripper"]) or "none",
         "tool": robot.tool.link if robot.tool else "",
         "poses": f"{poses}, in {saved}" if saved else "none saved",
         robot.firmware.words.start_pose: f"{pose}; {free}",
-        "pairs": f"{allowed.count} of links; {len(allowed.reasons)} are not checked: {counts}",
+        "pairs": f"{allowed.count} of links; {unchecked}" if allowed.count else "none",
     }
     return [
         f"{robot.path}: a robot file for {robot.name}",
         *(f"  {name:<11}{value}" for name, value in lines.items()),
-        *([f"  {'shapes':<11}{missing}"] if missing else []),
+        *(f"  {'shapes':<11}{why}" for why in shape_warnings(robot)),
     ]

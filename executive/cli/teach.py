@@ -103,18 +103,23 @@ def teach(number: int, name: str, server: str | None, speed: float, **options: A
         )
         names = (name for name in ("robot", "trees", "port") if source(name) is typed)
         given = {f"--{name}": options[name] for name in names}
-        terminal.write(f"{summary(task, server, url, given)}\n")
+        terminal.write(f"{summary(task, folder, server, url, given)}\n")
         terminal.flush()
     sys.exit(status)
 
 
 def summary(
-    task: "TaughtTask", server: str | None, url: str | None, given: "Mapping[str, object]"
+    task: "TaughtTask",
+    folder: Path,
+    server: str | None,
+    url: str | None,
+    given: "Mapping[str, object]",
 ) -> str:
     """Return a summary of the task, and the command that runs it on the same arm.
 
     Args:
         task: The task.
+        folder: Folder of the user's task files.
         server: URL of the server, if the command names it.
         url: URL of the server that has the arm; None for an arm of this command.
         given: Options that the task needs on an arm of this command. Options with None are left
@@ -128,7 +133,23 @@ def summary(
     words = ["send", number, "--wait"] if url else ["run", number]
     for option_name, value in ({"--server": server} if url else given).items():
         words += [option_name, str(value)] if value else []
-    return f"{task.path} has {steps}. Next, type: armtree {shlex.join(words)}"
+    next_step = "Next"
+    if url and not _is_listed(task.path, url):
+        start = shlex.join(["--trees", str(folder)])
+        next_step = f"The server does not list it: start armtree serve with {start}. Then"
+    return f"{task.path} has {steps}. {next_step}, type: armtree {shlex.join(words)}"
+
+
+def _is_listed(path: Path, url: str) -> bool:
+    """Return True if a server answers, and reads a task file of this name."""
+    from executive.client.synchronous import Client
+    from executive.errors import ClientError
+
+    try:
+        with Client(url) as client:
+            return any(Path(each.source).name == path.name for each in client.tasks())
+    except ClientError:
+        return False
 
 
 class _Teaching:

@@ -1,9 +1,10 @@
-"""Neighbouring links, which may touch by design, and links without collision shapes."""
+"""Neighbouring links, which may touch by design, and warnings about the shapes of links."""
 
 import json
 from collections.abc import Collection
 from itertools import combinations
 
+from .meshes import mesh_mistakes
 from .robot import Robot
 from .urdf import Urdf
 
@@ -50,12 +51,20 @@ def advice_for_contact(robot: Robot, first: str, second: str) -> str:
     return f"they are neighbours, so add {pair} to {where}"
 
 
-def advice_for_missing_shapes(robot: Robot) -> str:
-    """Return a warning about visible links without collision shapes; empty if there are none."""
+def shape_warnings(robot: Robot) -> list[str]:
+    """Return warnings about links without collision shapes, and about missing visual meshes.
+
+    All missing meshes of one package are one warning.
+    """
     urdf = robot.description
     counts, visible = urdf.shape_counts(), urdf.shape_counts("visual")
-    if not any(counts.values()):
-        return "no <collision> in the URDF, so no collision is found; add one to each link"
     bare = ", ".join(link for link, count in counts.items() if visible[link] and not count)
-    why = f"no <collision> for {bare} in the URDF, so these are not checked; add one to each"
-    return why if bare else ""
+    found = []
+    if not any(counts.values()):
+        found = ["no <collision> in the URDF, so no collision is found; add one to each link"]
+    elif bare:
+        why = "in the URDF, so these are not checked; add one to each"
+        found = [f"no <collision> for {bare} {why}"]
+    seen = [name for name, collides in urdf.meshes().items() if name and not collides]
+    wrong = mesh_mistakes(robot.urdf, seen)
+    return [*found, *(f"{each}. Only viewers need visual meshes" for each in wrong)]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from executive.api import PORT, Policy
-from executive.setup import Setup
+from executive.setup import Setup, find_own_trees
 
 from .value_types import ABOVE_0, AT_LEAST_0, PATH, Finite, FleetUrl, Url, Whole
 
@@ -56,10 +56,6 @@ class Setting:
             table.fail(key, error.message)
 
 
-def _own_trees() -> Path | None:
-    return own if (own := Path("trees")).is_dir() else None
-
-
 SETTINGS = {
     "port": Setting(
         metavar="PORT",
@@ -74,7 +70,7 @@ SETTINGS = {
     "trees": Setting(
         metavar="FOLDER",
         type=PATH,
-        default=_own_trees,
+        default=find_own_trees,
         help="Folder with your own task files. Default: ./trees, if it exists.",
     ),
     "skills": Setting(

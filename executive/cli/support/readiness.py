@@ -24,7 +24,7 @@ from hardware import (
     load_robot,
 )
 from hardware.bring_up.checks import check_bus
-from hardware.description.neighbours import advice_for_contact, advice_for_missing_shapes
+from hardware.description.neighbours import advice_for_contact, shape_warnings
 from hardware.printable import wire_text
 from logs import LogError, check_space
 from skills.motion import MotionCollides, MotionError, Pool, Result, Verify
@@ -61,8 +61,8 @@ def check_readiness(
         yield Check("driver", None, "none is named, so the arm moves on the port virtual only")
     yield _tasks(trees, robot)
     yield _planner(robot)
-    if missing := advice_for_missing_shapes(robot):
-        yield Check("shapes", None, missing)
+    for why in shape_warnings(robot):
+        yield Check("shapes", None, why)
     yield from _recordings(recordings)
     yield from _port(robot, port, opens_port)
 

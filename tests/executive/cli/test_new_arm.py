@@ -85,12 +85,25 @@ def test_a_task_of_a_new_arm_runs_without_a_board(folder: Path) -> None:
 def test_what_was_guessed_is_said_and_can_be_given(folder: Path) -> None:
     said = armtree("new-arm", "arm.urdf").output
     assert "  arm        shoulder, elbow\n  gripper    gripper\n  tool       b\n" in said
-    assert "  start pose all joints at 0; no links are checked there\n" in said
+    assert "  start pose all joints at 0; no links are checked there\n  pairs      none\n" in said
     given = ("--gripper", "none", "--tool", "a", "-o", "other.toml")
     assert armtree("new-arm", "arm.urdf", *given).exit_code == 0
     robot = load_robot(folder / "other.toml")
     assert (robot.name, robot.groups["gripper"]) == ("other", ())
     assert robot.tool == dataclasses.replace(robot.tool, link="a")  # type: ignore[type-var]
+
+
+def test_pairs_of_links_are_counted_and_missing_visual_meshes_named(folder: Path) -> None:
+    box = '<collision><geometry><box size="0.01 0.01 0.01"/></geometry></collision>'
+    seen = '<visual><geometry><mesh filename="gone.stl"/></geometry></visual>'
+    far = '<origin xyz="0 0 1"/>'
+    (folder / "arm.urdf").write_text(urdf([f"{each} {far}" for each in ARM[:2]], box + seen))
+    said = armtree("new-arm", "arm.urdf").output
+    assert "  pairs      3 of links; 3 are not checked: 2 adjacent, 1 never\n" in said
+    why = "the mesh gone.stl is not found; copy it there, or correct its path in arm.urdf"
+    assert f"  shapes     {why}. Only viewers need visual meshes\n" in said
+    for command in ("doctor", "check"):
+        assert why in armtree(command, "--robot", "arm.toml").output
 
 
 @pytest.mark.slow

@@ -13,9 +13,12 @@ from tests.end_to_end.test_command_line import robot
 from tests.support.arms.bus_arms import push, so101_bus, so101_file
 from tests.support.command_line.pseudo_terminal import ARMTREE, PseudoTerminal
 from tests.support.command_line.typed import typed
+from tests.support.servers.serving import Serve, Served
 from trees.export.taught_task import TaughtTask
 
 pytestmark = pytest.mark.slow
+
+pytest_plugins = ["tests.support.servers.server_fixtures"]
 
 __all__ = ["robot"]
 
@@ -91,12 +94,41 @@ def test_a_task_is_taught_and_runs(command: list[str], tmp_path: Path, robot: Pa
         assert verify(Path(outcome.recording)).holds
 
 
-def test_what_runs_a_task_that_is_taught_on_a_server(tmp_path: Path, robot: Path) -> None:
-    task = TaughtTask(load_robot(robot), tmp_path, 5, "fetch")
+def taught(served: Served, folder: Path) -> str:
+    """Teach task 5 on the arm of a server, in this folder. Return the last line."""
+    with PseudoTerminal(served.folder, "teach", "5", "fetch", "--trees", str(folder)) as terminal:
+        terminal.until("armtree teach fetch   arm active")
+        terminal.type("t")
+        terminal.until("Step 1: move to")
+        terminal.type("q")
+        return " ".join(terminal.end()[1].split())
+
+
+def test_what_runs_a_task_that_is_taught_on_a_server(serve: Serve) -> None:
+    served = serve()
+    printed = taught(served, served.tasks)
+    assert printed.endswith("has 1 step (2 nodes). Next, type: armtree send 5 --wait")
+    with served.client() as client:
+        assert client.send(5)
+
+
+def test_a_server_that_does_not_read_the_folder_needs_another_start(serve: Serve) -> None:
+    served = serve()
+    printed = taught(served, Path("mine 2"))
+    assert printed.endswith(
+        "has 1 step (2 nodes). The server does not list it: start armtree serve with "
+        "--trees 'mine 2'. Then, type: armtree send 5 --wait"
+    )
+
+
+def test_what_runs_a_task_names_the_server_of_the_command(serve: Serve, robot: Path) -> None:
+    served = serve(active=False)
+    task = TaughtTask(load_robot(robot), served.tasks, 5, "fetch")
     task.wait("1s")
-    for server, words in ((None, ""), ("http://arm:1", " --server http://arm:1")):
-        said = summary(task, server, "http://arm:1", {"--trees": "mine"})
-        assert said.endswith(f"1 step. Next, type: armtree send 5 --wait{words}")
+    for url, has in ((served.server.url, "step. Next"), ("http://127.0.0.1:9", "serve with")):
+        said = summary(task, served.tasks, url, url, {"--trees": "mine"})
+        assert has in said
+        assert said.endswith(f", type: armtree send 5 --wait --server {url}")
 
 
 def test_what_runs_a_taught_task_names_its_folder_and_robot(tmp_path: Path, robot: Path) -> None:
@@ -106,7 +138,7 @@ def test_what_runs_a_taught_task_names_its_folder_and_robot(tmp_path: Path, robo
         ({"--robot": None, "--trees": Path("mine 2")}, " --trees 'mine 2'"),
         ({"--robot": "so101", "--trees": None}, " --robot so101"),
     ):
-        said = summary(task, None, None, given)
+        said = summary(task, tmp_path, None, None, given)
         assert said.endswith(f"has 1 step (2 nodes). Next, type: armtree run 5{words}")
 
 
