@@ -6,6 +6,7 @@ from itertools import groupby
 _ALL = 8  # a message lists all names if there are at most this many
 _SHOWN = 5  # largest number of names in a message if there are more
 _NEAR, _NEARER = 0.6, 0.71  # smallest similarity to list a name, and to suggest it
+_OTHER_START = 0.75  # factor for names with another first letter, which few people mistype
 
 
 def closest(word: str, known: Iterable[str], cutoff: float = _NEAR) -> str:
@@ -35,9 +36,14 @@ def _by_similarity(word: str, known: Iterable[str]) -> list[tuple[float, str]]:
     matcher = SequenceMatcher(b=folded)
     found = []
     for name in known:
-        matcher.set_seq1(_folded(name))
-        same_letters = sorted(_folded(name)) == sorted(folded)  # for example, `=>` for `>=`
-        found.append((max(matcher.ratio(), 0.9 * same_letters), name))
+        other = _folded(name)
+        matcher.set_seq1(other)
+        similarity = matcher.ratio()
+        if not word.isalnum() and sorted(other) == sorted(folded):  # for example, `=>` for `>=`
+            similarity = 0.9
+        elif other[0] != folded[0] and other not in folded and folded not in other:
+            similarity *= _OTHER_START
+        found.append((similarity, name))
     return sorted(found, key=lambda each: (-each[0], each[1]))
 
 

@@ -9,6 +9,14 @@ def test_the_most_similar_name_is_suggested() -> None:
     assert suggestion("joint_7", ["joint_1", "joint_2"], ["joint_2"]) == "; did you mean joint_1?"
 
 
+def test_a_name_with_another_beginning_is_suggested_only_if_it_is_very_similar() -> None:
+    poses = ["closed", "folded", "home", "open", "right", "upright"]
+    assert suggestion("nope", poses) == ""
+    assert suggestion("oepn", poses) == "; did you mean open?"
+    assert suggestion("ome", poses) == "; did you mean home?"
+    assert suggestion("tree", ["subtree"]) == "; did you mean subtree?"
+
+
 def test_a_cutoff_of_0_accepts_any_name() -> None:
     assert closest("/zzz", {"/tf"}) == ""
     assert closest("/zzz", {"/tf"}, cutoff=0.0) == "/tf"

@@ -63,13 +63,14 @@ def execute(
     raise_priority()
     with Interrupts() as interrupts, view_for(as_json, verbose) as view, ExitStack() as stack:
         stack.enter_context(stoppable(view.put))
+        start = list[str]()  # lines that the first accepted goal prints
         try:
             arguments = read_arguments(settings, [number_of(task) for task in tasks])
             executive = stack.enter_context(
                 open_executive(
                     setup,
                     operator=Terminal(_to_errors if as_json else _prompt(view)),
-                    subscriber=partial(_show, view),
+                    subscriber=partial(_show, view, start),
                     report=view.put,
                 )
             )
@@ -78,10 +79,10 @@ def execute(
             view.put(outcome)
             return [outcome]
         view.put(executive.where())
-        view.put(port_line(executive))
+        start.append(port_line(executive))
         reported = executive.robot.firmware.reports_pose and executive.port != VIRTUAL
         if isinstance(tasks[0], Move) and not reported:
-            view.put(_start_line(executive))
+            start.append(_start_line(executive))
         source = click.get_current_context().get_parameter_source("port")
         if known and executive.port == VIRTUAL and source is not ParameterSource.COMMANDLINE:
             for server in token_file.running():
@@ -112,9 +113,13 @@ def _start_line(executive: Executive) -> str:
     return f"Starts at {pose}; `armtree serve --activate` keeps the pose between moves"
 
 
-def _show(view: View, event: Event) -> None:
+def _show(view: View, start: list[str], event: Event) -> None:
+    """Show an event. A goal that was not refused first shows the lines about the start."""
     if not isinstance(event, GoalStatus):
         view.put(event)
+        return
+    while start:
+        view.put(start.pop(0))
 
 
 def _report(view: View, executive: Executive, settings: Sequence[str], outcome: Outcome) -> None:

@@ -40,8 +40,8 @@ def test_a_wrong_move_opens_no_port(
     found, out, error = type_command(folder, "move", *words, "--port", "virtual")
     assert (found, error) == (status, "")
     assert why in out
-    assert out.count("\n") == len(("Port", "Starts at", "move not started: "))
-    assert "move not started: " in out
+    assert out.startswith("move not started: ")
+    assert "Starts at" not in out
     assert list(folder.glob("*.mcap")) == []
 
 
@@ -210,7 +210,7 @@ def test_a_server_with_another_robot_than_the_named_one_is_refused(
     # An arm without a driver can only be virtual, so it is certainly not the arm of the server.
     status, out, _ = type_command(folder, "move", "axis_9=1", "--robot", str(DATA / "endless.toml"))
     assert status == 4
-    assert "Port virtual: the robot file names no driver" in out
+    assert "axis_9 is not an actuated joint; there are bend, elbow, " in out
 
 
 def test_a_stop_says_that_it_stopped_the_server_of_somebody_else(
