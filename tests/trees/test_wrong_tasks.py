@@ -129,7 +129,15 @@ SLIPS = [
     (MOVE, "with:\n        - joints: {joint_1: 20 deg}", "10:9 the ports of a node are a mapping, "
      "not a list: leave out each `-`", "          joints: {joint_1: 20 deg}"),
     (MOVE, "with: [{joints: {joint_1: 20 deg}}]", "9:13 the ports of a node are a mapping, not a "
-     "list: leave out each `-`", f"      {MOVE}"),
+     "list: write braces", f"      {MOVE}"),
+    ("name: m", "name: *m", "2:7 *m is an alias of YAML, which task files lack; write the value "
+     "itself", "name: m"),
+    ("name: m", "name: my task", "2:7 name: 'my task' is not a name (a letter, then letters, "
+     "digits, _ or -); did you mean my_task?", "name: my_task"),
+    ("description: One mistake.", "description:", "3:1 description: write a text here", ""),
+    ("- subtree: move", "- - subtree: move", "8:7 one `-` too many", "    - subtree: move_joints"),
+    ("subtree: move_joints", "subtree: go", "8:16 joints is not a port of subtree go, but of "
+     "subtree move_joints: write subtree: move_joints", "    - subtree: move_joints"),
     (REACH, "with:\n      arm: upright\n      gripper: open", "8:7 `arm` is indented by 6 spaces, "
      "not 8: it belongs to `with` in line 7; the same in line 9",
      "        arm: upright\n        gripper: open"),
@@ -143,6 +151,14 @@ SLIPS = [
      f"    - subtree: move_joints\n      {MOVE}"),
 ]  # fmt: skip
 SLIPS_OF_NODES = [
+    ("pick", "10:7 no skill pick, but a task: write {task: 1}", "    - {task: 1}"),
+    ("subtree: 1", "10:7 a subtree has a name; a task has a number: write task: 1",
+     "    - task: 1"),
+    ("Say: [hello, world]", "10:7 Say takes no list of nodes; these do: sequence, selector, "
+     "parallel", ""),
+    ("while: CheckHardware\n      subtree: open_gripper", "10:7 guard has the node below it, and "
+     "while in a line of its own",
+     "    - guard: {subtree: open_gripper}\n      while: CheckHardware"),
     ("Wait: {within: 2 s}", "10:14 within is not a port of Wait; there is only duration",
      "    - Wait: {duration: 2 s}"),
     ("Say: {text: item #1}", "10:19 a # after a space begins a comment; put the text in quotes",
@@ -309,6 +325,12 @@ def test_no_file_that_ships_has_a_note(robot: Robot) -> None:
 SWING = [
     ("ports: {swing: angle}", "4:1 a task has parameters, a subtree has ports: write parameters",
      "parameters: {swing: angle}"),
+    ("parameters: {swing: {type: degrees, default: 40 deg}}", "4:28 parameters: swing: no type "
+     "degrees; there are number, integer, boolean, text, angle, duration, length, positions, and "
+     "a list of one; did you mean angle?", "parameters: {swing: {type: angle, default: 40 deg}}"),
+    ("parameters: {$swing: {type: angle, default: 40 deg}}", "4:14 parameters: '$swing' is not a "
+     "name (a letter, then letters, digits, _ or -); did you mean swing?",
+     "parameters: {swing: {type: angle, default: 40 deg}}"),
     ("parameters: {swing: {type: angle, default: 40, max: 60 deg}}",
      "4:44 the default of swing: 40 rad is more than 60 deg; did you mean 40 deg?",
      "parameters: {swing: {type: angle, default: 40 deg, max: 60 deg}}"),

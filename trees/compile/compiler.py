@@ -270,6 +270,13 @@ class TreeCompiler:
         if source is None:
             self._assume_used(spec.values.values(), scope)
             return self._placeholder(label or "subtree", spec.place)
+        if name := self._meant(spec, source):
+            first = next(iter(spec.values))
+            why = f"{first} is not a port of {what}, but of subtree {name}"
+            place = spec.named or spec.place
+            right = place.replaced(source.name, name)
+            self._wrong(place, f"{why}: write subtree: {name}", right)
+            return self._file(replace(spec, source=name), scope, shown)
         ports = self._ports(spec, source, scope, what)
         missing = {
             name: declared
@@ -286,6 +293,19 @@ class TreeCompiler:
             if declared.output and isinstance(key, Key):
                 self._check_output(spec.place, what, name, declared, key.name)
         return node
+
+    def _meant(self, spec: SubtreeNode, source: TaskFile) -> str:
+        """Return the only subtree that takes the given ports; empty if this one may be meant."""
+        given, known = spec.values.keys() - {""}, source.parameters
+        missing = [port for port, each in known.items() if each.needed and port not in given]
+        if len(missing) < 2 or not given or given & known.keys() or corrections(given, known):
+            return ""
+        found = list[str]()
+        for name in self._library.subtrees():
+            ports = self._library.draft(name)[0].parameters
+            needed = {port for port, each in ports.items() if each.needed}
+            found += [name] if needed <= given <= ports.keys() else []
+        return found[0] if len(found) == 1 else ""
 
     def _source(
         self, spec: SubtreeNode, scope: Scope, label: str, way: Mapping[str, Place]
@@ -359,7 +379,12 @@ class TreeCompiler:
                 right = spec.place.replaced(spec.skill, name)
                 self._wrong(spec.place, f"no skill {spec.skill}{did_you_mean(name)}", right)
                 return self._skill(replace(spec, skill=name), scope, shown)
-            if spec.skill:  # else the mistake is already reported
+            number = self._library.names().get(spec.skill)
+            if number is not None and not spec.ports:
+                right = spec.place.replaced(spec.skill, f"{{task: {number}}}")
+                why = f"no skill {spec.skill}, but a task: write {{task: {number}}}"
+                self._wrong(spec.place, why, right)
+            elif spec.skill:  # else the mistake is already reported
                 self._wrong(spec.place, why_unknown(spec.skill, self._skills, subtrees))
             self._assume_used(spec.ports.values(), scope)
             return self._placeholder(spec.skill, spec.place)

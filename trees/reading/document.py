@@ -29,7 +29,7 @@ from ruamel.yaml.events import (
 )
 
 from hardware import read_file
-from trees.errors import FileError, Mistake, Place
+from trees.errors import Correction, FileError, Mistake, Place
 
 MAX_BYTES = 256 * 1024
 MAX_DEPTH = 32
@@ -277,7 +277,11 @@ class _Reader:
         if depth > MAX_DEPTH:
             self._end(place, f"nested deeper than {MAX_DEPTH} levels")
         if isinstance(event, AliasEvent):
-            self._wrong(place, "aliases (*name) are not allowed; write it out")
+            word = str(event.anchor)
+            why = f"*{word} is an alias of YAML, which task files lack; write the value itself"
+            elsewhere = any(f"&{word}" in line for line in self._lines)
+            right = None if elsewhere else place.replaced(f"*{word}", word)
+            self._wrong(place, why, right)
             return Located(place, None, label or place)
         assert isinstance(event, ScalarEvent | CollectionStartEvent)
         if event.tag is not None:
@@ -340,8 +344,8 @@ class _Reader:
         mark = event.start_mark
         return Place(self._path, mark.line + 1, mark.column + 1, location, self._lines)
 
-    def _wrong(self, place: Place, message: str) -> None:
-        self.mistakes.append(Mistake(place, message))
+    def _wrong(self, place: Place, message: str, instead: Correction | None = None) -> None:
+        self.mistakes.append(Mistake(place, message, instead))
         if len(self.mistakes) == MAX_MISTAKES:
             self._end(place, f"{MAX_MISTAKES} mistakes so far; the rest is not read")
 

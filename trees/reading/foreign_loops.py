@@ -1,7 +1,7 @@
 """Loops as programming languages write them, such as `for: 3` with `do:`, and their correction."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -46,17 +46,12 @@ def read_loop(
         given: Values of the node.
         kinds: Kinds of control nodes, by name.
     """
-    synonyms = {word: name for name, kind in kinds.items() for word in kind.synonyms}
-    conditions = {kind.condition: name for name, kind in kinds.items() if kind.condition}
-    words = {**{name: name for name in kinds}, **synonyms, **conditions}
-    (word, *others) = [key for key in given if key in words] or [""]
-    kind = kinds.get(words.get(word, ""))
-    if others or kind is None or kind.many:
+    word, kind = _loop_word(given, kinds)
+    if kind is None or kind.many:
         return None
     head, more = given[word], {key: each for key, each in given.items() if key != word}
     in_one = _DO in nested(head)  # such as {times: 3, do: open_gripper}
-    if in_one:
-        more |= nested(head)
+    more |= nested(head) if in_one else {}
     child = more.pop(_DO, head)
     why, known = f"there is no {word}{did_you_mean(kind.name)}", True
     if word == kind.condition and child is not head:
@@ -69,7 +64,10 @@ def read_loop(
         why = f"{kind.name} has its node below it, and its number in a line of its own: "
         why += f"{option}: {amount}"
         more = {**more, option: head} if known else more
-    elif word not in synonyms or is_amount(head):
+    elif word == kind.condition and more.keys() & {"subtree", "task"}:
+        child, more = Located(place, more, place), {word: head}
+        why = f"{kind.name} has the node below it, and {word} in a line of its own"
+    elif word not in kind.synonyms or is_amount(head):
         return None
     if not more.keys() <= {*kind.options, kind.condition, "name"}:
         return None
@@ -86,6 +84,17 @@ def read_loop(
     if brackets := place.brackets:
         right = place.replaced(brackets, Located(place, keys, place).as_yaml())
     return ForeignLoop(kind.name, why, keys, right if known else None)
+
+
+def _loop_word(
+    given: Iterable[str], kinds: "Mapping[str, ControlNodeKind]"
+) -> "tuple[str, ControlNodeKind | None]":
+    """Return the only key that means a control node, and its kind; None if there is none."""
+    words = dict(kinds)
+    for kind in kinds.values():
+        words |= dict.fromkeys([*kind.synonyms, *filter(None, [kind.condition])], kind)
+    (word, *others) = [key for key in given if key in words] or [""]
+    return word, None if others else words.get(word)
 
 
 def _below(head: str, child: Located, in_turn: str) -> list[str]:

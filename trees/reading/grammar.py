@@ -32,6 +32,16 @@ _SUBTREE_KEYS = ("subtree", "description", "ports", "replaces", "grammar", "tree
 _POSES_KEYS = ("poses", "replaces", "grammar")
 _OPTIONAL = ("parameters", "ports", "replaces", "retry", "grammar")
 _DECLARED_KEYS = ("type", "default", "min", "max", "choices", "description")
+# Types by the names that programming languages and people use.
+_OTHER_TYPES = {
+    **dict.fromkeys(("degree", "degrees", "radian", "radians"), "angle"),
+    **dict.fromkeys(("second", "seconds", "time"), "duration"),
+    **dict.fromkeys(("float", "double", "real"), "number"),
+    "int": "integer",
+    "bool": "boolean",
+    "str": "text",
+    "string": "text",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -364,7 +374,7 @@ class _Parser:
         declared, known = {}, _DECLARED_KEYS + ("output",) * (key == "ports")
         for name, item in value.value.items():
             self.nodes.name(Located(item.label, name, item.label), key)
-            declared[name] = self._declaration(item, f"{key}: {name}", known)
+            declared[name.lstrip("$")] = self._declaration(item, f"{key}: {name}", known)
         return declared
 
     def used(self, key: str, tree: TreeNode) -> None:
@@ -442,7 +452,7 @@ class _Parser:
         if isinstance(kind, str) and (kind in TYPES or (opaque and kind[:1].isupper())):
             return kind
         units = (each for each, names in UNITS.items() if kind in names)
-        near = next(units, closest(str(kind), TYPES))
+        near = _OTHER_TYPES.get(str(kind)) or next(units, closest(str(kind), TYPES))
         why = f"{what}: no type {kind}; there are {_types()}{did_you_mean(near)}"
         self._wrong(value.place, why, value.place.replaced(str(kind), near))
         return UNTYPED

@@ -138,7 +138,8 @@ class NodeParser:
         if self.is_name(value.value):
             return value.value
         rule = "a letter, then letters, digits, _ or -"
-        stem = str(value.value).removesuffix(".yaml")
+        stem = str(value.value).removesuffix(".yaml").lstrip("$")
+        stem = stem.replace(" ", "_") if _WORDS.fullmatch(stem) else stem
         why, near = f"{what}: {value} is not a name ({rule})", stem if self.is_name(stem) else ""
         right = value.place.replaced(str(value.value), near)
         self._wrong(value.place, f"{why}{did_you_mean(near)}", right)
@@ -161,7 +162,8 @@ class NodeParser:
         """Return a text as one line; empty if the value is not a text."""
         if isinstance(value.value, str) and value.value.strip():
             return " ".join(value.value.split())
-        self._wrong(value.place, f"{what}: {value} is not a text")
+        why = "write a text here" if value.value is None else f"{value} is not a text"
+        self._wrong(value.place, f"{what}: {why}")
         return ""
 
     def wired(self, value: Located) -> Value:
@@ -181,6 +183,8 @@ class NodeParser:
             there = ", ".join(lists) + did_you_mean(kind)
             why = f"{skill} takes no list of nodes; these do: {there}"
             self._wrong(inner.label, why, inner.label.replaced(skill, kind))
+            if not kind and all(isinstance(item.value, str) for item in inner.value):
+                return self._unknown(inner)
             return ControlNode(place, kind, self._items(inner.value))
         name = self.name(Located(inner.label, skill, inner.label), "a node")
         return SkillNode(place, name, self._wiring(inner), self._shown(keys))
@@ -254,6 +258,10 @@ class NodeParser:
         return ()
 
     def _file(self, place: Place, head: str, keys: Mapping[str, Located]) -> SubtreeNode:
+        if head == "subtree" and is_number(number := keys[head].value):
+            why = f"a subtree has a name; a task has a number: write task: {number}"
+            self._wrong(keys[head].label, why, keys[head].label.replaced(head, "task"))
+            keys, head = _respell(keys, {head: "task"}), "task"
         keys = self._beside(head, self._with(head, keys), _FILES[head])
         source: str | int
         if head == "task":
@@ -327,7 +335,8 @@ class NodeParser:
         """Return the values at ports. A value that is not a mapping is at the port ""."""
         items = value.value if isinstance(value.value, list) else []
         if items and all(isinstance(item.value, dict) for item in items):
-            why = "the ports of a node are a mapping, not a list: leave out each `-`"
+            how = "write braces" if value.place.brackets else "leave out each `-`"
+            why = f"the ports of a node are a mapping, not a list: {how}"
             self._wrong(value.place, why, as_mapping(value))
             given = {port: each for item in items for port, each in nested(item).items()}
             value = replace(value, value=given)

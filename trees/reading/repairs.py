@@ -273,6 +273,7 @@ _SLIPS = (
     (r"^(\s*- )((?:subtree|task): [\w-]+),?\s+(with: .*)$", r"\1{\2, \3}", _IN_ONE_LINE),
     (r"^([\s-]*[\w-]+: )(([a-z]\w*): .*)$", r"\1{\2}", r"`\3` and its value need braces here"),
     (r"(, *)(,)", r"\1", r"one comma too many"),
+    (r"^(\s*- )(- )(?=\w)", r"\1", r"one `-` too many"),
     (
         r"()('([^',{}\[\]]*'[^',{}\[\]]*)')",
         r'"\3"',
