@@ -278,7 +278,7 @@ class _Reader:
             self._end(place, f"nested deeper than {MAX_DEPTH} levels")
         if isinstance(event, AliasEvent):
             word = str(event.anchor)
-            why = f"*{word} is an alias of YAML, which task files lack; write the value itself"
+            why = f"*{word} is an alias of YAML, which is not allowed; write the value itself"
             elsewhere = any(f"&{word}" in line for line in self._lines)
             right = None if elsewhere else place.replaced(f"*{word}", word)
             self._wrong(place, why, right)

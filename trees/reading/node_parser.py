@@ -139,7 +139,6 @@ class NodeParser:
             return value.value
         rule = "a letter, then letters, digits, _ or -"
         stem = str(value.value).removesuffix(".yaml").lstrip("$")
-        stem = stem.replace(" ", "_") if _WORDS.fullmatch(stem) else stem
         why, near = f"{what}: {value} is not a name ({rule})", stem if self.is_name(stem) else ""
         right = value.place.replaced(str(value.value), near)
         self._wrong(value.place, f"{why}{did_you_mean(near)}", right)
