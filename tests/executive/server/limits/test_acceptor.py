@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from executive.api.outcome import CancelResult
-from executive.server.limits import connections, descriptors
+from executive.server.limits import acceptor, connections, descriptors
 from executive.server.limits.acceptor import Acceptor
 from executive.server.limits.cancel_thread import CancelThread
 from executive.server.limits.connections import HttpConnection
@@ -60,8 +60,8 @@ class Watch:
         """What connects meanwhile is accepted later, in one turn."""
         self._held.clear()
         self._released.clear()
-        with raw(served):
-            self._held.wait(60)
+        with raw(served, STOP):
+            assert self._held.wait(60)
             try:
                 yield
             finally:
@@ -152,6 +152,40 @@ def test_a_connection_that_follows_does_not_close_that_of_a_stop(
             stop = stack.enter_context(raw(served, STOP, own, "connection: close", "", ""))
             stack.enter_context(raw(served))
         assert answer(stop).startswith(b"HTTP/1.1 200")
+
+
+def test_a_stop_on_a_connection_that_was_silent_needs_no_protocol(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    served, watch = serve(), Watch(monkeypatch)
+    own = f"host: 127.0.0.1:{served.server.port}"
+    with raw(served) as connection:
+        assert stops(served)  # the connection has been accepted
+        connection.sendall(f"{STOP}\r\n{own}\r\n\r\n".encode())
+        assert answer(connection).startswith(b"HTTP/1.1 200")
+        assert port(connection) not in watch.served
+
+
+def test_a_connection_that_stays_silent_is_closed(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(acceptor, "HEAD_SECONDS", 0.1)
+    with raw(serve()) as connection:
+        assert answer(connection) == b""
+
+
+def test_a_silent_connection_is_closed_before_one_that_has_sent_data(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(descriptors, "MAX_CONNECTIONS", 4)
+    served, watch = serve(), Watch(monkeypatch)
+    lines = ("GET /api/health HTTP/1.1", f"host: 127.0.0.1:{served.server.port}", "", "")
+    with contextlib.ExitStack() as stack:
+        with watch.hold(served):
+            request = stack.enter_context(raw(served, *lines))
+            silent = [stack.enter_context(raw(served)) for _ in range(20)]
+        assert answer(silent[0]) == b""
+        assert request.recv(9000).startswith(b"HTTP/1.1 200")
 
 
 def test_an_accept_that_fails_is_tried_again(
@@ -264,11 +298,12 @@ def test_a_client_that_connects_while_the_server_ends_is_known() -> None:
         state: Any = SimpleNamespace(rules=None, max_connections=1, stop=None)
         with socket.create_server(("127.0.0.1", 0)) as listener:
             listener.setblocking(False)
-            acceptor = Acceptor(asyncio.get_running_loop(), listener, state, protocol)
-            with socket.create_connection(listener.getsockname()):
+            accepting = Acceptor(asyncio.get_running_loop(), listener, state, protocol)
+            with socket.create_connection(listener.getsockname()) as connection:
+                connection.sendall(b"GET")
                 await accepted.wait()
                 assert not made
-                await acceptor.close()
+                await accepting.close()
                 made.pop().close()
 
     asyncio.run(connect_and_end())
