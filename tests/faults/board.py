@@ -79,7 +79,8 @@ class Board:
         ring had no room, or that came while it booted), `wrong` (fields that are not an angle),
         `angles` [deg], `frames` and `backlog` (bytes in the ring) describe the firmware; `open`
         tells whether a program has the port, and `unsent` how many bytes it could not send yet.
-        `turned` [s, monotonic] is when a servo turned last.
+        `turned` [s, monotonic] is when a servo turned last. `harmed` [s, monotonic] is when
+        `damage` changed a byte, or `mute` first withheld an answer; None until then.
         """
         assert self._process.stdin
         assert self._process.stdout
@@ -225,6 +226,7 @@ class Terminal:
         self.log = log.open("a", buffering=1)
         self.stalled, self.open, self.resets, self.damage = False, False, 0, -1
         self.ready_at, self.unsent, self.mute = 0.0, b"", False
+        self.harmed: float | None = None
         self.plug()
 
     def plug(self) -> None:
@@ -261,6 +263,7 @@ class Terminal:
             self.log.write(f"{now:.6f} {data.hex()}\n")
             if 0 <= self.damage < len(data):
                 data = bytes(byte ^ (index == self.damage) for index, byte in enumerate(data))
+                self.harmed = now
             self.damage -= len(data)
             if now < self.ready_at:
                 self.firmware.lost += count
@@ -271,8 +274,11 @@ class Terminal:
 
     def send(self) -> None:
         """Send what the firmware answered and garbage, as much as the line takes now."""
-        if time.monotonic() >= self.ready_at:
-            self.unsent += b"" if self.mute else self.firmware.answer
+        if (now := time.monotonic()) >= self.ready_at and self.firmware.answer:
+            if self.mute:
+                self.harmed = self.harmed or now
+            else:
+                self.unsent += self.firmware.answer
             self.firmware.answer = b""
         with contextlib.suppress(BlockingIOError):
             self.unsent = self.unsent[os.write(self.master, self.unsent[:512]) :]
@@ -285,7 +291,7 @@ class Terminal:
         state = {name: getattr(firmware, name) for name in ("lost", "wrong", "frames", "angles")}
         state |= {"resets": self.resets, "backlog": len(firmware.ring), "open": self.open}
         state |= {"unsent": len(self.unsent), "time": time.monotonic()}
-        state |= {"turned": firmware.turned_at}
+        state |= {"turned": firmware.turned_at, "harmed": self.harmed}
         return json.dumps(state)
 
     def do_stall(self, _: str) -> None:
