@@ -124,12 +124,10 @@ def held(board: Board) -> Sequence[Read]:
 
 
 flood_connections = flood("connections", "connect and leave")
-# 10,000 that come within a second fill the kernel's queue of new connections. A stop waits there
-# for up to 0.3 s, and no server can look into that queue.
 flood_held = flood(
     "held connections",
     "connect, stay until the server closes, and return in a second",
-    clients=1000,
+    clients=10_000,
 )
 flood_stops = flood("stops", "stop the arm, each time on a new connection", stops=True)
 flood_open = flood("stops on open connections", "stop the arm again and again", stops=True)
