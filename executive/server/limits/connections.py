@@ -101,7 +101,7 @@ class _QueuedProtocol(asyncio.Protocol):
     def process(self, data: bytes) -> None:
         """Process queued data."""
         super().data_received(data)
-        if not self.is_full:
+        if not (self.is_full or self.fair_queue.has(self)):
             self.transport.resume_reading()
 
     def has_priority(self, data: bytes) -> bool:

@@ -8,6 +8,7 @@ import socket
 import threading
 from collections.abc import Callable, Iterator
 from functools import partial
+from itertools import chain
 from queue import SimpleQueue
 from types import SimpleNamespace
 from typing import Any
@@ -266,17 +267,22 @@ def test_a_client_does_not_time_out_while_its_data_waits_to_be_processed(
 def test_little_of_what_a_client_sends_waits_in_memory(
     serve: Serve, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    served, sizes, put = serve(), list[int](), FairQueue.put
+    served, sizes, put, passed = serve(), list[int](), FairQueue.put, threading.Event()
     own = f"host: 127.0.0.1:{served.server.port}"
 
     def noted(queue: FairQueue, connection: HttpConnection, data: bytes, priority: bool) -> None:
-        sizes.append(len(data))
         put(queue, connection, data, priority)
+        waiting = chain.from_iterable(line.get(connection, ()) for line in queue._lines)
+        sizes.append(sum(map(len, waiting)))
+        if len(sizes) == 10:
+            passed.set()
 
     monkeypatch.setattr(FairQueue, "put", noted)
-    with raw(served, "POST /api/goals HTTP/1.1", own, "content-length: 60000", "", "") as client:
-        client.sendall(b" " * 60_000)
-        assert client.recv(9000).startswith(b"HTTP/1.1 4")
+    lines = "POST /api/stop HTTP/1.1", own, "transfer-encoding: chunked", ""
+    with raw(served, *lines) as client:
+        assert client.recv(9000).startswith(b"HTTP/1.1 200")
+        client.sendall(b"1\r\nx\r\n" * 10_000)
+        assert passed.wait(20)
     assert max(sizes) <= connections.READ_AT_ONCE
 
 
