@@ -23,6 +23,16 @@ class GoalError(ArmtreeError):
     hint = "send another goal"
 
 
+class SentBeforeStop(GoalError):
+    """The goal was sent before a stop, and arrived after it."""
+
+    code = "goal.sent_before_stop"
+    hint = "send it again if it is still needed"
+
+    def __init__(self) -> None:
+        super().__init__("the arm was stopped after this goal was sent")
+
+
 class UnknownGoal(GoalError):
     """No known goal has that identity. Results are kept for a limited time."""
 

@@ -196,6 +196,7 @@ class Executive:
         identity: str = "",
         strict: bool = False,
         client: str = "",
+        stops: int | None = None,
     ) -> Acceptance:
         """Send a goal. Returns at once.
 
@@ -207,13 +208,15 @@ class Executive:
                 files, or with wrong arguments. If False, such a goal is accepted and aborted. An
                 invalid move is always refused.
             client: Name of the sending program, for the recording; empty if unknown.
+            stops: Number of stops in the status that the sender knew, so that a goal that arrives
+                after a later stop is refused; None to accept the goal.
         """
         if isinstance(task, Move):
-            return self._accept(MOVE, {}, identity, client, *self._read_move(task))
+            return self._accept(MOVE, {}, identity, client, stops, *self._read_move(task))
         preempts = self._queue.policy is Policy.PREEMPT
         validate = self._executor.validate if preempts else self._executor.validate_request
         invalid = validate(task, arguments) if preempts or strict else None
-        return self._accept(task, arguments, identity, client, invalid)
+        return self._accept(task, arguments, identity, client, stops, invalid)
 
     def send_and_record(
         self,
@@ -221,12 +224,13 @@ class Executive:
         arguments: Mapping[str, str | Located],
         identity: str,
         client: str = "",
+        stops: int | None = None,
     ) -> Acceptance:
         """Send a goal with `strict`, and wait until it is recorded.
 
         A later server then knows the goal.
         """
-        acceptance = self.send(task, arguments, identity, strict=True, client=client)
+        acceptance = self.send(task, arguments, identity, True, client, stops)
         self._recordings.wait()
         return acceptance
 
@@ -427,7 +431,7 @@ class Executive:
             policy=self._queue.policy,
             paused=goal is not None and goal.mailbox.paused,
             breakpoints=tuple(sorted(self._breakpoints)),
-            stops=self._stopper.stops,
+            stops=self._queue.stops,
             uptime=now - self._started,
             time=now,
         )
@@ -481,10 +485,13 @@ class Executive:
         arguments: Mapping[str, str | Located],
         identity: str,
         client: str,
+        stops: int | None,
         invalid: Exception | None,
         text: str = "",
     ) -> Acceptance:
-        acceptance, preempted = self._queue.send(task, arguments, identity, invalid, text, client)
+        acceptance, preempted = self._queue.send(
+            task, arguments, identity, invalid, text, client, stops
+        )
         self._stopper.stop(preempted)
         answer = "accepted" if acceptance.accepted else f"refused: {acceptance.message}"
         title = goal_title(task)

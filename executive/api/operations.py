@@ -112,6 +112,10 @@ _ACCEPTED = s.answer("Accepted", goal_id=s.GOAL_ID, stamp_ns=s.COUNT)
 _NEW_GOAL = {
     "goal_id": s.described(s.GOAL_ID, "Id of the new goal; default a random one."),
     "deadman": s.described(s.BOOLEAN, "True to cancel the goal when its hold ends; hold it first."),
+    "stops": s.described(
+        s.COUNT,
+        "`stops` of the newest status; the goal is refused if the arm was stopped after it.",
+    ),
 }
 
 _change_goal = partial(_change, answer=s.GOAL, parameters=_GOAL, body=s.EMPTY)

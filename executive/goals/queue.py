@@ -27,6 +27,7 @@ from executive.errors import (
     GoalPreempted,
     QueueFull,
     ResultTimeout,
+    SentBeforeStop,
     ServerClosing,
     UnknownGoal,
 )
@@ -60,6 +61,7 @@ class GoalQueue:
         keep: Time for which an ended goal is kept [s].
         policy: Policy for a second goal.
         running: The goal under way, or None.
+        stops: Number of cancels that named no goal. They always stop the arm.
         signal: Lock of the goals. It is notified of every change.
     """
 
@@ -73,6 +75,7 @@ class GoalQueue:
         self._waiting: deque[Goal] = deque()
         self._ended: deque[Goal] = deque()
         self.running: Goal | None = None
+        self.stops = 0
         self._last_ns, self._closed = 0, False
 
     def send(
@@ -83,6 +86,7 @@ class GoalQueue:
         invalid: Exception | None = None,
         text: str = "",
         client: str = "",
+        stops: int | None = None,
     ) -> tuple[Acceptance, Goal | None]:
         """Accept or refuse a goal.
 
@@ -93,6 +97,7 @@ class GoalQueue:
             invalid: Error of a goal that can never be executed, or None.
             text: Text of a move; empty for a task.
             client: Name of the sending program; empty if unknown.
+            stops: `stops` as the sender knew it; None to accept the goal after any stop.
 
         Returns:
             The answer, and the preempted goal or None. The caller must stop the arm for the
@@ -101,7 +106,7 @@ class GoalQueue:
         with self.signal:
             self._forget()
             identity = identity or uuid.uuid4().hex
-            if refusal := self._refusal(identity, invalid):
+            if refusal := self._refusal(identity, invalid, stops):
                 return Acceptance(identity, 0, cause_of(refusal)), None
             preempted = self._preempt(identity) if self.policy is Policy.PREEMPT else None
             now, mailbox = self._clock.now(), Mailbox(self._clock)
@@ -136,6 +141,7 @@ class GoalQueue:
         """
         with self.signal:
             self._forget()
+            self.stops += not (identity or stamp_ns)
             identity = "" if identity == NO_GOAL else identity
             if identity and not stamp_ns and (code := self._uncancelable(identity)):
                 return CancelResult(code, ()), [], None
@@ -271,13 +277,17 @@ class GoalQueue:
         while goal.stops:
             self.signal.wait(None)
 
-    def _refusal(self, identity: str, invalid: Exception | None) -> Exception | None:
+    def _refusal(
+        self, identity: str, invalid: Exception | None, stops: int | None
+    ) -> Exception | None:
         if self._closed:
             return ServerClosing("the server is ending; start the server again")
         if not _IDENTITY.fullmatch(identity):
             return BadIdentity(identity)
         if identity in self._goals:
             return DuplicateGoal(identity)
+        if stops is not None and stops < self.stops:
+            return SentBeforeStop()
         busy = self.current
         if busy and self.blocked:
             return _blocked(busy)

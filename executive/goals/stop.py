@@ -65,15 +65,11 @@ class GoalStopper:
         arm: The arm.
         recordings: Receives the outcome.
         clock: Time source.
-
-    Attributes:
-        stops: Number of cancels without arguments, which always stop the arm.
     """
 
     def __init__(self, queue: GoalQueue, arm: Arm, recordings: Recordings, clock: Clock) -> None:
         self._queue, self._arm, self._recordings, self._clock = queue, arm, recordings, clock
         self._code: _SkillCode | None = None
-        self.stops = 0
 
     @property
     def _deadline(self) -> float:
@@ -82,8 +78,6 @@ class GoalStopper:
 
     def cancel(self, identity: str = "", stamp_ns: int = 0) -> CancelResult:
         """Cancel goals like `GoalQueue.cancel`. Without arguments, always stop the arm."""
-        if not (identity or stamp_ns):
-            self.stops += 1
         result, canceled, running = self._queue.cancel(identity, stamp_ns)
         if not (identity or stamp_ns or running):
             self._arm.stop()

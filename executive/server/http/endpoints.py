@@ -132,10 +132,11 @@ class Endpoints(RecordingEndpoints):
         arguments: Json = _NO_ARGUMENTS,
         goal_id: str = "",
         deadman: bool = False,
+        stops: float | None = None,
         client: str = "",
     ) -> Json | Response:
         number, texts = await self._number(task), _as_texts(arguments)
-        return await self._accept(number, texts, goal_id, deadman, client)
+        return await self._accept(number, texts, goal_id, deadman, stops, client)
 
     async def plan(self, task: float | str, arguments: Json = _NO_ARGUMENTS) -> Json:
         number, texts = await self._number(task), _as_texts(arguments)
@@ -155,18 +156,25 @@ class Endpoints(RecordingEndpoints):
         speed: float = 1.0,
         goal_id: str = "",
         deadman: bool = False,
+        stops: float | None = None,
         client: str = "",
     ) -> Json | Response:
         move = Move(tuple(map(str, to)), relative, speed)
-        return await self._accept(move, {}, goal_id, deadman, client)
+        return await self._accept(move, {}, goal_id, deadman, stops, client)
 
     async def _accept(
-        self, task: int | Move, texts: Mapping[str, str], goal_id: str, deadman: bool, client: str
+        self,
+        task: int | Move,
+        texts: Mapping[str, str],
+        goal_id: str,
+        deadman: bool,
+        stops: float | None,
+        client: str,
     ) -> Json | Response:
         if deadman and not await self._is_held(goal_id):
             raise NotHeld(goal_id)
-        send = self._executive.send_and_record
-        acceptance = await asyncio.to_thread(send, task, texts, goal_id, client)
+        send, known = self._executive.send_and_record, None if stops is None else int(stops)
+        acceptance = await asyncio.to_thread(send, task, texts, goal_id, client, known)
         if acceptance.cause:
             return refusal(acceptance.cause)
         held = self._held.get(goal_id)

@@ -75,6 +75,19 @@ def test_cancel_all() -> None:
     assert table.history == {one: [1, 2, 3, 5], other: [1, 3, 5]}
 
 
+def test_a_goal_that_was_sent_before_a_stop_is_refused_after_it() -> None:
+    queue = Table().goals
+    known = queue.stops
+    queue.cancel(UNKNOWN, 0)  # names a goal, so it is no stop
+    accepted, _ = queue.send(1, {}, "", stops=known)
+    assert accepted.accepted
+    queue.cancel("", 0)
+    late, _ = queue.send(1, {}, "", stops=known)
+    assert (late.accepted, late.code) == (False, "goal.sent_before_stop")
+    for stops in (None, queue.stops):
+        assert queue.send(1, {}, "", stops=stops)[0].code != "goal.sent_before_stop"
+
+
 def test_cancel_by_time_compares_the_stamp_that_was_answered() -> None:
     table = Table()
     a, b, c = (table.send() for _ in range(3))

@@ -129,14 +129,25 @@ export async function post(path, body = {}, signal) {
   return (await request(path, options)).json();
 }
 
+/** @type {number | undefined} stops of the arm in the newest status */
+let stops;
+
 /**
- * Send a goal.
+ * Take the number of stops in a new status.
+ * @param {number} count
+ */
+export function setStops(count) {
+  stops = count;
+}
+
+/**
+ * Send a goal. The server refuses it if the arm is stopped before it arrives.
  * @param {"api/goals" | "api/move"} path
  * @param {object} body
  * @returns {Promise<string>} identity of the goal
  */
 export async function sendGoal(path, body) {
-  const { goal_id } = await post(path, body);
+  const { goal_id } = await post(path, { ...body, stops });
   session.dispatchEvent(new Event("goal"));
   return goal_id;
 }

@@ -5,7 +5,7 @@
  * most four tabs have a stream, and a hidden tab closes its own.
  */
 
-import { checkSession, get, request } from "./api.js";
+import { checkSession, get, request, setStops } from "./api.js";
 import { readEvents } from "./event_stream.js";
 
 const PERIOD = 1000; // between two requests for the status [ms]
@@ -76,6 +76,7 @@ export class Connection extends EventTarget {
       const status = await get(path, AbortSignal.timeout(TIMEOUT));
       this.#setAlive(true, "");
       if (!this.hasArm) return this.#beginOnce();
+      setStops(status.stops);
       this.dispatchEvent(new CustomEvent("status", { detail: status }));
       if (!this.#streaming && !document.hidden) this.#follow();
     } catch (error) {

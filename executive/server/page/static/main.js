@@ -31,7 +31,10 @@ let status = null;
 /** @type {import("./arm/model.js").Robot | null} the robot of the server */
 let live = null;
 
-const drawStop = showStop(() => connection.alive || connection.heard === 0);
+const drawStop = showStop(
+  () => connection.alive || connection.heard === 0,
+  () => connection.refresh(),
+);
 const tree = new TreeView(shown);
 const controls = new Controls(shown, () => connection.refresh());
 const runs = new RunsView();

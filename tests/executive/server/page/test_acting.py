@@ -194,6 +194,31 @@ def test_a_slider_moves_nothing_after_a_stop(
     assert [goal.identity for goal in executive.goals()] == [goal.identity for goal in before]
 
 
+def test_a_move_that_arrives_after_a_stop_is_refused(open_page: Open, page_server: Served) -> None:
+    executive, held = page_server.executive, list[Any]()
+
+    def hold(asked: Any) -> None:
+        held.append(asked)
+
+    tab = open_page(prepare=lambda empty: empty.route("**/api/move", hold))
+    tab.click("#move summary")
+    more = "[aria-label='joint_1 more']"
+    expect(tab, more).to_be_enabled()
+    before = len(executive.goals())
+    with tab.expect_request("**/api/move"):
+        tab.click(more)
+    tab.keyboard.press("Escape")
+    shows(tab, "#stop-note", "^stopped at")
+    held.pop().continue_()
+    shows(tab, "#move-error", "^the arm was stopped after this goal was sent. Send it again")
+    forget(tab, "409")
+    assert len(executive.goals()) == before
+    tab.unroute("**/api/move")
+    with tab.expect_response("**/api/move") as asked:  # the page knows of the stop by now
+        tab.click(more)
+    assert executive.result(asked.value.json()["goal_id"]).success
+
+
 def test_the_arm_is_activated_from_the_page(open_page: Open, page_server: Served) -> None:
     page_server.executive.arm_to("deactivate")
     tab = open_page()

@@ -8,9 +8,10 @@ const SAFETY = "software stop, not an emergency stop";
 
 /**
  * @param {() => boolean} isReachable whether the server answers
+ * @param {() => void} stopped called when the answer to a stop has come, or none
  * @returns {() => void} draws the button again
  */
-export function showStop(isReachable) {
+export function showStop(isReachable, stopped) {
   const button = byId("stop", HTMLButtonElement);
   const note = byId("stop-note", HTMLElement);
   /** What the last stop did; empty if there was none. */
@@ -30,6 +31,7 @@ export function showStop(isReachable) {
     button.classList.add("busy");
     draw();
     const result = await sendStop();
+    stopped();
     if (number !== stops) return; // a later stop reports
     answer = result;
     button.classList.remove("busy");
