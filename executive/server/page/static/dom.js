@@ -73,16 +73,25 @@ export function ignoreUnusable() {
 }
 
 /**
- * Return a function that calls another one at most once per frame of the screen.
+ * Return a function that calls another one in the next frame of the screen, at most once per frame.
  * @param {() => void} draw
+ * @param {() => number} [period] shortest time between two calls [ms]; default: that of a frame
  * @returns {() => void}
  */
-export function oncePerFrame(draw) {
-  let asked = 0;
-  return () => {
-    asked ||= requestAnimationFrame(() => {
-      asked = 0;
+export function oncePerFrame(draw, period = () => 0) {
+  let asked = false;
+  let last = -Infinity; // time of the last call [ms]
+  const ask = () =>
+    requestAnimationFrame(() => {
+      asked = false;
+      last = performance.now();
       draw();
     });
+  return () => {
+    if (asked) return;
+    asked = true;
+    const wait = last + period() - performance.now();
+    if (wait > 0) setTimeout(ask, wait);
+    else ask();
   };
 }

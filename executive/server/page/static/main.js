@@ -48,7 +48,11 @@ const log = new LogView(cursor);
 const player = new Player(shown, cursor);
 const comparison = new Comparison();
 
-const draw = oncePerFrame(() => {
+const drawPlayer = oncePerFrame(() => player.draw(runs.recordings));
+// Drawn by the processor, a recording that plays would take it from the arm. Only its player keeps up.
+const draw = oncePerFrame(drawAll, () => (shown.isLive ? 0 : arm.period));
+
+function drawAll() {
   drawStop();
   drawHeader(connection, shown.live, status);
   setText(byId("shown", HTMLElement), shown.label);
@@ -69,7 +73,7 @@ const draw = oncePerFrame(() => {
   log.draw(shown.history);
   tree.scroll();
   log.scroll();
-});
+}
 
 /** @type {unknown[]} what the acts were drawn of */
 let acts = [];
@@ -132,6 +136,7 @@ cursor.addEventListener("change", () => {
   shown.recorded?.seek(cursor.time);
   comparison.seek(cursor.time);
 });
+cursor.addEventListener("change", drawPlayer);
 cursor.addEventListener("change", draw);
 session.addEventListener("change", () => connection.refresh().then(draw));
 session.addEventListener("goal", () => {

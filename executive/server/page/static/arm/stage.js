@@ -1,5 +1,7 @@
 /** Camera, light, floor and canvas. It draws only when something has changed. */
 
+import { oncePerFrame } from "../dom.js";
+
 /** @typedef {import("../libraries/load.js").Libraries} Libraries */
 
 /** Directions of the camera from the middle of the arm, by the name of the view. */
@@ -17,17 +19,13 @@ const MARGIN = 1.1; // of the distance at which all is just seen
 /** Shows objects in a canvas. */
 export class Stage {
   scene;
-  /** Draw soon, at most once per frame. */
-  draw = () => {
-    if (this.#asked) return;
-    this.#asked = true;
-    const wait = this.#last + this.#period - performance.now();
-    if (wait > 0) setTimeout(() => requestAnimationFrame(() => this.#draw()), wait);
-    else requestAnimationFrame(() => this.#draw());
-  };
-  #asked = false;
-  #last = 0; // time of the last picture [ms]
-  #period = 0;
+  /** Shortest time between two pictures [ms]; 0 with a graphics card. */
+  period;
+  /** Draw soon. */
+  draw = oncePerFrame(
+    () => this.#draw(),
+    () => this.period,
+  );
   #three;
   #box;
   #renderer;
@@ -53,7 +51,7 @@ export class Stage {
     this.#renderer = new three.WebGLRenderer({ antialias: true, alpha: true });
     // Without a graphics card, 3D would take the processor from the rest of the page, and from the arm.
     const slow = SOFTWARE.test(nameOfRenderer(this.#renderer.getContext()));
-    this.#period = slow ? PERIOD : 0;
+    this.period = slow ? PERIOD : 0;
     this.#renderer.setPixelRatio(slow ? 1 : Math.min(window.devicePixelRatio, 2));
     this.#renderer.shadowMap.enabled = !slow;
     this.#renderer.debug.checkShaderErrors = false; // the check waits for the compiler
@@ -161,8 +159,6 @@ export class Stage {
   }
 
   #draw() {
-    this.#asked = false;
-    this.#last = performance.now();
     this.#renderer.render(this.scene, this.#camera);
   }
 }

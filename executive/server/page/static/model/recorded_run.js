@@ -26,6 +26,7 @@ import { Run } from "./run.js";
  */
 
 const MOST_WINDOWS = 16; // kept; the oldest are dropped
+const PAUSE = 100; // between two windows while the moment moves, which the server of the arm reads [ms]
 const ROUNDING = 1e-6; // [s]
 const STEPS = new Set(["goal", "node", "plan", "schedule", "status"]);
 
@@ -155,7 +156,10 @@ export class RecordedRun extends EventTarget {
     this.#loading = true;
     try {
       await this.#load(time);
-      while (!this.#find(this.#time)) await this.#load(this.#time);
+      while (!this.#find(this.#time)) {
+        await new Promise((done) => setTimeout(done, PAUSE));
+        await this.#load(this.#time);
+      }
     } catch (error) {
       this.#gone = error instanceof Refused && error.status === 404;
       this.dispatchEvent(new CustomEvent("error", { detail: error }));

@@ -46,6 +46,11 @@ export class ArmView {
     });
   }
 
+  /** @returns {number} shortest time between two pictures [ms]; 0 with a graphics card */
+  get period() {
+    return this.#stage?.period ?? 0;
+  }
+
   /**
    * Show a robot; the libraries are loaded first.
    * @param {Robot} robot
