@@ -1,11 +1,13 @@
 """A target of the tool: its ports, their checks, and the query for joint positions."""
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from py_trees.ports import PortInformation
 
 from hardware import Robot
+from hardware.printable import plural
 from hardware.spelling import suggestion
 
 from .errors import BadTarget, SkillError, refuse
@@ -23,6 +25,12 @@ TOOL_PORTS: dict[str, PortInformation] = {
     ),
     "direction": vector(
         "x, y, z of the direction of the tool's axis; default: any direction", default=()
+    ),
+    "turn": vector(
+        "roll, pitch and yaw of the tool from its orientation at the start [rad], instead of a "
+        "direction; roll is about its axis, pitch is up, yaw is about the vertical",
+        "rad",
+        default=(),
     ),
     "tool": PortInformation(
         str,
@@ -62,6 +70,8 @@ def check_tool_target(robot: Robot, inputs: Mapping[str, Any]) -> None:
     if far > MOST_REACHES * robot.reach > 0:
         why = f"point {far:g} m is far beyond the reach of this arm, {robot.reach:.2g} m"
         errors.append(BadTarget(why).at("point"))
+    if turn := inputs.get("turn"):
+        errors += _turn_errors(robot, turn, inputs)
     for port in ("direction", "axis"):
         if inputs.get(port) and not any(inputs[port]):
             why = f"{port} points nowhere; one of x, y, z must not be 0"
@@ -89,7 +99,26 @@ def query_tool_target(robot: Robot, inputs: Mapping[str, Any]) -> ToolQuery:
         offset=xyz("offset", given["offset"]),
         axis=xyz("axis", given["axis"]) if given["axis"] else None,
         relative=given["relative"],
+        turn=xyz("turn", given["turn"]) if given["turn"] else None,
     )
+
+
+def _turn_errors(
+    robot: Robot, turn: Sequence[float], inputs: Mapping[str, Any]
+) -> list[SkillError]:
+    """Return an error with its location if a tool cannot be turned like this by any pose."""
+    group = inputs.get("group", "arm")
+    if inputs.get("direction"):
+        why = "turn and direction exclude each other; give one of them"
+    elif max(map(abs, turn)) > math.pi:
+        why = f"turn has {math.degrees(max(turn, key=abs)):g} deg; give -180 to 180 deg"
+    elif group in robot.groups and not robot.turns_tool(group):
+        count = len(robot.actuated_in(group))
+        why = f"the {group} cannot turn its tool in place: its {plural(count, 'joint')} hold the "
+        why += "tool at its point; move joints instead"
+    else:
+        return []
+    return [BadTarget(why).at("turn")]
 
 
 def group_errors(robot: Robot, group: str) -> list[SkillError]:

@@ -164,6 +164,7 @@ class Where:
         voltage: Voltage of the servo's supply by joint [V].
         current: Current of the servo by joint [A].
         lost: Number of lost answers of the servo since the port was opened, by joint.
+        turns_tool: True if the arm can turn its tool in place.
     """
 
     arm: State = State.UNCONFIGURED
@@ -180,6 +181,7 @@ class Where:
     voltage: Mapping[str, float] | None = None
     current: Mapping[str, float] | None = None
     lost: Mapping[str, float] | None = None
+    turns_tool: bool = False
 
     @classmethod
     def of(
@@ -208,6 +210,7 @@ class Where:
             robot.tool_position(commanded) if commanded else None,
             robot.width(commanded) if commanded else None,
             *(dict(zip(names, each, strict=True)) if each else None for each in values),
+            turns_tool=robot.turns_tool(),
         )
 
     def words(self, positions: Mapping[str, float]) -> str:

@@ -138,8 +138,8 @@ ARGUMENTS = {
 _WORD = {"type": "string", "maxLength": 64, "minLength": 1}
 TARGET = described(
     array({"anyOf": [_WORD, NUMBER]}, minItems=1, maxItems=64),
-    "Words of `armtree move`: `joint_1=70deg`, `width=20mm` (gripper), poses, or x, y, z of the "
-    "tool [m].",
+    "Words of `armtree move`: `joint_1=70deg`, `width=20mm` (gripper), poses, x, y, z of the "
+    "tool [m], or `roll+=5deg`, `pitch+=5deg`, `yaw+=5deg` (turns of the tool).",
 )
 SPEED = described(number(0.01, 1), "Share of the robot's speed; default 1.")
 MOMENT = number(0, 1e9)
@@ -277,6 +277,7 @@ WHERE = answer(
         "Smallest and largest position of each joint; null if it has no limits.",
     ),
     boot_wait_s=NUMBER,
+    turns_tool=described(BOOLEAN, "True if the arm can turn its tool in place."),
     commanded=described(
         _or_null(_BY_JOINT), "Commanded position by joint; null if the arm is not active."
     ),

@@ -27,7 +27,8 @@ def jog(server: str | None, speed: float, **options: Any) -> None:
     Each step is a move: planned, checked and recorded. Of the keys that are pressed meanwhile, the
     last one moves the arm next, and s saves the pose at the end of the move. If a server runs on
     this machine, its arm moves, unless --port is given. Otherwise the first step opens the port,
-    which may move the arm.
+    which may move the arm. An arm with more than three joints also turns its tool in place: about
+    its axis (roll), upwards (pitch) and about the vertical (yaw).
 
     \b
       <- ->        move by a step        space  stop

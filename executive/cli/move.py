@@ -77,7 +77,7 @@ def _execute(
 @command(context_settings={"ignore_unknown_options": True})  # -0.1 is a number, not an option
 @target_argument("target", complete_pose)
 @click.option(
-    "--by", "relative", is_flag=True, help="TARGET is a change: of joints, or of the tool's x y z."
+    "--by", "relative", is_flag=True, help="TARGET is a change: of joints, or of the tool."
 )
 @_moving
 def move(target: tuple[str, ...], relative: bool, speed: float) -> "Move":
@@ -91,6 +91,7 @@ def move(target: tuple[str, ...], relative: bool, speed: float) -> "Move":
       POSE                        a saved pose, or home
       width=VALUE                 distance between the fingers
       X Y Z                       a point for the tool
+      roll+=ANGLE                 turn the tool; or pitch, yaw
 
     Numbers without a unit are in rad and m. Joints and poses can be combined.
 
@@ -98,6 +99,7 @@ def move(target: tuple[str, ...], relative: bool, speed: float) -> "Move":
     Examples:
       armtree move joint_1=70deg joint_2=-10deg --speed 0.2
       armtree move --by joint_1=5deg
+      armtree move --by pitch=-10deg
       armtree move folded
       armtree move open
       armtree move width=20mm

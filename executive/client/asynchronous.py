@@ -92,7 +92,8 @@ class AsyncClient:
         Args:
             to: The target: names of poses, `joint_1=70deg`, `width=20mm` (gripper), or x, y, z
                 of the tool [m].
-            relative: True if the target is a change: distances of joints, or x, y, z from the tool.
+            relative: True if the target is a change: distances of joints, x, y, z from the tool, or
+                turns of the tool, such as `pitch=5deg`.
             speed: Share of the robot's speed, 0.01 to 1.
             deadman: True to cancel the goal if this program dies or stops answering.
             joints: Targets of joints, such as `joint_1="70 deg"`, or a number [rad].

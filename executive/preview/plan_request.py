@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 from executive.goals.moves.goal_words import TASK, Poses, is_point, read_value, read_words
 from hardware import Robot
@@ -157,20 +158,24 @@ class _Reader:
         also = [TASK] if goal else []
         read = read_words(words, self.robot, self.poses, also, quoted=not goal)
         if read.point is not None:
-            return self._reach(read.point, start, tool)
+            return self._reach({"point": read.point}, start, tool)
+        if read.turn is not None:
+            check_tool_target(self.robot, {"turn": read.turn, "group": self.group})
+            turned = {"point": (0.0, 0.0, 0.0), "relative": True, "turn": read.turn}
+            return self._reach(turned, start, {})
         return {**read.joints, **{name: start[name] + by for name, by in read.changes.items()}}
 
     def _reach(
-        self, point: tuple[float, float, float], start: Mapping[str, float], tool: Mapping[str, str]
+        self, target: Mapping[str, Any], start: Mapping[str, float], tool: Mapping[str, str]
     ) -> dict[str, float]:
-        """Return the joint positions that bring the tool to a point."""
+        """Return the joint positions that bring the tool to a target, given by ports."""
         given = {port: read_value(f"--{port}", text, _PORTS[port]) for port, text in tool.items()}
         for port, value in given.items():
             try:
                 check_tool_target(self.robot, {port: value})
             except BadTarget as error:
                 raise BadTarget(f"--{port}: {error}") from error
-        inputs = {**given, "point": point, "start": start, "group": self.group}
+        inputs = {**given, **target, "start": start, "group": self.group}
         query = query_tool_target(self.robot, inputs)
         query = replace(query, seed=self.seed, world=self.world)
         names = (joint.name for joint in self.robot.actuated_in(self.group))

@@ -31,6 +31,8 @@ from .urdf import Urdf
 # Margin at the ends of a calibrated range, so that the joint does not push [deg].
 RANGE_MARGIN = 1.0
 
+_POINT_JOINTS = 3  # joints that hold a tool at a point
+
 
 @dataclass(frozen=True, slots=True)
 class Serial:
@@ -340,6 +342,11 @@ class Robot:
     def words(self, positions: Mapping[str, float]) -> str:
         """Return positions by joint [rad] for people, as `joint_1 70.0 deg, joint_2 0.0 deg`."""
         return joint_words(positions, {joint.name: joint.unit for joint in self.joints})
+
+    def turns_tool(self, group: str = "arm") -> bool:
+        """Return True if a group has more joints than hold its tool at a point."""
+        members = self.groups.get(group, ())
+        return sum(joint.name in members for joint in self.actuated) > _POINT_JOINTS
 
     def actuated_in(self, group: str) -> tuple[Joint, ...]:
         """Return the joints of a group without its mimic joints."""

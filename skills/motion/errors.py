@@ -198,10 +198,11 @@ class Unreachable(MotionError):
         nearest: The nearest reachable point that was found, for any direction [m].
         distance: Distance between these two points [m]; at most `tolerance` if only the direction
             is out of reach.
-        askew: Angle between the requested direction and the tool's axis at `nearest` [rad]. If the
-            point is within reach, the smallest angle that was found. 0 if no direction was
+        askew: Angle between the requested direction, or orientation, and that of the tool at
+            `nearest` [rad]. If the point is within reach, the smallest angle that was found. 0 if
+            none was requested.
+        direction: The requested direction of the tool's axis; None for a turn, or if none was
             requested.
-        direction: The requested direction of the tool's axis, or None.
         tolerance: Distance at which the point counts as reached [m].
     """
 
@@ -220,9 +221,12 @@ class Unreachable(MotionError):
         self.point, self.nearest, self.distance, self.askew = point, nearest, distance, askew
         self.direction, self.tolerance = direction, tolerance
         far = distance > tolerance
-        self.hint = (
-            "choose a point within reach" if far else "choose another direction, or leave it out"
-        )
+        if far:
+            self.hint = "choose a point within reach"
+        elif direction is None:
+            self.hint = "turn it another way, or move joints"
+        else:
+            self.hint = "choose another direction, or leave it out"
         super().__init__(f"{self._too_far() if far else self._too_askew()}; {self.hint}")
 
     def _too_far(self) -> str:
@@ -238,10 +242,16 @@ class Unreachable(MotionError):
         )
 
     def _too_askew(self) -> str:
-        direction = ", ".join(f"{x:.4g}" for x in self.direction or ())
+        off = f"{math.degrees(self.askew):.3g} deg off"
+        if self.direction is None:
+            return (
+                f"The arm cannot turn the tool this way and keep it at {_place(self.point)}; it "
+                f"stays at least {off}"
+            )
+        direction = ", ".join(f"{x:.4g}" for x in self.direction)
         return (
-            f"The tool can reach {_place(self.point)}, but there its axis is at least "
-            f"{math.degrees(self.askew):.3g} deg off the direction ({direction})"
+            f"The tool can reach {_place(self.point)}, but there its axis is at least {off} the "
+            f"direction ({direction})"
         )
 
 

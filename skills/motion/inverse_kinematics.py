@@ -14,7 +14,7 @@ This shows whether the point or the direction is out of reach.
 import math
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -38,6 +38,7 @@ from skills.motion.world import Vector
 
 from .robot_model.joint_group import JointGroup
 from .robot_model.robot_model import RobotModel
+from .robot_model.tool_turn import axes_across, turn_tolerance, turned
 
 # The budget is a number of descents, not a time, so equal queries give equal answers.
 _FIRST_SEEDS = 16  # starting points of the first round, with the current configuration
@@ -120,17 +121,15 @@ class _Result:
         joints: The group's joints (J,) [rad].
         point: Position of the tool (3,) [m].
         distance: Distance of the tool from the point [m].
-        angle: Angle between the tool's axis and the direction [rad].
+        angle: Largest angle between an axis of the tool and its target [rad].
+        reached: True if the distance and the angle are within their tolerances.
     """
 
     joints: Array
     point: Array
     distance: float
     angle: float
-
-    @property
-    def reached(self) -> bool:
-        return self.distance <= _POINT_TOLERANCE and self.angle <= _AXIS_TOLERANCE
+    reached: bool
 
     @property
     def error(self) -> float:
@@ -215,7 +214,7 @@ class ToolChain:
         robot: The robot.
         model: Its model.
         group: The group.
-        query: The query, which names the tool and the direction of its axis.
+        query: The query, which names the tool and the direction of its axis, or its turn.
     """
 
     def __init__(
@@ -230,8 +229,18 @@ class ToolChain:
         tool = self._tool(robot, query, indices)
         self._frame = model.frame_index(tool.link)
         self._offset, self._axis = np.array(tool.offset), _unit(tool.axis)
-        self._direction = None if query.direction is None else _unit(query.direction)
-        self.directed = query.direction is not None
+        # Axes with targets: none, that of the tool, or two that fix its orientation.
+        self._axes = self._targets = np.zeros((0, 3))
+        self._tolerance = _AXIS_TOLERANCE
+        if query.turn is not None:
+            self._axes = axes_across(self._axis)
+            _, rotation = self._pose(np.array(query.start))
+            axes = self._axes @ rotation.T
+            self._targets = turned(axes, query.turn)
+            self._tolerance = max(_AXIS_TOLERANCE, turn_tolerance(axes, self._targets))
+        elif query.direction is not None:
+            self._axes, self._targets = self._axis[None, :], _unit(query.direction)[None, :]
+        self.directed = len(self._axes) > 0
 
     def _tool(self, robot: Robot, query: ToolQuery, joints: list[int]) -> Tool:
         kinematics, own = self._model.kinematics, robot.tool
@@ -268,15 +277,20 @@ class ToolChain:
         Args:
             configuration: All actuated joints (A,) [rad].
         """
+        position, rotation = self._pose(configuration)
+        return position, rotation @ self._axis
+
+    def _pose(self, configuration: Array) -> tuple[Array, Array]:
+        """Return position of the tool (3,) [m] and rotation of its link (3, 3)."""
         q = self._model.coordinates(configuration[None, :])[:, 0]
         pin.computeJointJacobians(self._model.kinematics, self._data, q)
         frame = pin.updateFramePlacement(self._model.kinematics, self._data, self._frame)
-        return frame.act(self._offset), frame.rotation @ self._axis
+        return frame.act(self._offset), frame.rotation
 
     def evaluate(self, start: Array, joints: Array, point: Array) -> _Result:
         """Return the errors at the group's joints (J,) [rad]."""
-        position, axis = self.tool_pose(self._group.full(start, joints[None, :])[0])
-        return self._result(joints, position, axis, point)
+        position, rotation = self._pose(self._group.full(start, joints[None, :])[0])
+        return self._result(joints, position, rotation, point)
 
     def descend(
         self,
@@ -326,31 +340,32 @@ class ToolChain:
                 damping *= 5.0
                 if damping > 1e6:
                     break
-        joints = self._group.nearest_turn(start[self.columns], joints)
-        return _Result(joints, found.point, found.distance, found.angle)
+        return replace(found, joints=self._group.nearest_turn(start[self.columns], joints))
 
     def _linearise(
         self, configuration: Array, joints: Array, point: Array, axis_weight: float
     ) -> tuple[Array, Array, _Result]:
         """Return the weighted error, its Jacobian, and the unweighted result."""
         configuration[self.columns] = joints
-        position, axis = self.tool_pose(configuration)
+        position, rotation = self._pose(configuration)
         jacobian = pin.getFrameJacobian(
             self._model.kinematics, self._data, self._frame, pin.LOCAL_WORLD_ALIGNED
         )[:, self._velocity_columns]
         arm, angular = position - self._data.oMf[self._frame].translation, jacobian[3:]
         error, slope = position - point, jacobian[:3] - pin.skew(arm) @ angular
-        if self._direction is not None:
-            error = np.concatenate((error, axis_weight * (axis - self._direction)))
+        for own, target in zip(self._axes, self._targets, strict=True):
+            axis = rotation @ own
+            error = np.concatenate((error, axis_weight * (axis - target)))
             slope = np.vstack((slope, -axis_weight * pin.skew(axis) @ angular))
-        return error, slope, self._result(joints, position, axis, point)
+        return error, slope, self._result(joints, position, rotation, point)
 
-    def _result(self, joints: Array, position: Array, axis: Array, point: Array) -> _Result:
-        angle = 0.0
-        if self._direction is not None:
-            chord = float(np.linalg.norm(axis - self._direction))
-            angle = 2.0 * math.asin(min(1.0, 0.5 * chord))
-        return _Result(joints, position, float(np.linalg.norm(position - point)), angle)
+    def _result(self, joints: Array, position: Array, rotation: Array, point: Array) -> _Result:
+        pairs = zip(self._axes, self._targets, strict=True)
+        chord = max((float(np.linalg.norm(rotation @ own - to)) for own, to in pairs), default=0.0)
+        angle = 2.0 * math.asin(min(1.0, 0.5 * chord))
+        distance = float(np.linalg.norm(position - point))
+        reached = distance <= _POINT_TOLERANCE and angle <= self._tolerance
+        return _Result(joints, position, distance, angle, reached)
 
 
 def _unit(vector: tuple[float, ...]) -> Array:
@@ -370,7 +385,7 @@ def _check_query(robot: Robot, query: ToolQuery) -> Array:
         raise BadQuery(f"The link is {shown(query.link)}; give the name of a link, or omit it")
     if not isinstance(query.relative, bool):
         raise BadQuery(f"The value of relative is {shown(query.relative)}; give True or False")
-    for what in ("point", "direction", "offset", "axis"):
+    for what in ("point", "direction", "turn", "offset", "axis"):
         vector = getattr(query, what)
         if vector is None and what not in _LENGTHS:
             continue
@@ -380,7 +395,7 @@ def _check_query(robot: Robot, query: ToolQuery) -> Array:
     return start
 
 
-_LENGTHS = ("point", "offset")  # vectors in metres; the others are directions
+_LENGTHS = ("point", "offset")  # vectors in metres; the others are directions or angles
 
 
 def _check_vector(what: str, vector: Vector) -> None:

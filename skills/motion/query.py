@@ -119,6 +119,8 @@ class ToolQuery:
             robot's own tool [m].
         axis: Axis of the tool in that frame. Default: the axis of the robot's own tool, or z.
         relative: True if `point` is relative to the tool's position at the start.
+        turn: Roll, pitch and yaw of the tool from its orientation at the start, as in `turned`
+            [rad]; it replaces `direction`. Default: any orientation.
         seed: Seed of the search.
         timeout: Time for the search [s].
         world: Bodies around the arm and attached to it.
@@ -132,6 +134,7 @@ class ToolQuery:
     offset: Vector = (0.0, 0.0, 0.0)
     axis: Vector | None = None
     relative: bool = False
+    turn: Vector | None = None
     seed: int = 1
     timeout: float = 5.0
     world: World = EMPTY

@@ -14,6 +14,7 @@ from hardware.printable import plural
 STEPS = (0.1, 0.5, 1.0, 2.0, 5.0, 10.0)  # sizes of a step [deg] or [mm]
 _POSES = {"h": HOME, "o": "open", "c": "closed"}
 _TOOL = "xyz"
+_TURNS = ("roll", "pitch", "yaw")
 _UP, _DOWN = "tool up", "tool down"  # column of the tool's z
 _MESSAGE = 4  # a message has at most 1 / this number of the lines
 _LISTED = 34  # smallest number of columns of the axes beside a list
@@ -25,17 +26,19 @@ _HARD = "\xa0"  # no-break space
 
 @dataclass(frozen=True, slots=True)
 class Axis:
-    """Axis of the arrow keys: a joint, or the tool along x, y or z.
+    """Axis of the arrow keys: a joint, the tool along x, y or z, or a turn of the tool.
 
     Attributes:
-        name: Name of the joint, or `tool x`.
+        name: Name of the joint, or words such as `tool x` and `tool roll`.
         unit: Unit of its position, `rad` or `m`.
-        column: Index of x, y or z for the tool; None for a joint.
+        column: Index of x, y or z for the tool; None for a joint or a turn.
+        turn: `roll`, `pitch` or `yaw` for a turn; empty for others.
     """
 
     name: str
     unit: str
     column: int | None = None
+    turn: str = ""
 
     @property
     def people_unit(self) -> str:
@@ -46,7 +49,7 @@ class Axis:
         """Return the words of a move by an amount [deg], or [mm]."""
         change = f"{amount:g}{self.people_unit}"
         if self.column is None:
-            return (f"{self.name}={change}",)
+            return (f"{self.turn or self.name}={change}",)
         return tuple(change if each == self.column else "0" for each in range(len(_TOOL)))
 
     def change(self, amount: float) -> str:
@@ -56,7 +59,9 @@ class Axis:
         return f"{self.name} by {amount:+g} {self.people_unit}"
 
     def shown(self, where: Where) -> str:
-        """Return the position for people."""
+        """Return the position for people; empty for a turn."""
+        if self.turn:
+            return ""
         if self.column is None:
             value = where.commanded[self.name] if where.commanded else None
         else:
@@ -178,7 +183,9 @@ class Jog:
         """
         joints = [Axis(name, unit) for name, unit in where.units.items()]
         tool = (Axis(f"tool {name}", "m", column) for column, name in enumerate(_TOOL))
-        return cls((*joints, *tool), commands, speed, message=message)
+        words = _TURNS if where.turns_tool else ()
+        turns = (Axis(f"tool {word}", "rad", turn=word) for word in words)
+        return cls((*joints, *tool, *turns), commands, speed, message=message)
 
     @property
     def axis(self) -> Axis:
@@ -288,7 +295,7 @@ class Jog:
         first = min(max(self.selected - most // 2, 0), max(len(self.axes) - most, 0))
         for number, axis in enumerate(self.axes[first : first + most], first):
             mark = ">" if number == self.selected else " "
-            key = number + 1 if axis.column is None else _TOOL[axis.column]
+            key = "" if axis.turn else number + 1 if axis.column is None else _TOOL[axis.column]
             yield f"{mark} {key:>2} {axis.name:<{longest}}{axis.shown(where)}"
         if counted:
             yield f"     … {len(self.axes) - most} more"
@@ -332,7 +339,7 @@ class Jog:
     def _help(self, width: int) -> list[str]:
         if self.lost:
             return ["q leave"]
-        count = min(len(self.axes) - len(_TOOL), 9)
+        count = min(self._joints, 9)
         more = (f"{key} {each.title}" for key, each in self.commands.items())
         keys = ("<- -> move", f"up down 1-{count} x y z choose", "+ - step", "space stop")
         words = [
@@ -340,9 +347,13 @@ class Jog:
         ]
         return [line.replace(_HARD, " ") for line in wrap("   ".join(words), width)]
 
+    @property
+    def _joints(self) -> int:
+        return sum(axis.column is None and not axis.turn for axis in self.axes)
+
     def _chosen(self, key: str) -> int | None:
         """Return the axis that a key chooses, or None."""
-        joints = len(self.axes) - len(_TOOL)
+        joints = self._joints
         if key in (UP, DOWN):
             return (self.selected + (1 if key == DOWN else -1)) % len(self.axes)
         if key in tuple(_TOOL):

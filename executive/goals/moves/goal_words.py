@@ -28,6 +28,8 @@ Poses = Mapping[str, Mapping[str, float]]
 
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?[a-z]*", re.IGNORECASE)
 
+TURNS = ("roll", "pitch", "yaw")  # words for the changes of the tool's orientation
+
 TASK = "the number or name of a task"  # further meaning of the words of a goal
 
 
@@ -38,12 +40,14 @@ class Words:
     Attributes:
         joints: Positions by joint [rad].
         changes: Distances from the start by joint, for joints without a position [rad].
-        point: x, y, z of the tool [m]; None if the words are joints.
+        point: x, y, z of the tool [m]; None if the words are others.
+        turn: Roll, pitch and yaw of the tool from the start [rad]; None if the words are others.
     """
 
     joints: Mapping[str, float]
     changes: Mapping[str, float]
     point: tuple[float, float, float] | None = None
+    turn: tuple[float, float, float] | None = None
 
 
 def is_point(words: Sequence[str], poses: Poses) -> bool:
@@ -57,9 +61,9 @@ def read_words(
     """Read the words of a goal.
 
     Args:
-        words: Either x, y, z; or `JOINT=VALUE`, `JOINT+=CHANGE` and names of poses, applied in
-            order, each joint at most once; `width=VALUE` is the width of the gripper. Values are
-            written as in task files.
+        words: Either x, y, z; or changes of `TURNS`, such as `pitch+=5deg`; or `JOINT=VALUE`,
+            `JOINT+=CHANGE` and names of poses, applied in order, each joint at most once;
+            `width=VALUE` is the width of the gripper. Values are written as in task files.
         robot: Description of the robot.
         poses: The poses.
         also: Further meaning of the words, for messages.
@@ -74,9 +78,8 @@ def read_words(
     units = {joint.name: joint.unit for joint in robot.actuated}
     _check_spelling(words, units, quoted)
     _check_poses([word for word in words if word in poses], poses)
-    if is_point(words, poses):
-        x, y, z = read_value("point", f"[{', '.join(words)}]", declaration(TOOL_PORTS["point"]))
-        return Words({}, {}, (x, y, z))
+    if of_tool := _read_tool_words(words, units, poses):
+        return of_tool
     joints, changes, once = dict[str, float](), dict[str, float](), set[str]()
     for word in words:
         name, equals, text = word.partition("=")
@@ -109,6 +112,38 @@ def read_words(
         else:
             changes[joint] = value
     return Words(joints, {name: by for name, by in changes.items() if name not in joints})
+
+
+def _read_tool_words(words: Sequence[str], units: Mapping[str, str], poses: Poses) -> Words | None:
+    """Return the meaning of words about the tool; None if the words are about joints."""
+    if is_point(words, poses):
+        x, y, z = read_value("point", f"[{', '.join(words)}]", declaration(TOOL_PORTS["point"]))
+        return Words({}, {}, (x, y, z))
+    if any(_name(word) in TURNS and _name(word) not in units for word in words):
+        return Words({}, {}, turn=_read_turn(words))
+    return None
+
+
+def _name(word: str) -> str:
+    """Return what a word changes."""
+    return word.partition("=")[0].removesuffix("+")
+
+
+def _read_turn(words: Sequence[str]) -> tuple[float, float, float]:
+    """Return roll, pitch and yaw of words such as `pitch+=5deg`."""
+    angles = dict[str, float]()
+    for word in words:
+        name, (before, _, text) = _name(word), word.partition("=")
+        if name not in TURNS:
+            turns = ", ".join(TURNS)
+            raise BadTarget(f"{word!r} cannot be combined with {turns}; make two moves")
+        if before == name:
+            raise BadTarget(f"{name} is a change of the tool's orientation; write {name}+={text}")
+        if name in angles:
+            raise BadTarget(f"{name} is given twice; give it once, with the sum of its changes")
+        angles[name] = read_value(name, text, _ANGLE)
+    roll, pitch, yaw = (angles.get(name, 0.0) for name in TURNS)
+    return roll, pitch, yaw
 
 
 def _joint_value(

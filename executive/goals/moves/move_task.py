@@ -50,7 +50,8 @@ def read_move(move: Move, robot: Robot, poses: Poses) -> Words:
     read = read_words(words, robot, known)
     try:
         check_joints(robot, Positions(read.joints))
-        check_tool_target(robot, {"point": read.point} if read.point else {})
+        targets = {"point": read.point, "turn": read.turn}
+        check_tool_target(robot, {name: each for name, each in targets.items() if each})
     except ExceptionGroup as group:
         raise combine_errors(known_errors(group)) from group
     return read
@@ -118,6 +119,9 @@ def _tree(read: Words, relative: bool, speed: float) -> dict[str, object]:
         subtree = "follow_leader"
     elif read.point is not None:
         subtree, ports = "move_tool", {"point": list(read.point), "relative": relative}
+    elif read.turn is not None:
+        subtree = "move_tool"
+        ports = {"point": [0.0, 0.0, 0.0], "relative": True, "turn": list(read.turn)}
     elif not read.changes:
         subtree, ports = "move_joints", {"joints": dict(read.joints)}
     elif not read.joints:

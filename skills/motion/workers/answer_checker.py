@@ -17,6 +17,7 @@ from skills.motion.arrays import Array, joint_positions
 from skills.motion.errors import MotionError, shown
 from skills.motion.query import Carry, Query, Reached, Request, Rest, Result, ToolQuery, Verify
 from skills.motion.robot_model.joint_group import JointGroup
+from skills.motion.robot_model.tool_turn import axes_across, turn_tolerance, turned
 from skills.motion.trajectory.curve import Curve
 from skills.motion.trajectory.plan import Plan
 from skills.motion.trajectory.time_law import TimeLaw
@@ -124,10 +125,18 @@ class AnswerChecker:
         if request.direction is not None:
             wanted = np.array(request.direction) / math.hypot(*request.direction)
             off = math.dist((tip - tool) / math.dist(tip, tool), wanted)
-            if not off <= _ALIGNED:
-                angle = math.degrees(2.0 * math.asin(min(1.0, 0.5 * off)))
-                words = f"a solution with the tool {angle:.6g} deg from its direction"
-                raise InvalidMessage(words)
+            _check_aligned(off, _ALIGNED, "direction")
+        if request.turn is not None:
+            axes = axes_across(np.array(axis) / math.hypot(*axis))
+
+            def seen(configuration: Array) -> Array:
+                origin = self._locate(link, offset, configuration)
+                ends = [self._locate(link, offset + each, configuration) for each in axes]
+                return np.array(ends) - origin
+
+            wanted = turned(before := seen(start), request.turn)
+            off = float(np.linalg.norm(seen(there) - wanted, axis=1).max())
+            _check_aligned(off, _ALIGNED + turn_tolerance(before, wanted), "orientation")
 
     def _locate(self, link: str, offset: Array, configuration: Array) -> Array:
         """Return the position of a point of a link in the root frame (3,) [m]."""
@@ -140,6 +149,13 @@ class AnswerChecker:
         if name not in self._groups:
             self._groups[name] = JointGroup(self._robot, name)
         return self._groups[name]
+
+
+def _check_aligned(off: float, most: float, what: str) -> None:
+    """Check the distance of the end of a tool's axis, of length 1, from where it should be."""
+    if not off <= most:
+        angle = math.degrees(2.0 * math.asin(min(1.0, 0.5 * off)))
+        raise InvalidMessage(f"a solution with the tool {angle:.6g} deg from its {what}")
 
 
 def _check_durations(milliseconds: Mapping[str, float]) -> None:

@@ -7,6 +7,7 @@ import pytest
 
 from executive.replay.verification import verify
 from executive.testing import SimulatedArm
+from hardware import load_robot
 from logs import Measured, Recording, table
 from trees import Library
 
@@ -45,6 +46,33 @@ def test_a_recording_has_the_measured_motion_beside_the_commanded_one(arm: Simul
     assert [r.position for r in records] == [r.position for r in events]
     sent = next(r for r in reversed(list(Recording(path).frames())))
     assert records[-1].position == pytest.approx(sent.positions, abs=0.05)
+
+
+TURN = """
+task: 9
+name: turn
+description: Turn the tool up in place.
+tree:
+  subtree: move_tool
+  with: {point: [0, 0, 0], relative: true, turn: [0, 5 deg, 0]}
+"""
+
+
+@pytest.mark.slow
+def test_a_task_turns_the_tool_in_place(tmp_path: Path) -> None:
+    (tmp_path / "9_turn.yaml").write_text(TURN)
+    with SimulatedArm(tmp_path, robot=Path("so101")) as arm:
+        outcome = arm.run(9)
+        assert outcome.success, outcome.message
+        frames = list(Recording(Path(outcome.recording)).frames())
+        robot = load_robot(Path("so101"))
+        names = [joint.name for joint in robot.actuated]
+        first, last = (
+            robot.tool_position(dict(zip(names, each.positions, strict=True)))
+            for each in (frames[0], frames[-1])
+        )
+    assert last == pytest.approx(first, abs=0.002)
+    assert frames[0].positions != pytest.approx(frames[-1].positions, abs=0.02)
 
 
 def test_the_places_are_three() -> None:

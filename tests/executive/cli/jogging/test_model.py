@@ -57,6 +57,17 @@ def test_an_arrow_moves_what_is_chosen(
     assert f"moving {shown}" in drawn(jog)
 
 
+def test_an_arm_that_turns_its_tool_has_axes_for_it() -> None:
+    jog = Jog.start(replace(WHERE, turns_tool=True), {}, 1.0, "")
+    chosen, action = pressed(jog, UP, UP, LEFT)
+    assert action == Go(Move(("pitch=-2deg",), relative=True), "tool pitch by -2 deg")
+    assert next(line for line in drawn(chosen) if "tool pitch" in line) == ">    tool pitch"
+    assert pressed(jog, "z", DOWN, RIGHT)[1] == Go(
+        Move(("roll=2deg",), relative=True), "tool roll by +2 deg"
+    )
+    assert pressed(jog, "4", RIGHT)[1] == pressed(jog, RIGHT)[1]  # a turn has no number
+
+
 @pytest.mark.parametrize(("key", "pose"), [("h", "home"), ("o", "open"), ("c", "closed")])
 def test_a_key_moves_to_a_pose(key: str, pose: str) -> None:
     assert pressed(begun(), key)[1] == Go(Move((pose,)), f"to {pose}")

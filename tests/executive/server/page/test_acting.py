@@ -163,6 +163,29 @@ def test_joints_and_tool_move_in_steps(open_page: Open, page_server: Served) -> 
     is_accessible(tab)
 
 
+def test_the_tool_turns_in_steps_if_the_arm_can_turn_it(
+    open_page: Open, page_server: Served
+) -> None:
+    alone = open_page()
+    alone.click("#move summary")
+    alone.get_by_label("tool z more").wait_for()
+    assert alone.get_by_label("tool pitch more").count() == 0
+
+    def turns(asked: Any) -> None:
+        answer = asked.fetch()
+        asked.fulfill(response=answer, json={**answer.json(), "turns_tool": True})
+
+    tab = open_page(prepare=lambda empty: empty.route("**/api/where", turns))
+    tab.click("#move summary")
+    expect(tab, "[aria-label='tool pitch less']").to_be_enabled()
+    with tab.expect_request("**/api/move") as asked:
+        tab.click("[aria-label='tool pitch less']")
+    assert asked.value.post_data_json["to"] == ["pitch=-5deg"]
+    assert asked.value.post_data_json["relative"]
+    shows(tab, "#move-error", "the arm cannot turn its tool in place: its 3 joints hold the tool")
+    forget(tab, "422")
+
+
 SLIDER = "#move [aria-label='joint_1 [deg]']"
 SET = """slider.value = 20;
 for (const kind of ["input", "change"]) slider.dispatchEvent(new Event(kind));"""

@@ -7,12 +7,14 @@ import { byId, element, setAttribute, setText, setUsable } from "../dom.js";
 
 const DEGREE = Math.PI / 180;
 const AXES = ["x", "y", "z"];
+const TURNS = ["roll", "pitch", "yaw"];
 const WAIT = 400; // after the last key on a slider [ms]
 
 /**
  * @typedef {object} Where What the server answers at `/api/where`.
  * @property {Record<string, "rad" | "m">} units
  * @property {Record<string, [number, number] | null>} limits [rad or m]
+ * @property {boolean} turns_tool
  * @property {number[] | null} tool
  */
 
@@ -53,7 +55,8 @@ export class MoveView {
     this.#joints.clear();
     const joints = Object.entries(where.units).map(([name, unit]) => this.#jointRow(name, unit, where.limits[name]));
     const tool = AXES.map((axis, index) => this.#toolRow(axis, index));
-    this.#rows.replaceChildren(...joints, ...tool);
+    const turns = where.turns_tool ? TURNS.map((name) => this.#turnRow(name)) : [];
+    this.#rows.replaceChildren(...joints, ...tool, ...turns);
   }
 
   /**
@@ -147,6 +150,11 @@ export class MoveView {
     const jog = (sign) =>
       this.#move(AXES.map((_, each) => (each === index ? (sign * Number(this.#step.value)) / 1000 : 0)), true);
     return row(`tool ${axis}`, jog);
+  }
+
+  /** @param {string} name */
+  #turnRow(name) {
+    return row(`tool ${name}`, (sign) => this.#move([`${name}=${sign * Number(this.#step.value)}deg`], true));
   }
 
   /**

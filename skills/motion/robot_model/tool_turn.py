@@ -1,0 +1,60 @@
+"""A turn of a tool in place: by roll, pitch and yaw, as people see them."""
+
+import math
+
+import numpy as np
+
+from skills.motion.arrays import Array
+from skills.motion.world import Vector
+
+_UP = np.array((0.0, 0.0, 1.0))
+# Largest error of a turn, as a share of its angle. Arms with five joints rarely turn a tool exactly
+# about its own axis.
+_SHARE = 0.05
+_STEEP = 1e-3  # sine of the angle to the vertical below which an axis has no side [rad]
+
+
+def axes_across(axis: Array) -> Array:
+    """Return two axes of a tool that fix its orientation: the given one, and one across (2, 3).
+
+    Args:
+        axis: Axis of the tool, of length 1 (3,).
+    """
+    across = np.cross(axis, np.eye(3)[abs(axis).argmin()])
+    return np.array((axis, across / np.linalg.norm(across)))
+
+
+def turned(axes: Array, turn: Vector) -> Array:
+    """Return axes from `axes_across`, as they are in the root frame, after a turn (2, 3).
+
+    Args:
+        axes: The axes before the turn, of length 1 (2, 3).
+        turn: Roll about the tool's axis, then pitch upwards, then yaw about the vertical [rad]. The
+            pitch is about the horizontal line across the tool's axis, or about the second axis if
+            the tool's axis is vertical.
+    """
+    side = np.cross(axes[0], _UP)
+    length = np.linalg.norm(side)
+    side = side / length if length > _STEEP else axes[1]
+    for line, angle in zip((axes[0], side, _UP), turn, strict=True):
+        axes = _rotated(axes, line, angle)
+    return axes
+
+
+def turn_tolerance(axes: Array, targets: Array) -> float:
+    """Return the largest angle of an axis from its target that is still a turn [rad].
+
+    Args:
+        axes: The axes before the turn, of length 1 (2, 3).
+        targets: The result of `turned`.
+    """
+    chord = float(np.linalg.norm(axes - targets, axis=1).max())
+    return _SHARE * 2.0 * math.asin(min(1.0, 0.5 * chord))
+
+
+def _rotated(vectors: Array, line: Array, angle: float) -> Array:
+    """Return vectors (N, 3) after a rotation about a line of length 1 (O. Rodrigues 1840)."""
+    along = np.outer(vectors @ line, line)
+    cos, sin = np.cos(angle), np.sin(angle)
+    rotated: Array = along + cos * (vectors - along) + sin * np.cross(line, vectors)
+    return rotated
