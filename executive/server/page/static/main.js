@@ -186,7 +186,8 @@ async function showRobot() {
   document.title = `${robot.name}, armtree`;
   setText(byId("opening", HTMLElement), `Activating opens the port; the arm then ${robot.opening}.`);
   live = robot;
-  Promise.all([move.show(), poses.show(Object.keys(robot.groups))]).then(() => {
+  // Without an answer, the next stream asks again.
+  Promise.allSettled([move.show(), poses.show(Object.keys(robot.groups))]).then(() => {
     acts = [];
     draw();
   });

@@ -170,3 +170,28 @@ def test_a_server_that_is_killed_and_restarts_is_found_again(
     again.stop()
     shows(tab, "#connection", r"No connection for \d+ s")
     tab.context.close()
+
+
+@pytest.mark.parametrize("path", ["api/goals?*", "api/where", "api/poses"])
+def test_a_request_without_an_answer_is_made_again_with_the_next_stream(
+    open_page: Open, page_server: Served, path: str
+) -> None:
+    lost = list[Any]()
+
+    def lose(asked: Any) -> None:
+        lost.append(asked)
+        asked.abort()
+
+    tab = open_page(prepare=lambda empty: empty.route(f"**/{path}", lose))
+    while not lost:
+        tab.wait_for_timeout(20)
+    tab.unroute(f"**/{path}")
+    tab.context.set_offline(True)
+    shows(tab, "#connection", "No connection")
+    tab.context.set_offline(False)
+    tab.locator("#tasks li").first.wait_for()
+    tab.click("#move summary")
+    tab.get_by_label("joint_1 more").wait_for()
+    tab.locator("#poses li").first.wait_for()
+    for words in ("ERR_FAILED", "ERR_INTERNET_DISCONNECTED"):
+        forget(tab, words)

@@ -55,9 +55,9 @@ export class RunsView extends EventTarget {
     this.#more.addEventListener("click", () => this.#load(true));
   }
 
-  /** Ask for the recordings, goals and tasks again. */
+  /** Ask for the recordings, goals and tasks again. Without an answer they stay, until the next stream asks. */
   async refresh() {
-    await Promise.all([this.#load(false), this.#loadGoals()]);
+    await Promise.all([this.#load(false), this.#loadGoals().catch(() => undefined)]);
   }
 
   /**
