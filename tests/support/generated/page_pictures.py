@@ -6,6 +6,7 @@ documentation, a moving picture of a recording that plays:
 """
 
 import io
+import logging
 import shutil
 import sys
 from collections.abc import Callable, Collection, Iterator
@@ -15,6 +16,7 @@ from typing import Any
 from PIL import Image
 
 from executive.api.move import Move
+from executive.cli.support.log_handler import recorded_log
 from tests.support.recordings.finished import at_rest, rest
 from tests.support.servers.browsing import shows
 from tests.support.servers.serving import Served, serving
@@ -147,7 +149,12 @@ def main(folder: Path, wanted: Collection[str]) -> None:
     from playwright.sync_api import sync_playwright
 
     folder.mkdir(parents=True, exist_ok=True)
-    with serving() as served, sync_playwright() as playwright:
+    logging.getLogger().setLevel(logging.INFO)
+    with (
+        serving() as served,
+        recorded_log(served.executive),
+        sync_playwright() as playwright,
+    ):
         args = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
         browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=args)
         for name, act in views(served):
@@ -194,7 +201,8 @@ def take(context: Any, served: Served, act: Callable[[Any], object], path: Path)
     act(tab)
     tab.locator("#time-panel").scroll_into_view_if_needed()  # plots are drawn when they are seen
     tab.wait_for_timeout(100)
-    tab.evaluate("scrollTo(0, 0)")
+    # In a picture of the whole page, the player would hide what is behind it.
+    tab.evaluate("document.getElementById('player').style.position = 'static'; scrollTo(0, 0)")
     tab.screenshot(path=path, full_page=True)
     context.close()
 

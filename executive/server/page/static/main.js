@@ -150,12 +150,20 @@ tree.addEventListener("break", (event) => {
 });
 byId("activate", HTMLElement).addEventListener("click", () => controls.activate());
 tasks.addEventListener("preview", (event) => shown.preview(/** @type {CustomEvent} */ (event).detail));
-runs.addEventListener("open", (event) => open(/** @type {CustomEvent} */ (event).detail.name));
+runs.addEventListener("open", async (event) => {
+  await open(/** @type {CustomEvent} */ (event).detail.name);
+  drawAll();
+  bringIntoView(byId(shown.run.state === "ABORTED" ? "failure" : "tree-panel", HTMLElement));
+});
 runs.addEventListener("change", draw);
 player.addEventListener("change", () => runs.refresh().then(draw));
 player.addEventListener("delete", (event) => deleteRecording(/** @type {CustomEvent} */ (event).detail));
 comparison.addEventListener("change", draw);
 comparison.addEventListener("error", (event) => player.say(/** @type {CustomEvent} */ (event).detail));
+byId("skip", HTMLElement).addEventListener("click", ({ target }) => {
+  const to = target instanceof HTMLElement && target.dataset.to;
+  if (to) byId(to, HTMLElement).focus();
+});
 document.addEventListener("click", (event) => {
   const link = event.target instanceof Element ? event.target.closest(".link") : null;
   if (!(link instanceof HTMLElement) || !link.dataset.path) return;
@@ -233,6 +241,16 @@ async function openAddress() {
   const name = words.get("recording") ?? newest;
   const time = words.has("t") ? Math.max(0, Number(words.get("t"))) || 0 : undefined;
   if (name) await open(name, time, location.hash !== "");
+}
+
+/**
+ * Scroll to a part of the page whose beginning is not seen.
+ * @param {HTMLElement} part
+ */
+function bringIntoView(part) {
+  const { top } = part.getBoundingClientRect();
+  const { bottom } = byId("header", HTMLElement).getBoundingClientRect();
+  if (top < bottom || top > byId("player", HTMLElement).getBoundingClientRect().top) part.scrollIntoView();
 }
 
 /** @param {string} name */

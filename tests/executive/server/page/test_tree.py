@@ -82,6 +82,43 @@ def test_why_an_earlier_run_failed(open_page: Open, page_server: Served) -> None
     is_accessible(tab)
 
 
+PHONE = {"width": 390, "height": 844}
+
+
+def test_why_an_earlier_run_failed_is_found_on_a_phone_and_by_keyboard(
+    open_page: Open, page_server: Served
+) -> None:
+    write_tasks(page_server)
+    for number in (20, 11):
+        ended(page_server, number)
+    tab = open_page(viewport=PHONE)
+    shows(tab, "#shown", "^task 11 nothing, recorded$")
+    to = "document.activeElement.dataset.to ?? document.activeElement.id"
+    found = []
+    for _ in range(4):
+        tab.keyboard.press("Tab")
+        found.append(tab.evaluate(to))
+    assert found == ["stop", "tree-panel", "tasks-panel", "runs-panel"]
+    is_accessible(tab)
+    tab.keyboard.press("Enter")
+    assert tab.evaluate(to) == "runs-panel"
+    expect(tab, "#skip").to_have_css("width", "1px")
+    run = "#runs .run:has(.name:text-is('task 20 deliver'))"
+    while not tab.evaluate(f"document.activeElement.matches(`{run.split(':has')[0]}`)"):
+        tab.keyboard.press("Tab")
+    tab.keyboard.press("Tab")  # from the newest to the one before
+    tab.keyboard.press("Enter")
+    shows(tab, "#failure", "deliver failed")
+    expect(tab, "#failure .cause").to_be_in_viewport(ratio=1)
+    tab.focus("#tree [tabindex='0']")
+    expect(tab, row("Fail")).to_be_in_viewport()  # though the tree is longer than what is seen
+    tab.focus("[data-to='failure']")
+    tab.keyboard.press("Enter")
+    tab.keyboard.press("Tab")
+    tab.keyboard.press("Enter")
+    assert focused(tab) == "deliver/retry/sequence/Fail"
+
+
 def test_a_breakpoint_holds_the_goal_until_a_step(open_page: Open, page_server: Served) -> None:
     write_tasks(page_server)
     ended(page_server, 20)

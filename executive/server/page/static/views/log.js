@@ -38,10 +38,21 @@ export class LogView {
         if (this.#history) this.draw(this.#history);
         this.scroll();
       });
+    this.#list.addEventListener("keydown", (event) => this.#key(event));
     this.#list.addEventListener("scroll", () => {
       const { scrollTop, clientHeight, scrollHeight } = this.#list;
       this.#atEnd = scrollTop + clientHeight >= scrollHeight - 4;
     });
+  }
+
+  /** Only the list is reached by Tab; arrows reach the times of its lines. @param {KeyboardEvent} event */
+  #key(event) {
+    const step = { ArrowDown: 1, ArrowUp: -1 }[event.key];
+    if (!step) return;
+    event.preventDefault();
+    const times = this.#shown.map(({ item }) => /** @type {HTMLElement} */ (item.firstElementChild));
+    const focused = times.findIndex((each) => each === document.activeElement);
+    times.at(focused < 0 ? (step > 0 ? 0 : -1) : Math.min(Math.max(focused + step, 0), times.length - 1))?.focus();
   }
 
   /** @param {History} history of the run that is shown */
@@ -86,7 +97,7 @@ export class LogView {
   /** @param {Line} line */
   #item({ time, level, message }) {
     const [, name] = LEVELS.find(([least]) => level >= least) ?? [0, "debug"];
-    const at = element("button", { type: "button", class: "at" }, `${time.toFixed(2)} s`);
+    const at = element("button", { type: "button", class: "at", tabindex: -1 }, `${time.toFixed(2)} s`);
     at.addEventListener("click", () => this.#cursor.seek(time));
     const text = message.length > LONGEST ? `${message.slice(0, LONGEST)} …` : message;
     const words = element("span", {}, level >= 30 ? `${name}: ${text}` : text);

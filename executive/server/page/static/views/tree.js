@@ -105,9 +105,10 @@ export class TreeView extends EventTarget {
     this.#keepOneTabStop();
   }
 
-  /** Show the node that runs. This needs the layout of the page, so call it when all else is drawn. */
+  /** Show the node that runs, or the one that failed the run. This needs the layout of the page, so call it when all else is drawn. */
   scroll() {
-    const path = this.#shown.run.running.at(-1)?.path ?? "";
+    const { running, outcome } = this.#shown.run;
+    const path = running.at(-1)?.path ?? outcome?.cause?.node ?? "";
     const row = this.#rows.get(path);
     if (!this.#follow.checked || path === this.#followed || !row?.isConnected) return;
     this.#followed = path;
