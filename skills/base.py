@@ -3,7 +3,7 @@
 import logging
 import sys
 import warnings
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from enum import Enum
 from typing import Any, ClassVar
 
@@ -17,6 +17,7 @@ from .errors import SkillBroken, SkillError, combine_errors, known_errors
 from .motion.errors import MotionError
 from .motion.query import ToolQuery
 from .motion.world import Body
+from .ports import value_words
 
 logger = logging.getLogger(__name__)
 
@@ -64,6 +65,8 @@ class Skill(BehaviourWithPorts):
         failure: Error of the last failure, or None.
         broken: Last exception of its code other than an error of armtree, or None.
         start_count: Number of starts.
+        named_ports: Input ports with a key or a parameter in the task's files.
+        values_read: Values that it has read from these ports since its start, for people, by port.
         synonyms: Names of the skill in other languages and libraries, for corrections.
     """
 
@@ -98,6 +101,22 @@ class Skill(BehaviourWithPorts):
         self.broken: SkillBroken | None = None
         self._live = False
         self.start_count = 0
+        self.named_ports: Collection[str] = ()
+        self.values_read: dict[str, str] = {}
+
+    def get_input(self, port_name: str, default: Any = None) -> Any:
+        """Return the value of an input port.
+
+        Raises:
+            KeyError: The skill has no such port.
+            TypeError: The value does not have the type of the port.
+            NoDataAvailable: There is no value, and no default.
+        """
+        value = super().get_input(port_name, default)
+        if port_name in self.named_ports:
+            unit = getattr(self.input_ports()[port_name], "unit", "")
+            self.values_read[port_name] = value_words(value, unit, self.context.robot)
+        return value
 
     @classmethod
     def validate(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
@@ -201,7 +220,7 @@ class Skill(BehaviourWithPorts):
         starts, self._live = not self._live, True
         if starts:
             self.start_count += 1
-            self.failure, self.feedback_message = None, ""
+            self.failure, self.feedback_message, self.values_read = None, "", {}
         try:
             status = self.on_start() if starts else self.on_running()
         except BaseException as error:  # also SystemExit, which would end the thread that ticks

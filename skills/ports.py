@@ -2,13 +2,17 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from py_trees.ports import PortInformation
+
+from hardware import DISPLAY_UNITS, Robot
 
 from .errors import BadTarget
 
 MOST_REACHES = 10  # largest length in a task, as a multiple of the arm's reach
 ORIGIN = (0.0, 0.0, 0.0)
+MAX_WORDS = 200  # largest number of characters of a value for people
 
 
 @dataclass(frozen=True)
@@ -77,3 +81,32 @@ def xyz(name: str, values: Sequence[float]) -> tuple[float, float, float]:
         raise BadTarget(f"the {name} has {len(values)} values; give x, y, z")
     x, y, z = values
     return x, y, z
+
+
+def value_words(value: Any, unit: str, robot: Robot) -> str:
+    """Return the value of a port for people, in at most `MAX_WORDS` characters.
+
+    Args:
+        value: The value. Of a large object, only the type is named.
+        unit: Unit of its numbers: `rad`, `s`, `m` or "".
+        robot: Description of the robot.
+    """
+    words = _words(value, unit, robot)
+    return words if len(words) <= MAX_WORDS else f"{words[: MAX_WORDS - 1]}…"
+
+
+def _words(value: Any, unit: str, robot: Robot) -> str:
+    match value:
+        case Positions():
+            return robot.words(value)
+        case str():
+            return value
+        case bool():
+            return str(value).lower()
+        case int() | float():
+            scale, shown = DISPLAY_UNITS.get(unit, (1.0, unit))
+            return f"{scale * value:z.6g} {shown}".rstrip()
+        case list() | tuple():
+            return ", ".join(_words(each, unit, robot) for each in value)
+        case _:
+            return type(value).__name__

@@ -126,6 +126,8 @@ def _wire(leaf: Leaf) -> None:
     skill, namespace = leaf.skill, leaf.namespace
     constants = {port: f"{namespace}/{skill.id}/{port}" for port in leaf.inputs}
     skill.setup_ports({**constants, **leaf.keys}, namespace)
+    parameters = {port for port, value in leaf.written.items() if value.declared}
+    skill.named_ports = frozenset(parameters | leaf.keys.keys())
     client = skill.attach_blackboard_client(namespace=namespace)
     for port, key in constants.items():
         client.register_key(key, access=Access.WRITE)

@@ -162,7 +162,8 @@ class Run:
                 continue
             if each.update():
                 status, message = node.status.name, node.feedback_message
-                self._record(NodeStatus(now, each.path, node.name, status, message))
+                read = dict(node.values_read) if isinstance(node, Skill) else {}
+                self._record(NodeStatus(now, each.path, node.name, status, message, read))
         if point := self._progress.step(paused):
             self._record(Feedback(now, self._goal.identity, *point))
 

@@ -337,7 +337,11 @@ def _checked(kind: type, known: dict[str, Any], message: Message) -> Any:
 @cache
 def _needed(kind: type) -> frozenset[str]:
     """Return the fields without a default."""
-    return frozenset(field.name for field in fields(kind) if field.default is MISSING)
+    return frozenset(
+        field.name
+        for field in fields(kind)
+        if field.default is MISSING and field.default_factory is MISSING
+    )
 
 
 def _invalid_field(kind: type, values: Mapping[str, Any]) -> str:

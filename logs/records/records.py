@@ -5,7 +5,7 @@ in `Measured` and `LeaderState`. The table in `topics.py` defines the messages o
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from hardware.printable import wire_text
@@ -226,6 +226,8 @@ class NodeStatus:
         name: Name of the node.
         status: `RUNNING`, `SUCCESS`, `FAILURE` or `INVALID`.
         message: Feedback message of the node.
+        inputs: Values that it has read since its start from keys and parameters, for people, by
+            port.
     """
 
     time: float
@@ -233,6 +235,7 @@ class NodeStatus:
     name: str
     status: str
     message: str
+    inputs: Mapping[str, str] = field(default_factory=dict)
 
 
 HALTED = "HALTED"  # word for people: INVALID after RUNNING

@@ -36,6 +36,8 @@ def test_a_task_runs_with_the_values_of_its_form(open_page: Open, page_server: S
     tab.click(f"{say} button")
     shows(tab, f"{say} [data-state]", "^done$")
     shows(tab, "#tree", "<i>hello</i>")
+    tab.click("#tree .row")
+    shows(tab, "#node", r"Ports\s*text\s*<i>hello</i>\s*value\s*2")  # not the defaults of the file
     assert page_server.executive.goals()[-1].task == 12
     is_accessible(tab)
 

@@ -33,6 +33,7 @@
  * @property {number | null} began time of the last start [s]
  * @property {number | null} ended time of the last end [s]
  * @property {number} starts how often it started
+ * @property {Record<string, string>} inputs values that it has read from keys and parameters, by port
  */
 
 /**
@@ -65,6 +66,7 @@ const UNKNOWN = {
   began: /** @type {number | null} */ (null),
   ended: /** @type {number | null} */ (null),
   starts: 0,
+  inputs: /** @type {Record<string, string>} */ ({}),
 };
 
 /** One run, or none yet. */
@@ -207,8 +209,8 @@ export class Run {
     Object.assign(this, other, { nodes, changed });
     for (const node of nodes.values())
       if (!other.nodes.has(node.path)) this.#change(node, { ...UNKNOWN });
-    for (const { path, name, status, message, began, ended, starts } of other.nodes.values())
-      this.#change(nodes.get(path) ?? this.#newNode({ path, name }), { status, message, began, ended, starts });
+    for (const { path, name, status, message, began, ended, starts, inputs } of other.nodes.values())
+      this.#change(nodes.get(path) ?? this.#newNode({ path, name }), { status, message, began, ended, starts, inputs });
   }
 
   /**
@@ -239,6 +241,7 @@ export class Run {
     // A new stream repeats the current state.
     const known = event.time_s === (event.status === "RUNNING" ? node.began : node.ended);
     node.message = cut(event.message);
+    node.inputs = event.inputs;
     node.status = event.status === "INVALID" && before === "RUNNING" ? "HALTED" : event.status;
     if (known) return void this.changed.add(node);
     if (event.status === "RUNNING") {
@@ -290,8 +293,8 @@ export function goalTitle(task, name = "") {
  * Return the state in an event that has the whole state of a node.
  * @param {any} event
  */
-function stateOf({ status, message, began_s, ended_s, starts }) {
-  return { status, message: cut(message), began: began_s, ended: ended_s, starts };
+function stateOf({ status, message, began_s, ended_s, starts, inputs }) {
+  return { status, message: cut(message), began: began_s, ended: ended_s, starts, inputs };
 }
 
 /** @param {string} message */

@@ -114,7 +114,7 @@ export function drawNode(shown, path) {
   card.hidden = !node;
   if (!node) return;
   const known = shown.facts.get(path);
-  const key = JSON.stringify([path, node.status, node.message, node.began, known?.line, shown.run.goalId]);
+  const key = JSON.stringify([path, node.status, node.message, node.began, node.inputs, known?.line, shown.run.goalId]);
   if (card.dataset.key === key) return;
   card.dataset.key = key;
   const began = node.began === null ? "" : `${(node.began - shown.run.began).toFixed(2)} s after the goal began`;
@@ -129,15 +129,28 @@ export function drawNode(shown, path) {
       ["Line", places(shown, path)],
       ["Path", path],
     ]),
-    ...ports(known?.ports ?? {}),
+    ...ports(known?.ports ?? {}, node.inputs),
   );
 }
 
-/** @param {Record<string, string>} values */
-function ports(values) {
-  const rows = Object.entries(values);
+/**
+ * @param {Record<string, string>} written values and keys in the files, by port
+ * @param {Record<string, string>} read values that the run gave, by port
+ */
+function ports(written, read) {
+  const names = Object.keys({ ...written, ...read });
+  const rows = names.map((name) => /** @type {[string, string]} */ ([name, portWords(written[name] ?? "", read[name])]));
   if (rows.length === 0) return [];
   return [element("h3", {}, "Ports"), facts(rows)];
+}
+
+/**
+ * @param {string} written a value or a key; a value may be a default, instead of which the run gave another
+ * @param {string | undefined} read
+ */
+function portWords(written, read) {
+  if (read === undefined) return written;
+  return written.startsWith("$") ? `${written} = ${read}` : read;
 }
 
 /**
