@@ -156,6 +156,7 @@ class Where:
             None if the arm is not active, or its robot file names no tool.
         width: Distance between the fingers at the commanded position [m]; None if the arm is not
             active, or its robot file has no `pads`.
+        turns_tool: True if the arm can turn its tool in place.
         measured: Measured position by joint [rad]; None if the arm is not active, or its board
             measures none. The next six are None in the same cases.
         measured_velocity: Measured velocity by joint [rad/s].
@@ -164,7 +165,6 @@ class Where:
         voltage: Voltage of the servo's supply by joint [V].
         current: Current of the servo by joint [A].
         lost: Number of lost answers of the servo since the port was opened, by joint.
-        turns_tool: True if the arm can turn its tool in place.
     """
 
     arm: State = State.UNCONFIGURED
@@ -174,6 +174,7 @@ class Where:
     commanded: Mapping[str, float] | None = None
     tool: tuple[float, float, float] | None = None
     width: float | None = None
+    turns_tool: bool = False
     measured: Mapping[str, float] | None = None
     measured_velocity: Mapping[str, float] | None = None
     measured_effort: Mapping[str, float] | None = None
@@ -181,7 +182,6 @@ class Where:
     voltage: Mapping[str, float] | None = None
     current: Mapping[str, float] | None = None
     lost: Mapping[str, float] | None = None
-    turns_tool: bool = False
 
     @classmethod
     def of(
@@ -209,8 +209,8 @@ class Where:
             commanded,
             robot.tool_position(commanded) if commanded else None,
             robot.width(commanded) if commanded else None,
+            robot.turns_tool(),
             *(dict(zip(names, each, strict=True)) if each else None for each in values),
-            turns_tool=robot.turns_tool(),
         )
 
     def words(self, positions: Mapping[str, float]) -> str:

@@ -11,7 +11,7 @@ tree has 1,000 nodes. `*_p95`, `*_p99`: that share of the samples is at most as 
 a second, less that of a motion that nobody watches.
 `recording_open_s`: from the choice of a recording of 10^6 messages until its end is shown, by a
 server that has not read it before. `scrub_frame_ms`: time between two frames of the screen while
-its scrubber moves over all of it.
+its scrubber moves over all of it. Without a graphics card, each of them draws only the player.
 """
 
 import os

@@ -147,6 +147,7 @@ def test_joints_and_tool_move_in_steps(open_page: Open, page_server: Served) -> 
             tab.keyboard.press("ArrowRight")
     assert page_server.executive.result(asked.value.json()["goal_id"]).success
     assert page_server.executive.goals()[-1].identity == asked.value.json()["goal_id"]
+    shows(tab, "#positions div:nth-child(2) dd", r"^1\.[45]°$")  # not only the target of the slider
     until_usable()
     shows(tab, "#move-rows .move-row:nth-child(2) output", r"^1\.[45] deg$")
     at = tab.inner_text("#positions div:nth-child(2) dd")
