@@ -41,7 +41,7 @@ def _by_similarity(word: str, known: Iterable[str]) -> list[tuple[float, str]]:
         similarity = matcher.ratio()
         if not word.isalnum() and sorted(other) == sorted(folded):  # for example, `=>` for `>=`
             similarity = 0.9
-        elif other[0] != folded[0] and other not in folded and folded not in other:
+        elif other[:1] != folded[:1] and other not in folded and folded not in other:
             similarity *= _OTHER_START
         found.append((similarity, name))
     return sorted(found, key=lambda each: (-each[0], each[1]))

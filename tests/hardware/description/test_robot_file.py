@@ -73,7 +73,7 @@ WRONG = {
     "no such urdf": ('"arduinobot.urdf"', '"none.urdf"', "urdf =", "urdf: .*none.urdf cannot be read: No such file"),
     "urdf is a folder": ('"arduinobot.urdf"', '"."', "urdf =", "urdf: .* cannot be read: Is a directory"),
     "urdf has no file name": ('"arduinobot.urdf"', '"a\\u0000b"', "urdf =", "urdf: .* cannot be read"),
-    "no serial": ("[serial]", "[cereal]", "[cereal]", "cereal: unknown key; did you mean serial"),
+    "no serial": ("[serial]", "[seriel]", "[seriel]", "seriel: unknown key; did you mean serial"),
     "port is a number": ('port = "virtual"', "port = 3", "port =", "serial.port: 3 is not a text"),
     "baud is a text": ("baud = 115200", 'baud = "fast"', "baud =", "serial.baud: 'fast' is not a whole number"),
     "baud is zero": ("baud = 115200", "baud = 0", "baud =", "serial.baud: 0 is not from 1200 to 4000000"),
