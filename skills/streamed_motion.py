@@ -32,6 +32,7 @@ class StreamedMotion(Skill, register=False):
     _progress_before: float | None = None  # progress at the last pause
     _paused = False
     _remaining: list[Plan | PlannerJob] | None = None  # plans of the rest of a paused motion
+    _holds = False  # True if the gripper closed on an object before the last pause
     _resumed = 0.0  # time within the motion at which it resumes [s]
 
     @property
@@ -59,7 +60,7 @@ class StreamedMotion(Skill, register=False):
     def on_start(self) -> Status:
         """Compile the plans into frames, and request a check of the frames."""
         arm = self.context.arm
-        self._playback, self._remaining, self._paused = None, None, False
+        self._playback, self._remaining, self._paused, self._holds = None, None, False, False
         self._frames_before, self._progress_before = 0, None
         schedule, motion = self.compile_motion(arm.commanded)
         return self._check(schedule, motion, None)
@@ -136,8 +137,10 @@ class StreamedMotion(Skill, register=False):
         if playback.gripped or playback.state is not PlaybackState.STOPPED:
             return self._follow(playback)
         position = self.context.arm.commanded
-        if not _stopped_at(playback, self._start, position):
+        loosened = self._motion is not None and position == playback.loosened
+        if not (loosened or _stopped_at(playback, self._start, position)):
             raise StartMoved("the arm was moved while the motion was paused; plan again")
+        self._holds |= loosened
         self._progress_before = self.progress
         self._frames_before += playback.written
         if self._motion is None:
@@ -174,10 +177,11 @@ class StreamedMotion(Skill, register=False):
             return Status.RUNNING
         if playback.error:
             raise playback.error
-        if playback.gripped:  # a stop of it only holds what it has gripped
-            self.feedback_message += "; the gripper holds an object"
-        elif playback.state is PlaybackState.STOPPED:
+        # A stop of a motion that has gripped only holds the object.
+        if playback.state is PlaybackState.STOPPED and not playback.gripped:
             raise Interrupted(f"the motion was stopped after {self.feedback_message}")
+        if playback.gripped or self._holds:
+            self.feedback_message += "; the gripper holds an object"
         return Status.SUCCESS
 
     def on_halt(self) -> None:
@@ -194,11 +198,15 @@ class StreamedMotion(Skill, register=False):
 
 
 def _time_at(playback: Playback, motion: MergedMotion, position: tuple[float, ...]) -> float:
-    """Return the time [s] at which a motion has the position of a stopped arm [rad]."""
+    """Return the time [s] at which a motion has the position of a stopped arm [rad].
+
+    A loosened gripper has left that position.
+    """
     if not playback.written:
         return 0.0
     last = playback.schedule.setpoints[playback.written - 1]
     expected = last.time - last.delay
+    position = last.positions if position == playback.loosened else position
     times = [time for time, row in motion.sampled.items() if tuple(row) == position]
     return min(times, key=lambda time: abs(time - expected))
 

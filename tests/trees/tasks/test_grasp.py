@@ -2,6 +2,7 @@
 
 import math
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,23 @@ from skills.errors import NotReplayable
 from tests.support.recordings.alterations import altered, each
 
 _TOPIC, _MEASURED = "/joint_states/measured", "arduinobot_msgs/msg/MeasuredJoints"
+SWING = """\
+task: 30
+name: swing
+description: Close the gripper while the arm moves.
+tree:
+  sequence:
+    - subtree: open_gripper
+    - SetStart: {start: $start}
+    - CheckBounds:
+        arm: {shoulder_pan: 80 deg, shoulder_lift: 0, elbow_flex: 0, wrist_flex: 0, wrist_roll: 0}
+        gripper: closed
+        goal: $goal
+    - parallel:
+        - PlanArm: {start: $start, goal: $goal, plan: $arm}
+        - PlanGripper: {start: $start, goal: $goal, plan: $gripper}
+    - Execute: {arm_plan: $arm, gripper_plan: $gripper, together: true}
+"""
 SQUEEZE = 1.5  # [deg]
 SOFT, HARD = 1 / 60, 1.0  # load of a blocked servo for each tick to its goal
 
@@ -79,6 +97,23 @@ def measured_closed(record: Any) -> None:
 
 
 def test_a_gripper_that_pushes_in_a_pause_is_loosened_and_the_task_goes_on(tmp_path: Path) -> None:
+    paused_while_it_pushes(Setup(recordings=tmp_path, single_user=True), 1)
+
+
+def test_a_pause_of_arm_and_gripper_while_it_grips(tmp_path: Path) -> None:
+    (tmp_path / "30_swing.yaml").write_text(SWING)
+    setup = Setup(recordings=tmp_path, single_user=True, trees=tmp_path)
+    recording = paused_while_it_pushes(setup, 30)
+    *_, last = (r for r in recording.records(Sent) if isinstance(r, Sent) and r.joints)
+    pan, gripper = (math.degrees(last.positions[k]) for k in (0, 5))
+    assert pan == pytest.approx(80.0, abs=0.1)  # a tick
+    assert 25.0 - SQUEEZE - 0.2 <= gripper <= 25.0
+    nodes = [r for r in recording.records(NodeStatus) if isinstance(r, NodeStatus)]
+    assert any("the gripper holds an object" in node.message for node in nodes)
+
+
+def paused_while_it_pushes(setup: Setup, task: int) -> Recording:
+    """Runs a task, and pauses it for a while when the gripper pushes against an object."""
     robot, clock = load_robot(Path("so101")), SimulatedClock()
     model = robot.model()
     assert isinstance(model, Bus)
@@ -108,7 +143,7 @@ def test_a_gripper_that_pushes_in_a_pause_is_loosened_and_the_task_goes_on(tmp_p
         pushed.append(*left)
         executive.resume(goal.identity)
 
-    setup = Setup(robot=robot, recordings=tmp_path, single_user=True)
+    setup = replace(setup, robot=robot)
     link = BoardLink(model, clock)
     with (
         closing(SharedPool(robot, 1, clock)) as pool,
@@ -116,8 +151,10 @@ def test_a_gripper_that_pushes_in_a_pause_is_loosened_and_the_task_goes_on(tmp_p
         open_executive(setup, clock=clock, link=link, pool=pool, subscriber=watch) as executive,
     ):
         executive.start()
-        outcome = TaskRunner(executive).run(1)
+        outcome = TaskRunner(executive).run(task)
         assert outcome.success, outcome.text()
     before, after = pushed
     assert after < SQUEEZE + 0.2 < before
-    assert verify(Path(outcome.recording)).holds
+    verified = verify(Path(outcome.recording))
+    assert verified.holds, verified.text()
+    return Recording(Path(outcome.recording))
