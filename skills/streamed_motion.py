@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from py_trees.common import Status
 
-from hardware import Playback, PlaybackState, Schedule, compile_schedule
+from hardware import Playback, PlaybackState, Robot, Schedule, compile_schedule
 
 from .base import Skill
 from .context import Scheduled
@@ -15,6 +15,8 @@ from .motion.errors import MotionError
 from .motion.query import Rest
 from .motion.trajectory.plan import Plan
 from .planning_skill import PlannerJob
+
+_ROUNDING = 1e-6  # [rad]
 
 
 class StreamedMotion(Skill, register=False):
@@ -137,7 +139,7 @@ class StreamedMotion(Skill, register=False):
         if playback.gripped or playback.state is not PlaybackState.STOPPED:
             return self._follow(playback)
         position = self.context.arm.commanded
-        loosened = self._motion is not None and position == playback.loosened
+        loosened = position == playback.loosened
         if not (loosened or _stopped_at(playback, self._start, position)):
             raise StartMoved("the arm was moved while the motion was paused; plan again")
         self._holds |= loosened
@@ -146,7 +148,10 @@ class StreamedMotion(Skill, register=False):
         if self._motion is None:
             joints = self.context.robot.actuated
             ramp = max(joint.velocity / joint.acceleration for joint in joints)
-            return self._check(_remaining_frames(playback, ramp), None, None)
+            rest, last = _remaining_frames(playback, ramp), self._start
+            if playback.written:
+                last = playback.schedule.setpoints[playback.written - 1].positions
+            return self._check(begun_at(self.context.robot, rest, last, position), None, None)
         self._resumed, self._playback = _time_at(playback, self._motion, position), None
         self._remaining = [
             PlannerJob(self.context, rest) if isinstance(rest, Rest) else rest
@@ -195,6 +200,39 @@ class StreamedMotion(Skill, register=False):
     @property
     def _playing(self) -> bool:
         return bool(self._playback and self._playback.playing)
+
+
+def begun_at(
+    robot: Robot, schedule: Schedule, before: tuple[float, ...], start: tuple[float, ...]
+) -> Schedule:
+    """Return a schedule from another start, because a gripper holds an object there.
+
+    A gripper stays at its start until its command changes. Then it moves towards its command, at
+    most at its velocity.
+
+    Args:
+        robot: The robot.
+        schedule: The frames.
+        before: Positions before the first frame, one per actuated joint [rad].
+        start: Positions of the arm.
+    """
+    pairs = enumerate(zip(before, start, strict=True))
+    elsewhere = [k for k, (a, b) in pairs if abs(a - b) > _ROUNDING]
+    if not elsewhere:
+        return schedule
+    moves, now, setpoints = set[int](), start, []
+    last = robot.wire_format.encode(start)
+    for setpoint in schedule.setpoints:
+        goal = [*setpoint.positions]
+        for k in elsewhere:
+            moves |= {k} if goal[k] != before[k] else set()
+            step = robot.actuated[k].velocity / robot.firmware.rate if k in moves else 0.0
+            goal[k] = min(max(goal[k], now[k] - step), now[k] + step)
+        now, frame = tuple(goal), robot.wire_format.encode(goal)
+        if frame != last:
+            setpoints.append(replace(setpoint, positions=now, frame=frame))
+        last = frame
+    return replace(schedule, setpoints=tuple(setpoints), end=now)
 
 
 def _time_at(playback: Playback, motion: MergedMotion, position: tuple[float, ...]) -> float:

@@ -44,6 +44,7 @@ class MeasuredGuard:
         self._warned = set[tuple[str, str]]()
         self._stalled = set[str]()  # names of grippers that have pushed for too long
         self._measured: Measurement | None = None
+        self._time = -math.inf  # time of the last measurement [s]
         self._effect = ""  # effect of a fault on the arm
         self._lock = threading.Lock()
 
@@ -65,7 +66,7 @@ class MeasuredGuard:
             SupplyTooLow: The voltage of a servo is too low.
         """
         with self._lock:
-            self._measured = measured
+            self._measured, self._time = measured, now
             self._effect = self._guards.effect if active else ""
             for k, joint in enumerate(self._joints):
                 if joint.unit == "rad":
@@ -136,12 +137,18 @@ class MeasuredGuard:
         """Longest time from the last frame until the joints arrive [s]; 0 if none is measured."""
         return self._guards.settle_s if self._measured else 0.0
 
-    def has_settled(self, goal: Sequence[float]) -> bool:
-        """Return True if the joints are at the end of a motion, and no gripper pushes too hard."""
+    def has_settled(self, goal: Sequence[float], since: float) -> bool:
+        """Return True if the joints are at the end of a motion, and no gripper pushes too hard.
+
+        Args:
+            goal: Commanded positions at the end, one per joint [rad].
+            since: Time of the end [s]. An earlier measurement does not count.
+        """
         with suppress(NotArrived):
             self.check_arrived(goal)
             with self._lock:
-                return not any(kind == "grip" for kind, _ in self._since)
+                pushes = any(kind == "grip" for kind, _ in self._since)
+                return self._time > since and not pushes
         return False
 
     def check_arrived(self, goal: Sequence[float]) -> None:

@@ -4,6 +4,7 @@ import logging
 import math
 from collections.abc import Callable
 from enum import Enum
+from functools import partial
 
 from hardware.clock import Clock
 from hardware.errors import HardwareError, NotActive, NotArrived, StaleGeneration, WriteRefused
@@ -351,9 +352,11 @@ class Streamer:
             NotArrived: The joints need too long.
         """
         end, measured = playback.schedule.end, self._measured
-        until = self._clock.now() + measured.settle_s
-        while self._clock.now() < until and not measured.has_settled(end):
-            self._sleep(playback, until, lambda: measured.stalled or measured.has_settled(end))
+        since = self._clock.now()
+        until = since + measured.settle_s
+        settled = partial(measured.has_settled, end, since)
+        while self._clock.now() < until and not settled():
+            self._sleep(playback, until, lambda: measured.stalled or settled())
             if measured.stalled:
                 self._wait_for_frame(playback, self._clock.now())
                 self._loosen(playback)
