@@ -21,7 +21,7 @@ from hardware.drivers.servo_errors import (
 from hardware.drivers.wire_format import Frame
 
 from .packets import Packet, sync_read, take_packets
-from .registers import ERRORS, KEPT, MEMORY, Series
+from .registers import ERRORS, KEPT, MEMORY
 from .wire_format import ServoFormat
 
 # Six answers take 1 ms on the line. A USB adapter may delay them by another 16 ms. Answers come one
@@ -45,16 +45,16 @@ class BusProtocol(BoardProtocol):
     """Requests positions and health of all servos, and detects missing ones.
 
     Args:
-        series: Series of the servos.
         wires: Wire format of the joints.
         allowed: Lost answers of a servo in a row that are a fault.
         rate: Rate of frames, and of requests while the arm may move [Hz].
     """
 
-    def __init__(self, series: Series, wires: ServoFormat, allowed: int, rate: float) -> None:
-        self._series, self._wires, self._allowed, self._rate = series, wires, allowed, rate
+    def __init__(self, wires: ServoFormat, allowed: int, rate: float) -> None:
+        self._series, self._wires = wires.series, wires
+        self._allowed, self._rate = allowed, rate
         self._joints = {servo: joint for joint, servo in wires.servos.items()}
-        kept, self._state, self._cycle = series.blocks
+        kept, self._state, self._cycle = self._series.blocks
         self._asked = [self._state, kept]  # the next requests; after them, only the cycle repeats
         self._received = bytearray()
         self._waiting = set[int]()  # servos that have not answered the last request
