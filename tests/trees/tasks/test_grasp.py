@@ -30,7 +30,7 @@ tree:
     - subtree: open_gripper
     - SetStart: {start: $start}
     - CheckBounds:
-        arm: {shoulder_pan: 80 deg, shoulder_lift: 0, elbow_flex: 0, wrist_flex: 0, wrist_roll: 0}
+        arm: {shoulder_pan: 40 deg, shoulder_lift: 0, elbow_flex: 0, wrist_flex: 0, wrist_roll: 0}
         gripper: closed
         goal: $goal
     - parallel:
@@ -138,10 +138,20 @@ def test_a_pause_of_arm_and_gripper_while_it_grips(tmp_path: Path) -> None:
     recording = paused_while_it_pushes(setup, 30)
     *_, last = (r for r in recording.records(Sent) if isinstance(r, Sent) and r.joints)
     pan, gripper = (math.degrees(last.positions[k]) for k in (0, 5))
-    assert pan == pytest.approx(80.0, abs=0.1)  # a tick
+    assert pan == pytest.approx(40.0, abs=0.1)  # a tick
     assert 25.0 - SQUEEZE - 0.2 <= gripper <= 25.0
     nodes = [r for r in recording.records(NodeStatus) if isinstance(r, NodeStatus)]
     assert any("the gripper holds an object" in node.message for node in nodes)
+
+
+@pytest.mark.slow
+def test_a_pause_while_frames_of_arm_and_gripper_are_sent_again(tmp_path: Path) -> None:
+    (tmp_path / "30_swing.yaml").write_text(SWING)
+    setup = Setup(recordings=tmp_path, single_user=True, trees=tmp_path)
+    swung = run(setup, 30, 25.0)
+    number = write_replay_task(swung.path, 1.0, load_robot(Path("so101")), tmp_path)
+    again = paused_while_it_pushes(setup, number)
+    assert positions(again)[0][-1][:5] == positions(swung)[0][-1][:5]
 
 
 def paused_while_it_pushes(setup: Setup, task: int) -> Recording:
