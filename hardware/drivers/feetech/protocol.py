@@ -147,7 +147,7 @@ class BusProtocol(BoardProtocol):
         allowed = self._allowed * (1 if self._answers else _TIMES_ALL)
         self._store_answers()
         counts = now - self.next_poll < _HOST_LATE
-        for servo in self._waiting:
+        for servo in self._waiting | self._doubtful:
             self._lost[servo] += 1
             self._silent[servo] += counts
             if self.boot_frame and self._silent[servo] >= allowed:
@@ -213,7 +213,6 @@ class BusProtocol(BoardProtocol):
         if whole:  # else it answers another request
             self._waiting.discard(servo)
             self._heard.add(servo)
-            self._silent[servo] = 0
             self._answers[servo] = packet.parameters
 
     def _health(self, memory: bytearray, load_before: int) -> ServoHealth:
@@ -236,8 +235,10 @@ class BusProtocol(BoardProtocol):
         )
 
     def _take_answers(self, now: float) -> None:
-        """Process the answers of all servos to one request."""
+        """Process the answers of all servos to one request. If one is doubtful, repeat it."""
         self._store_answers()
+        if self._doubtful:
+            return
         first, count = self._block
         if first <= self._state[0] < first + count:
             self._state_time = now
@@ -260,6 +261,7 @@ class BusProtocol(BoardProtocol):
         for servo, answer in self._answers.items():
             if servo not in self._doubtful:
                 self._memories[servo][first : first + count] = answer
+                self._silent[servo] = 0
         self._answers = {}
 
     def _check_torque(self) -> None:
