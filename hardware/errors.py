@@ -323,13 +323,18 @@ class JointStalled(MeasuredFault):
     code = "hw.stalled"
     hint = "free the joint, then configure and activate"
 
-    def __init__(self, joint: str, effort: float, limit: float, error: float, effect: str) -> None:
+    def __init__(
+        self, joint: str, effort: float, limit: float, error: float, effect: str, opens: bool
+    ) -> None:
+        advice = "or lift less"
+        if opens:  # a joint of the gripper, in the direction in which it does not grip
+            advice = "or change the direction in which it grips (grips in the robot file)"
         super().__init__(
             joint,
             effort,
             limit,
             f"{joint} pushes with {effort:.0%} of its torque, {error:.1f} deg from its commanded "
-            f"position; the limit is {limit:.0%} (stall_effort). Free the joint, or lift less",
+            f"position; the limit is {limit:.0%} (stall_effort). Free the joint, {advice}",
             effect,
         )
 

@@ -12,6 +12,7 @@ from .motion.world import World
 # after the other, so the fingertip deviates up to 15 mm from the plan (measured). Therefore this
 # margin is smaller than that of planning. It still guarantees half a millimetre everywhere.
 _PLAYED_MARGIN = 0.001
+_ROUNDING = 1e-9  # [rad]
 
 
 class MergedMotion:
@@ -50,13 +51,18 @@ class MergedMotion:
     def rest(self, time: float, start: tuple[float, ...]) -> list[Plan | Rest]:
         """Return the rest of the motion: whole plans, and requests to time partial plans again.
 
+        A group elsewhere is a gripper that was loosened. It holds an object, and moves no further.
+
         Args:
             time: Time at which the motion was stopped [s].
             start: Position of the stopped arm, one value per actuated joint [rad].
         """
         left: list[Plan | Rest] = []
-        for begins, _, plan in self._plans:
+        for begins, columns, plan in self._plans:
             passed = time - begins
+            stopped = plan.sample([passed])[0]
+            if any(abs(start[k] - q) > _ROUNDING for k, q in zip(columns, stopped, strict=True)):
+                continue
             if passed <= 0.0:
                 left.append(plan)
             elif passed < plan.duration:

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from py_trees.common import Status
 
-from hardware import Playback, PlaybackState, Schedule, compile_schedule
+from hardware import Playback, PlaybackState, Robot, Schedule, compile_schedule
 
 from .base import Skill
 from .context import Scheduled
@@ -15,6 +15,8 @@ from .motion.errors import MotionError
 from .motion.query import Rest
 from .motion.trajectory.plan import Plan
 from .planning_skill import PlannerJob
+
+_ROUNDING = 1e-6  # [rad]
 
 
 class StreamedMotion(Skill, register=False):
@@ -32,6 +34,7 @@ class StreamedMotion(Skill, register=False):
     _progress_before: float | None = None  # progress at the last pause
     _paused = False
     _remaining: list[Plan | PlannerJob] | None = None  # plans of the rest of a paused motion
+    _holds = False  # True if the gripper closed on an object before the last pause
     _resumed = 0.0  # time within the motion at which it resumes [s]
 
     @property
@@ -59,7 +62,7 @@ class StreamedMotion(Skill, register=False):
     def on_start(self) -> Status:
         """Compile the plans into frames, and request a check of the frames."""
         arm = self.context.arm
-        self._playback, self._remaining, self._paused = None, None, False
+        self._playback, self._remaining, self._paused, self._holds = None, None, False, False
         self._frames_before, self._progress_before = 0, None
         schedule, motion = self.compile_motion(arm.commanded)
         return self._check(schedule, motion, None)
@@ -136,14 +139,19 @@ class StreamedMotion(Skill, register=False):
         if playback.gripped or playback.state is not PlaybackState.STOPPED:
             return self._follow(playback)
         position = self.context.arm.commanded
-        if not _stopped_at(playback, self._start, position):
+        loosened = position == playback.loosened
+        if not (loosened or _stopped_at(playback, self._start, position)):
             raise StartMoved("the arm was moved while the motion was paused; plan again")
+        self._holds |= loosened
         self._progress_before = self.progress
         self._frames_before += playback.written
         if self._motion is None:
             joints = self.context.robot.actuated
             ramp = max(joint.velocity / joint.acceleration for joint in joints)
-            return self._check(_remaining_frames(playback, ramp), None, None)
+            rest, last = _remaining_frames(playback, ramp), self._start
+            if playback.written:
+                last = playback.schedule.setpoints[playback.written - 1].positions
+            return self._check(begun_at(self.context.robot, rest, last, position), None, None)
         self._resumed, self._playback = _time_at(playback, self._motion, position), None
         self._remaining = [
             PlannerJob(self.context, rest) if isinstance(rest, Rest) else rest
@@ -174,10 +182,11 @@ class StreamedMotion(Skill, register=False):
             return Status.RUNNING
         if playback.error:
             raise playback.error
-        if playback.gripped:  # a stop of it only holds what it has gripped
-            self.feedback_message += "; the gripper holds an object"
-        elif playback.state is PlaybackState.STOPPED:
+        # A stop of a motion that has gripped only holds the object.
+        if playback.state is PlaybackState.STOPPED and not playback.gripped:
             raise Interrupted(f"the motion was stopped after {self.feedback_message}")
+        if playback.gripped or self._holds:
+            self.feedback_message += "; the gripper holds an object"
         return Status.SUCCESS
 
     def on_halt(self) -> None:
@@ -193,12 +202,49 @@ class StreamedMotion(Skill, register=False):
         return bool(self._playback and self._playback.playing)
 
 
+def begun_at(
+    robot: Robot, schedule: Schedule, before: tuple[float, ...], start: tuple[float, ...]
+) -> Schedule:
+    """Return a schedule from another start, because a gripper holds an object there.
+
+    A gripper stays at its start until its command changes. Then it moves towards its command, at
+    most at its velocity.
+
+    Args:
+        robot: The robot.
+        schedule: The frames.
+        before: Positions before the first frame, one per actuated joint [rad].
+        start: Positions of the arm.
+    """
+    pairs = enumerate(zip(before, start, strict=True))
+    elsewhere = [k for k, (a, b) in pairs if abs(a - b) > _ROUNDING]
+    if not elsewhere:
+        return schedule
+    moves, now, setpoints = set[int](), start, []
+    last = robot.wire_format.encode(start)
+    for setpoint in schedule.setpoints:
+        goal = [*setpoint.positions]
+        for k in elsewhere:
+            moves |= {k} if goal[k] != before[k] else set()
+            step = robot.actuated[k].velocity / robot.firmware.rate if k in moves else 0.0
+            goal[k] = min(max(goal[k], now[k] - step), now[k] + step)
+        now, frame = tuple(goal), robot.wire_format.encode(goal)
+        if frame != last:
+            setpoints.append(replace(setpoint, positions=now, frame=frame))
+        last = frame
+    return replace(schedule, setpoints=tuple(setpoints), end=now)
+
+
 def _time_at(playback: Playback, motion: MergedMotion, position: tuple[float, ...]) -> float:
-    """Return the time [s] at which a motion has the position of a stopped arm [rad]."""
+    """Return the time [s] at which a motion has the position of a stopped arm [rad].
+
+    A loosened gripper has left that position.
+    """
     if not playback.written:
         return 0.0
     last = playback.schedule.setpoints[playback.written - 1]
     expected = last.time - last.delay
+    position = last.positions if position == playback.loosened else position
     times = [time for time, row in motion.sampled.items() if tuple(row) == position]
     return min(times, key=lambda time: abs(time - expected))
 

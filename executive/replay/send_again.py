@@ -1,8 +1,8 @@
 """Sends the frames of a recording again, as a new run."""
 
 import json
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,9 @@ from logs import (
 )
 from skills.errors import NotReplayable
 from skills.merged_motion import MergedMotion
-from skills.streamed_motion import StreamedMotion
+from skills.streamed_motion import StreamedMotion, begun_at
+
+Motion = tuple[RecordedSchedule, list[RecordedFrame]]
 
 _ROUNDING = 1e-6  # [rad]
 _FIRST_NUMBER = 1000  # offset of task numbers: a replay of task 1 is task 1001
@@ -33,29 +35,48 @@ tree:
       with:
         arm: {arm}
         gripper: {gripper}
-    - Replay: {{recording: {path}, speed: {speed}}}
 """
+_PART = "    - Replay: {{recording: {path}, part: {part}, speed: {speed}}}\n"
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """Recorded frames up to a grip, or from one to the next.
+
+    Attributes:
+        start: Commanded positions before the first frame [rad].
+        setpoints: The frames. Times count from the grip before, or from the first frame [s].
+    """
+
+    start: tuple[float, ...]
+    setpoints: tuple[Setpoint, ...]
 
 
 class Replay(StreamedMotion):
-    """Send the frames of a recording at their times. The arm must be at the recorded start."""
+    """Send frames of a recording at their times. The arm must be at the recorded start.
+
+    A gripper may hold its object at another position. It stays there until the frames move it.
+    """
 
     INPUT_PORTS = {
         "recording": PortInformation(str, description="path of the recording"),
+        "part": PortInformation(int, description="number of grips before"),
         "speed": PortInformation(float, description="1 for the recorded times, less for slower"),
     }
 
     @classmethod
     def validate(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
         """Check that this arm can play the frames."""
-        _setpoints(Path(inputs["recording"]), robot.path)
+        _parts(Path(inputs["recording"]), robot.path)
 
     def compile_motion(self, start: tuple[float, ...]) -> tuple[Schedule, MergedMotion | None]:
         """Return the recorded frames. Nothing is planned."""
-        path, speed = Path(self.get_input("recording")), self.get_input("speed")
-        recorded = _setpoints(path, self.context.robot.path)
-        setpoints = tuple(replace(setpoint, time=setpoint.time / speed) for setpoint in recorded)
-        return Schedule(setpoints, setpoints[-1].positions, setpoints[-1].time, 0.0), None
+        path, robot = Path(self.get_input("recording")), self.context.robot
+        part, speed = _parts(path, robot.path)[self.get_input("part")], self.get_input("speed")
+        frames = tuple(replace(each, time=each.time / speed) for each in part.setpoints)
+        done = frames[-1].time + 1 / robot.firmware.rate
+        schedule = Schedule(frames, frames[-1].positions, done, 0.0)
+        return begun_at(robot, schedule, part.start, start), None
 
 
 def write_replay_task(recording: Path, speed: float, robot: Robot, folder: Path) -> int:
@@ -83,10 +104,11 @@ def write_replay_task(recording: Path, speed: float, robot: Robot, folder: Path)
     text = _TASK.format(
         number=number,
         name=recording.name,
-        path=json.dumps(str(recording.absolute())),
-        speed=speed,
         **{group: json.dumps(target) for group, target in targets.items()},
     )
+    path = json.dumps(str(recording.absolute()))
+    for part in range(len(_parts(recording, robot.path))):
+        text += _PART.format(path=path, part=part, speed=speed)
     (folder / f"{number}_replay.yaml").write_text(text)
     return number
 
@@ -109,68 +131,72 @@ def _start_of(recording: Recording) -> tuple[int, dict[str, float]]:
 
 
 @lru_cache(maxsize=1)
-def _setpoints(path: Path, robot_file: Path) -> tuple[Setpoint, ...]:
+def _parts(path: Path, robot_file: Path) -> tuple[Part, ...]:
     """Return the frames of a recording without holds, encoded for this robot.
 
-    Each frame has its scheduled time from the first frame [s]. Pauses between schedules remain.
+    Each frame has its scheduled time. Pauses between schedules remain.
 
     Raises:
         NotReplayable: This arm cannot play the frames at these times.
     """
-    robot = load_robot(robot_file)
-    setpoints: list[Setpoint] = []
-    zero: float | None = None
-    for schedule, frames in _motions(path):
+    robot, parts = load_robot(robot_file), list[Part]()
+    for zero, motions in _motions(path):
+        setpoints = tuple(_setpoints(path, robot, zero, motions))
+        if setpoints:
+            parts.append(Part(tuple(motions[0][0].start.values()), setpoints))
+    if not parts:
+        raise NotReplayable(f"{path}: no frame was sent; give a run that moved the arm")
+    return tuple(parts)
+
+
+def _setpoints(
+    path: Path, robot: Robot, zero: float | None, motions: Iterable[Motion]
+) -> Iterator[Setpoint]:
+    """Yield the frames of motions with their times from a time, or from the first frame [s]."""
+    last: Setpoint | None = None
+    for schedule, frames in motions:
         first = frames[0].scheduled
         if first is None or len(frames) > len(schedule.times):
             raise NotReplayable(f"{path}: more frames were recorded than were scheduled")
         begins = first - schedule.times[0]
         zero = first if zero is None else zero
         start = tuple(schedule.start.values())
-        if setpoints and _encoded(robot, start, path) != setpoints[-1].frame:
+        if last and _encoded(robot, start, path) != last.frame:
             raise NotReplayable(f"{path}: a motion does not begin at the end of the previous one")
         before, passed = start, -1 / robot.firmware.rate  # one frame per period
         for due, frame in zip(schedule.times, frames, strict=False):
             setpoint = Setpoint(
                 begins + due - zero, 0.0, frame.positions, _same(robot, frame, path)
             )
-            if setpoints and not setpoint.time > setpoints[-1].time:
+            if last and not setpoint.time > last.time:
                 raise NotReplayable(
                     f"{path}: {setpoint.frame} is not due after the frame before it"
                 )
             _check_speed(robot, before, setpoint, due - passed, path)
-            setpoints.append(setpoint)
-            before, passed = frame.positions, due
-    if not setpoints:
-        raise NotReplayable(f"{path}: no frame was sent; give a run that moved the arm")
-    return tuple(setpoints)
+            yield setpoint
+            last, before, passed = setpoint, frame.positions, due
 
 
-def _motions(path: Path) -> list[tuple[RecordedSchedule, list[RecordedFrame]]]:
-    """Return the started schedules of a recording, each with its frames.
+def _motions(path: Path) -> list[tuple[float | None, list[Motion]]]:
+    """Return the started schedules up to each grip, with the time of the grip before them [s].
 
     Raises:
-        NotReplayable: A motion follows a grip, or frames have no schedule.
+        NotReplayable: Frames have no schedule.
     """
-    motions: list[tuple[RecordedSchedule, list[RecordedFrame]]] = []
-    last, gripped = b"", False
+    parts, last = list[tuple[float | None, list[Motion]]]([(None, [])]), b""
     for record in Recording(path).records(RecordedSchedule, RecordedFrame):
         if isinstance(record, RecordedSchedule):
-            motions.append((record, []))
+            parts[-1][1].append((record, []))
         elif isinstance(record, RecordedFrame) and record.joints:
             before, last = last, record.data
+            if record.hold and before not in (b"", last):  # other holds repeat the last frame
+                parts.append((record.time, []))
             if record.hold:
-                gripped |= before not in (b"", last)  # other holds repeat the last frame
                 continue
-            if not motions:
+            if not parts[-1][1]:
                 raise NotReplayable(f"{path}: frames were recorded without a schedule")
-            if gripped:
-                raise NotReplayable(
-                    f"{path}: the gripper held an object, and its command depended on where it was "
-                    "measured. Such a run can be shown and verified, but not sent again"
-                )
-            motions[-1][1].append(record)
-    return [(schedule, frames) for schedule, frames in motions if frames]
+            parts[-1][1][-1][1].append(record)
+    return [(time, [each for each in motions if each[1]]) for time, motions in parts]
 
 
 def _same(robot: Robot, frame: RecordedFrame, path: Path) -> Frame:

@@ -59,7 +59,7 @@ class Connection:
         self._on_fault, self._on_receive, self._ready = on_fault, on_receive, ready
         self._closed = self._last_words = False
         self._switching, self._waiting = robot.can(Ability.TORQUE), clock.signal()
-        self._measured_guard = MeasuredGuard(robot.actuated, robot.guards, robot.groups["gripper"])
+        self._measured_guard = MeasuredGuard(robot.actuated, robot.guards, robot.grips)
         self._reader: threading.Thread | None = None
         self.session = BoardSession(robot.protocol())
         self.guard = WriteGuard(

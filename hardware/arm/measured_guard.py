@@ -3,7 +3,7 @@
 import logging
 import math
 import threading
-from collections.abc import Collection, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 
 from hardware.description.guards import Guards
@@ -29,23 +29,22 @@ class MeasuredGuard:
 
     A gripper may close on an object. It then stands still and pushes. `loosened` returns a pose in
     which it pushes less: with a third of the difference from where it is measured, and at most
-    with `squeeze_deg`. If it is then commanded away from the object and does not move, its limits
-    are those of the other joints.
+    with `squeeze_deg`. A gripper that is blocked in the other direction has the limits of the other
+    joints.
 
     Args:
         joints: The actuated joints. The positions of prismatic joints are not checked.
         guards: The limits.
-        free: Names of joints that may end a motion elsewhere, such as a gripper.
+        grips: Sign of the motion with which each joint of the gripper grips, by its name.
     """
 
-    def __init__(self, joints: Sequence[Joint], guards: Guards, free: Collection[str]) -> None:
-        self._joints, self._guards, self._free = joints, guards, free
-        # Where each gripper last closed on an object, and how far it was commanded past it [rad].
-        self._grips = dict[int, tuple[float, float]]()
+    def __init__(self, joints: Sequence[Joint], guards: Guards, grips: Mapping[str, int]) -> None:
+        self._joints, self._guards, self._grips = joints, guards, grips
         self._since = dict[tuple[str, str], float]()  # time at which a joint exceeded a limit [s]
         self._warned = set[tuple[str, str]]()
-        self._stalled = set[str]()  # names of free joints that have pushed for too long
+        self._stalled = set[str]()  # names of grippers that have pushed for too long
         self._measured: Measurement | None = None
+        self._time = -math.inf  # time of the last measurement [s]
         self._effect = ""  # effect of a fault on the arm
         self._lock = threading.Lock()
 
@@ -67,7 +66,7 @@ class MeasuredGuard:
             SupplyTooLow: The voltage of a servo is too low.
         """
         with self._lock:
-            self._measured = measured
+            self._measured, self._time = measured, now
             self._effect = self._guards.effect if active else ""
             for k, joint in enumerate(self._joints):
                 if joint.unit == "rad":
@@ -86,7 +85,7 @@ class MeasuredGuard:
     def _check_position(self, k: int, commanded: float, measured: Measurement, now: float) -> None:
         guards, joint, there = self._guards, self._joints[k], measured.position[k]
         error, effort = math.degrees(abs(commanded - there)), self._standing_effort(k, measured)
-        closes = joint.name in self._free and not self._fails_to_open(k, commanded, there)
+        closes = self._may_grip(joint, commanded - there)
         pushes = closes and effort >= guards.grip_effort and error >= _LEAST_SQUEEZE
         if self._lasts("grip", joint, pushes, now, guards.stall_s):
             self._stalled.add(joint.name)
@@ -94,7 +93,8 @@ class MeasuredGuard:
             self._stalled.discard(joint.name)
         stalls = not closes and effort >= guards.stall_effort and error >= guards.stall_deg
         if self._lasts("stall", joint, stalls, now, guards.stall_s):
-            raise JointStalled(joint.name, effort, guards.stall_effort, error, self._effect)
+            opens = joint.name in self._grips
+            raise JointStalled(joint.name, effort, guards.stall_effort, error, self._effect, opens)
         # Without a measured effort, the difference may be that of a gripper that holds an object.
         holds = not measured.effort or abs(measured.effort[k]) >= guards.grip_effort
         far = error > guards.following_deg and not (closes and holds)
@@ -102,11 +102,9 @@ class MeasuredGuard:
             values = math.degrees(commanded), math.degrees(there)
             raise JointNotFollowing(joint.name, *values, guards.following_deg, self._effect)
 
-    def _fails_to_open(self, k: int, commanded: float, there: float) -> bool:
-        """Return True if a gripper is commanded away from its object and has not moved."""
-        at, past = self._grips.get(k, (math.inf, 0.0))
-        stays = math.degrees(abs(there - at)) < self._guards.stall_deg
-        return stays and (commanded - there) * past < 0
+    def _may_grip(self, joint: Joint, ahead: float) -> bool:
+        """Return True if a joint with this distance to its command may hold an object."""
+        return self._grips.get(joint.name, 0) * ahead > 0
 
     def loosened(self, commanded: Sequence[float], now: float) -> tuple[float, ...] | None:
         """Return a pose in which stalled grippers push less; None if none is stalled.
@@ -123,7 +121,6 @@ class MeasuredGuard:
                 if joint.name in self._stalled:
                     there = self._measured.position[k]
                     less = (commanded[k] - there) / 3
-                    self._grips[k] = there, commanded[k] - there
                     near = there + min(max(less, -squeeze), squeeze)
                     pose[k] = min(max(near, joint.lower), joint.upper)
                     self._since["grip", joint.name] = now
@@ -140,16 +137,22 @@ class MeasuredGuard:
         """Longest time from the last frame until the joints arrive [s]; 0 if none is measured."""
         return self._guards.settle_s if self._measured else 0.0
 
-    def has_settled(self, goal: Sequence[float]) -> bool:
-        """Return True if the joints are at the end of a motion, and no gripper pushes too hard."""
+    def has_settled(self, goal: Sequence[float], since: float) -> bool:
+        """Return True if the joints are at the end of a motion, and no gripper pushes too hard.
+
+        Args:
+            goal: Commanded positions at the end, one per joint [rad].
+            since: Time of the end [s]. An earlier measurement does not count.
+        """
         with suppress(NotArrived):
             self.check_arrived(goal)
             with self._lock:
-                return not any(kind == "grip" for kind, _ in self._since)
+                pushes = any(kind == "grip" for kind, _ in self._since)
+                return self._time > since and not pushes
         return False
 
     def check_arrived(self, goal: Sequence[float]) -> None:
-        """Check that the joints are at the end of a motion. Grippers need not be there.
+        """Check that the joints are at the end of a motion. A gripper may hold an object.
 
         Args:
             goal: Commanded positions at the end, one per joint [rad].
@@ -162,7 +165,7 @@ class MeasuredGuard:
         for joint, *positions in zip(self._joints, goal, self._measured.position, strict=True):
             end, there = map(math.degrees, positions)
             limit = self._guards.settle_deg
-            bound = joint.unit == "rad" and joint.name not in self._free
+            bound = joint.unit == "rad" and not self._may_grip(joint, end - there)
             if bound and abs(end - there) > limit:
                 raise NotArrived(joint.name, end, there, limit, self._guards.settle_s)
 

@@ -4,6 +4,7 @@ import logging
 import math
 from collections.abc import Callable
 from enum import Enum
+from functools import partial
 
 from hardware.clock import Clock
 from hardware.errors import HardwareError, NotActive, NotArrived, StaleGeneration, WriteRefused
@@ -49,6 +50,8 @@ class Playback:
         max_lateness: Largest lateness of a frame so far [s].
         gripped: True if a gripper closed on an object. The motion then ends there, even if it was
             stopped before.
+        loosened: Pose after the motion was stopped and a gripper was loosened, which the rest of
+            the motion does not move away from its object [rad]; else None.
     """
 
     def __init__(
@@ -61,6 +64,7 @@ class Playback:
         self.error: HardwareError | None = None
         self.max_lateness = 0.0
         self.gripped = False
+        self.loosened: tuple[float, ...] | None = None
         self._on_change = on_change
 
     @property
@@ -297,6 +301,7 @@ class Streamer:
         commanded, stopped = self._guard.commanded, self._stopped
         pose = self._measured.loosened(commanded, self._clock.now())
         if pose and self._guard.loosen(pose) and stopped:
+            stopped.loosened = None if _leaves(stopped, commanded, pose) else pose
             stopped.gripped |= _only_pushes(stopped, commanded, pose)
 
     def _play(self, playback: Playback) -> None:
@@ -347,9 +352,11 @@ class Streamer:
             NotArrived: The joints need too long.
         """
         end, measured = playback.schedule.end, self._measured
-        until = self._clock.now() + measured.settle_s
-        while self._clock.now() < until and not measured.has_settled(end):
-            self._sleep(playback, until, lambda: measured.stalled or measured.has_settled(end))
+        since = self._clock.now()
+        until = since + measured.settle_s
+        settled = partial(measured.has_settled, end, since)
+        while self._clock.now() < until and not settled():
+            self._sleep(playback, until, lambda: measured.stalled or settled())
             if measured.stalled:
                 self._wait_for_frame(playback, self._clock.now())
                 self._loosen(playback)
@@ -418,20 +425,28 @@ class Streamer:
             raise StaleGeneration("stopped")
 
 
-def _only_pushes(
-    playback: Playback, commanded: tuple[float, ...], loosened: tuple[float, ...]
-) -> bool:
-    """Return True if the rest of a motion only pushes stalled grippers on.
+def _leaves(playback: Playback, commanded: tuple[float, ...], loosened: tuple[float, ...]) -> bool:
+    """Return True if the rest of a motion moves a stalled gripper away from its object.
 
     Args:
         playback: The motion.
         commanded: Commanded positions, one per joint [rad].
         loosened: Positions in which the grippers push less, one per joint [rad].
     """
-    rest = playback.schedule.setpoints[playback.written :]
-    for k, (q, less) in enumerate(zip(commanded, loosened, strict=True)):
-        if less == q and any(each.positions[k] != q for each in rest):
-            return False  # another joint moves, too
-        if rest and (rest[-1].positions[k] - q) * (q - less) < 0:
-            return False  # the gripper leaves the object
-    return True
+    return any(
+        (goal - q) * (q - less) < 0
+        for setpoint in playback.schedule.setpoints[playback.written :]
+        for goal, q, less in zip(setpoint.positions, commanded, loosened, strict=True)
+    )
+
+
+def _only_pushes(
+    playback: Playback, commanded: tuple[float, ...], loosened: tuple[float, ...]
+) -> bool:
+    """Return True if the rest of a motion only pushes stalled grippers on. See `_leaves`."""
+    return not _leaves(playback, commanded, loosened) and all(
+        goal == q
+        for setpoint in playback.schedule.setpoints[playback.written :]
+        for goal, q, less in zip(setpoint.positions, commanded, loosened, strict=True)
+        if less == q
+    )

@@ -1,7 +1,7 @@
 """The opening of a gripper: the distance between two points, one on each finger."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from hardware.errors import BadPosition
@@ -14,6 +14,16 @@ WIDTH = "width"  # name of the width in a move
 _SAMPLES = 33  # number of widths that `is_monotonic` compares
 _HALVINGS = 60
 _SHOWN = 5e-5  # half of the last digit in messages [m]
+
+
+def closing(joint: Joint, width: Callable[[float], float] = abs) -> int:
+    """Return the sign of the motion that closes a gripper: 1 or -1.
+
+    Args:
+        joint: A joint of the gripper. It closes towards one of its limits.
+        width: Returns the width at a position of the joint. Default: its distance from 0.
+    """
+    return -1 if width(joint.lower) <= width(joint.upper) else 1
 
 
 @dataclass(frozen=True, slots=True)

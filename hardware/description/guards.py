@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 HOLD, TORQUE_OFF = "hold", "torque_off"
+CLOSING, OPENING = "closing", "opening"
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,6 +17,7 @@ class Guards:
         stall_a: Current of a stalled joint or more [A]; unused if no current is measured.
         stall_deg: Smallest difference from the commanded position of a stalled joint [deg].
         stall_s: Longest time with such an effort, current and difference [s].
+        grips: Motion with which a gripper grips: `closing`, or `opening` from within an object.
         grip_effort: Effort of a gripper that pushes against an object, or more.
         squeeze_deg: Largest difference of a gripper that holds an object from its commanded
             position [deg].
@@ -34,6 +36,7 @@ class Guards:
     stall_a: float = 0.2
     stall_deg: float = 2.0
     stall_s: float = 0.08
+    grips: str = CLOSING
     grip_effort: float = 0.6
     squeeze_deg: float = 1.5
     settle_deg: float = 3.0

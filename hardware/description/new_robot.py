@@ -13,6 +13,7 @@ from hardware.files import read_file
 from hardware.joints import Joint
 from hardware.link.link import VIRTUAL
 
+from .gripper import closing
 from .groups import Tree, guess_gripper, guess_tool
 from .meshes import mesh_mistakes
 from .robot import CollisionRules, Robot, Serial, Tool
@@ -142,7 +143,7 @@ def guess_gripper_poses(robot: Robot) -> dict[str, dict[str, float]]:
         Position by joint [rad], [m], by the name of the pose.
     """
     bounded = [joint for joint in robot.actuated_in("gripper") if not joint.continuous]
-    ends = {j.name: sorted((j.upper, j.lower), key=abs, reverse=True) for j in bounded}
+    ends = {j.name: (j.upper, j.lower) if closing(j) < 0 else (j.lower, j.upper) for j in bounded}
     poses = {
         pose: {joint: limits[end] for joint, limits in ends.items()}
         for end, pose in enumerate(("open", "closed"))

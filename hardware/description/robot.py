@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import cast
 
@@ -23,8 +23,8 @@ from hardware.link.link import VIRTUAL, Link
 
 from .calibration import CalibratedJoint, calibration_file
 from .forward_kinematics import ForwardKinematics, reach
-from .gripper import Gripper
-from .guards import Guards
+from .gripper import Gripper, closing
+from .guards import OPENING, Guards
 from .meshes import find_mesh
 from .urdf import Urdf
 
@@ -288,6 +288,13 @@ class Robot:
             UrdfError: The file is not found, or it is unusable.
         """
         return self.meshes.get(name) or find_mesh(self.urdf, name)
+
+    @cached_property
+    def grips(self) -> dict[str, int]:
+        """Sign of the motion with which each joint of the gripper grips, by its name: 1 or -1."""
+        width = partial(self.gripper.width, self.kinematics) if self.gripper else abs
+        way = -1 if self.guards.grips == OPENING else 1
+        return {joint.name: way * closing(joint, width) for joint in self.actuated_in("gripper")}
 
     @cached_property
     def reach(self) -> float:

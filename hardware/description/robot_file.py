@@ -17,7 +17,7 @@ from hardware.toml_table import TomlTable
 from .calibration import ROBOTS, calibration_file, is_robot_file, read_calibration
 from .forward_kinematics import ForwardKinematics
 from .gripper import Gripper
-from .guards import HOLD, TORQUE_OFF, Guards
+from .guards import CLOSING, HOLD, OPENING, TORQUE_OFF, Guards
 from .robot import CollisionRules, Robot, Serial, Tool
 from .urdf import Urdf, UrdfError, UrdfJoint
 
@@ -143,11 +143,14 @@ def _guards(root: TomlTable, firmware: Firmware) -> Guards:
         why = f"{firmware.name} measures nothing that they could check"
         root.fail("guards", f"the table is not allowed: {why}; remove it")
     table = root.table("guards")
-    limits = [field.name for field in fields(Guards) if field.name != "on_fault"]
-    values = {name: table.number(name, above=0) for name in limits if name in table}
-    on_fault = table.choice("on_fault", (HOLD, TORQUE_OFF), default=HOLD)
+    limits = {field.name for field in fields(Guards)} - {"grips", "on_fault"}
+    guards = Guards(
+        grips=table.choice("grips", (CLOSING, OPENING), default=CLOSING),
+        on_fault=table.choice("on_fault", (HOLD, TORQUE_OFF), default=HOLD),
+        **{name: table.number(name, above=0) for name in limits if name in table},
+    )
     table.done()
-    return Guards(**values, on_fault=on_fault)
+    return guards
 
 
 def _check_serial(table: TomlTable, serial: Serial, firmware: Firmware) -> None:

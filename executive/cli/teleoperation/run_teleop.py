@@ -127,6 +127,8 @@ def _check_servers(setup: Setup, robot: Robot) -> None:
 
 
 def _server_words(server: token_file.ServerInfo) -> str:
-    """Return the message that a server has the arm, with the command that ends the server."""
-    why = f"the armtree server {server.url} has the arm, and cannot follow a leader"
-    return f"{why}. End it first, with Ctrl-C in its terminal or with: kill {server.pid}"
+    """Return the message that a server has the arm, with the command that releases its port."""
+    return (
+        f"the armtree server {server.url} has the arm, and cannot follow a leader. Have it release "
+        f"the port with: armtree arm deactivate --server {server.url}. Give that port with --port"
+    )

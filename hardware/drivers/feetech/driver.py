@@ -83,8 +83,8 @@ class Feetech:
 
     def check(self, root: TomlTable, joints: Sequence[Joint], firmware: Firmware) -> None:
         """Check that ids are unique and that no joint passes the seam of its servo."""
-        series, taken = _SERIES[firmware.name], dict[int, str]()
-        wires, table = ServoFormat(series, joints), root.table("joints")
+        wires, taken = self.wire_format(joints, firmware), dict[int, str]()
+        series, table = wires.series, root.table("joints")
         for joint in joints:
             wire = _wire(joint)
             if wire.servo in taken:
@@ -108,9 +108,8 @@ class Feetech:
         self, joints: Sequence[Joint], firmware: Firmware, robot_file: Path
     ) -> BusProtocol:
         """Return the protocol of a bus: its requests and answers."""
-        series = _SERIES[firmware.name]
-        wires = ServoFormat(series, joints)
-        return BusProtocol(series, wires, firmware.lost_answers, firmware.rate)
+        wires = self.wire_format(joints, firmware)
+        return BusProtocol(wires, firmware.lost_answers, firmware.rate)
 
     def link(self, joints: Sequence[Joint], firmware: Firmware, baud: int, port: str) -> Link:
         """Return a serial port."""
@@ -118,11 +117,10 @@ class Feetech:
 
     def model(self, joints: Sequence[Joint], firmware: Firmware, baud: int) -> Bus:
         """Return a bus with servos in the start pose."""
-        series = _SERIES[firmware.name]
-        wires = ServoFormat(series, joints)
+        wires = self.wire_format(joints, firmware)
         start = wires.encode([joint.boot for joint in joints]).servos
         pairs = zip(wires.servos.values(), start, strict=True)
-        servos = [Servo(series, servo, ticks, _GRAVITY) for servo, ticks in pairs]
+        servos = [Servo(wires.series, servo, ticks, _GRAVITY) for servo, ticks in pairs]
         by_joint = dict(zip(wires.servos, servos, strict=True))
         for joint, name, value in wires.kept:
             by_joint[joint].put(KEPT[name], value)

@@ -21,7 +21,7 @@ from hardware.drivers.servo_errors import (
 from hardware.drivers.wire_format import Frame
 
 from .packets import Packet, sync_read, take_packets
-from .registers import ERRORS, KEPT, MEMORY, Series
+from .registers import ERRORS, KEPT, MEMORY
 from .wire_format import ServoFormat
 
 # Six answers take 1 ms on the line. A USB adapter may delay them by another 16 ms. Answers come one
@@ -45,16 +45,16 @@ class BusProtocol(BoardProtocol):
     """Requests positions and health of all servos, and detects missing ones.
 
     Args:
-        series: Series of the servos.
         wires: Wire format of the joints.
         allowed: Lost answers of a servo in a row that are a fault.
         rate: Rate of frames, and of requests while the arm may move [Hz].
     """
 
-    def __init__(self, series: Series, wires: ServoFormat, allowed: int, rate: float) -> None:
-        self._series, self._wires, self._allowed, self._rate = series, wires, allowed, rate
+    def __init__(self, wires: ServoFormat, allowed: int, rate: float) -> None:
+        self._series, self._wires = wires.series, wires
+        self._allowed, self._rate = allowed, rate
         self._joints = {servo: joint for joint, servo in wires.servos.items()}
-        kept, self._state, self._cycle = series.blocks
+        kept, self._state, self._cycle = self._series.blocks
         self._asked = [self._state, kept]  # the next requests; after them, only the cycle repeats
         self._received = bytearray()
         self._waiting = set[int]()  # servos that have not answered the last request
@@ -147,7 +147,7 @@ class BusProtocol(BoardProtocol):
         allowed = self._allowed * (1 if self._answers else _TIMES_ALL)
         self._store_answers()
         counts = now - self.next_poll < _HOST_LATE
-        for servo in self._waiting:
+        for servo in self._waiting | self._doubtful:
             self._lost[servo] += 1
             self._silent[servo] += counts
             if self.boot_frame and self._silent[servo] >= allowed:
@@ -213,7 +213,6 @@ class BusProtocol(BoardProtocol):
         if whole:  # else it answers another request
             self._waiting.discard(servo)
             self._heard.add(servo)
-            self._silent[servo] = 0
             self._answers[servo] = packet.parameters
 
     def _health(self, memory: bytearray, load_before: int) -> ServoHealth:
@@ -236,8 +235,10 @@ class BusProtocol(BoardProtocol):
         )
 
     def _take_answers(self, now: float) -> None:
-        """Process the answers of all servos to one request."""
+        """Process the answers of all servos to one request. If one is doubtful, repeat it."""
         self._store_answers()
+        if self._doubtful:
+            return
         first, count = self._block
         if first <= self._state[0] < first + count:
             self._state_time = now
@@ -260,6 +261,7 @@ class BusProtocol(BoardProtocol):
         for servo, answer in self._answers.items():
             if servo not in self._doubtful:
                 self._memories[servo][first : first + count] = answer
+                self._silent[servo] = 0
         self._answers = {}
 
     def _check_torque(self) -> None:

@@ -38,11 +38,12 @@ class ServoFormat:
         joints: The actuated joints.
 
     Attributes:
+        series: Series of the servos.
         servos: Ids of the servos, by joint.
     """
 
     def __init__(self, series: Series, joints: Sequence[Joint]) -> None:
-        self._series, self._joints = series, tuple(joints)
+        self.series, self._joints = series, tuple(joints)
         self._wires = [joint.wire for joint in joints if isinstance(joint.wire, ServoWire)]
         self._per_radian = series.ticks / math.radians(series.turn)
         self.servos = {
@@ -57,7 +58,7 @@ class ServoFormat:
 
     def ticks(self, wire: ServoWire, q: float) -> int:
         """Return the position of a servo for a position of its joint [rad]."""
-        return self._series.ticks // 2 + round(wire.sign * (q + wire.offset) * self._per_radian)
+        return self.series.ticks // 2 + round(wire.sign * (q + wire.offset) * self._per_radian)
 
     def encode(self, positions: Sequence[float]) -> Frame:
         """Return the frame for joint positions, one per actuated joint [rad].
@@ -75,8 +76,8 @@ class ServoFormat:
     def command(self, register: str, values: Sequence[int]) -> bytes:
         """Return the packet that sets a register of all servos, one value per joint."""
         pairs = zip(self._wires, values, strict=True)
-        data = {wire.servo: self._series.pack(register, value) for wire, value in pairs}
-        return sync_write(self._series.registers[register].address, data)
+        data = {wire.servo: self.series.pack(register, value) for wire, value in pairs}
+        return sync_write(self.series.registers[register].address, data)
 
     def decode(self, frame: Frame) -> tuple[float, ...]:
         """Return the joint positions of a frame, within their limits [rad]."""
@@ -109,4 +110,4 @@ class ServoFormat:
         )
 
     def _position(self, wire: ServoWire, ticks: int) -> float:
-        return wire.sign * (ticks - self._series.ticks // 2) / self._per_radian - wire.offset
+        return wire.sign * (ticks - self.series.ticks // 2) / self._per_radian - wire.offset

@@ -10,7 +10,7 @@ import pytest
 
 import logs
 from executive.api.outcome import GoalState
-from executive.replay.send_again import Replay, _setpoints
+from executive.replay.send_again import Replay, _parts
 from executive.replay.verification import verify
 from hardware import compile_schedule
 from tests.conftest import Rig, RigMaker
@@ -35,7 +35,7 @@ name: again
 description: The frames of a recording.
 tree:
   sequence:
-    - SKILL: {recording: PATH, speed: 1}
+    - SKILL: {recording: PATH, part: 0, speed: 1}
 """
 
 
@@ -105,7 +105,8 @@ def test_a_replay_resumes_from_standstill(rig: RigMaker, tasks: Path, number: in
     assert [f for f in arm.frames if f.startswith("(")] == [f"({arm.frames[number - 1]})"]
     verification = verify(Path(outcome.recording))
     assert verification.holds, verification.text()
-    assert len(_setpoints(Path(outcome.recording), arm.robot.path)) == len(straight.frames)
+    (part,) = _parts(Path(outcome.recording), arm.robot.path)
+    assert len(part.setpoints) == len(straight.frames)
 
     first, rest = arm.recorded(logs.Schedule)
     gaps = [b - a for a, b in pairwise(first.times[number - 1 :])]

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from executive.replay.send_again import _setpoints
+from executive.replay.send_again import _parts
 from hardware import load_robot
 from skills.errors import NotReplayable
 from tests.conftest import RigMaker
@@ -82,10 +82,10 @@ def change(name: str, make: Callable[[Any], Any], number: int = 1) -> Change:
 
 
 def test_a_replay_goes_by_the_times_of_the_schedule(picked: Path) -> None:
-    times = [setpoint.time for setpoint in _setpoints(picked, ROBOT)]
+    times = [setpoint.time for setpoint in _parts(picked, ROBOT)[0].setpoints]
     assert len(times) == 31
     hasty = altered(picked, retold("/serial/timing", lambda reported: reported.update(time=0.0), 9))
-    assert [setpoint.time for setpoint in _setpoints(hasty, ROBOT)] == times
+    assert [setpoint.time for setpoint in _parts(hasty, ROBOT)[0].setpoints] == times
 
 
 @pytest.mark.parametrize(
@@ -104,6 +104,6 @@ def test_frames_beyond_the_limits_are_not_sent(
     tmp_path: Path, schedule: Change, words: str
 ) -> None:
     path = Path(shutil.copy(WAVE, tmp_path))
-    _setpoints(path, ROBOT)
+    _parts(path, ROBOT)
     with pytest.raises(NotReplayable, match=words):
-        _setpoints(altered(path, schedule), ROBOT)
+        _parts(altered(path, schedule), ROBOT)

@@ -9,7 +9,7 @@ import pytest
 from hardware import CommandSent, FrameSent, HardwareError, State, load_robot
 from hardware.drivers.feetech.packets import Instruction, take_packets
 from hardware.drivers.feetech.virtual.bus import Bus, Fault
-from hardware.drivers.servo_errors import ServoFault, ServoHealth
+from hardware.drivers.servo_errors import ServoFault, ServoHealth, ServoSilent
 from hardware.errors import SupplyTooLow
 from tests.support.arms.bus_arms import BusRig, bus_arm, rig
 
@@ -128,3 +128,27 @@ def test_only_a_servo_that_answers_every_request_twice_is_named(tmp_path: Path) 
     with pytest.raises(HardwareError, match="servo 1 ") as caught:
         protocol.check_booted("p", 2.0)
     assert "twice" not in str(caught.value)
+
+
+def test_a_late_answer_of_a_busy_host_is_no_measurement(tmp_path: Path) -> None:
+    """Which of two answers belongs to the request is unknown, so the request is repeated."""
+    robot = load_robot(bus_arm(tmp_path))
+    bus, protocol = robot.model(), robot.protocol()
+    assert isinstance(bus, Bus)
+
+    def cycle(late: bool) -> None:
+        time = max(protocol.next_poll, 0.0)
+        bus.receive(protocol.poll(time), time)
+        answers = bus.read_output(time + 0.05)
+        one = answers[: len(answers) // 4]
+        protocol.receive(one * late + answers, time + 0.05)
+
+    for _ in range(8):
+        cycle(late=True)
+    assert protocol.measured is None
+    for _ in range(3):
+        cycle(late=False)
+    assert protocol.measured
+    assert min(protocol.measured.voltage) > 11.0
+    with pytest.raises(ServoSilent, match="Servo 1 of joint_1"):
+        any(cycle(late=True) for _ in range(20))
