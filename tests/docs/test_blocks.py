@@ -34,19 +34,18 @@ PAGES = ROOT / "docs" / "pages"
 _FENCE = re.compile(r'^```(\w*)(?: title="([^"]+)")?\n(.*?)^```$', re.MULTILINE | re.DOTALL)
 # Pages whose commands are for a server that runs.
 SERVED = {"how_to/move.md", "how_to/server.md"}
+# Pages whose programs run side by side; tests/docs/test_programs.py types their lines.
+SIDE_BY_SIDE = {"how_to/fleet.md", "how_to/language_models.md", "how_to/ros2.md"}
 # Other tests run these: the tour, and that of a driver with its package.
-ELSEWHERE = {"start.md", "install.md", "how_to/own_driver.md"}
+ELSEWHERE = {"start.md", "install.md", "how_to/own_driver.md", *SIDE_BY_SIDE}
 # Commands that install or never end.
 NOT_TYPED = ("make ", "armtree serve", "armtree jog")
 # How many blocks of a page are `text`: no test types their lines from the page.
 TEXT = {
-    "how_to/fleet.md": 1,  # a NATS server and workers; tests/executive/fleet starts them
-    "how_to/language_models.md": 1,  # two processes; tests/executive/mcp starts them
     "how_to/own_driver.md": 1,  # it installs; tests/hardware/drivers/test_driver.py
     "how_to/real_arduino.md": 1,  # avrdude writes into a board
-    "how_to/ros2.md": 2,  # two processes, and colcon; tests/executive/ros2 does both
+    "how_to/ros2.md": 1,  # colcon; tests/executive/ros2 types what colcon does
     "how_to/service.md": 4,  # they change the system; tests/executive/cli/test_service.py
-    "how_to/so101.md": 1,  # the port of a real arm
     "install.md": 3,  # they install; tests/end_to_end/test_wheel.py
 }
 
@@ -80,10 +79,10 @@ BLOCKS = list(_blocks())
 TYPED = sorted({block.page for block in BLOCKS if block.language == "sh"} - ELSEWHERE)
 
 
-def lines(page: str) -> list[str]:
+def lines(page: str, left_out: tuple[str, ...] = NOT_TYPED) -> list[str]:
     """The commands of a page that are typed, in order."""
     found = "".join(block.text for block in BLOCKS if block[:2] == (page, "sh"))
-    return [line for line in found.splitlines() if line and not line.startswith(NOT_TYPED)]
+    return [line for line in found.splitlines() if line and not line.startswith(left_out)]
 
 
 def test_only_these_blocks_are_not_run() -> None:
@@ -167,6 +166,10 @@ def test_the_commands_of_a_page(page: str, quick: Path, monkeypatch: pytest.Monk
             (quick / block.title).write_text(block.text)
     for line in lines(page):
         words = shlex.split(line.replace("JOINT", "joint_1").replace("/dev/ttyACM0", "virtual"))
+        if words[0] == "export":
+            for word in words[1:]:
+                monkeypatch.setenv(*word.split("=", 1))
+            continue
         if "--robot" in words:  # the planners that are ready are for another arm
             monkeypatch.setattr("executive.cli.support.run_tasks.open_executive", open_executive)
         status, out, err = typed(quick / "recordings", *words[1:])

@@ -50,6 +50,14 @@ SEARCHED = {
     "contribute": "index.html",
     "own robot": "how_to/own_arm.html",
     "licence": "index.html",
+    "jupyter": "how_to/python.html",
+    "simulation": "start.html",
+    "keyboard": "how_to/move.html",
+    "windows": "install.html",
+    "upgrade": "concepts/formats.html",
+    "behaviour tree": "concepts/index.html",
+    "claude": "how_to/language_models.html",
+    "delete recordings": "how_to/recordings.html",
 }
 
 _META = "document.querySelector('.md-search-result__meta').textContent"
