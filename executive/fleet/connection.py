@@ -211,11 +211,11 @@ class Fleet:
             jobs[(each.name or "").rpartition("-")[0]] += number
         return jobs
 
-    async def add_consumers(self, pool: str) -> None:
-        """Make the consumers of a pool, unless they exist."""
+    async def add_consumers(self, pool: str) -> bool:
+        """Make the consumers of a pool, unless they exist. Return True if a stop holds them."""
         with suppress(NotFoundError):
-            await self.stream.consumer_info(JOBS, consumer_of(pool, PRIORITIES[-1]))
-            return
+            info = await self.stream.consumer_info(JOBS, consumer_of(pool, PRIORITIES[-1]))
+            return bool(info.paused)
         for priority in PRIORITIES:
             await self.stream.add_consumer(
                 JOBS,
@@ -229,6 +229,7 @@ class Fleet:
                     max_waiting=_WAITING,
                 ),
             )
+        return False
 
 
 @asynccontextmanager
