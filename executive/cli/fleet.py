@@ -12,7 +12,7 @@ import click
 from executive.api import ADDRESS, NATS_PORT, POOL
 from executive.code_table import exit_status
 
-from .settings import ABOVE_0, PATH, Url, Whole, option
+from .settings import ABOVE_0, PATH, FleetUrl, Url, Whole, option
 from .support.command_group import CommandGroup
 from .support.names import TASK, check_goal_id
 from .support.options import set_option
@@ -96,6 +96,7 @@ def fleet() -> None:
 @click.option(
     "--use",
     "existing",
+    type=FleetUrl(),
     metavar="URL",
     help="Use this NATS server, and start none. Its sync_interval must be always.",
 )

@@ -34,8 +34,9 @@ from nats.js.errors import KeyNotFoundError, NotFoundError
 from nats.js.kv import KeyValue
 
 from executive.api import strict_json, token_file
+from hardware import read_file
 
-from .errors import BadJob, FleetError, FleetRefused, FleetUnreachable
+from .errors import BadCredentials, BadJob, FleetError, FleetRefused, FleetUnreachable
 from .values import PRIORITIES, Job, JobRecord, Member, Presence, from_bytes
 
 T = TypeVar("T")
@@ -53,6 +54,7 @@ _KEEP_SECONDS = 7 * 86400.0  # records of jobs are kept for this time [s]
 _QUEUE_BYTES = 2**30
 _CONNECT_SECONDS, _ANSWER_SECONDS = 2.0, 5.0
 _RETRY_SECONDS = 1.0
+_MOST_KEY = 4096  # largest file of a private key [bytes]
 _MOST_TOLD = 8  # number of errors kept for each connection
 _WAITING = 20_000  # largest number of waiting arms of a pool
 _BATCH = 500  # number of values read with one request
@@ -211,11 +213,11 @@ class Fleet:
             jobs[(each.name or "").rpartition("-")[0]] += number
         return jobs
 
-    async def add_consumers(self, pool: str) -> None:
-        """Make the consumers of a pool, unless they exist."""
+    async def add_consumers(self, pool: str) -> bool:
+        """Make the consumers of a pool, unless they exist. Return True if a stop holds them."""
         with suppress(NotFoundError):
-            await self.stream.consumer_info(JOBS, consumer_of(pool, PRIORITIES[-1]))
-            return
+            info = await self.stream.consumer_info(JOBS, consumer_of(pool, PRIORITIES[-1]))
+            return bool(info.paused)
         for priority in PRIORITIES:
             await self.stream.add_consumer(
                 JOBS,
@@ -229,6 +231,7 @@ class Fleet:
                     max_waiting=_WAITING,
                 ),
             )
+        return False
 
 
 @asynccontextmanager
@@ -251,6 +254,7 @@ async def open_fleet(
     Raises:
         FleetUnreachable: No server answers, or the server stopped answering.
         FleetRefused: The server refuses the credentials, or an action of this program.
+        BadCredentials: The file of a key or certificate is unusable.
     """
     url, connection = token_file.loopback(url), Nats()
     watch = _Watch(url, connection, lasting, changed)
@@ -414,13 +418,31 @@ def _credentials(url: str) -> dict[str, Any]:
     found: dict[str, Any] = {}
     parts = urlsplit(url)
     if key := os.environ.get("ARMTREE_FLEET_NKEY"):
-        found["nkeys_seed"] = str(Path(key).expanduser())
+        found["nkeys_seed_str"] = _seed("ARMTREE_FLEET_NKEY", key)
     elif not parts.username:
         # Read for each attempt, because the server may start later than this program.
         found["token"] = lambda: os.environ.get("ARMTREE_FLEET_TOKEN") or _own_token(url)
     if parts.scheme == "tls":
-        found["tls"] = ssl.create_default_context(cafile=os.environ.get("ARMTREE_FLEET_CA"))
+        authority = os.environ.get("ARMTREE_FLEET_CA")
+        try:
+            found["tls"] = ssl.create_default_context(cafile=authority)
+        except OSError as error:  # also of its format
+            why = error.strerror or error
+            raise BadCredentials("ARMTREE_FLEET_CA", authority or "", why) from error
     return found
+
+
+def _seed(variable: str, key: str) -> str:
+    """Return the private key of the file that an environment variable names."""
+    import nkeys
+
+    try:
+        seed = read_file(Path(key).expanduser(), _MOST_KEY).strip()
+        nkeys.from_seed(bytearray(seed))
+    except (OSError, ValueError, nkeys.NkeysError) as error:
+        why = getattr(error, "strerror", None) or error
+        raise BadCredentials(variable, key, why) from error
+    return seed.decode()
 
 
 def _own_token(url: str) -> str:

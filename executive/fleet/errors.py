@@ -41,6 +41,16 @@ class FleetRefused(FleetError):
         super().__init__(f"the fleet at {url} refuses this program, or its role; {self.hint}")
 
 
+class BadCredentials(FleetError):
+    """The file of the private key, or of the certificate of the fleet, is unusable."""
+
+    code = "fleet.bad_credentials"
+    hint = "correct the path; `armtree fleet key FILE` makes a key"
+
+    def __init__(self, variable: str, path: str, why: object) -> None:
+        super().__init__(f"{variable} names {path}: {why}; {self.hint}")
+
+
 class FleetMissing(FleetError):
     """The libraries of the extra `fleet` are not installed."""
 

@@ -341,7 +341,7 @@ class FleetClient:
         connection, whom = self._fleet.nats, tuple(whom)
         begin, reply = self._clock.now(), confirm_subject(uuid.uuid4().hex)
         found: dict[str, Confirmation] = {}
-        news = asyncio.Event()
+        left, complete = set[str](), asyncio.Event()  # arms that have not answered
 
         async def note(message: Any) -> None:
             took = self._clock.now() - begin
@@ -351,7 +351,9 @@ class FleetClient:
                 arm = message.subject.removeprefix(f"{reply}.")
                 goals = tuple(map(str, answer.get("goals", ())))
                 found[arm] = Confirmation(arm, str(answer["error"]), goals, took)
-            news.set()
+                left.discard(arm)
+                if not left:
+                    complete.set()
 
         subscription = await connection.subscribe(f"{reply}.>", cb=note)
         for each in whom or ("",):
@@ -363,12 +365,12 @@ class FleetClient:
         if unknown := {each for each in whom if not any(_names(each, arm) for arm in members)}:
             names = ", ".join(sorted(unknown))
             raise FleetError(f"no arm or pool is called {names}; `armtree fleet ls` lists them")
-        end = begin + STOP_SECONDS
-        while wanted - found.keys() and (left := end - self._clock.now()) > 0:
-            news.clear()
+        left |= wanted - found.keys()
+        if left:
+            complete.clear()
             with suppress(TimeoutError):
-                async with asyncio.timeout(left):
-                    await news.wait()
+                async with asyncio.timeout(begin + STOP_SECONDS - self._clock.now()):
+                    await complete.wait()
         await subscription.unsubscribe()
         errors = {arm for arm, answer in found.items() if answer.error}
         confirmed = sorted(found.values(), key=lambda answer: answer.arm)

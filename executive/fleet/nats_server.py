@@ -1,6 +1,5 @@
 """The NATS server of a fleet: its configuration, its process, and its users."""
 
-import ctypes
 import json
 import os
 import shutil
@@ -9,7 +8,7 @@ import socket
 import ssl
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -33,7 +32,6 @@ from .values import PRIORITIES
 
 _START_SECONDS = 10.0
 _OWN_KEY = "supervisor.nkey"  # file in the data folder; new at each start
-_PR_SET_PDEATHSIG = 1  # of <sys/prctl.h>
 _MOST = 2**20  # largest file of keys [bytes]
 _LAST_LINES = 3  # number of characters of its log in an error
 
@@ -142,12 +140,11 @@ def nats_server(options: NatsOptions, clock: Clock) -> Iterator["subprocess.Pope
     log = options.data / "nats-server.log"
     with log.open("wb") as output:
         process = subprocess.Popen(
-            [_program(), "-c", configuration],
+            [*_ending_with_parent(), _program(), "-c", configuration],
             stdin=subprocess.DEVNULL,
             stdout=output,
             stderr=output,
             start_new_session=True,  # Ctrl-C is for armtree, which ends it in order
-            preexec_fn=_end_with_parent(),  # noqa: PLW1509, it takes no lock
         )
     info = token_file.ServerInfo(options.url, token, process.pid)
     try:
@@ -165,15 +162,25 @@ def nats_server(options: NatsOptions, clock: Clock) -> Iterator["subprocess.Pope
             process.wait()
 
 
-def _end_with_parent() -> Callable[[], None] | None:
-    """Return a function that makes the system end this process if the thread that started it dies.
+# Python of a process that becomes another program. The system sends it SIGTERM if its parent dies.
+_BECOME = """
+import ctypes, os, signal, sys
+PR_SET_PDEATHSIG = 1  # of <sys/prctl.h>
+ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
+parent, *command = sys.argv[1:]
+if os.getppid() == int(parent):  # else it has died already
+    os.execv(command[0], command)
+"""
+
+
+def _ending_with_parent() -> list[str]:
+    """Return the beginning of a command that ends if the thread that starts it dies.
 
     Linux only. Elsewhere nats-server outlives a killed armtree, and needs `fleet up --use URL`.
     """
     if sys.platform != "linux":
-        return None
-    prctl = ctypes.CDLL(None).prctl  # loaded here, because a new process must load nothing
-    return lambda: prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+        return []
+    return [sys.executable, "-I", "-S", "-c", _BECOME, str(os.getpid())]
 
 
 def _program() -> str:

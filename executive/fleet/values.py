@@ -4,7 +4,7 @@ import json
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
-from functools import partial
+from functools import cache, partial
 from typing import Any, TypeVar
 
 from executive.api import strict_json
@@ -128,14 +128,22 @@ def failed(error: Exception, state: GoalState = GoalState.ABORTED) -> Ending:
 
 def to_bytes(value: Any) -> bytes:
     """Return a value of this file as JSON."""
-    return json.dumps(value, ensure_ascii=False, allow_nan=False, default=to_json).encode()
+    return _encoder.encode(value).encode()
 
 
 def to_json(value: Any) -> dict[str, Any]:
     """Return a value of this file as a JSON object, also nested values."""
     if isinstance(value, Ending):
-        return value.to_json()
-    return {each.name: getattr(value, each.name) for each in fields(value)}
+        return Ending.to_json(value)  # without the task of an `Outcome`
+    return {name: getattr(value, name) for name in _names(value.__class__)}
+
+
+_encoder = json.JSONEncoder(ensure_ascii=False, allow_nan=False, default=to_json)
+
+
+@cache
+def _names(kind: type) -> tuple[str, ...]:
+    return tuple(each.name for each in fields(kind))
 
 
 def from_bytes(kind: type[T], data: bytes | None) -> T:
@@ -158,7 +166,7 @@ def from_bytes(kind: type[T], data: bytes | None) -> T:
 
 
 def _value(kind: Any, plain: Mapping[str, Any]) -> Any:
-    given = {each.name: plain[each.name] for each in fields(kind) if each.name in plain}
+    given = {name: plain[name] for name in _names(kind) if name in plain}
     for name, read in _INNER.items():
         if isinstance(given.get(name), dict):
             given[name] = read(given[name])

@@ -226,12 +226,13 @@ class Worker:
     async def _store_member(self) -> None:
         """Store the member and the consumers of its pool, if the NATS server may not know them."""
         async with self._storing:  # so that no older hold is stored after a newer one
+            if self._member is None and await self._fleet.add_consumers(self._pool):
+                self._held = self._held or _BY_FLEET
             host = socket.gethostname()
             mine = Member(self.arm, self._page, host, self._me, self._joined_ns, self._held)
             if mine != self._member:
-                self._member = None  # unknown until the answers, which may be lost
+                self._member = None  # unknown until the answer, which may be lost
                 await self._fleet.members.put(self.arm, to_bytes(mine))
-                await self._fleet.add_consumers(self._pool)
                 self._member = mine
 
     async def _store_hold(self) -> None:
@@ -489,8 +490,6 @@ class Worker:
     async def _store(self, record: JobRecord, revision: int, result: Ending) -> None:
         """Store the result of a job. Wait as long as the NATS server is gone."""
         identity, told = record.job.identity, False
-        # The stored form has no task, and rounded values.
-        result = Ending.from_json(result.to_json())
         mine = replace(record, result=result, ended_ns=utc_ns(self._clock))
         while True:
             try:
@@ -508,7 +507,7 @@ class Worker:
                     if found is None:  # the NATS server has lost its disk
                         await self._fleet.jobs.create(identity, to_bytes(mine))
                         return
-                    if found[0].worker != self._me or found[0] == mine:
+                    if found[0].worker != self._me or to_bytes(found[0]) == to_bytes(mine):
                         return  # another arm has the job now, or the first answer was lost
                     mine, revision = replace(mine, late=True), found[1]
             except GONE as error:
@@ -544,13 +543,13 @@ class Worker:
         await self._store(record, revision, result)
 
     async def _listen(
-        self, request: str, answer: Callable[[bytes], Awaitable[dict[str, Any]]]
+        self, request: str, answer: Callable[[Msg], Awaitable[dict[str, Any]]]
     ) -> None:
         """Answer requests to this arm, to its pool, and to all arms."""
 
         async def respond(message: Msg) -> None:
             try:
-                found = {"error": "", **await answer(message.data)}
+                found = {"error": "", **await answer(message)}
             except (ClientError, ValueError) as error:
                 found = {"error": str(error)}
             with suppress(*GONE):
@@ -561,10 +560,11 @@ class Worker:
         for whom in ("", self._pool, self.arm):
             await self._fleet.nats.subscribe(control_subject(request, whom), cb=respond)
 
-    async def _stop(self, _: bytes) -> dict[str, Any]:
-        self._held = _BY_FLEET
-        self._wait()
-        storing = asyncio.create_task(self._store_hold())
+    async def _stop(self, request: Msg) -> dict[str, Any]:
+        self._held = _BY_FLEET  # `_beat` then withdraws the requests for jobs
+        # A stop of whole pools holds their queues, so a new worker of this arm is held, too.
+        alone = request.subject == control_subject("stop", self.arm)
+        storing = asyncio.create_task(self._store_hold()) if alone else None
         try:
             goals = (await self._server.stop()).goals
             if self._sending.locked():  # a job may reach the arm after the stop
@@ -572,18 +572,19 @@ class Worker:
                     goals += (await self._server.stop()).goals
         finally:
             self._changed.set()
-            await storing
+            if storing:
+                await storing
         return {"goals": list(goals)}
 
-    async def _resume(self, _: bytes) -> dict[str, Any]:
+    async def _resume(self, _: Msg) -> dict[str, Any]:
         self._held, self._stops = "", None  # before the wait, in which a new stop may come
         with suppress(ClientError):
             await self._status()  # earlier stops hold it no longer
         self._changed.set()
         return {}
 
-    async def _cancel(self, data: bytes) -> dict[str, Any]:
-        identity = strict_json.parse_object(data).get("job")
+    async def _cancel(self, request: Msg) -> dict[str, Any]:
+        identity = strict_json.parse_object(request.data).get("job")
         if not isinstance(identity, str) or not IDENTITY.fullmatch(identity):
             raise ValueError("a cancel needs the id of a job; a stop cancels all")
         self._canceled.add(identity)

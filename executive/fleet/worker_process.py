@@ -82,7 +82,7 @@ def worker_of(place: FleetPlace, server: str, token: str, page: str) -> Iterator
 
 
 class RunningWorker:
-    """A worker that starts again when it dies.
+    """A worker that starts again when it dies, or when it cannot be started.
 
     Args:
         start: Callback that starts its process, with a pipe to its standard input.
@@ -95,39 +95,47 @@ class RunningWorker:
     ) -> None:
         self._start, self._command, self._clock = start, command, clock
         self._signal, self._ended = clock.signal(), False
-        self._process = start()
+        self._process: subprocess.Popen[bytes] | None = None
 
     def keep(self) -> None:
-        """Start it again, with a growing delay, until `end` or until the fleet refuses it."""
-        delay, begun, failure = _FIRST_DELAY, self._clock.now(), ""
+        """Start it, again with a growing delay, until `end` or until the fleet refuses it."""
+        delay = _FIRST_DELAY
         while True:
-            status = self._process.wait()
+            begun, status = self._clock.now(), None
+            try:
+                status = self._run()
+                why = f"ended with status {status}"
+            except OSError as error:  # such as too many processes
+                why = f"cannot be started ({error})"
             with self._signal:
                 if self._ended:
                     return
                 if status in _REFUSED:
-                    words = "the worker ended with status %d, so this arm takes no more jobs. The "
-                    words += "server still runs. To start a worker, type: %s"
-                    logger.error(f"FLEET: {words}", status, self._command)
+                    words = "the worker %s, so this arm takes no more jobs. The server still runs. "
+                    logger.error(f"FLEET: {words}To start a worker, type: %s", why, self._command)
                     return
                 if self._clock.now() - begun > _LONGEST_DELAY:
                     delay = _FIRST_DELAY
-                why = failure or f"ended with status {status}"
                 logger.warning("FLEET: the worker %s; it starts again in %g s", why, delay)
-                begun = self._clock.now() + delay
-                while not self._ended and self._clock.now() < begun:
-                    self._signal.wait(begun)
-                if self._ended:
-                    return
-                try:
-                    process, failure = self._start(), ""
-                except OSError as error:  # such as too many processes
-                    failure = f"cannot be started ({error})"
-                else:
-                    assert self._process.stdin
-                    self._process.stdin.close()
-                    self._process = process
+                end = self._clock.now() + delay
+                while not self._ended and self._clock.now() < end:
+                    self._signal.wait(end)
             delay = min(2 * delay, _LONGEST_DELAY)
+
+    def _run(self) -> int | None:
+        """Run it once. Return its status, or None if `end` was called before.
+
+        Raises:
+            OSError: It cannot be started.
+        """
+        with self._signal:
+            if self._ended:
+                return None
+            if self._process and self._process.stdin:
+                self._process.stdin.close()
+            self._process = None
+            self._process = process = self._start()
+        return process.wait()
 
     def end(self) -> None:
         """End it in order. Without this it would remain a member that a stop names."""
@@ -135,6 +143,8 @@ class RunningWorker:
             self._ended = True
             self._signal.notify()
         process = self._process
+        if process is None:
+            return
         assert process.stdin
         with suppress(BrokenPipeError):  # it has ended
             process.stdin.write(b".")

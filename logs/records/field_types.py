@@ -8,7 +8,14 @@ from typing import Any, get_args, get_origin, get_type_hints
 LARGEST = 2**64  # largest integer in place of a float, and largest time [ns]
 
 
-_hints = cache(get_type_hints)  # cached because it is slow
+@cache
+def _fields(type_: type) -> tuple[tuple[str, Any], ...]:
+    return (*get_type_hints(type_).items(),) if is_dataclass(type_) else ()
+
+
+@cache
+def _parts(type_: Any) -> tuple[Any, tuple[Any, ...]]:
+    return get_origin(type_), get_args(type_)
 
 
 def frozen(value: Any) -> Any:
@@ -19,9 +26,8 @@ def frozen(value: Any) -> Any:
 def has_type(value: Any, type_: Any) -> bool:
     """Return True if a value has the type of a field. Also checks the fields of dataclasses."""
     if type(value) is type_:
-        kinds = _hints(type_).items() if is_dataclass(type_) else ()
-        return all(has_type(getattr(value, name), kind) for name, kind in kinds)
-    origin, inner = get_origin(type_), get_args(type_)
+        return all(has_type(getattr(value, name), kind) for name, kind in _fields(value.__class__))
+    origin, inner = _parts(type_)
     if origin is tuple:
         return isinstance(value, tuple) and all(has_type(each, inner[0]) for each in value)
     if origin in (dict, Mapping):

@@ -19,6 +19,7 @@ from .value_types import (
     AT_LEAST_0 as AT_LEAST_0,
     PATH as PATH,
     Finite as Finite,
+    FleetUrl as FleetUrl,
     Url as Url,
     Whole as Whole,
 )

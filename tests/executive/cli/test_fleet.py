@@ -24,12 +24,35 @@ RECORD = JobRecord(JOB, "bench.arm-7", "http://arm:8765", "b" * 32, 2)
         ("up --bind 0.0.0.0", 2, "--bind 0.0.0.0 would let other machines move every arm"),
         ("up --bind 0.0.0.0 --tls-cert c --tls-key k", 2, "[fleet.unsafe]"),
         ("join --pool a.b --name c", 2, "'a.b' is not the name of a pool"),
+        ("up --use foo:bar", 2, "not the URL of a fleet, such as nats://127.0.0.1:4222"),
     ],
 )
 def test_what_is_refused(words: str, status: int, said: str, tmp_path: Path) -> None:
     found, _, errors = typed(tmp_path, "fleet", *words.split())
     assert found == status, errors
     assert said in " ".join(errors.split())
+
+
+@pytest.mark.parametrize("content", [None, "garbage"])
+@pytest.mark.parametrize(
+    ("variable", "url"),
+    [
+        ("ARMTREE_FLEET_NKEY", "nats://127.0.0.1:9"),
+        ("ARMTREE_FLEET_CA", "tls://127.0.0.1:9"),
+    ],
+)
+def test_a_wrong_file_of_a_key_or_certificate_is_named(
+    variable: str, url: str, content: str | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "file"
+    if content:
+        path.write_text(content)
+    monkeypatch.setenv(variable, str(path))
+    found, _, errors = typed(tmp_path, "fleet", "ls", "--fleet", url)
+    assert found == 13, errors
+    said = " ".join(errors.split())
+    assert f"{variable} names {path}: " in said
+    assert said.endswith("[fleet.bad_credentials]")
 
 
 def test_a_key_is_written_once_and_private(tmp_path: Path) -> None:

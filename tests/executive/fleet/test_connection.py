@@ -2,7 +2,10 @@
 
 import asyncio
 import socket
+import subprocess
+import sys
 import threading
+import time
 from pathlib import Path
 
 import pytest
@@ -41,3 +44,35 @@ def test_the_token_is_sent_only_to_the_address_of_the_server(tmp_path: Path) -> 
         other.join()
     assert heads[0].startswith(b"CONNECT")
     assert (options.data / "token").read_bytes() not in heads[0]
+
+
+_HOLDS_A_SERVER = """
+import sys
+from pathlib import Path
+from executive.fleet.nats_server import NatsOptions, nats_server
+from hardware import RealClock
+with nats_server(NatsOptions(Path(sys.argv[1]), port=int(sys.argv[2])), RealClock()):
+    print("ready", flush=True)
+    sys.stdin.read()
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere nats-server outlives armtree")
+def test_nats_server_ends_with_a_killed_program(tmp_path: Path) -> None:
+    port = free_port()
+    command = [sys.executable, "-c", _HOLDS_A_SERVER, str(tmp_path / "fleet"), str(port)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as program:
+        assert program.stdout
+        assert program.stdout.readline() == b"ready\n"
+        program.kill()
+    end = time.monotonic() + 20
+    while accepts(port):
+        assert time.monotonic() < end
+
+
+def accepts(port: int) -> bool:
+    try:
+        socket.create_connection(("127.0.0.1", port)).close()
+    except ConnectionRefusedError:
+        return False
+    return True

@@ -163,12 +163,16 @@ def test_the_supervisor_logs_once_that_jobs_wait_for_held_arms(
     assert caplog.messages == ["no arm of bench is ready: 1 held; the job waits"]
 
 
-def test_a_stop_by_the_fleet_outlives_a_restart_of_the_worker(url: str) -> None:
+@pytest.mark.parametrize("whom", ["bench.0", "bench"])
+def test_a_stop_by_the_fleet_outlives_a_restart_of_the_worker(url: str, whom: str) -> None:
     async def main() -> None:
         async with joined(url, SimulatedArm()) as client:
-            await client.stop(["bench.0"])
+            await client.stop([whom])
         async with open_fleet(url, "test") as fleet, asyncio.TaskGroup() as group:
             client = FleetClient(fleet, CLOCK)
+            if whom == "bench":  # the worker was killed before it stored its hold
+                forgetful = Member("bench.0", "http://arm", "host", "e" * 32, 1)
+                await fleet.members.put("bench.0", to_bytes(forgetful))
             assert [row.state for row in await client.arms()] == ["gone"]
             worker = Worker(fleet, SimulatedArm(duration=0.0), "bench", "0", CLOCK)
             group.create_task(worker.run())

@@ -47,15 +47,17 @@ def test_a_worker_that_cannot_be_started_is_started_later(
     caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("executive.fleet.worker_process._FIRST_DELAY", 0.01)
-    running, left = started("exit 1", "", "exit 13")
+    running, left = started("", "exit 1", "", "exit 13")
     with caplog.at_level(logging.WARNING):
         running.keep()
     running.end()
     assert left == []
-    assert [each.getMessage() for each in caplog.records[:2]] == [
-        "FLEET: the worker ended with status 1; it starts again in 0.01 s",
+    assert [each.getMessage() for each in caplog.records[:3]] == [
         "FLEET: the worker cannot be started ([Errno 11] Resource temporarily unavailable); it "
-        "starts again in 0.02 s",
+        "starts again in 0.01 s",
+        "FLEET: the worker ended with status 1; it starts again in 0.02 s",
+        "FLEET: the worker cannot be started ([Errno 11] Resource temporarily unavailable); it "
+        "starts again in 0.04 s",
     ]
 
 
@@ -84,7 +86,9 @@ def test_a_worker_that_ends_in_order_learns_it_and_does_not_start_again() -> Non
     running, left = started('test "$(head -c 1)" = . && exit 7', "exit 0")
     keeping = threading.Thread(target=running.keep)
     keeping.start()
+    while not (process := running._process):
+        continue
     running.end()
     keeping.join(10)
-    assert running._process.returncode == 7
+    assert process.returncode == 7
     assert left == ["exit 0"]
