@@ -245,7 +245,7 @@ def check_distances(robot: Robot, by: Mapping[str, float]) -> None:
 def joint_errors(robot: Robot, joints: Positions, port: str) -> list[SkillError]:
     """Return the errors of targets of some joints that do not depend on the other joints."""
     errors = [*unknown_joint_errors(robot, joints, port), *mimic_errors(robot, joints, port)]
-    written, wrong = {*joints, *joints.unknown}, {error.location[-1] for error in errors}
+    written, wrong = _written(joints), {error.location[-1] for error in errors}
     # The position of a leader is unknown before the run if its name is missing or misspelt.
     wrong |= {j.name for j in robot.joints if j.mimic and j.mimic.leader not in written}
     part = Positions((name, q) for name, q in joints.items() if name not in wrong)
@@ -271,7 +271,7 @@ def completed(
 def distance_errors(robot: Robot, by: Mapping[str, float]) -> list[SkillError]:
     """Return the errors of distances that do not depend on the start."""
     joints = {joint.name: joint for joint in robot.actuated}
-    written = [*by, *getattr(by, "unknown", ())]
+    written = _written(by)
     why = f"is not a joint that turns; there are {', '.join(joints)}"
     errors: list[SkillError] = [
         BadTarget(f"{name} {why}{suggestion(name, joints, written)}").at("by", name)

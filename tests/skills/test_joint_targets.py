@@ -21,6 +21,8 @@ from skills.joint_targets import (
     check_distances,
     check_joints,
     configuration_errors,
+    distance_errors,
+    joint_errors,
     link_errors,
     mimic_errors,
     split_by_group,
@@ -145,6 +147,8 @@ def test_every_error_of_a_configuration_names_its_place(robot: Robot) -> None:
     assert outside.location == ("goal", "joint_1")
     assert str(contradiction).startswith("joint_5 = 11.459 deg contradicts joint_4 = -40.107 deg")
     assert contradiction.location == ("goal", "joint_5")
+    assert isinstance(contradiction, BadTarget)
+    assert contradiction.superfluous is True
     assert str(missing).startswith("the goal lacks joint_3; it must name")
     assert missing.location == ("goal",)
     assert str(unknown).startswith("elbow is not a joint of the robot")
@@ -340,3 +344,65 @@ def test_a_distance_of_one_joint_is_checked_without_the_others(robot: Robot) -> 
     with pytest.raises(OutOfBounds, match="joint_2") as caught:
         check_distances(robot, {"joint_2": 7.0})
     assert caught.value.location == ("by", "joint_2")
+
+
+def test_an_unknown_joint_is_reported_beside_the_errors_of_others(robot: Robot) -> None:
+    errors = joint_errors(robot, Positions(joint_8=0.0, joint_2=3.0), "to")
+    assert [error.location for error in errors] == [("to", "joint_8"), ("to", "joint_2")]
+
+
+def test_an_unknown_joint_is_reported_with_its_port_at_run_time(bench: Bench) -> None:
+    skill = bench.skill(Target, start=Positions(START), joints=Positions(joint_8=0.0))
+    skill.tick_once()
+    assert isinstance(skill.failure, BadTarget)
+    assert skill.failure.location == ("joints", "joint_8")
+
+
+def test_a_distance_is_at_most_the_range_of_its_joint(robot: Robot) -> None:
+    span = robot.joint("joint_2").upper - robot.joint("joint_2").lower
+    check_distances(robot, {"joint_2": span})
+    check_distances(robot, {"joint_2": -span})
+    with pytest.raises(OutOfBounds):
+        check_distances(robot, {"joint_2": math.nextafter(span, 9)})
+
+
+@pytest.mark.parametrize(
+    ("distance", "words", "limit"),
+    [
+        (7.0, "401.07", math.pi),
+        (-7.0, "-401.07", -math.pi),
+        (math.inf, "inf", None),
+        (math.nan, "nan", None),
+    ],
+)
+def test_too_large_a_distance_is_reported_with_the_limit_in_its_direction(
+    robot: Robot, distance: float, words: str, limit: float | None
+) -> None:
+    with pytest.raises(OutOfBounds) as caught:
+        check_distances(robot, {"joint_2": distance})
+    error = caught.value
+    assert str(error) == f"joint_2 by {words} deg is more than its range, 180 deg"
+    assert (error.joint, error.value, error.limit) == (
+        "joint_2",
+        pytest.approx(distance, nan_ok=True),
+        limit and pytest.approx(limit),
+    )
+
+
+@pytest.mark.parametrize(
+    ("by", "unknown", "name", "near"),
+    [
+        ({"jont_1": 0.1}, (), "jont_1", "; did you mean joint_1?"),
+        ({"jont_1": 0.1, "joint_1": 0.1}, (), "jont_1", ""),
+        ({}, ("joint_5",), "joint_5", ""),
+    ],
+)
+def test_a_distance_of_a_joint_that_does_not_turn_names_those_that_do(
+    robot: Robot, by: dict[str, float], unknown: tuple[str, ...], name: str, near: str
+) -> None:
+    distances = Positions(by)
+    distances.unknown = unknown
+    (error,) = distance_errors(robot, distances)
+    joints = "joint_1, joint_2, joint_3, joint_4"
+    assert str(error) == f"{name} is not a joint that turns; there are {joints}{near}"
+    assert error.location == ("by", name)
