@@ -180,7 +180,7 @@ class WriteGuard:
         self._outbox.deliver()
 
     def send_fault_commands(self, torque_off: bool) -> None:
-        """Send the commands for a fault. The guard is then closed, and sends nothing more.
+        """Send the commands for a fault, also if the guard is closed.
 
         Args:
             torque_off: True to release the joints; False to hold their measured positions.
@@ -381,8 +381,7 @@ def _most_behind(robot: Robot) -> list[float]:
     A servo turns by whole units, and a slow joint may need many periods for one of them.
     """
     ends = [
-        (j.lower, j.upper) if math.isfinite(j.upper - j.lower) else (0.0, 1.0)
-        for j in robot.actuated
+        (0.0, 1.0) if joint.continuous else (joint.lower, joint.upper) for joint in robot.actuated
     ]
     low, high = (robot.wire_format.encode(each).servos for each in zip(*ends, strict=True))
     late = _PERIODS_BEHIND / robot.firmware.rate

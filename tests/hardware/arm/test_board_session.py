@@ -59,6 +59,13 @@ def test_a_board_is_greeted_after_it_booted() -> None:
         session.receive(BANNER, 1.0)
 
 
+def test_only_bytes_that_change_what_a_thread_may_wait_for_are_reported_as_a_change() -> None:
+    session = BoardSession(OURS.protocol())
+    assert not session.receive(BANNER[:-1], 1.0)
+    assert session.receive(BANNER[-1:], 1.0)
+    assert not session.receive(b"?", 1.0)
+
+
 def test_a_request_is_due_no_earlier_than_the_protocol_says(tmp_path: Path) -> None:
     session = BoardSession(load_robot(bus_arm(tmp_path)).protocol())
     assert session.next_poll == session.free_at == -math.inf

@@ -1,8 +1,10 @@
-"""The write guard: refusals, claims and requests."""
+"""The write guard: refusals, claims, requests, and commands for torque and faults."""
 
+import dataclasses
 import math
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -13,6 +15,7 @@ from hardware.drivers.arduino.firmware_profile import FIRMWARES
 from hardware.drivers.arduino.frames import Codec
 from hardware.drivers.arduino.serial_servo import SerialServo
 from hardware.drivers.board_protocol import BoardProtocol
+from hardware.drivers.firmware_profile import Ability
 from hardware.drivers.wire_format import Frame
 from hardware.errors import (
     InterfaceClaimed,
@@ -20,8 +23,9 @@ from hardware.errors import (
     PortLost,
     StaleGeneration,
     TooFast,
+    TorqueOff,
 )
-from tests.support.arms.write_guard_rig import HOME, Rig, degrees
+from tests.support.arms.write_guard_rig import HOME, ROBOT, Rig, degrees
 
 
 def test_a_frame_is_sent_and_reported() -> None:
@@ -198,14 +202,43 @@ class Asking(BoardProtocol):
         return b"?"
 
 
-class AskingDriver(SerialServo):
-    def protocol(self, joints: Sequence[Joint], firmware: Firmware, robot_file: Path) -> Asking:  # type: ignore[override]
-        return Asking()
+class AskingAfterFrames(Asking):
+    def note_sent(self, frame: Frame, now: float) -> None:
+        self.next_poll = now
+
+
+class Switching(BoardProtocol):
+    """Has two commands for the torque, and one that holds. Its line is free at 3 s."""
+
+    free_at = 3.0
+
+    def torque_commands(self, on: bool) -> Sequence[bytes]:
+        return [b"on1;", b"on2;"] if on else [b"off1;", b"off2;"]
+
+    def hold_commands(self) -> bytes:
+        return b"hold;"
+
+
+class Holding(Switching):
+    def torque_commands(self, on: bool) -> Sequence[bytes]:
+        return []
+
+
+@dataclass(frozen=True)
+class DriverOf(SerialServo):
+    """A driver whose boards have another protocol."""
+
+    made: Callable[[], BoardProtocol]
+
+    def protocol(  # type: ignore[override]
+        self, joints: Sequence[Joint], firmware: Firmware, robot_file: Path
+    ) -> BoardProtocol:
+        return self.made()
 
 
 @pytest.mark.parametrize("active", [True, False])
 def test_a_request_is_sent_in_any_state_when_it_is_due(active: bool) -> None:
-    rig = Rig(driver=AskingDriver())
+    rig = Rig(driver=DriverOf(Asking))
     rig.active = active
     for time in (2.0, 2.999, 3.0, 3.0, 3.5, 4.5, 5.0, 5.5):
         rig.wait(time)
@@ -215,7 +248,7 @@ def test_a_request_is_sent_in_any_state_when_it_is_due(active: bool) -> None:
 
 
 def test_no_request_is_sent_by_a_closed_guard() -> None:
-    rig = Rig(driver=AskingDriver())
+    rig = Rig(driver=DriverOf(Asking))
     rig.wait(3.0)
     rig.guard.close()
     rig.guard.poll()
@@ -223,7 +256,7 @@ def test_no_request_is_sent_by_a_closed_guard() -> None:
 
 
 def test_after_a_failed_request_nothing_follows() -> None:
-    rig = Rig(driver=AskingDriver())
+    rig = Rig(driver=DriverOf(Asking))
     rig.wait(3.0)
     rig.link.unplug()
     with pytest.raises(PortLost):
@@ -237,7 +270,7 @@ def test_after_a_failed_request_nothing_follows() -> None:
 
 
 def test_a_request_that_is_due_while_a_frame_goes_out_follows_it() -> None:
-    rig = Rig(driver=AskingDriver())
+    rig = Rig(driver=DriverOf(Asking))
     rig.wait(3.0)
     poll = threading.Thread(target=rig.guard.poll)
 
@@ -249,3 +282,61 @@ def test_a_request_that_is_due_while_a_frame_goes_out_follows_it() -> None:
     rig.write(degrees(1))
     poll.join()
     assert rig.link.written == [b"b091,s090,e090,g000,", b"?"]
+
+
+def test_a_request_that_a_frame_makes_due_goes_out_with_it() -> None:
+    rig = Rig(driver=DriverOf(AskingAfterFrames))
+    rig.write(degrees(1))
+    frame = b"b091,s090,e090,g000,"
+    assert rig.link.written == [frame + b"?"]
+    assert rig.events == [
+        FrameSent(2.0, frame, degrees(1), 2.0),
+        CommandSent(2.0, b"?", request=True),
+    ]
+
+
+def test_servos_with_a_switch_for_their_torque_hold_only_after_it_was_switched_on() -> None:
+    rig = Rig(dataclasses.replace(ROBOT.firmware, abilities=frozenset({Ability.TORQUE})))
+    with pytest.raises(TorqueOff):
+        rig.write(degrees(1))
+    rig.guard.torque = True
+    assert rig.write(degrees(1))
+
+
+def test_after_the_torque_was_released_no_hold_and_no_frame_is_sent() -> None:
+    rig = Rig()
+    rig.write(degrees(1))
+    rig.guard.release_torque()
+    assert rig.guard.torque is False
+    rig.guard.hold()
+    rig.claim = rig.claimed()
+    with pytest.raises(TorqueOff):
+        rig.write(degrees(2))
+    assert rig.sent == ["b091,s090,e090,g000,"]
+
+
+def test_a_torque_command_is_sent_as_soon_as_the_line_is_free() -> None:
+    rig = Rig(driver=DriverOf(Switching))
+    assert not rig.guard.send_torque_command(b"on1;")
+    assert rig.events == []
+    rig.wait(3.0)
+    assert rig.guard.send_torque_command(b"on1;")
+    assert rig.events == [CommandSent(3.0, b"on1;")]
+
+
+@pytest.mark.parametrize(
+    ("protocol", "torque_off", "commands"),
+    [
+        (Switching, True, b"off1;off2;"),
+        (Switching, False, b"hold;"),
+        (Holding, True, b"hold;"),
+    ],
+)
+def test_a_fault_releases_the_joints_or_holds_them(
+    protocol: type[BoardProtocol], torque_off: bool, commands: bytes
+) -> None:
+    rig = Rig(driver=DriverOf(protocol))
+    rig.guard.close()
+    rig.guard.send_fault_commands(torque_off)
+    assert rig.link.written == [commands]
+    assert rig.events == [CommandSent(2.0, commands)]

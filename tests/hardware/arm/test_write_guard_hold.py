@@ -325,6 +325,7 @@ def test_a_gripper_is_loosened_only_if_the_board_has_room_and_no_motion_has_begu
     assert rig.guard.loosen(degrees(0))
     assert rig.guard.generation > planned
     assert rig.sent[-1][:4] == "b090"
+    assert rig.events[-1] == FrameSent(rig.clock.now(), rig.link.written[-1], degrees(0), None)
 
 
 def test_nothing_is_loosened_without_torque() -> None:

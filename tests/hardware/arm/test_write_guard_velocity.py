@@ -1,16 +1,17 @@
 """The write guard keeps the velocity limits of joints, whatever a schedule says."""
 
+import dataclasses
 import math
 from collections.abc import Sequence
 
 import pytest
 from hypothesis import assume, given, settings, strategies as st
 
-from hardware import Schedule, compile_schedule
+from hardware import Robot, Schedule, compile_schedule
 from hardware.drivers.arduino.firmware_profile import ARMTREE, STOCK
 from hardware.drivers.firmware_profile import Firmware
 from hardware.errors import JointTooFast, TooFast
-from tests.support.arms.write_guard_rig import HOME, Rig
+from tests.support.arms.write_guard_rig import HOME, ROBOT, Rig
 
 LIMIT = 1.0  # [rad/s]
 POSES = st.tuples(*[st.floats(-1.5, 1.5)] * 3, st.floats(-1.5, 0.0))
@@ -84,10 +85,43 @@ def test_steps_that_change_no_frame_count_for_the_velocity() -> None:
             for position in (number - 0.01, number + 0.01):
                 rig.write((position * degree, 0.0, 0.0, 0.0))
 
-    with pytest.raises(JointTooFast):
+    with pytest.raises(JointTooFast) as refused:
         move()
+    assert refused.value.value > velocity
     periods = rig.clock.now() - began + 3 / ARMTREE.rate
     assert rig.guard.commanded[0] <= 1.01 * velocity * periods + 2 * degree
+
+
+def with_limits(lower: float, upper: float) -> Robot:
+    """The robot with other limits of joint_1 [rad]."""
+    first, *others = ROBOT.joints
+    return dataclasses.replace(
+        ROBOT, joints=(dataclasses.replace(first, lower=lower, upper=upper), *others)
+    )
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "unit"),
+    [(-math.pi / 2, math.pi / 2, math.radians(1)), (-math.inf, math.inf, 1 / 57)],
+    ids=["limited", "continuous"],
+)
+def test_a_resting_joint_may_step_by_one_servo_unit_and_three_periods(
+    lower: float, upper: float, unit: float
+) -> None:
+    velocity = 0.1
+    rig = Rig(ARMTREE, velocity=velocity, robot=with_limits(lower, upper))
+    most = unit + 3 * 1.01 * velocity / ARMTREE.rate
+    with pytest.raises(JointTooFast):
+        rig.write((1.001 * most, 0.0, 0.0, 0.0))
+    assert rig.write((0.999 * most, 0.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize("degrees", [0.5, 1.9])
+def test_a_joint_with_a_range_below_two_servo_units_moves_to_its_end(degrees: float) -> None:
+    upper = math.radians(degrees)
+    rig = Rig(ARMTREE, velocity=0.01, robot=with_limits(0.0, upper))
+    rig.write((upper, 0.0, 0.0, 0.0))
+    assert rig.guard.commanded[0] == upper
 
 
 @settings(max_examples=50)

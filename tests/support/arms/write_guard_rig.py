@@ -9,6 +9,7 @@ from hardware import (
     BoardLink,
     Firmware,
     FrameSent,
+    Robot,
     SimulatedClock,
     load_robot,
 )
@@ -52,9 +53,10 @@ class Rig:
         firmware: Firmware = ROBOT.firmware,
         driver: Driver = ROBOT.driver,
         velocity: float = math.inf,
+        robot: Robot = ROBOT,
     ) -> None:
-        joints = tuple(dataclasses.replace(joint, velocity=velocity) for joint in ROBOT.joints)
-        self.robot = dataclasses.replace(ROBOT, firmware=firmware, driver=driver, joints=joints)
+        joints = tuple(dataclasses.replace(joint, velocity=velocity) for joint in robot.joints)
+        self.robot = dataclasses.replace(robot, firmware=firmware, driver=driver, joints=joints)
         self.clock = SimulatedClock()
         self.link = Slow(virtual_board(self.robot), self.clock)
         self.link.open()
