@@ -213,7 +213,7 @@ class Switching(BoardProtocol):
     free_at = 3.0
 
     def torque_commands(self, on: bool) -> Sequence[bytes]:
-        return [b"on1;", b"on2;"] if on else [b"off1;", b"off2;"]
+        return {True: [b"on1;", b"on2;"], False: [b"off1;", b"off2;"]}[on]
 
     def hold_commands(self) -> bytes:
         return b"hold;"
