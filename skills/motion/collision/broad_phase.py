@@ -223,7 +223,8 @@ def _boxed_pairs(geometry: pin.GeometryModel) -> Mask:
     volumes = [shape.geometry.aabb_local.volume() for shape in geometry.geometryObjects]
     boxed = np.array([0.0 < volume < math.inf for volume in volumes], bool)
     first, second = shape_pairs(geometry)
-    return boxed[first] & boxed[second]
+    both: Mask = boxed[first] & boxed[second]
+    return both
 
 
 def collide(
