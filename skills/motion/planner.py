@@ -34,7 +34,7 @@ from .path.bend import find_bend, find_corner
 from .path.blend import blend
 from .path.motion_validator import MotionValidator
 from .path.motion_verification import verify_plan, verify_rows
-from .path.rrt_connect import find_path
+from .path.rrt_connect import find_paths
 from .path.shortcut import shortcut
 from .query import Answer, Carry, Query, Reached, Request, Rest, ToolQuery, Verify, check_types
 from .robot_model.joint_group import JointGroup
@@ -286,15 +286,26 @@ def _leg_paths(
         elif corner is not None:
             path = corner
         else:
-            with watch.stage("search"):
-                check_passable(validator, here, goal)
-                goals = validator.group.equivalent_goals(here, goal)
-                path = find_path(validator, here, goals, seed)
-            with watch.stage("shorten"):
-                path = shortcut(validator, path)
+            path = _searched_path(validator, here, goal, seed, watch)
         here = path[-1]
         turns = turns + (here - goal)
         yield path
+
+
+def _searched_path(
+    validator: MotionValidator, start: Array, goal: Array, seed: int, watch: Stopwatch
+) -> Array:
+    """Return a path with free edges from start to goal, or to an equivalent goal (N, J) [rad]."""
+    with watch.stage("search"):
+        check_passable(validator, start, goal)
+    goals = validator.group.equivalent_goals(start, goal)
+    paths, path = find_paths(validator, start, goals, seed), None
+    while path is None:
+        with watch.stage("search"):
+            found = next(paths)
+        with watch.stage("shorten"):
+            path = shortcut(validator, found)
+    return path
 
 
 def _check_duration(plan: Plan, group: JointGroup) -> None:

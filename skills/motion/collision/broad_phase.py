@@ -1,103 +1,95 @@
 """Checks of the hulls of links, many pairs at many configurations."""
 
 import math
-from collections.abc import Callable, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Callable
 from functools import cached_property
 
 import coal
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from skills.motion.arrays import Array, Mask
 
-from .planning_scene import PlanningScene, part_of
+from .planning_scene import PlanningScene, part_of, shape_pairs
 
 BATCH = 500  # configurations per call
 # Largest number of pairs per call, because a call cannot be interrupted: a few milliseconds for
 # hulls around boxes and cylinders, and for hulls around meshes.
 MAX_PRIMITIVE_PAIRS, MAX_MESH_PAIRS = 8000, 2000
-_TREE_PAIRS = 16  # smallest number of pairs for which a tree of boxes is faster
+# Largest number of shapes for which a comparison of all boxes is faster than a tree of boxes.
+_FEW_SHAPES = 64
+_ROWS = 32  # most rows between two checks of the deadline, if all boxes are compared
 
 
 class BroadPhase:
     """Checks of hulls, with their working memory.
 
-    A tree of axis-aligned boxes finds the hulls that are close to each other. The floor has no
-    bounded box, and the box of a very thin body has no volume. Pairs with such a shape are checked
-    one after another. If few pairs are checked at first, all pairs are checked in this way, because
-    a tree takes time for every shape.
+    Axis-aligned boxes around the hulls show which hulls may be close to each other. In a small
+    scene, all boxes are compared. In a large scene, a tree of boxes finds them. The floor has no
+    bounded box, and the box of a very thin body has no volume; beside a tree, pairs with such a
+    shape are checked one after another. If few pairs are checked at a time, they are also checked
+    one after another, because boxes take time for every shape.
 
     A filter of spheres in NumPy in front of coal would not help. Measured on 27 November 2026 (AMD
     EPYC, 2 cores, NumPy 2.4, coal 3.0) for a Panda in a cage, with 101 pairs: forward kinematics
     and four spheres for each link took 100, 29, 18 and 17 us per configuration for batches of 1, 6,
-    24 and 48. This tree of hulls took 8, 6, 6 and 7 us.
+    24 and 48. A tree of hulls took 8, 6, 6 and 7 us.
 
     Args:
         scene: The scene.
-        pairs: Pairs of `scene.hulls` that are checked at first.
+        boxes: True to use boxes; False if few pairs will be checked at a time.
         check: Callback between calls that may take milliseconds. It raises an exception to stop.
     """
 
-    def __init__(
-        self, scene: PlanningScene, pairs: frozenset[int], check: Callable[[], None]
-    ) -> None:
+    def __init__(self, scene: PlanningScene, boxes: bool, check: Callable[[], None]) -> None:
         self._check = check
         self._max_pairs = MAX_MESH_PAIRS if scene.volumes else MAX_PRIMITIVE_PAIRS
-        boxed = _boxed_pairs(scene.hulls)
-        boxed = boxed if len(boxed & pairs) >= _TREE_PAIRS else frozenset()
-        every = frozenset(range(len(scene.hulls.collisionPairs)))
-        kinds = pin.BroadPhaseManagerPool_DynamicAABBTreeCollisionManager, pin.GeometryPool
-        self._pools, self._places = [], dict[int, tuple[pin.GeometryData, int]]()
-        self._requests = dict[int, coal.CollisionRequest]()
-        for kind, own in zip(kinds, (boxed, every - boxed), strict=True):
-            if own:
-                part, numbers = part_of(scene.hulls, own), sorted(own)
-                pool = kind(scene.kinematics, part, 1)
-                data = pool.getGeometryData(0)
-                self._pools.append((pool, own))
-                self._places |= {k: (data, place) for place, k in enumerate(numbers)}
-                for k in own - pairs:
-                    data.deactivateCollisionPair(self._places[k][1])
-                requests = repeatable_requests(part, data)
-                self._requests |= dict(zip(numbers, requests, strict=True))
-        self._pairs, self._margin = pairs, math.nan
+        count, hulls = len(scene.hulls.collisionPairs), len(scene.hulls.geometryObjects)
+        self._parts = list[_Part]()
+        if not boxes:
+            self._parts.append(_Pool(scene, pin.GeometryPool, np.arange(count)))
+        elif hulls <= _FEW_SHAPES:
+            self._parts.append(_AllBoxes(scene, np.arange(count)))
+        else:
+            boxed = _boxed_pairs(scene.hulls)
+            tree = pin.BroadPhaseManagerPool_DynamicAABBTreeCollisionManager
+            for kind, own in (tree, boxed), (pin.GeometryPool, ~boxed):
+                if own.any():
+                    self._parts.append(_Pool(scene, kind, own.nonzero()[0]))
+        self._margins, self._margin = np.zeros(count), 0.0
+        self._pairs = frozenset(range(count))
 
-    # Many queries need no results, and in a large world they take milliseconds to list.
-    @cached_property
-    def _results(self) -> dict[int, coal.CollisionResult]:
-        return {k: data.collisionResults[place] for k, (data, place) in self._places.items()}
-
-    def set_margins(self, pairs: frozenset[int], margins: Sequence[float]) -> None:
-        """Set the pairs to check, each with its own margin (P,) [m]."""
+    def set_margins(self, pairs: frozenset[int], margins: Array) -> None:
+        """Set the pairs to check, and the margin of each pair of the scene (P,) [m]."""
         self._activate(pairs)
-        for k in pairs:
-            self._requests[k].security_margin = margins[k]
+        for part in self._parts:
+            part.set_margins(margins)
         self._margin = math.nan
 
     def set_margin(self, pairs: frozenset[int], margin: float) -> None:
         """Set the pairs to check, all with one margin [m]."""
-        new = pairs - self._pairs if margin == self._margin else pairs
+        if margin != self._margin:
+            self._margins[:] = margin
+            self.set_margins(pairs, self._margins)
+            self._margin = margin
         self._activate(pairs)
-        for k in new:
-            self._requests[k].security_margin = margin
-        self._margin = margin
 
     def _activate(self, pairs: frozenset[int]) -> None:
         if pairs is self._pairs:
             return
-        for k in self._pairs - pairs:
-            data, place = self._places[k]
-            data.deactivateCollisionPair(place)
-        for k in pairs - self._pairs:
-            data, place = self._places[k]
-            data.activateCollisionPair(place)
+        active = np.zeros(len(self._margins), bool)
+        active[list(pairs)] = True
+        for part in self._parts:
+            part.activate(active)
         self._pairs = pairs
 
     def collisions(self, q: Array, stop: bool) -> Mask:
         """Return True for each row in collision. With `stop`, rows after the first may be False."""
         rows = max(1, self._max_pairs // max(1, len(self._pairs)))
-        active = [pool for pool, own in self._pools if not own.isdisjoint(self._pairs)]
-        parts = [collide(pool, q, stop, rows, self._check) for pool in active]
+        active = [part for part in self._parts if part.active]
+        parts = [part.collisions(q, stop, rows, self._check) for part in active]
         if len(parts) == 1:
             return parts[0]
         return np.logical_or(*parts) if parts else np.zeros(len(q), bool)
@@ -106,12 +98,11 @@ class BroadPhase:
         """Return all pairs closer than the margin in one row (1, nq), which has at least one."""
         if len(self._pairs) == 1:
             return list(self._pairs)
-        for k in self._pairs:
-            self._results[k].clear()  # a tree does not reset the results of distant pairs
-        for pool, own in self._pools:
-            if not own.isdisjoint(self._pairs):
-                pin.computeCollisionsInParallel(1, pool, q.T, False)
-        return [k for k in sorted(self._pairs) if self._results[k].isCollision()]
+        found = list[int]()
+        for part in self._parts:
+            if part.active:
+                found += part.close_pairs_at(q)
+        return sorted(found)
 
     def close_pairs(self, q: Array) -> frozenset[int]:
         """Return all pairs closer than the margin in some row (N, nq). Each row has such a pair."""
@@ -127,12 +118,113 @@ class BroadPhase:
         return found
 
 
-def _boxed_pairs(geometry: pin.GeometryModel) -> frozenset[int]:
-    """Return the pairs of shapes that both have a bounded box with a volume."""
+class _Part(ABC):
+    """Some pairs of hulls, with the working memory of their checks.
+
+    Attributes:
+        active: True if some of the pairs are checked.
+
+    Args:
+        geometry: The hulls and these pairs of them.
+        data: Working memory of the geometry.
+        numbers: Indices of the pairs in the scene.
+    """
+
+    def __init__(
+        self, geometry: pin.GeometryModel, data: pin.GeometryData, numbers: NDArray[np.intp]
+    ) -> None:
+        self._geometry, self._data, self._numbers, self.active = geometry, data, numbers, True
+        repeatable_requests(geometry, data)
+        self._ends, size = shape_pairs(geometry), len(geometry.geometryObjects)
+        self._margins, self._active = np.zeros((size, size)), np.zeros((size, size), bool)
+        self._places = list(range(len(numbers)))  # of the checked pairs
+
+    # Many queries need no results, and in a large world they take milliseconds to list.
+    @cached_property
+    def _results(self) -> list[coal.CollisionResult]:
+        return list(self._data.collisionResults)
+
+    def set_margins(self, margins: Array) -> None:
+        """Set the margin of each pair of the scene (P,) [m]."""
+        self._margins[self._ends] = margins[self._numbers]
+        self._data.setSecurityMargins(self._geometry, self._margins, True, False)
+
+    def activate(self, active: Mask) -> None:
+        """Set the pairs of the scene that are checked (P,)."""
+        self._active[self._ends] = own = active[self._numbers]
+        self._places = own.nonzero()[0].tolist()
+        self.active = bool(self._places)
+        self._data.setActiveCollisionPairs(self._geometry, self._active, True)
+
+    def close_pairs_at(self, q: Array) -> list[int]:
+        """Return all checked pairs closer than their margins in one row (1, nq)."""
+        results = [self._results[place] for place in self._places]
+        for result in results:
+            result.clear()  # a check with boxes does not reset the results of distant pairs
+        self._check_all(q)
+        pairs = zip(self._places, results, strict=True)
+        return [int(self._numbers[place]) for place, result in pairs if result.isCollision()]
+
+    @abstractmethod
+    def collisions(self, q: Array, stop: bool, rows: int, check: Callable[[], None]) -> Mask:
+        """Return True for each row in collision. See `collide`."""
+
+    @abstractmethod
+    def _check_all(self, q: Array) -> None:
+        """Check all pairs in one row (1, nq), without a stop at the first collision."""
+
+
+class _AllBoxes(_Part):
+    """Compares the boxes of all hulls, row by row. For few shapes, it is faster than a pool."""
+
+    def __init__(self, scene: PlanningScene, numbers: NDArray[np.intp]) -> None:
+        self._kinematics, self._joints = scene.kinematics, scene.kinematics.createData()
+        data = scene.hulls.createData()
+        super().__init__(scene.hulls, data, numbers)
+        kind = pin.BroadPhaseManager_NaiveCollisionManager
+        self._boxes = kind(self._kinematics, scene.hulls, data)
+
+    def collisions(self, q: Array, stop: bool, rows: int, check: Callable[[], None]) -> Mask:
+        model, joints, boxes = self._kinematics, self._joints, self._boxes
+        hits = np.zeros(len(q), bool)
+        for i, row in enumerate(q):
+            if not i % min(rows, _ROWS):
+                check()
+            if pin.computeCollisions(model, joints, boxes, row, True):
+                hits[i] = True
+                if stop:
+                    break
+        return hits
+
+    def _check_all(self, q: Array) -> None:
+        pin.computeCollisions(self._kinematics, self._joints, self._boxes, q[0], False)
+
+
+class _Pool(_Part):
+    """Checks of many rows in one call, with a tree of boxes or without boxes."""
+
+    def __init__(
+        self, scene: PlanningScene, kind: type[pin.GeometryPool], numbers: NDArray[np.intp]
+    ) -> None:
+        every = len(numbers) == len(scene.hulls.collisionPairs)
+        geometry = scene.hulls if every else part_of(scene.hulls, numbers.tolist())
+        self._pool = kind(scene.kinematics, geometry, 1)
+        super().__init__(geometry, self._pool.getGeometryData(0), numbers)
+
+    def collisions(self, q: Array, stop: bool, rows: int, check: Callable[[], None]) -> Mask:
+        return collide(self._pool, q, stop, rows, check)
+
+    def _check_all(self, q: Array) -> None:
+        pin.computeCollisionsInParallel(1, self._pool, q.T, False)
+
+
+def _boxed_pairs(geometry: pin.GeometryModel) -> Mask:
+    """Return True for each pair of shapes that both have a bounded box with a volume (P,)."""
     volumes = [shape.geometry.aabb_local.volume() for shape in geometry.geometryObjects]
-    boxed = [0.0 < volume < math.inf for volume in volumes]
-    pairs = enumerate(geometry.collisionPairs)
-    return frozenset(k for k, pair in pairs if boxed[pair.first] and boxed[pair.second])
+    boxed = np.array([0.0 < volume < math.inf for volume in volumes], bool)
+    first, second = shape_pairs(geometry)
+    both: Mask = boxed[first] & boxed[second]
+    return both
 
 
 def collide(

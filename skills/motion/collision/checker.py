@@ -70,16 +70,23 @@ class CollisionChecker:
         self.scene = scene
         self._deadline: Deadline | None = None
         self.pairs = frozenset(range(len(scene.hulls.collisionPairs)))
-        self._broad = dict[tuple[bool, bool], BroadPhase]()
-        self._narrow = dict[tuple[int, bool], NarrowPhase]()
+        self._narrow = dict[int, NarrowPhase]()
         self._data = scene.kinematics.createData()
 
     def prepare(self) -> None:
         """Load everything that queries need. Otherwise the first query loads it."""
-        for least in (True, False):
-            self._broad_phase(self.pairs, least)
+        for pairs in self.pairs, frozenset[int]():
+            self._broad_phase(pairs)
 
     # Loaded at their first use: large worlds take milliseconds for each of these.
+    @cached_property
+    def _all_hulls(self) -> BroadPhase:
+        return BroadPhase(self.scene, True, self._check)
+
+    @cached_property
+    def _some_hulls(self) -> BroadPhase:
+        return BroadPhase(self.scene, False, self._check)
+
     @cached_property
     def _placed(self) -> pin.GeometryData:
         return self.scene.exact.createData()
@@ -145,7 +152,7 @@ class CollisionChecker:
         Raises:
             NotFinite: A position is NaN or infinite.
         """
-        q, broad = self._coordinates(configurations), self._broad_phase(self.pairs, True)
+        q, broad = self._coordinates(configurations), self._all_hulls
         broad.set_margin(self.pairs, margin)
         hits = broad.collisions(q, stop=False)
         for row in hits.nonzero()[0].tolist():
@@ -216,9 +223,8 @@ class CollisionChecker:
         Raises:
             NotFinite: A position is NaN or infinite.
         """
-        q, wanted = self._coordinates(configurations), margins.tolist()
-        broad = self._broad_phase(pairs, False)
-        broad.set_margins(pairs, wanted)
+        q, broad = self._coordinates(configurations), self._broad_phase(pairs)
+        broad.set_margins(pairs, margins)
         near = broad.collisions(q, stop=False)
         rows = near.nonzero()[0]
         if not rows.size:
@@ -227,13 +233,13 @@ class CollisionChecker:
             first = self._first_doubt(q[rows], least, pairs)
             if first is not None and self._collides(q[rows[first]], least, pairs):
                 return Proximity(int(rows[first]), near, frozenset())
+            broad.set_margins(pairs, margins)
             return Proximity(None, near, broad.close_pairs(q[rows]))
         near, found, hit = np.zeros_like(near), set[int](), None
         for k in sorted(broad.close_pairs(q[rows])):
-            doubtful = rows[self._hulls_of_pair_near(q[rows], k, wanted[k], False)]
-            close = doubtful[
-                self._narrow_phase(k, False).collisions(q[doubtful], wanted[k], stop=False)
-            ]
+            margin = float(margins[k])
+            doubtful = rows[self._hulls_of_pair_near(q[rows], k, margin)]
+            close = doubtful[self._narrow_phase(k).collisions(q[doubtful], margin, stop=False)]
             if close.size:
                 near[close] = True
                 found.add(k)
@@ -244,7 +250,7 @@ class CollisionChecker:
 
     def close_pairs(self, configurations: Array, margin: float) -> frozenset[int]:
         """Return the pairs with hulls closer than a margin [m] in some configuration (N, A)."""
-        q, broad = self._coordinates(configurations), self._broad_phase(self.pairs, True)
+        q, broad = self._coordinates(configurations), self._all_hulls
         broad.set_margin(self.pairs, margin)
         return broad.close_pairs(q[broad.collisions(q, stop=False)])
 
@@ -256,7 +262,7 @@ class CollisionChecker:
             margin: Distance to keep [m].
             pairs: Pairs of `scene.hulls` to check.
         """
-        broad = self._broad_phase(pairs, True)
+        broad = self._broad_phase(pairs)
         broad.set_margin(pairs, margin)
         return broad.collisions(self._coordinates(configurations), stop=False)
 
@@ -272,11 +278,11 @@ class CollisionChecker:
         after, hit = q[first + 1 :], None
         if not len(after):
             return None
-        broad = self._broad_phase(pairs, True)
+        broad = self._broad_phase(pairs)
         doubtful = first + 1 + broad.collisions(after, stop=False).nonzero()[0]
         for k in sorted(broad.close_pairs(q[doubtful])):
-            rows = doubtful[self._hulls_of_pair_near(q[doubtful], k, margin, True)]
-            hits = self._narrow_phase(k, True).collisions(q[rows], margin, stop=True)
+            rows = doubtful[self._hulls_of_pair_near(q[doubtful], k, margin)]
+            hits = self._narrow_phase(k).collisions(q[rows], margin, stop=True)
             if hits.any():
                 hit = int(rows[hits.argmax()])
                 doubtful = doubtful[doubtful < hit]
@@ -284,7 +290,7 @@ class CollisionChecker:
 
     def _first_doubt(self, q: Array, margin: float, pairs: frozenset[int]) -> int | None:
         """Return the first row with hulls closer than the margin, or None."""
-        broad = self._broad_phase(pairs, True)
+        broad = self._broad_phase(pairs)
         broad.set_margin(pairs, margin)
         doubts = broad.collisions(q, stop=True).nonzero()[0]
         return int(doubts[0]) if doubts.size else None
@@ -296,31 +302,23 @@ class CollisionChecker:
         if pairs is self.pairs and self._touching.collides(doubt):
             return True
         row = doubt[None, :]
-        close = self._broad_phase(pairs, True).close_pairs_at(row)
-        checkers = [self._narrow_phase(k, True) for k in close]
+        close = self._broad_phase(pairs).close_pairs_at(row)
+        checkers = [self._narrow_phase(k) for k in close]
         touches = any(checker.meshes_touch(doubt) for checker in checkers)
         return touches or any(each.collisions(row, margin, stop=True)[0] for each in checkers)
 
-    def _hulls_of_pair_near(self, q: Array, pair: int, margin: float, least: bool) -> Mask:
-        pairs = frozenset((pair,))
-        broad = self._broad_phase(pairs, least)
-        broad.set_margin(pairs, margin)
-        return broad.collisions(q, stop=False)
+    def _hulls_of_pair_near(self, q: Array, pair: int, margin: float) -> Mask:
+        self._some_hulls.set_margin(frozenset((pair,)), margin)
+        return self._some_hulls.collisions(q, stop=False)
 
-    def _broad_phase(self, pairs: frozenset[int], least: bool) -> BroadPhase:
-        # Switching many pairs on and off is slow. Therefore separate checkers serve all pairs and
-        # chosen pairs, with margins and with the least distance.
-        key = every, _ = pairs is self.pairs, least
-        if key not in self._broad:
-            chosen = self.pairs if every else frozenset[int]()
-            self._broad[key] = BroadPhase(self.scene, chosen, self._check)
-        return self._broad[key]
+    def _broad_phase(self, pairs: frozenset[int]) -> BroadPhase:
+        return self._all_hulls if pairs is self.pairs else self._some_hulls
 
-    def _narrow_phase(self, pair: int, least: bool) -> NarrowPhase:
-        checker = self._narrow.get((pair, least))
+    def _narrow_phase(self, pair: int) -> NarrowPhase:
+        checker = self._narrow.get(pair)
         if checker is None:
             checker = NarrowPhase(self.scene, self.scene.hulls.collisionPairs[pair], self._check)
-            self._narrow[pair, least] = checker
+            self._narrow[pair] = checker
         return checker
 
     def _coordinates(self, configurations: Array) -> Array:

@@ -10,6 +10,7 @@ from functools import cached_property
 import coal
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from hardware import CollisionRules, Robot
 from skills.motion.arrays import Array, Mask
@@ -210,7 +211,7 @@ class PlanningScene:
         touches = [(body.name, link) for body in self._bodies.values() for link in body.touches]
         for pair in (*touches, *(pair for pair in rules.allowed if FLOOR not in pair)):
             ends = [numbers[link] for link in pair if link in numbers]
-            may_touch[np.ix_(ends, ends)] = True
+            may_touch[ends, ends[::-1]] = True
         rows = [numbers[link] for link in links]
         # Shapes on one joint never move against each other.
         checked: Mask = joints[:, None] != joints
@@ -221,16 +222,21 @@ class PlanningScene:
         return np.triu(checked & ~may_touch[np.ix_(rows, rows)], 1)
 
 
+def shape_pairs(geometry: pin.GeometryModel) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the indices of the first and of the second shape of each pair (P,)."""
+    ends = [(pair.first, pair.second) for pair in geometry.collisionPairs]
+    first, second = np.array(ends, dtype=np.intp).reshape(-1, 2).T
+    return first, second
+
+
 def part_of(geometry: pin.GeometryModel, pairs: Collection[int]) -> pin.GeometryModel:
     """Return a geometry of some of the pairs, in the same order, and only their shapes."""
-    ends = [(geometry.collisionPairs[k].first, geometry.collisionPairs[k].second) for k in pairs]
-    used = sorted({shape for pair in ends for shape in pair})
-    part, places = pin.GeometryModel(), {shape: place for place, shape in enumerate(used)}
-    for shape in used:
+    ends = np.array(shape_pairs(geometry))[:, list(pairs)]
+    part, (used, places) = pin.GeometryModel(), np.unique(ends, return_inverse=True)
+    for shape in used.tolist():
         part.addGeometryObject(geometry.geometryObjects[shape])
     checked = np.zeros((len(used), len(used)), bool)
-    for first, second in ends:
-        checked[places[first], places[second]] = True
+    checked[tuple(places.reshape(ends.shape))] = True
     part.setCollisionPairs(checked, True)
     return part
 

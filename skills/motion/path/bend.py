@@ -28,6 +28,7 @@ _FEW_SHARES = _SHARES[:7]
 _LINE_SAMPLES = np.linspace(0.0, 1.0, 8)[1:-1, None]
 _NO_RADIUS = np.zeros(1)
 _T = np.linspace(0.0, 1.0, 11)[1:-1, None, None]
+_MIDDLE = np.arange(len(_T)) == len(_T) // 2
 _BEND_WEIGHTS = np.array([(1.0 - _T) ** 2, 2.0 * _T * (1.0 - _T), _T**2])
 _CORNER_WEIGHTS = np.maximum(0.0, [1.0 - 2.0 * _T, 1.0 - abs(2.0 * _T - 1.0), 2.0 * _T - 1.0])
 
@@ -135,10 +136,17 @@ def _without_collision(
     weights: Array,
     pairs: frozenset[int],
 ) -> Array:
-    """Return the via points whose paths keep the margin between these hulls at all samples."""
-    if not (len(points) and pairs):
+    """Return the via points whose paths keep the margin between these hulls at all samples.
+
+    The middles of the paths are furthest from the line, and most candidates collide there.
+    """
+    if not pairs:
         return points
-    samples = weights[0] * ends[0] + weights[1] * points + weights[2] * ends[1]
-    rows = validator.full(samples.reshape(-1, points.shape[1]))
-    hits = validator.checker.hulls_near(rows, validator.margin, pairs)
-    return points[~hits.reshape(len(samples), -1).any(axis=0)]
+    for samples in _MIDDLE, ~_MIDDLE:
+        if len(points):
+            start, via, end = weights[:, samples]
+            positions = start * ends[0] + via * points + end * ends[1]
+            rows = validator.full(positions.reshape(-1, points.shape[1]))
+            hits = validator.checker.hulls_near(rows, validator.margin, pairs)
+            points = points[~hits.reshape(len(positions), -1).any(axis=0)]
+    return points

@@ -33,10 +33,13 @@ _POINTS = 6  # checked points of an edge
 _SPREAD = 0.25  # standard deviation of samples near a root, as a share of the joint's range
 
 
-def find_path(validator: MotionValidator, start: Array, goals: Array, seed: int) -> Array:
-    """Return a path of free edges from start to one of the goals (N, J) [rad].
+def find_paths(
+    validator: MotionValidator, start: Array, goals: Array, seed: int
+) -> Iterator[Array]:
+    """Yield paths from start to one of the goals (N, J) [rad], with edges that seem free.
 
-    A joint without limits is searched up to half a turn beyond start and goal.
+    The caller takes another path only if an edge is not free. A joint without limits is searched up
+    to half a turn beyond start and goal.
 
     Args:
         validator: Checks motions of the group.
@@ -65,9 +68,10 @@ def find_path(validator: MotionValidator, start: Array, goals: Array, seed: int)
                 if (met := there.connect(here.points[new])) is None:
                     continue
                 ways = here.way(new), there.way(met)
-                if all([here.verify(ways[0]), there.verify(ways[1])]):
-                    one, other = ways if here is trees[0] else ways[::-1]
-                    return np.vstack((trees[0].points[one[::-1]], trees[1].points[other[1:]]))
+                one, other = ways if here is trees[0] else ways[::-1]
+                yield np.vstack((trees[0].points[one[::-1]], trees[1].points[other[1:]]))
+                here.verify(ways[0])
+                there.verify(ways[1])
         reached += [tree.size for tree in trees]
     raise NoPath(drawn, _MAX_SEARCHES, *reached.tolist())
 
@@ -145,16 +149,15 @@ class _Tree:
             last = self._add(end, last)
         return last if free == edges else None
 
-    def verify(self, way: list[int]) -> bool:
-        """Return True if all edges of a way are free. Else remove the points behind a bad one."""
+    def verify(self, way: list[int]) -> None:
+        """Check all edges of a way, and remove the points behind the first one that is not free."""
         for number in way[-2::-1]:
             parent = self._parents[number]
             line = self.points[parent], self.points[number]
             if not (self._verified[number] or self._validator.line_is_free(*line)):
                 self._remove(number)
-                return False
+                return
             self._verified[number] = True
-        return True
 
     def _remove(self, number: int) -> None:
         removed = {number}

@@ -14,18 +14,28 @@ from .motion_validator import MotionValidator
 _CUTS = (0.7, 0.35)  # shares of a corner's legs to cut off, tried in turn
 
 
-def shortcut(validator: MotionValidator, waypoints: Array) -> Array:
-    """Return a path (N, J) [rad] with the same ends. It is not longer, and its edges are free."""
-    return _cut_corners(validator, _skip_waypoints(validator, waypoints))
+def shortcut(validator: MotionValidator, waypoints: Array) -> Array | None:
+    """Return a path with the same ends and free edges (N, J) [rad]. It is not longer.
+
+    Returns None if an edge that is not skipped is not free.
+
+    Args:
+        validator: Checks motions of the group.
+        waypoints: A path with edges that seem free (N, J) [rad].
+    """
+    path = _skip_waypoints(validator, waypoints)
+    return None if path is None else _cut_corners(validator, path)
 
 
-def _skip_waypoints(validator: MotionValidator, path: Array) -> Array:
-    """Connect each kept waypoint to the furthest waypoint that a free edge reaches."""
+def _skip_waypoints(validator: MotionValidator, path: Array) -> Array | None:
+    """Connect each kept waypoint to the furthest waypoint that a free edge reaches, or None."""
     kept, i = [0], 0
     while i < len(path) - 1:
-        further = range(len(path) - 1, i + 1, -1)
-        i = next((j for j in further if _is_free(validator, path[i], path[j])), i + 1)
-        kept.append(i)
+        further = range(len(path) - 1, i, -1)
+        reached = next((j for j in further if _is_free(validator, path[i], path[j])), None)
+        if reached is None:
+            return None
+        kept.append(i := reached)
     return path[kept]
 
 

@@ -1,4 +1,4 @@
-"""The tree of boxes finds the same collisions as checking one pair after another."""
+"""Boxes, in a tree or not, find the same collisions as checking one pair after another."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -45,15 +45,15 @@ def configurations(robot: Robot, random: np.random.Generator, count: int) -> Arr
 
 
 @pytest.mark.parametrize("name", ROBOTS)
-def test_the_tree_misses_nothing(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_boxes_miss_nothing(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     robot, random = ROBOTS[name](), np.random.default_rng(1)
     scene = PlanningScene(robot, world(random, 0.8 if name == "seven axes" else 0.3))
     q = scene.robot_model.coordinates(configurations(robot, random, 300)).T
     every = frozenset(range(len(scene.hulls.collisionPairs)))
     some = frozenset(k for k in every if k % 3)
 
-    def answers() -> list[tuple[Mask, frozenset[int], int]]:
-        checker, margins, found = BroadPhase(scene, every, lambda: None), draws, []
+    def answers(boxes: bool) -> list[tuple[Mask, frozenset[int], int]]:
+        checker, margins, found = BroadPhase(scene, boxes, lambda: None), draws, []
         for pairs, margin in ((every, 0.0), (every, 0.005), (some, 0.03), (every, None)):
             if margin is None:
                 checker.set_margins(pairs, margins)
@@ -64,10 +64,11 @@ def test_the_tree_misses_nothing(name: str, monkeypatch: pytest.MonkeyPatch) -> 
             found.append((hits, checker.close_pairs(q[hits]), int(first)))
         return found
 
-    draws = random.uniform(0.0, 0.1, len(every)).tolist()
-    tree = answers()
-    monkeypatch.setattr(broad_phase, "_TREE_PAIRS", 10_000)
-    for (hits, pairs, first), (hits_, pairs_, first_) in zip(tree, answers(), strict=True):
-        assert hits.any()
-        assert (hits == hits_).all()
-        assert (pairs, first) == (pairs_, first_)
+    draws = random.uniform(0.0, 0.1, len(every))
+    one_by_one, all_boxes = answers(False), answers(True)
+    monkeypatch.setattr(broad_phase, "_FEW_SHAPES", 0)
+    for found in (all_boxes, answers(True)):
+        for (hits, pairs, first), (hits_, pairs_, first_) in zip(found, one_by_one, strict=True):
+            assert hits.any()
+            assert (hits == hits_).all()
+            assert (pairs, first) == (pairs_, first_)

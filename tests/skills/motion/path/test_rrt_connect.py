@@ -1,4 +1,4 @@
-"""The search: its edges are free, and equal seeds give equal paths."""
+"""The search: its edges seem free, shortcuts are free, and equal seeds give equal paths."""
 
 from itertools import pairwise, product
 
@@ -12,7 +12,8 @@ from skills.motion.collision.checker import CollisionChecker
 from skills.motion.collision.planning_scene import PlanningScene
 from skills.motion.deadline import Deadline
 from skills.motion.path.motion_validator import MotionValidator
-from skills.motion.path.rrt_connect import find_path
+from skills.motion.path.rrt_connect import find_paths
+from skills.motion.path.shortcut import shortcut
 from skills.motion.robot_model.joint_group import JointGroup
 
 ROBOT = load_robot()
@@ -45,14 +46,30 @@ def test_the_search_between_corners_of_the_joint_space(validator: MotionValidato
     start, *goals = corners(validator)
     assert goals
     for seed in range(10):
-        path = find_path(validator, start, np.array(goals), seed)
+        path = next(find_paths(validator, start, np.array(goals), seed))
         assert (path[0] == start).all()
         assert any((path[-1] == goal).all() for goal in goals)
-        assert all(validator.line_is_free(a, b) for a, b in pairwise(path))
+        assert all(validator.seems_free(a, b) for a, b in pairwise(path))
+        shorter = shortcut(validator, path)
+        assert shorter is not None
+        assert (shorter[[0, -1]] == path[[0, -1]]).all()
+        assert all(validator.line_is_free(a, b) for a, b in pairwise(shorter))
 
 
 def test_equal_seeds_give_equal_paths(validator: MotionValidator) -> None:
     start, goal, *_ = corners(validator)
-    paths = [find_path(validator, start, goal[None, :], seed) for seed in (1, 1, 2)]
+    paths = [next(find_paths(validator, start, goal[None, :], seed)) for seed in (1, 1, 2)]
     assert np.array_equal(paths[0], paths[1])
     assert not np.array_equal(paths[0], paths[2])
+
+
+def test_a_path_with_an_edge_that_is_not_free_is_not_shortened(validator: MotionValidator) -> None:
+    start, *goals = corners(validator)
+    blocked = next(goal for goal in goals if not validator.line_is_free(start, goal))
+    assert shortcut(validator, np.array([start, blocked])) is None
+
+
+def test_the_search_continues_after_a_path(validator: MotionValidator) -> None:
+    start, goal, *_ = corners(validator)
+    paths = find_paths(validator, start, goal[None, :], 1)
+    assert all((next(paths)[[0, -1]] == [start, goal]).all() for _ in range(2))
