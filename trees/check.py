@@ -15,8 +15,7 @@ from skills import (
     Positions,
     SkillError,
     WorldChange,
-    check_joints,
-    known_errors,
+    joint_errors,
 )
 from skills.motion import Pool
 
@@ -268,11 +267,9 @@ class _Checker:
         for name, joints in file.poses.items():
             place = file.labels[name].label
             known = Positions((j, q) for j, q in joints.items() if not isinstance(q, StandIn))
-            try:
-                check_joints(robot, known)
-            except (SkillError, ExceptionGroup) as error:
+            if errors := joint_errors(robot, known):
                 label = file.labels[name]
-                wrong += [self._refused(label, known, why) for why in known_errors(error)]
+                wrong += [self._refused(label, known, why) for why in errors]
                 continue
             leaders = ({joint.name for joint in robot.actuated_in(group)} for group in robot.groups)
             if len(known) < len(joints):
@@ -283,9 +280,9 @@ class _Checker:
                 self._collisions.poses.append((place, pose))
         return wrong
 
-    def _refused(self, pose: Located, known: Positions, error: Exception) -> Mistake:
+    def _refused(self, pose: Located, known: Positions, error: SkillError) -> Mistake:
         """Return the mistake of a pose at the joint, with the unit that may be missing."""
-        location, robot = getattr(error, "location", ()), self._context.robot
+        location, robot = error.location, self._context.robot
         joint = str(location[-1]) if location else ""
         item = nested(pose).get(joint)
         name = pose.label.location.rpartition(".")[2]
@@ -293,8 +290,7 @@ class _Checker:
             return Mistake(pose.label, f"{name}: {error}")
         unit = robot.joint(joint).unit
         for text, factor in in_smaller_units(item.value, unit):
-            with suppress(SkillError, ExceptionGroup):
-                check_joints(robot, Positions({joint: known[joint] * factor}))
+            if not joint_errors(robot, Positions({joint: known[joint] * factor})):
                 instead = item.place.replaced(str(item.value), text)
                 words = in_other_unit(f"{name}: {error}", item, unit, text)
                 return Mistake(item.label, words, instead)

@@ -13,8 +13,8 @@ from skills import (
     Positions,
     SkillError,
     check_targets,
-    check_tool_target,
     query_tool_target,
+    tool_target_errors,
 )
 from skills.motion import MotionError, Query, World
 from skills.motion.planner import Planner
@@ -171,10 +171,8 @@ class _Reader:
         """Return the joint positions that bring the tool to a target, given by ports."""
         given = {port: read_value(f"--{port}", text, _PORTS[port]) for port, text in tool.items()}
         for port, value in given.items():
-            try:
-                check_tool_target(self.robot, {port: value})
-            except BadTarget as error:
-                raise BadTarget(f"--{port}: {error}") from error
+            if errors := tool_target_errors(self.robot, {port: value}):
+                raise BadTarget(f"--{port}: {errors[0]}")
         inputs = {**given, **target, "start": start, "group": self.group}
         query = query_tool_target(self.robot, inputs)
         query = replace(query, seed=self.seed, world=self.world)
