@@ -213,7 +213,7 @@ def joint_errors(robot: Robot, joints: Positions) -> list[SkillError]:
     # The position of a leader is unknown before the run if its name is missing or misspelt.
     wrong |= {j.name for j in robot.joints if j.mimic and j.mimic.leader not in written}
     part = Positions((name, q) for name, q in joints.items() if name not in wrong)
-    boot = Positions((joint.name, joint.boot) for joint in robot.actuated)
+    boot = robot.by_joint(robot.boot_pose)
     targets = {}
     for group, target in completed(robot, boot, part, port).items():
         targets[group] = Positions(each for each in target.items() if each[0] not in joints.unknown)
@@ -222,7 +222,7 @@ def joint_errors(robot: Robot, joints: Positions) -> list[SkillError]:
 
 
 def completed(
-    robot: Robot, start: Positions, joints: Positions, port: str
+    robot: Robot, start: Mapping[str, float], joints: Positions, port: str
 ) -> dict[str, dict[str, float]]:
     """Return a target for each group, with start positions of joints without a target."""
     targets = split_by_group(robot, joints, port)

@@ -188,9 +188,7 @@ def _recorded(robot: Any, recordings: Any) -> "tuple[Where, str]":
     if last is None:
         why = f"no server runs on this machine, and no recording in {recordings} holds a pose"
         raise ServerUnreachable("localhost", why)
-    names = [joint.name for joint in arm.actuated]
-    commanded = dict(zip(names, last.positions, strict=True))
-    found = Where.of(arm, State.UNCONFIGURED, commanded)
+    found = Where.of(arm, State.UNCONFIGURED, arm.by_joint(last.positions))
     return found, f"{last.source}; the arm may have moved since"
 
 

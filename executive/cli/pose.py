@@ -112,7 +112,7 @@ def show(name: str, robot: Path | None, trees: Path | None, as_json: bool) -> No
         raise PoseUnknown.at(folder, why)
     positions, source = poses[name]
     moves_tool = all(joint.name in positions for joint in loaded.actuated_in("arm"))
-    boot = {joint.name: joint.boot for joint in loaded.actuated}
+    boot = loaded.by_joint(loaded.boot_pose)
     tool = loaded.tool_position(boot | dict(positions)) if moves_tool else None
     if as_json:
         row = {"pose": name, "positions": positions, "tool": tool, "source": source}

@@ -14,6 +14,7 @@ from skills import (
     SkillError,
     check_targets,
     query_tool_target,
+    refuse,
     tool_target_errors,
 )
 from skills.motion import MotionError, Query, World
@@ -67,7 +68,7 @@ class PlanRequest:
         if self.group and self.group not in self.robot.groups:
             groups = ", ".join(self.robot.groups)
             raise BadTarget(f"the robot has no group {self.group}; it has {groups}")
-        boot = {joint.name: joint.boot for joint in self.robot.actuated}
+        boot = self.robot.by_joint(self.robot.boot_pose)
         poses = self.library.poses()[0]
         reader = _Reader(planner, self.robot, poses, "arm", self.seed, world)
         with _errors_name("--start"):
@@ -160,7 +161,7 @@ class _Reader:
         if read.point is not None:
             return self._reach({"point": read.point}, start, tool)
         if read.turn is not None:
-            check_tool_target(self.robot, {"turn": read.turn, "group": self.group})
+            refuse(tool_target_errors(self.robot, {"turn": read.turn, "group": self.group}))
             turned = {"point": (0.0, 0.0, 0.0), "relative": True, "turn": read.turn}
             return self._reach(turned, start, {})
         return {**read.joints, **{name: start[name] + by for name, by in read.changes.items()}}

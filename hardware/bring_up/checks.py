@@ -148,5 +148,4 @@ def _pose(robot: Robot, servos: list[ServoReport]) -> Check:
         if ticks != near:
             error = PoseOutsideLimits(joint.name, ticks, near, words.unit, words.advice_outside)
             return Check("measured", False, str(error), code=error.code)
-    names = (joint.name for joint in robot.actuated)
-    return Check("measured", True, robot.words(dict(zip(names, pose, strict=True))))
+    return Check("measured", True, robot.words(robot.by_joint(pose)))

@@ -1,7 +1,7 @@
 """The robot as data: joints, groups, limits, and its board."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from pathlib import Path
@@ -172,6 +172,15 @@ class Robot:
     def boot_pose(self) -> tuple[float, ...]:
         """Positions in the start pose, one per actuated joint [rad]."""
         return tuple(joint.boot for joint in self.actuated)
+
+    def by_joint(self, values: Sequence[float]) -> dict[str, float]:
+        """Return values by the name of their joint.
+
+        Args:
+            values: One value per actuated joint.
+        """
+        names = (joint.name for joint in self.actuated)
+        return dict(zip(names, values, strict=True))
 
     @property
     def open_effect(self) -> str:

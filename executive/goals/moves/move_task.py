@@ -90,8 +90,7 @@ def poses_with_home(robot: Robot, poses: Poses) -> Mapping[str, Mapping[str, flo
     if HOME in poses:
         return poses
     if not robot.home:
-        boot = {joint.name: joint.boot for joint in robot.actuated}
-        return {**poses, HOME: boot}
+        return {**poses, HOME: robot.by_joint(robot.boot_pose)}
     try:
         joints = read_words(robot.home, robot, poses).joints
     except BadTarget as error:
