@@ -1,7 +1,7 @@
 """The commands that move the arm without a task: move, home, where and stop."""
 
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,7 +27,7 @@ from .terminal.streams import echo, echo_result
 if TYPE_CHECKING:
     from executive.api.events import Where
     from executive.api.move import Move
-    from hardware import Joint, Robot
+    from hardware import Robot
 
 
 def _moving(function: Callable[..., "Move"]) -> Callable[..., None]:
@@ -155,21 +155,15 @@ def find_arm(server: str | None, robot: Path | None, recordings: Path) -> "tuple
     return _recorded(robot, recordings)
 
 
-def pose_of(robot: "Robot", where: "Where", joints: "Iterable[Joint]") -> dict[str, float]:
-    """Return the commanded positions of some joints [rad], by name.
+def check_arm(robot: "Robot", where: "Where") -> None:
+    """Check that a position is of this robot.
 
     Raises:
-        NotActive: The arm is not active.
-        Refusal: The pose is of another arm than the robot's.
+        Refusal: It is of another arm.
     """
-    from hardware import NotActive
-
-    if not where.commanded:
-        raise NotActive("The pose of an inactive arm is not known; activate it, or move it first")
     if where.units.keys() != {joint.name for joint in robot.actuated}:
         why = f"the server has another arm than {robot.name}; give its robot file with --robot"
         raise Refusal(why)
-    return {joint.name: where.commanded[joint.name] for joint in joints}
 
 
 def _recorded(robot: Any, recordings: Any) -> "tuple[Where, str]":

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from .move import find_arm, pose_of
+from .move import check_arm, find_arm
 from .settings import option
 from .support.command_group import CommandGroup
 from .support.names import complete_own_pose, complete_pose, load_library
@@ -67,7 +67,7 @@ def save(
 
     loaded = load_robot(robot)
     found, source = find_arm(server, robot, recordings)
-    pose_of(loaded, found, [])
+    check_arm(loaded, found)
     try:
         path, positions = save_where(loaded, found, trees, name, group, replace)
     except BadTarget as error:
