@@ -16,7 +16,7 @@ from skills import Context, Planned, Scheduled
 from skills.merged_motion import MergedMotion, verify_query
 from skills.motion import MotionError, Plan, Query, World
 from trees import Library, Located
-from trees.check import check_task
+from trees.check import compile_task
 from trees.export.node_table import node_table
 
 from .task_motions import task_motions
@@ -59,7 +59,7 @@ def dry_run(
         BadArguments: Only the arguments are wrong.
         FileError: The files have mistakes, or a skill refuses an input.
     """
-    tree = check_task(context.robot, library, number, arguments)
+    tree = compile_task(context.robot, library, number, arguments, validated=True)
     motions, unknown = task_motions(
         tree, context.robot, context.pool, start, context.scene.world, context.seed
     )

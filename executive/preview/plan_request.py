@@ -20,7 +20,7 @@ from skills import (
 from skills.motion import MotionError, Query, World
 from skills.motion.planner import Planner
 from trees import Library
-from trees.check import check_task
+from trees.check import compile_task
 from trees.compile.port_types import declaration
 
 from .task_motions import Motion, task_motions
@@ -96,7 +96,7 @@ class PlanRequest:
         self, number: int, planner: Planner, position: tuple[float, ...], world: World
     ) -> tuple[list[Motion], list[str]]:
         """Return the motions of a task."""
-        tree = check_task(self.robot, self.library, number)
+        tree = compile_task(self.robot, self.library, number, validated=True)
         motions, unknown = task_motions(
             tree, self.robot, planner, position, world, self.seed, self.group
         )
