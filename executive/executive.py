@@ -471,8 +471,7 @@ class Executive:
         Raises:
             Unreachable: The tool cannot reach the point.
         """
-        boot = {joint.name: joint.boot for joint in self.robot.actuated}
-        start = Positions(self._commanded() or boot)
+        start = Positions(self._commanded() or self.robot.by_joint(self.robot.boot_pose))
         query = query_tool_target(self.robot, {"point": point, "start": start})
         self._pool.start()  # planners of a single user start with the first motion
         answer = self._pool.ask(replace(query, timeout=self.setup.planning_timeout))
@@ -506,10 +505,9 @@ class Executive:
 
     def _commanded(self) -> Mapping[str, float] | None:
         try:
-            positions = self._arm.commanded
+            return self.robot.by_joint(self._arm.commanded)
         except NotActive:
             return None
-        return {joint.name: q for joint, q in zip(self.robot.actuated, positions, strict=True)}
 
     def _arm_changed(self, event: ArmEvent) -> None:
         self._recordings.on_arm_event(event)

@@ -30,7 +30,6 @@ def open_executive(
     pool: Pool | None = None,
     operator: Operator | None = None,
     leader: Leader | None = None,
-    library: TaskLibrary | None = None,
     subscriber: Callable[[Event], None] | None = None,
     report: Callable[[str], None] = logger.warning,
 ) -> Iterator[Executive]:
@@ -45,7 +44,6 @@ def open_executive(
         pool: Planners, which stay open. Default: its own planners.
         operator: Answers the questions of tasks. Default: no operator.
         leader: Hand-guided arm, for tasks that follow it. Default: none.
-        library: The tasks. Default: the library of the set-up.
         subscriber: Callback for every event, from any thread.
         report: Callback for a line about each recovered or deleted recording.
 
@@ -56,7 +54,7 @@ def open_executive(
         LogError: A recording could not be finished at the end.
     """
     robot, clock = setup.load_robot(), clock or RealClock()
-    library = library or _library(setup, robot)
+    library = _library(setup, robot)
     port = robot.serial.port if setup.port is None else setup.port
     with ExitStack() as stack:
         if link is None and port:

@@ -16,7 +16,6 @@ if typing.TYPE_CHECKING:
         Measured as Measured,
         StateChanged as StateChanged,
     )
-    from .arm.interfaces import joint_positions as joint_positions
     from .arm.lifecycle import TRANSITIONS as TRANSITIONS, State as State
     from .arm.schedule import (
         MAX_DURATION as MAX_DURATION,

@@ -7,7 +7,6 @@ errors of servos on a bus. Every error has a stable `code`, and its message says
 
 import math
 import os
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -447,25 +446,15 @@ class NotActive(WriteRefused):
         self.hint = hint
 
 
-class InterfaceUnknown(WriteRefused):
-    """The arm has no such command interface."""
-
-    code = "hw.no_interface"
-    hint = "use an interface that the message lists"
-
-    def __init__(self, name: str, present: Sequence[str]) -> None:
-        super().__init__(f"there is no command interface {name}; there are {', '.join(present)}")
-
-
-class InterfaceClaimed(WriteRefused):
-    """Another owner has claimed the joint."""
+class ArmClaimed(WriteRefused):
+    """Another motion has the arm."""
 
     code = "hw.claimed"
     hint = "stop the arm first"
 
-    def __init__(self, name: str, owner: str, other: str) -> None:
+    def __init__(self, owner: str, other: str) -> None:
         super().__init__(
-            f"{name} is claimed by {owner}, so {other} cannot command it; stop the arm first"
+            f"the arm is claimed by {owner}, so {other} cannot command it; stop the arm first"
         )
 
 

@@ -30,15 +30,15 @@ from .errors import (
 from .example_nodes import EXAMPLE_CONDITION as EXAMPLE_CONDITION, wait_node as wait_node
 from .function import Cancel as Cancel, condition as condition, skill as skill
 from .joint_targets import (
-    check_distances as check_distances,
-    check_joints as check_joints,
     check_targets as check_targets,
+    distance_errors as distance_errors,
+    joint_errors as joint_errors,
 )
 from .leader import Blocked as Blocked, Leader as Leader, NullLeader as NullLeader
 from .ports import Port as Port, Positions as Positions
 from .question import NoOperator as NoOperator, Operator as Operator, Question as Question
 from .tool_target import (
     TOOL_PORTS as TOOL_PORTS,
-    check_tool_target as check_tool_target,
     query_tool_target as query_tool_target,
+    tool_target_errors as tool_target_errors,
 )

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from hardware import BadPosition, Joint, Mimic, Robot, check_position
 from hardware.spelling import corrections, suggestion
 
-from .errors import BadTarget, OutOfBounds, SkillError, combine_errors, refuse
+from .errors import BadTarget, OutOfBounds, SkillError, combine_errors
 from .ports import Positions
 
 Location = tuple[str | int, ...]
@@ -58,20 +58,6 @@ def configuration_errors(
         *missing_joint_errors(robot, port, configuration),
         *unknown_joint_errors(robot, configuration, port),
     ]
-
-
-def check_complete(robot: Robot, port: str, configuration: Mapping[str, float]) -> None:
-    """Check that a configuration names every actuated joint.
-
-    Args:
-        robot: Description of the robot.
-        port: Name of the port with the configuration.
-        configuration: Joint name to position [rad].
-
-    Raises:
-        BadTarget: A joint is missing.
-    """
-    refuse(missing_joint_errors(robot, port, configuration))
 
 
 def missing_joint_errors(
@@ -214,42 +200,20 @@ def _contradiction(joint: Joint, target: Mapping[str, float]) -> str:
     return f"{why}: leave {joint.name} out"
 
 
-def check_joints(robot: Robot, joints: Positions) -> None:
-    """Check targets of some joints, for any position of the others.
+def joint_errors(robot: Robot, joints: Positions) -> list[SkillError]:
+    """Return the errors of targets of some joints that do not depend on the other joints.
 
     Args:
         robot: Description of the robot.
-        joints: Positions by joint name [rad].
-
-    Raises:
-        SkillError: A target is invalid.
-        ExceptionGroup: Several targets are invalid.
+        joints: Positions by joint name, of the port `joints` [rad].
     """
-    refuse(joint_errors(robot, joints, "joints"))
-
-
-def check_distances(robot: Robot, by: Mapping[str, float]) -> None:
-    """Check distances of some joints.
-
-    Args:
-        robot: Description of the robot.
-        by: Distances by joint name [rad].
-
-    Raises:
-        SkillError: A distance is invalid.
-        ExceptionGroup: Several distances are invalid.
-    """
-    refuse(distance_errors(robot, by))
-
-
-def joint_errors(robot: Robot, joints: Positions, port: str) -> list[SkillError]:
-    """Return the errors of targets of some joints that do not depend on the other joints."""
+    port = "joints"
     errors = [*unknown_joint_errors(robot, joints, port), *mimic_errors(robot, joints, port)]
     written, wrong = _written(joints), {error.location[-1] for error in errors}
     # The position of a leader is unknown before the run if its name is missing or misspelt.
     wrong |= {j.name for j in robot.joints if j.mimic and j.mimic.leader not in written}
     part = Positions((name, q) for name, q in joints.items() if name not in wrong)
-    boot = Positions((joint.name, joint.boot) for joint in robot.actuated)
+    boot = robot.by_joint(robot.boot_pose)
     targets = {}
     for group, target in completed(robot, boot, part, port).items():
         targets[group] = Positions(each for each in target.items() if each[0] not in joints.unknown)
@@ -258,7 +222,7 @@ def joint_errors(robot: Robot, joints: Positions, port: str) -> list[SkillError]
 
 
 def completed(
-    robot: Robot, start: Positions, joints: Positions, port: str
+    robot: Robot, start: Mapping[str, float], joints: Positions, port: str
 ) -> dict[str, dict[str, float]]:
     """Return a target for each group, with start positions of joints without a target."""
     targets = split_by_group(robot, joints, port)
@@ -269,7 +233,12 @@ def completed(
 
 
 def distance_errors(robot: Robot, by: Mapping[str, float]) -> list[SkillError]:
-    """Return the errors of distances that do not depend on the start."""
+    """Return the errors of distances that do not depend on the start.
+
+    Args:
+        robot: Description of the robot.
+        by: Distances by joint name, of the port `by` [rad].
+    """
     joints = {joint.name: joint for joint in robot.actuated}
     written = _written(by)
     why = f"is not a joint that turns; there are {', '.join(joints)}"

@@ -10,7 +10,7 @@ from hardware import Robot
 from hardware.printable import plural
 from hardware.spelling import suggestion
 
-from .errors import BadTarget, SkillError, refuse
+from .errors import BadTarget, SkillError
 from .joint_targets import link_errors, missing_joint_errors
 from .motion.query import ToolQuery
 from .ports import MOST_REACHES, ORIGIN, Positions, vector, xyz
@@ -50,16 +50,12 @@ TOOL_PORTS: dict[str, PortInformation] = {
 }
 
 
-def check_tool_target(robot: Robot, inputs: Mapping[str, Any]) -> None:
-    """Check the values of some of the ports.
+def tool_target_errors(robot: Robot, inputs: Mapping[str, Any]) -> list[SkillError]:
+    """Return the errors of the values of some of the ports, each with its location.
 
     Args:
         robot: Description of the robot.
         inputs: Values by port. Ports may be missing.
-
-    Raises:
-        SkillError: A value is invalid.
-        ExceptionGroup: Several values are invalid.
     """
     errors = missing_joint_errors(robot, "start", inputs["start"]) if "start" in inputs else []
     if "group" in inputs:
@@ -76,7 +72,7 @@ def check_tool_target(robot: Robot, inputs: Mapping[str, Any]) -> None:
         if inputs.get(port) and not any(inputs[port]):
             why = f"{port} points nowhere; one of x, y, z must not be 0"
             errors.append(BadTarget(why).at(port))
-    refuse(errors)
+    return errors
 
 
 def query_tool_target(robot: Robot, inputs: Mapping[str, Any]) -> ToolQuery:

@@ -34,7 +34,6 @@ CROWDED = {
     "tests/executive": (18, "one folder per part, as the code"),
     "tests/executive/cli": (28, "one file per group of commands, as the code"),
     "tests/executive/server": (16, "one file per promise of the server"),
-    "tests/hardware/arm": (14, "one file per promise of the arm"),
     "tests/skills/motion": (
         14,
         "one file per kind of arm and request, beside the folders of the code",

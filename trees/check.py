@@ -15,8 +15,7 @@ from skills import (
     Positions,
     SkillError,
     WorldChange,
-    check_joints,
-    known_errors,
+    joint_errors,
 )
 from skills.motion import Pool
 
@@ -155,20 +154,25 @@ def _names_body(library: Library, name: str, but: Path) -> bool:
 
 
 def compile_task(
-    robot: Robot, library: Library, number: int, arguments: Mapping[str, Located] | None = None
+    robot: Robot,
+    library: Library,
+    number: int,
+    arguments: Mapping[str, Located] | None = None,
+    validated: bool = False,
 ) -> CompiledTree:
-    """Compile a task, to show it.
+    """Compile a task, without a planner.
 
     Args:
         robot: The robot.
         library: Files of the task.
         number: Number of the task.
         arguments: Values of its parameters; None if unknown.
+        validated: True if its skills also validate their inputs.
 
     Raises:
         UnknownTask: No task has that number.
         BadArguments: Only the arguments are wrong.
-        FileError: The files have mistakes.
+        FileError: The files have mistakes, or a skill refuses an input.
     """
     context = _context(robot)
     tree = TreeCompiler(library.draft(number), library, context, "/show").compile(arguments)
@@ -176,27 +180,7 @@ def compile_task(
     if tree.mistakes.found or tree.hooks.refused:
         mistakes = [refusal.mistake for refusal in refusals(tree, robot)]
         raise wrong([*tree.mistakes.found, *mistakes], arguments or {})
-    return tree
-
-
-def check_task(
-    robot: Robot, library: Library, number: int, arguments: Mapping[str, Located] | None = None
-) -> CompiledTree:
-    """Check a task, as far as possible without a planner.
-
-    Args:
-        robot: The robot.
-        library: Files of the task.
-        number: Number of the task.
-        arguments: Values of its parameters; None if unknown.
-
-    Raises:
-        UnknownTask: No task has that number.
-        BadArguments: Only the arguments are wrong.
-        FileError: The files have mistakes, or a skill refuses an input.
-    """
-    tree = compile_task(robot, library, number, arguments)
-    if refused := refusals(tree, robot):
+    if validated and (refused := refusals(tree, robot)):
         raise FileError(refusal.mistake for refusal in refused)
     return tree
 
@@ -268,11 +252,9 @@ class _Checker:
         for name, joints in file.poses.items():
             place = file.labels[name].label
             known = Positions((j, q) for j, q in joints.items() if not isinstance(q, StandIn))
-            try:
-                check_joints(robot, known)
-            except (SkillError, ExceptionGroup) as error:
+            if errors := joint_errors(robot, known):
                 label = file.labels[name]
-                wrong += [self._refused(label, known, why) for why in known_errors(error)]
+                wrong += [self._refused(label, known, why) for why in errors]
                 continue
             leaders = ({joint.name for joint in robot.actuated_in(group)} for group in robot.groups)
             if len(known) < len(joints):
@@ -283,9 +265,9 @@ class _Checker:
                 self._collisions.poses.append((place, pose))
         return wrong
 
-    def _refused(self, pose: Located, known: Positions, error: Exception) -> Mistake:
+    def _refused(self, pose: Located, known: Positions, error: SkillError) -> Mistake:
         """Return the mistake of a pose at the joint, with the unit that may be missing."""
-        location, robot = getattr(error, "location", ()), self._context.robot
+        location, robot = error.location, self._context.robot
         joint = str(location[-1]) if location else ""
         item = nested(pose).get(joint)
         name = pose.label.location.rpartition(".")[2]
@@ -293,8 +275,7 @@ class _Checker:
             return Mistake(pose.label, f"{name}: {error}")
         unit = robot.joint(joint).unit
         for text, factor in in_smaller_units(item.value, unit):
-            with suppress(SkillError, ExceptionGroup):
-                check_joints(robot, Positions({joint: known[joint] * factor}))
+            if not joint_errors(robot, Positions({joint: known[joint] * factor})):
                 instead = item.place.replaced(str(item.value), text)
                 words = in_other_unit(f"{name}: {error}", item, unit, text)
                 return Mistake(item.label, words, instead)

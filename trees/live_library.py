@@ -9,7 +9,7 @@ from typing import Any
 
 from hardware import Robot
 
-from .check import check_task, compile_task
+from .check import compile_task
 from .declarations import UNITS, Declaration
 from .errors import FileError, TreeError, UnknownTask
 from .export.node_table import node_table
@@ -85,7 +85,7 @@ class _Snapshot:
         """
         if (number, validated) not in self._errors:
             try:
-                tree = (check_task if validated else compile_task)(robot, self.library, number)
+                tree = compile_task(robot, self.library, number, validated=validated)
                 self.nodes[number] = node_table(tree)
                 self._errors[number, validated] = None
             except UnknownTask as error:

@@ -199,7 +199,6 @@ class Where:
             commanded: Last commanded position by joint [rad]; None if unknown.
             measured: Last measurement, or None.
         """
-        names = [joint.name for joint in robot.actuated]
         values = dataclasses.astuple(measured) if measured else ()
         return cls(
             arm,
@@ -210,7 +209,7 @@ class Where:
             robot.tool_position(commanded) if commanded else None,
             robot.width(commanded) if commanded else None,
             robot.turns_tool(),
-            *(dict(zip(names, each, strict=True)) if each else None for each in values),
+            *(robot.by_joint(each) if each else None for each in values),
         )
 
     def words(self, positions: Mapping[str, float]) -> str:

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import logs
-from hardware import Robot, joint_positions
+from hardware import Robot
 
 from .events import Event, Where
 
@@ -60,7 +60,12 @@ class JointState:
         Args:
             robot: The robot. It must have these actuated joints.
         """
-        names = [joint.name for joint in robot.actuated]
+        position = {
+            joint.name: joint.mimic.value(self.position[joint.mimic.leader])
+            if joint.mimic
+            else self.position[joint.name]
+            for joint in robot.joints
+        }
         velocity = {
             joint.name: joint.mimic.multiplier * self.velocity[joint.mimic.leader]
             if joint.mimic
@@ -68,9 +73,8 @@ class JointState:
             for joint in robot.joints
             if self.velocity
         }
-        known = self.effort and len(names) == len(robot.joints)
-        effort = {name: self.effort[name] for name in names} if known else {}
-        position = joint_positions(robot, [self.position[name] for name in names])
+        known = self.effort and not any(joint.mimic for joint in robot.joints)
+        effort = {joint.name: self.effort[joint.name] for joint in robot.joints if known}
         return JointState(self.measured, position, velocity, effort)
 
     @property

@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from hardware.bring_up.calibrating import Calibrator, Change, Row
 
 _PERIOD = 0.05  # time between readings of the servos [s]
-_SEARCHED = range(30)  # ids to search for a servo that is alone on the bus
 
 
 @command()
@@ -220,7 +219,7 @@ def _number(arm: "Robot", port: str) -> None:
     for joint, wanted in arm.servos.items():
         while True:
             ask(f"Connect only the servo of {joint} (id {wanted}), then press Enter")
-            baud, found = search_speeds(arm, port, _SEARCHED)
+            baud, found = search_speeds(arm, port)
             if len(found.servos) == 1 and not found.damaged:
                 break
             there = ", ".join(map(str, found.servos)) or "none"

@@ -4,7 +4,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .move import pose_of
+from .move import check_arm
 from .settings import option
 from .support.command_group import command
 from .support.options import run_options, source_options, speed_option
@@ -52,18 +52,18 @@ def jog(server: str | None, speed: float, **options: Any) -> None:
 
 def saving(robot: "Robot", folder: Path) -> "dict[str, tuple[KeyCommand, Act]]":
     """Return the command that saves a pose to a folder of tasks, by its key."""
-    from trees.export.saved_poses import PoseExists, save_pose
+    from executive.goals.moves.poses import save_where
+    from trees.export.saved_poses import PoseExists
 
     from .jogging.model import KeyCommand
     from .jogging.screen import ConfirmationNeeded
 
     def save(where: "Where", name: str) -> str:
-        joints = robot.actuated_in("arm")
-        positions = pose_of(robot, where, joints)
+        check_arm(robot, where)
 
         def saved(replace: bool) -> str:
-            path = save_pose(robot, folder, name, positions, replace)
-            alone = " without gripper" if {*robot.actuated} - {*joints} else ""
+            path, positions = save_where(robot, where, folder, name, "arm", replace)
+            alone = " without gripper" if len(positions) < len(robot.actuated) else ""
             return f"Saved {name} (arm{alone}) to {path}"
 
         try:

@@ -1,7 +1,7 @@
 """The commands that move the arm without a task: move, home, where and stop."""
 
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,7 +27,7 @@ from .terminal.streams import echo, echo_result
 if TYPE_CHECKING:
     from executive.api.events import Where
     from executive.api.move import Move
-    from hardware import Joint, Robot
+    from hardware import Robot
 
 
 def _moving(function: Callable[..., "Move"]) -> Callable[..., None]:
@@ -155,21 +155,15 @@ def find_arm(server: str | None, robot: Path | None, recordings: Path) -> "tuple
     return _recorded(robot, recordings)
 
 
-def pose_of(robot: "Robot", where: "Where", joints: "Iterable[Joint]") -> dict[str, float]:
-    """Return the commanded positions of some joints [rad], by name.
+def check_arm(robot: "Robot", where: "Where") -> None:
+    """Check that a position is of this robot.
 
     Raises:
-        NotActive: The arm is not active.
-        Refusal: The pose is of another arm than the robot's.
+        Refusal: It is of another arm.
     """
-    from hardware import NotActive
-
-    if not where.commanded:
-        raise NotActive("The pose of an inactive arm is not known; activate it, or move it first")
     if where.units.keys() != {joint.name for joint in robot.actuated}:
         why = f"the server has another arm than {robot.name}; give its robot file with --robot"
         raise Refusal(why)
-    return {joint.name: where.commanded[joint.name] for joint in joints}
 
 
 def _recorded(robot: Any, recordings: Any) -> "tuple[Where, str]":
@@ -188,9 +182,7 @@ def _recorded(robot: Any, recordings: Any) -> "tuple[Where, str]":
     if last is None:
         why = f"no server runs on this machine, and no recording in {recordings} holds a pose"
         raise ServerUnreachable("localhost", why)
-    names = [joint.name for joint in arm.actuated]
-    commanded = dict(zip(names, last.positions, strict=True))
-    found = Where.of(arm, State.UNCONFIGURED, commanded)
+    found = Where.of(arm, State.UNCONFIGURED, arm.by_joint(last.positions))
     return found, f"{last.source}; the arm may have moved since"
 
 

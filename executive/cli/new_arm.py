@@ -115,7 +115,7 @@ def new_arm(
     robot = replace(robot, name=f"my_{output.stem}" if taken else output.stem)
     echo("Loading the shapes, and checking 10,000 configurations ...", err=True)
     allowed = find_allowed_pairs(robot, guess_gripper_poses(robot))
-    boots = dict(zip((joint.name for joint in robot.actuated), allowed.boot, strict=True))
+    boots = robot.by_joint(allowed.boot)
     moved = [replace(joint, boot=boots.get(joint.name, joint.boot)) for joint in robot.joints]
     robot = replace(robot, joints=tuple(moved))
     write_file(output, robot_text(robot, output.parent, allowed.reasons).encode())

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from .move import find_arm, pose_of
+from .move import check_arm, find_arm
 from .settings import option
 from .support.command_group import CommandGroup
 from .support.names import complete_own_pose, complete_pose, load_library
@@ -67,7 +67,7 @@ def save(
 
     loaded = load_robot(robot)
     found, source = find_arm(server, robot, recordings)
-    pose_of(loaded, found, [])
+    check_arm(loaded, found)
     try:
         path, positions = save_where(loaded, found, trees, name, group, replace)
     except BadTarget as error:
@@ -112,7 +112,7 @@ def show(name: str, robot: Path | None, trees: Path | None, as_json: bool) -> No
         raise PoseUnknown.at(folder, why)
     positions, source = poses[name]
     moves_tool = all(joint.name in positions for joint in loaded.actuated_in("arm"))
-    boot = {joint.name: joint.boot for joint in loaded.actuated}
+    boot = loaded.by_joint(loaded.boot_pose)
     tool = loaded.tool_position(boot | dict(positions)) if moves_tool else None
     if as_json:
         row = {"pose": name, "positions": positions, "tool": tool, "source": source}

@@ -145,8 +145,8 @@ def _offer(robot: Robot, last: LastCommand | None) -> str:
     boot = f'the pose "boot" if the arm is in its {robot.firmware.words.start_pose}'
     if last is None:
         return f"{reason} Confirm {boot}; no recording holds a commanded pose"
-    positions = dict(zip((joint.name for joint in robot.actuated), last.positions, strict=True))
+    pose = robot.words(robot.by_joint(last.positions))
     return (
-        f"{reason} The last commanded pose is {robot.words(positions)} ({last.source}). "
+        f"{reason} The last commanded pose is {pose} ({last.source}). "
         f'Confirm the pose "last" if the arm is still there, or {boot}'
     )

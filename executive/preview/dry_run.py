@@ -16,8 +16,8 @@ from skills import Context, Planned, Scheduled
 from skills.merged_motion import MergedMotion, verify_query
 from skills.motion import MotionError, Plan, Query, World
 from trees import Library, Located
-from trees.check import check_task
-from trees.export.node_table import node_table
+from trees.check import compile_task
+from trees.compile.node_paths import paths
 
 from .task_motions import task_motions
 
@@ -59,7 +59,7 @@ def dry_run(
         BadArguments: Only the arguments are wrong.
         FileError: The files have mistakes, or a skill refuses an input.
     """
-    tree = check_task(context.robot, library, number, arguments)
+    tree = compile_task(context.robot, library, number, arguments, validated=True)
     motions, unknown = task_motions(
         tree, context.robot, context.pool, start, context.scene.world, context.seed
     )
@@ -67,7 +67,7 @@ def dry_run(
     messages = (*unknown, *(f"{node}: its start is known only in a run" for node in assumed))
     identity, name = uuid.uuid4().hex, library.head(number).name
     events: list[Event] = [logs.Goal(0.0, identity, number, name, context.seed)]
-    events += (_node(0.0, node["path"], "INVALID") for node in node_table(tree))
+    events += (_node(0.0, path, "INVALID") for _, path in paths(tree.root))
     outcome = Outcome.of(number, GoalState.SUCCEEDED, None)
     time = 0.0
     for motion in motions:

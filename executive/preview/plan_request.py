@@ -13,13 +13,14 @@ from skills import (
     Positions,
     SkillError,
     check_targets,
-    check_tool_target,
     query_tool_target,
+    refuse,
+    tool_target_errors,
 )
 from skills.motion import MotionError, Query, World
 from skills.motion.planner import Planner
 from trees import Library
-from trees.check import check_task
+from trees.check import compile_task
 from trees.compile.port_types import declaration
 
 from .task_motions import Motion, task_motions
@@ -67,7 +68,7 @@ class PlanRequest:
         if self.group and self.group not in self.robot.groups:
             groups = ", ".join(self.robot.groups)
             raise BadTarget(f"the robot has no group {self.group}; it has {groups}")
-        boot = {joint.name: joint.boot for joint in self.robot.actuated}
+        boot = self.robot.by_joint(self.robot.boot_pose)
         poses = self.library.poses()[0]
         reader = _Reader(planner, self.robot, poses, "arm", self.seed, world)
         with _errors_name("--start"):
@@ -95,7 +96,7 @@ class PlanRequest:
         self, number: int, planner: Planner, position: tuple[float, ...], world: World
     ) -> tuple[list[Motion], list[str]]:
         """Return the motions of a task."""
-        tree = check_task(self.robot, self.library, number)
+        tree = compile_task(self.robot, self.library, number, validated=True)
         motions, unknown = task_motions(
             tree, self.robot, planner, position, world, self.seed, self.group
         )
@@ -160,7 +161,7 @@ class _Reader:
         if read.point is not None:
             return self._reach({"point": read.point}, start, tool)
         if read.turn is not None:
-            check_tool_target(self.robot, {"turn": read.turn, "group": self.group})
+            refuse(tool_target_errors(self.robot, {"turn": read.turn, "group": self.group}))
             turned = {"point": (0.0, 0.0, 0.0), "relative": True, "turn": read.turn}
             return self._reach(turned, start, {})
         return {**read.joints, **{name: start[name] + by for name, by in read.changes.items()}}
@@ -171,10 +172,8 @@ class _Reader:
         """Return the joint positions that bring the tool to a target, given by ports."""
         given = {port: read_value(f"--{port}", text, _PORTS[port]) for port, text in tool.items()}
         for port, value in given.items():
-            try:
-                check_tool_target(self.robot, {port: value})
-            except BadTarget as error:
-                raise BadTarget(f"--{port}: {error}") from error
+            if errors := tool_target_errors(self.robot, {port: value}):
+                raise BadTarget(f"--{port}: {errors[0]}")
         inputs = {**given, **target, "start": start, "group": self.group}
         query = query_tool_target(self.robot, inputs)
         query = replace(query, seed=self.seed, world=self.world)

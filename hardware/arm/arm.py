@@ -4,7 +4,7 @@ import atexit
 import contextlib
 import logging
 import weakref
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import cache, partial
 from queue import SimpleQueue
 from typing import ParamSpec, Self, TypeVar
@@ -26,7 +26,6 @@ from hardware.link.link import Link
 
 from .connection import Connection
 from .events import ArmEvent, Faulted, Observer, StateChanged
-from .interfaces import state_interfaces
 from .lifecycle import Lifecycle, Result, State
 from .reconnect import ReconnectWatcher
 from .schedule import Schedule
@@ -223,17 +222,6 @@ class Arm:
         if self.state is not State.FINALIZED:
             self._request("shutdown", State.FINALIZED)
 
-    def read(self) -> Mapping[str, float]:
-        """Return the state interfaces, such as `joint_1/position`, and their values [rad].
-
-        These are commanded values; mimic joints follow exactly. Measured values have names such as
-        `joint_1/measured/position` [rad] and `joint_1/measured/temperature` [C].
-
-        Raises:
-            NotActive: The arm is not active, so its pose is unknown.
-        """
-        return state_interfaces(self.robot, self.commanded, self.measured)
-
     @property
     def generation(self) -> int:
         """Number of ended motions and stops. A motion can only start in the generation of its plan.
@@ -257,7 +245,7 @@ class Arm:
 
         Raises:
             NotActive: The arm is not active.
-            InterfaceClaimed: Another motion is being played. Stop it first.
+            ArmClaimed: Another motion is being played. Stop it first.
             StaleGeneration: The arm was stopped, or another motion ended, after the planning.
         """
         if connection := self._connection:

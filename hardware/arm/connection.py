@@ -8,7 +8,7 @@ from hardware.clock import Clock
 from hardware.description.guards import TORQUE_OFF
 from hardware.description.robot import Robot
 from hardware.drivers.firmware_profile import Ability
-from hardware.errors import HardwareError, LinkError, NotActive, PoseOutsideLimits
+from hardware.errors import HardwareError, LinkError, NotActive
 from hardware.link.link import Link
 from hardware.link.timed_link import TimedLink
 
@@ -203,17 +203,10 @@ class Connection:
 
     def _held_pose(self) -> tuple[float, ...]:
         """Return the pose that the board reports, or the start pose if it reports none [rad]."""
-        robot, held = self._robot, self.session.boot_frame
-        wire_format = robot.wire_format
-        if held is None or held == wire_format.encode(self._start_pose):
+        held = self.session.boot_frame
+        if held is None or held == self._robot.wire_format.encode(self._start_pose):
             return self._start_pose
-        pose = wire_format.decode(held)  # decode moves it inside the limits
-        nearest = wire_format.encode(pose).servos
-        for joint, angle, near in zip(robot.actuated, held.servos, nearest, strict=True):
-            if angle != near:
-                words = robot.firmware.words
-                raise PoseOutsideLimits(joint.name, angle, near, words.unit, words.advice_outside)
-        return pose
+        return self._robot.pose_of(held)
 
     def _read(self) -> None:
         """Read from the board until the link is closed or lost.

@@ -11,10 +11,9 @@ from hardware.errors import HardwareError, NotActive, NotArrived, StaleGeneratio
 
 from .board_session import BoardSession
 from .events import OBSERVER_TIMEOUT
-from .interfaces import Claim
 from .measured_guard import MeasuredGuard
 from .schedule import Schedule
-from .write_guard import WriteGuard
+from .write_guard import Claim, WriteGuard
 
 logger = logging.getLogger(__name__)
 
@@ -159,13 +158,13 @@ class Streamer:
 
         Raises:
             NotActive: The streamer was closed.
-            InterfaceClaimed: Another motion is being played.
+            ArmClaimed: Another motion is being played.
             StaleGeneration: The arm was stopped, or another motion ended, after the planning.
         """
         with self._signal:
             if self._closing:
                 raise NotActive("the arm left the active state; configure and activate it first")
-            claim = self._guard.claim(owner, self._guard.interfaces, generation)
+            claim = self._guard.claim(owner, generation)
             self._playback = Playback(schedule, claim, self._session.sent, on_change)
             self._stopped = self._braking = None
             self._signal.notify()

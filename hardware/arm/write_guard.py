@@ -7,7 +7,8 @@ limits, that no joint exceeds its velocity limit, and that the board can process
 
 import math
 import threading
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 from hardware.clock import Clock
 from hardware.description.robot import Robot
@@ -15,11 +16,12 @@ from hardware.drivers.firmware_profile import Ability
 from hardware.drivers.pacing import PacingModel
 from hardware.drivers.wire_format import Frame
 from hardware.errors import (
-    BadPosition,
+    ArmClaimed,
     DriverFailed,
     JointTooFast,
     LinkError,
     NotActive,
+    StaleGeneration,
     TooFast,
     TorqueOff,
 )
@@ -28,13 +30,26 @@ from hardware.link.link import Link
 
 from .board_session import BoardSession
 from .events import OBSERVER_TIMEOUT, CommandSent, FrameSent, Observer, Outbox
-from .interfaces import Claim, Claims, command_interfaces
 
 # The guard allows a joint to be this many periods behind its command. One period is normal, because
 # a position is commanded one period early. A busy host may add two periods: it may send a frame
 # that late, and the next frames on time.
 _PERIODS_BEHIND = 3
 _VELOCITY_MARGIN = 1.01  # factor of a velocity limit, for rounding in planners
+
+
+@dataclass(frozen=True, slots=True)
+class Claim:
+    """The right of one motion to command the arm, until it is released or a stop ends it.
+
+    Attributes:
+        owner: Name of the owner.
+        generation: Generation of the claim. The end of a claim begins the next generation, so no
+            later claim equals this one.
+    """
+
+    owner: str
+    generation: int
 
 
 class WriteGuard:
@@ -50,7 +65,8 @@ class WriteGuard:
         positions: Pose of the arm, one position per actuated joint [rad].
 
     Attributes:
-        interfaces: The command interfaces, in the order of the fields in a frame.
+        generation: Number of ended claims and stops. A motion can only begin in the generation of
+            its plan.
         torque: True if the servos hold. Without torque, no frame may be sent.
     """
 
@@ -69,8 +85,8 @@ class WriteGuard:
         self._session = session
         self._codec = robot.wire_format
         self._lock = threading.RLock()  # a signal handler may hold the arm
-        self.interfaces = command_interfaces(robot)
-        self._claims = Claims(self.interfaces)
+        self._claim: Claim | None = None
+        self.generation = 0
         self._arrivals = [-math.inf] * len(positions)
         self._most_behind = _most_behind(robot)
         self._closed = self._hold_due = False
@@ -99,30 +115,30 @@ class WriteGuard:
         """Time at which the board has executed all frames [s]."""
         return self._pacing.done
 
-    @property
-    def generation(self) -> int:
-        """Number of ended motions and stops; see `Claims`."""
-        return self._claims.generation
-
-    def claim(self, owner: str, interfaces: Iterable[str], generation: int) -> Claim:
-        """Claim command interfaces.
+    def claim(self, owner: str, generation: int) -> Claim:
+        """Claim the arm for a motion.
 
         Args:
             owner: Name of the owner.
-            interfaces: Names of the command interfaces.
             generation: Generation in which the motion was planned.
 
         Raises:
-            WriteRefused: An interface is unknown or claimed, or the arm was stopped after the
-                planning.
+            ArmClaimed: Another motion has the arm.
+            StaleGeneration: The arm was stopped, or another motion ended, after the planning.
         """
         with self._lock:
-            return self._claims.acquire(owner, interfaces, generation)
+            if self._claim:
+                raise ArmClaimed(self._claim.owner, owner)
+            if generation != self.generation:
+                raise StaleGeneration("the arm was stopped or moved since this motion was planned")
+            self._claim = Claim(owner, generation)
+            return self._claim
 
     def release(self, claim: Claim) -> None:
         """End a claim. Does nothing if it has ended."""
         with self._lock:
-            self._claims.release(claim)
+            if claim == self._claim:
+                self._end_claim()
 
     def send_start_commands(self) -> None:
         """Send the start commands of the board.
@@ -137,14 +153,14 @@ class WriteGuard:
         self._outbox.deliver()
 
     def release_torque(self) -> None:
-        """End all claims and allow no frames, before the torque of the servos is switched.
+        """End the claim and allow no frames, before the torque of the servos is switched.
 
         Raises:
             NotActive: The arm is not active.
         """
         with self._lock:
             self._check_active()
-            self._claims.release_all()
+            self._end_claim()
             self.torque = self._hold_due = False
 
     def send_torque_command(self, data: bytes) -> bool:
@@ -208,7 +224,7 @@ class WriteGuard:
         """Command positions. A frame equal to the last one is not sent again.
 
         Args:
-            positions: One position per claimed interface [rad]. Other joints keep their positions.
+            positions: One position per actuated joint [rad].
             claim: Claim of the motion.
             scheduled: Planned time of the write [s].
 
@@ -223,10 +239,10 @@ class WriteGuard:
         """
         with self._lock:
             self._check_active()
-            self._claims.check(claim)
+            self._check_claim(claim)
             if not self.torque:
                 raise TorqueOff
-            target = self._target(positions, claim)
+            target = check_positions(self._robot.actuated, tuple(positions))
             frame = self._codec.encode(target)
             changed = frame != self._last_frame
             if changed:
@@ -239,7 +255,7 @@ class WriteGuard:
         return changed
 
     def hold(self, claim: Claim | None = None) -> None:
-        """End all claims, and repeat the last frame once if one was written since the last hold.
+        """End the claim, and repeat the last frame once if one was written since the last hold.
 
         Args:
             claim: Claim of the motion to hold, or None to hold any motion.
@@ -252,8 +268,8 @@ class WriteGuard:
         """
         with self._lock:
             if claim:
-                self._claims.check(claim)
-            self._claims.release_all()
+                self._check_claim(claim)
+            self._end_claim()
             # One statement, because a signal handler may call this function in between.
             due, self._hold_due = self._hold_due, False
             if due:
@@ -286,17 +302,17 @@ class WriteGuard:
         with self._lock:
             self._check_active()
             if claim:
-                self._claims.check(claim)
+                self._check_claim(claim)
                 if not self.torque:
                     raise TorqueOff
-            elif self._claims.held or not self.torque:
+            elif self._claim or not self.torque:
                 return False
             target = check_positions(self._robot.actuated, tuple(positions))
             frame = self._codec.encode(target)
             changed = frame != self._last_frame and self.earliest <= self._clock.now()
             if changed:
                 if claim is None:
-                    self._claims.release_all()
+                    self._end_claim()
                 self._send(frame, target, None)
                 self._commanded = target
         self._outbox.deliver()
@@ -306,13 +322,13 @@ class WriteGuard:
         if self._closed or not self._is_active():
             raise NotActive("the arm is not active; configure and activate it first")
 
-    def _target(self, positions: Sequence[float], claim: Claim) -> tuple[float, ...]:
-        if len(positions) != len(claim.interfaces):
-            names = ", ".join(claim.interfaces)
-            raise BadPosition(f"{len(positions)} values for {len(claim.interfaces)}: {names}")
-        commanded = dict(zip(self.interfaces, self._commanded, strict=True))
-        commanded.update(zip(claim.interfaces, positions, strict=True))
-        return check_positions(self._robot.actuated, tuple(commanded.values()))
+    def _check_claim(self, claim: Claim) -> None:
+        if claim != self._claim:
+            raise StaleGeneration("this motion was stopped; nothing more is sent for it")
+
+    def _end_claim(self) -> None:
+        self._claim = None
+        self.generation += 1
 
     def _check_velocity(self, target: tuple[float, ...], frame: Frame) -> list[float]:
         """Return the time at which each joint reaches its target at its velocity limit [s].

@@ -21,8 +21,6 @@ from hardware.link.serial_ports import Check, serial_ports
 
 from .search import find_servos, likely_cable, search_speeds
 
-_SEARCHED = range(30)  # ids to search if a servo is missing
-
 
 def check_bus(robot: Robot, port: str) -> Iterator[Check]:
     """Yield the result of each check of a bus.
@@ -72,7 +70,7 @@ def _missing(robot: Robot, port: str, found: Found) -> Iterator[Check]:
         what = f"the answer to a request to servo {servo} has the id {name}"
         remedy = "another servo answers with that id: connect it alone: armtree calibrate --ids"
         yield Check("other ids", False, what, remedy, ServoMissing.code)
-    baud, others = search_speeds(robot, port, _SEARCHED)
+    baud, others = search_speeds(robot, port)
     if baud != speed:
         what = f"servos {_numbers(others)} answer at {baud} bit/s; the robot file says {speed}"
         remedy = f"write baud = {baud} under [serial] in {robot.path}"
@@ -140,13 +138,8 @@ def _calibration(robot: Robot, found: Found, port: str) -> Check:
 
 def _pose(robot: Robot, servos: list[ServoReport]) -> Check:
     """Check that every joint is within its limits, so that the arm may be activated."""
-    wires, words = robot.wire_format, robot.firmware.words
-    frame = wires.frame([each.position for each in servos])
-    pose = wires.decode(frame)  # decode moves it inside the limits
-    nearest = wires.encode(pose).servos
-    for joint, ticks, near in zip(robot.actuated, frame.servos, nearest, strict=True):
-        if ticks != near:
-            error = PoseOutsideLimits(joint.name, ticks, near, words.unit, words.advice_outside)
-            return Check("measured", False, str(error), code=error.code)
-    names = (joint.name for joint in robot.actuated)
-    return Check("measured", True, robot.words(dict(zip(names, pose, strict=True))))
+    try:
+        pose = robot.pose_of(robot.wire_format.frame([each.position for each in servos]))
+    except PoseOutsideLimits as error:
+        return Check("measured", False, str(error), code=error.code)
+    return Check("measured", True, robot.words(robot.by_joint(pose)))

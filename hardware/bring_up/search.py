@@ -3,13 +3,14 @@
 from collections.abc import Iterable
 from dataclasses import replace
 
-from hardware.clock import Clock, RealClock
+from hardware.clock import RealClock
 from hardware.description.robot import Robot
 from hardware.drivers.servo_bus import Found, ServoBus, ServoReport
 from hardware.drivers.servo_errors import NoServos, ServoMissing, ServoTwice
 
 _ROUNDS = 4  # rounds of requests to the servos of the arm
 _PATIENCE = 0.2  # total time for the answers of a servo [s]
+_SEARCHED = range(30)  # ids to ask if a servo is missing, or alone on the bus
 
 
 def find_servos(robot: Robot, bus: ServoBus) -> Found:
@@ -48,28 +49,24 @@ def answering(robot: Robot, bus: ServoBus, port: str) -> dict[int, ServoReport]:
     return dict(found.servos)
 
 
-def search_speeds(
-    robot: Robot, port: str, ids: Iterable[int], clock: Clock | None = None
-) -> tuple[int, Found]:
+def search_speeds(robot: Robot, port: str) -> tuple[int, Found]:
     """Return the first speed of the line at which servos answer [bit/s], and these servos.
 
-    The speed of the robot file comes first. It is returned if no servo answers.
+    The speed of the robot file comes first. It is returned if no servo answers. At other speeds,
+    only the ids of the robot file and 1 are asked.
 
     Args:
         robot: The robot.
         port: Name of the port.
-        ids: Ids to ask at the speed of the robot file. At other speeds, only the ids of the robot
-            file and 1 are asked.
-        clock: Time source. Default: the system's.
 
     Raises:
         LinkError: The port cannot be opened.
     """
     speeds = dict.fromkeys((robot.serial.baud, *robot.firmware.bauds))
-    wanted, likely, heard = list(ids), {1, *robot.servos.values()}, Found()
+    likely, heard = {1, *robot.servos.values()}, Found()
     for baud in speeds:
-        with robot.servo_bus(port, baud, clock or RealClock()) as bus:
-            found = bus.find(wanted if baud == robot.serial.baud else likely)
+        with robot.servo_bus(port, baud, RealClock()) as bus:
+            found = bus.find(_SEARCHED if baud == robot.serial.baud else likely)
         if found.servos:
             return baud, found
         heard = heard if heard.noise else found

@@ -1,7 +1,7 @@
 """The robot as data: joints, groups, limits, and its board."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from pathlib import Path
@@ -16,8 +16,8 @@ from hardware.drivers.servo_bus import ServoBus, ServoDriver
 from hardware.drivers.servo_errors import CalibrationMissing
 from hardware.drivers.virtual.in_process_link import BoardLink, NullLink
 from hardware.drivers.virtual.model import BoardModel
-from hardware.drivers.wire_format import WireFormat
-from hardware.errors import NotAble
+from hardware.drivers.wire_format import Frame, WireFormat
+from hardware.errors import NotAble, PoseOutsideLimits
 from hardware.joints import Joint, joint_words
 from hardware.link.link import VIRTUAL, Link
 
@@ -172,6 +172,29 @@ class Robot:
     def boot_pose(self) -> tuple[float, ...]:
         """Positions in the start pose, one per actuated joint [rad]."""
         return tuple(joint.boot for joint in self.actuated)
+
+    def by_joint(self, values: Sequence[float]) -> dict[str, float]:
+        """Return values by the name of their joint.
+
+        Args:
+            values: One value per actuated joint.
+        """
+        names = (joint.name for joint in self.actuated)
+        return dict(zip(names, values, strict=True))
+
+    def pose_of(self, frame: Frame) -> tuple[float, ...]:
+        """Return the positions in a frame that the board reports, one per actuated joint [rad].
+
+        Raises:
+            PoseOutsideLimits: A servo is outside the limits of its joint.
+        """
+        pose = self.wire_format.decode(frame)  # decode moves it inside the limits
+        nearest = self.wire_format.encode(pose).servos
+        for joint, angle, near in zip(self.actuated, frame.servos, nearest, strict=True):
+            if angle != near:
+                words = self.firmware.words
+                raise PoseOutsideLimits(joint.name, angle, near, words.unit, words.advice_outside)
+        return pose
 
     @property
     def open_effect(self) -> str:

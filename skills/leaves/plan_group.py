@@ -10,7 +10,7 @@ from py_trees.ports import PortInformation
 from hardware import Robot, compile_schedule
 from skills.context import Planned
 from skills.errors import refuse
-from skills.joint_targets import check_complete, configuration_errors, target_errors
+from skills.joint_targets import configuration_errors, missing_joint_errors, target_errors
 from skills.merged_motion import MergedMotion, verify_query
 from skills.motion.errors import (
     GoalInCollision,
@@ -76,7 +76,7 @@ class _PlanGroup(PlanningSkill, register=False):
         """Send the query to a worker."""
         robot, joints = self.context.robot, self.context.robot.actuated_in(self.group)
         start, goal, via = (self.get_input(port) for port in ("start", "goal", "via"))
-        check_complete(robot, "start", start)
+        refuse(missing_joint_errors(robot, "start", start))
         self.validate(robot, {"goal": goal, "via": via})
         arrived = {name for group in self.moved_before for name in robot.groups[group]}
         self._query = Query(

@@ -9,12 +9,12 @@ from py_trees.ports import PortInformation
 
 from hardware import Robot
 from skills.errors import refuse
-from skills.joint_targets import check_complete
+from skills.joint_targets import missing_joint_errors
 from skills.motion.errors import MotionError
 from skills.motion.query import Reached, Result, ToolQuery
 from skills.planning_skill import PlanningSkill
 from skills.ports import Positions
-from skills.tool_target import TOOL_PORTS, check_tool_target, group_errors, query_tool_target
+from skills.tool_target import TOOL_PORTS, group_errors, query_tool_target, tool_target_errors
 
 _TARGET = PortInformation(Positions, description="position of each of the group's joints [rad]")
 
@@ -30,13 +30,13 @@ class ReachPoint(PlanningSkill):
     @classmethod
     def validate(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
         """Check the inputs that are known before the run."""
-        check_tool_target(robot, inputs)
+        refuse(tool_target_errors(robot, inputs))
 
     def on_start(self) -> Status:
         """Send the query to a worker."""
         given = {port: self.get_input(port) for port in self.INPUT_PORTS}
         robot, context = self.context.robot, self.context
-        check_complete(robot, "start", given["start"])
+        refuse(missing_joint_errors(robot, "start", given["start"]))
         refuse(group_errors(robot, given["group"]))
         self._names = [joint.name for joint in robot.actuated_in(given["group"])]
         query, world = query_tool_target(robot, given), context.scene.world

@@ -20,8 +20,7 @@ class SetStart(Skill):
 
     def on_start(self) -> Status:
         """Read the commanded position."""
-        names = [joint.name for joint in self.context.robot.actuated]
-        start = Positions(zip(names, self.context.arm.commanded, strict=True))
+        start = Positions(self.context.robot.by_joint(self.context.arm.commanded))
         self._set_output("start", start)
         self.feedback_message = self.context.robot.words(start)
         return Status.SUCCESS

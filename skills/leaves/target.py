@@ -10,8 +10,6 @@ from hardware import Robot
 from skills.base import Skill
 from skills.errors import refuse
 from skills.joint_targets import (
-    check_complete,
-    check_distances,
     check_targets,
     completed,
     distance_errors,
@@ -44,7 +42,7 @@ class Target(Skill):
         """Check the inputs that are known before the run."""
         errors = missing_joint_errors(robot, "start", inputs["start"]) if "start" in inputs else []
         if "joints" in inputs:
-            errors += joint_errors(robot, inputs["joints"], "joints")
+            errors += joint_errors(robot, inputs["joints"])
         refuse(errors)
 
     @classmethod
@@ -57,7 +55,7 @@ class Target(Skill):
     def on_start(self) -> Status:
         """Complete the target and check it."""
         robot, start, joints = self.context.robot, self.get_input("start"), self.get_input("joints")
-        check_complete(robot, "start", start)
+        refuse(missing_joint_errors(robot, "start", start))
         self._set_output("goal", _checked_goal(robot, start, joints, "joints"))
         return Status.SUCCESS
 
@@ -93,8 +91,8 @@ class Shift(Skill):
     def on_start(self) -> Status:
         """Add the distances and check the result."""
         robot, start, by = self.context.robot, self.get_input("start"), self.get_input("by")
-        check_distances(robot, by)
-        check_complete(robot, "start", start)
+        refuse(distance_errors(robot, by))
+        refuse(missing_joint_errors(robot, "start", start))
         self._set_output("goal", _checked_goal(robot, start, _shifted(start, by), "by"))
         return Status.SUCCESS
 

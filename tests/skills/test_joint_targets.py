@@ -17,14 +17,12 @@ from skills import (
     refuse,
 )
 from skills.joint_targets import (
-    check_complete,
-    check_distances,
-    check_joints,
     configuration_errors,
     distance_errors,
     joint_errors,
     link_errors,
     mimic_errors,
+    missing_joint_errors,
     split_by_group,
     unknown_joint_errors,
 )
@@ -131,11 +129,11 @@ def test_the_first_wrong_value_is_reported_with_its_place(
 
 def test_a_configuration_names_every_joint_that_is_moved(robot: Robot) -> None:
     whole = {"joint_1": 0.0, "joint_2": 0.0, "joint_3": 0.0, "joint_4": 0.0}
-    check_complete(robot, "start", whole)
-    why = "^the start lacks joint_2, joint_4; it must name joint_1, joint_2, joint_3, joint_4$"
-    with pytest.raises(BadTarget, match=why) as caught:
-        check_complete(robot, "start", {"joint_1": 0.0, "joint_3": 0.0})
-    assert caught.value.location == ("start",)
+    assert missing_joint_errors(robot, "start", whole) == []
+    why = "the start lacks joint_2, joint_4; it must name joint_1, joint_2, joint_3, joint_4"
+    (error,) = missing_joint_errors(robot, "start", {"joint_1": 0.0, "joint_3": 0.0})
+    assert str(error) == why
+    assert error.location == ("start",)
 
 
 def test_every_error_of_a_configuration_names_its_place(robot: Robot) -> None:
@@ -333,22 +331,24 @@ def test_a_mimic_joint_whose_leader_is_named_only_later_or_misspelt_is_not_alone
 
 
 def test_a_target_of_one_joint_is_checked_without_the_others(robot: Robot) -> None:
-    check_joints(robot, Positions(joint_2=0.3))
-    with pytest.raises(OutOfBounds, match=r"joint_2 = 171\.89 deg") as caught:
-        check_joints(robot, Positions(joint_2=3.0))
-    assert caught.value.location == ("joints", "joint_2")
+    assert joint_errors(robot, Positions(joint_2=0.3)) == []
+    (error,) = joint_errors(robot, Positions(joint_2=3.0))
+    assert isinstance(error, OutOfBounds)
+    assert str(error).startswith("joint_2 = 171.89 deg")
+    assert error.location == ("joints", "joint_2")
 
 
 def test_a_distance_of_one_joint_is_checked_without_the_others(robot: Robot) -> None:
-    check_distances(robot, {"joint_2": 0.3})
-    with pytest.raises(OutOfBounds, match="joint_2") as caught:
-        check_distances(robot, {"joint_2": 7.0})
-    assert caught.value.location == ("by", "joint_2")
+    assert distance_errors(robot, {"joint_2": 0.3}) == []
+    (error,) = distance_errors(robot, {"joint_2": 7.0})
+    assert isinstance(error, OutOfBounds)
+    assert str(error).startswith("joint_2 by ")
+    assert error.location == ("by", "joint_2")
 
 
 def test_an_unknown_joint_is_reported_beside_the_errors_of_others(robot: Robot) -> None:
-    errors = joint_errors(robot, Positions(joint_8=0.0, joint_2=3.0), "to")
-    assert [error.location for error in errors] == [("to", "joint_8"), ("to", "joint_2")]
+    errors = joint_errors(robot, Positions(joint_8=0.0, joint_2=3.0))
+    assert [error.location for error in errors] == [("joints", "joint_8"), ("joints", "joint_2")]
 
 
 def test_an_unknown_joint_is_reported_with_its_port_at_run_time(bench: Bench) -> None:
@@ -360,10 +360,10 @@ def test_an_unknown_joint_is_reported_with_its_port_at_run_time(bench: Bench) ->
 
 def test_a_distance_is_at_most_the_range_of_its_joint(robot: Robot) -> None:
     span = robot.joint("joint_2").upper - robot.joint("joint_2").lower
-    check_distances(robot, {"joint_2": span})
-    check_distances(robot, {"joint_2": -span})
-    with pytest.raises(OutOfBounds):
-        check_distances(robot, {"joint_2": math.nextafter(span, 9)})
+    assert distance_errors(robot, {"joint_2": span}) == []
+    assert distance_errors(robot, {"joint_2": -span}) == []
+    (error,) = distance_errors(robot, {"joint_2": math.nextafter(span, 9)})
+    assert isinstance(error, OutOfBounds)
 
 
 @pytest.mark.parametrize(
@@ -378,9 +378,8 @@ def test_a_distance_is_at_most_the_range_of_its_joint(robot: Robot) -> None:
 def test_too_large_a_distance_is_reported_with_the_limit_in_its_direction(
     robot: Robot, distance: float, words: str, limit: float | None
 ) -> None:
-    with pytest.raises(OutOfBounds) as caught:
-        check_distances(robot, {"joint_2": distance})
-    error = caught.value
+    (error,) = distance_errors(robot, {"joint_2": distance})
+    assert isinstance(error, OutOfBounds)
     assert str(error) == f"joint_2 by {words} deg is more than its range, 180 deg"
     assert (error.joint, error.value, error.limit) == (
         "joint_2",

@@ -275,8 +275,7 @@ class _Walk:
         keys = {key: value for key, value in now.keys.items() if key not in outputs}
         key = leaf.keys.get(type(leaf.skill).pose_output)
         if now.pose and key in outputs:
-            names = (joint.name for joint in self._robot.actuated)
-            keys[key] = Positions(zip(names, now.pose, strict=True))
+            keys[key] = Positions(self._robot.by_joint(now.pose))
         return replace(now, keys=keys)
 
     def _reached(self, leaf: Leaf, inputs: Mapping[str, Any], now: _State) -> _State:

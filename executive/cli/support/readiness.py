@@ -77,8 +77,8 @@ def _pose(robot: Robot, port: str) -> Check:
     if not _resets(robot, port):
         what = "nothing resets the board: a run needs --pose"
         return Check("pose", True, what)
-    pose = {joint.name: joint.boot for joint in robot.actuated}
-    return Check("pose", True, f"after a reset the arm is at {robot.words(pose)}")
+    pose = robot.words(robot.by_joint(robot.boot_pose))
+    return Check("pose", True, f"after a reset the arm is at {pose}")
 
 
 def _boot_wait(robot: Robot) -> Check:
@@ -178,8 +178,7 @@ def _open(robot: Robot, port: str) -> Check:
         with Arm(robot, robot.link(port), RealClock(), listen) as arm:
             arm.configure()
             arm.activate()
-            names = (joint.name for joint in robot.actuated)
-            positions = robot.words(dict(zip(names, arm.commanded, strict=True)))
+            positions = robot.words(robot.by_joint(arm.commanded))
     except HardwareError as error:
         return Check("board", False, f"{error}; {_heard(heard)}", code=error.code)
     if not robot.firmware.reports_pose:

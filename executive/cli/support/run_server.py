@@ -6,8 +6,7 @@ import logging.handlers
 import queue
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager, nullcontext
-from dataclasses import replace
+from contextlib import ExitStack, closing, contextmanager, nullcontext
 from pathlib import Path
 from urllib.parse import urlencode
 
@@ -48,15 +47,13 @@ def serve(setup: Setup, listen: ListenOptions, fleet: FleetPlace | None = None) 
     raise_priority()
     clock = RealClock()
     questions = Questions(clock)
-    robot = setup.load_robot()
-    library = LiveLibrary(setup.trees, robot)
-    setup = replace(setup, robot=robot)
-    with (
-        Interrupts() as interrupts,
-        _log(),
-        open_executive(setup, clock=clock, operator=questions, library=library) as executive,
-        Server(executive, library, listen, questions) as server,
-    ):
+    with ExitStack() as stack:
+        interrupts = stack.enter_context(Interrupts())
+        stack.enter_context(_log())
+        executive = stack.enter_context(open_executive(setup, clock=clock, operator=questions))
+        library = executive.library
+        assert isinstance(library, LiveLibrary)  # a server reloads its tasks
+        server = stack.enter_context(Server(executive, library, listen, questions))
         logger.info("Token for requests that change something: %s", server.token)
         logger.info("The page, to open once: %s", server.sign_in.link())
         with recorded_log(executive):  # everything except the token and the link

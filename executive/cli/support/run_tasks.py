@@ -108,8 +108,8 @@ def execute(
 
 def _start_line(executive: Executive) -> str:
     """Return a line with the pose in which a move starts, because the last move is forgotten."""
-    names = (joint.name for joint in executive.robot.actuated)
-    pose = executive.robot.words(dict(zip(names, executive.start_pose.find(), strict=True)))
+    robot = executive.robot
+    pose = robot.words(robot.by_joint(executive.start_pose.find()))
     return f"Starts at {pose}; `armtree serve --activate` keeps the pose between moves"
 
 

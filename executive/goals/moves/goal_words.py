@@ -16,8 +16,9 @@ from skills import (
     OutOfBounds,
     Positions,
     SkillError,
-    check_distances,
-    check_joints,
+    distance_errors,
+    joint_errors,
+    refuse,
 )
 from trees import UNITS, Declaration, FileError, Place, fit, in_smaller_units, parse_value
 from trees.compile.port_types import declaration
@@ -101,12 +102,12 @@ def read_words(
         if joint in once:
             raise BadTarget(f"{joint} is given twice; give it once, with the sum of its changes")
         once.add(joint)
-        check = check_joints if joint == name else check_distances
-        value = _joint_value(robot, joint, text, check)
+        errors = joint_errors if joint == name else distance_errors
+        value = _joint_value(robot, joint, text, errors)
         if joint == name:
             joints[joint] = value
             continue
-        check_distances(robot, {joint: value})
+        refuse(distance_errors(robot, {joint: value}))
         if joint in joints:
             joints[joint] += value
         else:
@@ -147,12 +148,12 @@ def _read_turn(words: Sequence[str]) -> tuple[float, float, float]:
 
 
 def _joint_value(
-    robot: Robot, joint: str, text: str, check: Callable[[Robot, Positions], None]
+    robot: Robot, joint: str, text: str, errors: Callable[[Robot, Positions], list[SkillError]]
 ) -> float:
     """Return a position or a change of a joint."""
     unit = robot.joint(joint).unit
     value: float = read_value(joint, text, _LENGTH if unit == "m" else _ANGLE)
-    _ask_unit(lambda q: check(robot, Positions({joint: q})), joint, unit, text, value)
+    _ask_unit(lambda q: refuse(errors(robot, Positions({joint: q}))), joint, unit, text, value)
     return value
 
 

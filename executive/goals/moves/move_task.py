@@ -11,10 +11,9 @@ from logs import MOVE
 from skills import (
     BadTarget,
     Positions,
-    check_joints,
-    check_tool_target,
     combine_errors,
-    known_errors,
+    joint_errors,
+    tool_target_errors,
 )
 from skills.motion.query import MIN_SPEED
 from trees.reading.grammar import Draft, draft_subtree
@@ -48,12 +47,11 @@ def read_move(move: Move, robot: Robot, poses: Poses) -> Words:
     known = poses_with_home(robot, poses)
     words = _changes(move.words, known) if move.relative else move.words
     read = read_words(words, robot, known)
-    try:
-        check_joints(robot, Positions(read.joints))
-        targets = {"point": read.point, "turn": read.turn}
-        check_tool_target(robot, {name: each for name, each in targets.items() if each})
-    except ExceptionGroup as group:
-        raise combine_errors(known_errors(group)) from group
+    errors = joint_errors(robot, Positions(read.joints))
+    targets = {"point": read.point, "turn": read.turn}
+    errors += tool_target_errors(robot, {name: each for name, each in targets.items() if each})
+    if errors:
+        raise combine_errors(errors)
     return read
 
 
@@ -92,8 +90,7 @@ def poses_with_home(robot: Robot, poses: Poses) -> Mapping[str, Mapping[str, flo
     if HOME in poses:
         return poses
     if not robot.home:
-        boot = {joint.name: joint.boot for joint in robot.actuated}
-        return {**poses, HOME: boot}
+        return {**poses, HOME: robot.by_joint(robot.boot_pose)}
     try:
         joints = read_words(robot.home, robot, poses).joints
     except BadTarget as error:

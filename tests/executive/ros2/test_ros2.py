@@ -17,9 +17,10 @@ import pytest
 
 from executive.api import Policy
 from executive.api.codes import INTERRUPTED_EXIT
+from executive.api.joint_state import JointState
 from executive.api.outcome import GoalState
 from executive.ros2 import installation
-from hardware import RealClock, Robot, joint_positions
+from hardware import RealClock, Robot
 from skills.motion import Pool
 from tests.support.paths import PEERS
 from tests.support.servers.serving import Served
@@ -155,7 +156,7 @@ def test_a_stock_client_the_topics_and_the_triggers(
     names, positions, kind, urdf = peer.ask("topics")
     commanded = served.executive.where().commanded
     assert commanded
-    expected = joint_positions(served.robot, [*commanded.values()])
+    expected = JointState(False, commanded).of_all_joints(served.robot).position
     assert (dict(zip(names, positions, strict=True)), kind) == (expected, "commanded")
     assert {each.get("name") for each in ElementTree.fromstring(urdf).iter("joint")} >= {*names}
     assert peer.ask("trigger", "", "run_nothing")[0]

@@ -19,7 +19,7 @@ from hardware import (
     StateChanged,
 )
 from hardware.drivers.arduino.firmware_profile import FIRMWARES
-from hardware.errors import InterfaceClaimed, TooFast
+from hardware.errors import ArmClaimed, TooFast
 from tests.support.arms.hardware_rigs import HOME, PICK, ROBOT, Rig, motion, nothing, settled
 from tests.support.arms.virtual_boards import virtual_board
 
@@ -132,7 +132,7 @@ def test_a_second_motion_is_refused_while_one_plays(rig: Rig) -> None:
     first = rig.arm.play(motion(HOME, PICK, 4.0), rig.wake, "first", rig.arm.generation)
     rig.wait(1.0)
     back = motion(rig.arm.commanded, HOME, 2.0)
-    with pytest.raises(InterfaceClaimed, match="claimed by first, so second cannot"):
+    with pytest.raises(ArmClaimed, match="claimed by first, so second cannot"):
         rig.arm.play(back, rig.wake, "second", rig.arm.generation)
     rig.until(lambda: first.state is not PlaybackState.PLAYING)
     assert first.state is PlaybackState.DONE
@@ -142,21 +142,15 @@ def test_a_second_motion_is_refused_while_one_plays(rig: Rig) -> None:
     assert second.state is PlaybackState.DONE
 
 
-def test_the_state_is_the_command_and_a_follower_follows(rig: Rig) -> None:
+def test_the_position_is_the_last_command_while_the_arm_is_active(rig: Rig) -> None:
     rig.start()
     goal = (-1.4, -0.6, -0.07, -0.7)
     playback = rig.arm.play(motion(HOME, goal, 4.0), rig.wake, "test", rig.arm.generation)
     rig.until(lambda: playback.state is PlaybackState.DONE)
-    assert rig.arm.read() == {
-        "joint_1/position": -1.4,
-        "joint_2/position": -0.6,
-        "joint_3/position": -0.07,
-        "joint_4/position": -0.7,
-        "joint_5/position": 0.7,
-    }
+    assert rig.arm.commanded == goal
     rig.arm.deactivate()
     with pytest.raises(NotActive):
-        rig.arm.read()
+        _ = rig.arm.commanded
 
 
 def test_a_motion_from_elsewhere_is_refused_and_the_arm_stays_active(rig: Rig) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from hardware import BadPosition, CommandSent, Firmware, FrameSent, Joint, NotActive
+from hardware.arm.write_guard import Claim
 from hardware.drivers.arduino.acknowledgements import ANSWER_TIMEOUT
 from hardware.drivers.arduino.firmware_profile import FIRMWARES
 from hardware.drivers.arduino.frames import Codec
@@ -18,8 +19,7 @@ from hardware.drivers.board_protocol import BoardProtocol
 from hardware.drivers.firmware_profile import Ability
 from hardware.drivers.wire_format import Frame
 from hardware.errors import (
-    InterfaceClaimed,
-    InterfaceUnknown,
+    ArmClaimed,
     PortLost,
     StaleGeneration,
     TooFast,
@@ -105,52 +105,45 @@ def test_a_claim_that_was_given_up_is_refused() -> None:
     rig = Rig()
     for _ in range(2):
         rig.guard.release(rig.claim)
-    with pytest.raises(StaleGeneration):
+    why = "^this motion was stopped; nothing more is sent for it$"
+    with pytest.raises(StaleGeneration, match=why):
         rig.write(degrees(1))
     assert rig.sent == []
 
 
-def test_two_owners_of_one_joint_are_an_error_that_names_both() -> None:
+def test_a_second_owner_is_an_error_that_names_both() -> None:
     rig = Rig()
-    why = "joint_1/position is claimed by test, so jog cannot command it; stop the arm first"
-    with pytest.raises(InterfaceClaimed, match=why):
-        rig.guard.claim("jog", ["joint_1/position"], rig.guard.generation)
+    why = "^the arm is claimed by test, so jog cannot command it; stop the arm first$"
+    with pytest.raises(ArmClaimed, match=why):
+        rig.guard.claim("jog", rig.guard.generation)
     assert rig.write(degrees(1))
     rig.guard.release(rig.claim)
-    rig.guard.claim("jog", ["joint_1/position"], rig.guard.generation)
+    assert rig.guard.claim("jog", rig.guard.generation) == Claim("jog", 1)
 
 
-def test_a_joint_that_has_no_servo_cannot_be_claimed() -> None:
+def test_every_end_of_a_claim_counts_one_generation() -> None:
     rig = Rig()
-    with pytest.raises(InterfaceUnknown, match="no command interface joint_5/position; there are"):
-        rig.guard.claim("jog", ["joint_5/position"], rig.guard.generation)
-
-
-def test_a_claim_of_one_joint_moves_only_that_joint() -> None:
-    rig = Rig()
-    rig.write(degrees(10))
-    rig.guard.release(rig.claim)
-    jog = rig.guard.claim("jog", ["joint_2/position"], rig.guard.generation)
-    other = rig.guard.claim("other", ["joint_4/position"], rig.guard.generation)
-    assert rig.guard.write([math.radians(-4.5)], jog, 2.0)
-    with pytest.raises(BadPosition, match="2 values for 1: joint_2/position"):
-        rig.guard.write([0.0, 0.0], jog, 2.0)
-    rig.wait(rig.guard.earliest)
-    assert rig.guard.write([-0.1], other, 2.0)
-    assert rig.sent[1:] == ["b100,s095,e090,g000,", "b100,s095,e090,g011,"]
+    assert rig.guard.generation == 0
     rig.guard.hold()
-    for claim in (jog, other):
-        with pytest.raises(StaleGeneration):
-            rig.guard.write([0.0], claim, 2.0)
+    assert rig.guard.generation == 1
+    rig.guard.hold()  # a stop without a motion counts too
+    assert rig.guard.generation == 2
+    claim = rig.claimed()
+    assert claim == Claim("test", 2)
+    rig.guard.release(claim)
+    assert rig.guard.generation == 3
+    rig.guard.release(claim)  # has ended already
+    assert rig.guard.generation == 3
 
 
-def test_a_claim_takes_one_value_per_interface() -> None:
+def test_a_new_claim_never_equals_an_old_one() -> None:
     rig = Rig()
     rig.guard.release(rig.claim)
-    jog = rig.guard.claim("jog", rig.guard.interfaces[:2], rig.guard.generation)
-    why = "^3 values for 2: joint_1/position, joint_2/position$"
-    with pytest.raises(BadPosition, match=why):
-        rig.guard.write([0.0, 0.0, 0.0], jog, 2.0)
+    new = rig.claimed()
+    rig.guard.release(rig.claim)
+    with pytest.raises(StaleGeneration):
+        rig.write(degrees(1))
+    assert rig.guard.write(degrees(1), new, 2.0)
 
 
 def test_the_session_knows_what_was_sent_and_when() -> None:
@@ -164,8 +157,11 @@ def test_a_motion_decided_on_before_another_one_began_or_ended_is_refused() -> N
     rig = Rig()
     during = rig.guard.generation
     rig.guard.release(rig.claim)
-    with pytest.raises(StaleGeneration):
-        rig.guard.claim("test", rig.guard.interfaces, during)
+    why = "^the arm was stopped or moved since this motion was planned$"
+    for never in (during, during + 2):
+        with pytest.raises(StaleGeneration, match=why):
+            rig.guard.claim("test", never)
+    rig.guard.claim("test", during + 1)
 
 
 def test_too_large_a_step_is_refused() -> None:

@@ -15,8 +15,7 @@ from hardware import (
 )
 from hardware.arm.board_session import BoardSession
 from hardware.arm.events import Observer
-from hardware.arm.interfaces import Claim
-from hardware.arm.write_guard import WriteGuard
+from hardware.arm.write_guard import Claim, WriteGuard
 from hardware.drivers.arduino.virtual.board import Board
 from hardware.drivers.driver import Driver
 from tests.support.arms.virtual_boards import virtual_board
@@ -86,7 +85,7 @@ class Rig:
                 signal.wait(until)
 
     def claimed(self) -> Claim:
-        return self.guard.claim("test", self.guard.interfaces, self.guard.generation)
+        return self.guard.claim("test", self.guard.generation)
 
     def write(self, positions: tuple[float, ...]) -> bool:
         return self.guard.write(positions, self.claim, self.clock.now())

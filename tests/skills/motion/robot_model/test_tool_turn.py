@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from hardware import Robot, load_robot
-from skills import BadTarget, check_tool_target
+from skills import BadTarget, tool_target_errors
 from skills.motion import ToolQuery, Unreachable
 from skills.motion.planner import Planner
 from skills.motion.robot_model.tool_turn import axes_across, turned
@@ -87,10 +87,20 @@ def test_a_turn_that_the_arm_cannot_make_is_refused_in_words(planner: Planner) -
 
 def test_targets_that_are_no_turn(so101: Robot) -> None:
     turn = [0.0, 0.1, 0.0]
-    check_tool_target(so101, {"turn": turn})
-    with pytest.raises(BadTarget, match="its 3 joints hold the tool at its point; move joints"):
-        check_tool_target(load_robot(), {"turn": turn})
-    with pytest.raises(BadTarget, match="turn and direction exclude each other"):
-        check_tool_target(so101, {"turn": turn, "direction": [0.0, 0.0, -1.0]})
-    with pytest.raises(BadTarget, match="turn has -200 deg; give -180 to 180 deg"):
-        check_tool_target(so101, {"turn": [0.1, math.radians(-200), 0.0]})
+    assert tool_target_errors(so101, {"turn": turn}) == []
+    for robot, inputs, words in (
+        (load_robot(), {"turn": turn}, "its 3 joints hold the tool at its point; move joints"),
+        (
+            so101,
+            {"turn": turn, "direction": [0.0, 0.0, -1.0]},
+            "turn and direction exclude each other",
+        ),
+        (
+            so101,
+            {"turn": [0.1, math.radians(-200), 0.0]},
+            "turn has -200 deg; give -180 to 180 deg",
+        ),
+    ):
+        (error,) = tool_target_errors(robot, inputs)
+        assert isinstance(error, BadTarget)
+        assert words in str(error)
