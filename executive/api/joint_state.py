@@ -60,12 +60,7 @@ class JointState:
         Args:
             robot: The robot. It must have these actuated joints.
         """
-        position = {
-            joint.name: joint.mimic.value(self.position[joint.mimic.leader])
-            if joint.mimic
-            else self.position[joint.name]
-            for joint in robot.joints
-        }
+        position = robot.of_all_joints(self.position)
         velocity = {
             joint.name: joint.mimic.multiplier * self.velocity[joint.mimic.leader]
             if joint.mimic

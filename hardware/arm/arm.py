@@ -5,6 +5,7 @@ import contextlib
 import logging
 import weakref
 from collections.abc import Callable
+from dataclasses import asdict
 from functools import cache, partial
 from queue import SimpleQueue
 from typing import ParamSpec, Self, TypeVar
@@ -221,6 +222,24 @@ class Arm:
         self._settle()
         if self.state is not State.FINALIZED:
             self._request("shutdown", State.FINALIZED)
+
+    def read(self) -> dict[str, float]:
+        """Return the state interfaces, such as `joint_1/position`, and their values [rad].
+
+        These are commanded values; mimic joints follow exactly. Measured values have names such as
+        `joint_1/measured/position` [rad] and `joint_1/measured/temperature` [C], with the units of
+        `Measurement`.
+
+        Raises:
+            NotActive: The arm is not active, so its pose is unknown.
+        """
+        commanded = self.robot.of_all_joints(self.robot.by_joint(self.commanded))
+        interfaces = {f"{name}/position": position for name, position in commanded.items()}
+        for quantity, values in asdict(self.measured).items() if self.measured else ():
+            # An empty list of values is not measured.
+            for joint, value in zip(self.robot.actuated, values, strict=False):
+                interfaces[f"{joint.name}/measured/{quantity}"] = value
+        return interfaces
 
     @property
     def generation(self) -> int:

@@ -182,6 +182,19 @@ class Robot:
         names = (joint.name for joint in self.actuated)
         return dict(zip(names, values, strict=True))
 
+    def of_all_joints(self, positions: Mapping[str, float]) -> dict[str, float]:
+        """Return the positions of all joints by name, also of mimic joints [rad].
+
+        Args:
+            positions: Positions of the actuated joints by name [rad].
+        """
+        return {
+            joint.name: joint.mimic.value(positions[joint.mimic.leader])
+            if joint.mimic
+            else positions[joint.name]
+            for joint in self.joints
+        }
+
     def pose_of(self, frame: Frame) -> tuple[float, ...]:
         """Return the positions in a frame that the board reports, one per actuated joint [rad].
 

@@ -83,6 +83,7 @@ def test_what_the_servos_measure_is_the_state_of_the_arm(tmp_path: Path) -> None
         assert measured.position == pytest.approx(PICK, abs=0.005)
         assert measured.voltage == pytest.approx([12.0] * 4, abs=0.3)
         assert {*measured.temperature} <= {25.0, 26.0}
+        assert made.arm.read()["joint_2/measured/position"] == measured.position[1]
         events = [event for event in made.events if isinstance(event, Measured)]
         fastest = max(max(map(abs, event.measurement.velocity)) for event in events)
         assert 0.2 < fastest < 2.0
