@@ -1,7 +1,7 @@
 """The table of the fields of every JSON topic, made of the code."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from inspect import cleandoc
 from types import NoneType, UnionType
 from typing import Any, get_args, get_origin, get_type_hints
@@ -41,6 +41,6 @@ def _in_words(of: Any) -> str:
         return " or ".join(map(_in_words, parts))
     if get_origin(of) is tuple:
         return f"list of {_in_words(parts[0])}"
-    if get_origin(of) is dict:
+    if get_origin(of) in (dict, Mapping):
         return "object" if parts[1] is Any else f"object of {_in_words(parts[1])}"
     return _WORDS[of]

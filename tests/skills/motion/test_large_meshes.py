@@ -57,8 +57,8 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> list[Call]:
         return ask(threads, pool, q, *rest)
 
     def noted_one(*given: Any) -> Any:
-        tree = isinstance(given[2], pin.BroadPhaseManager_DynamicAABBTreeCollisionManager)
-        geometry = given[2].getGeometryModel() if tree else given[2]
+        broad = hasattr(given[2], "getGeometryModel")  # a broad phase, or the model itself
+        geometry = given[2].getGeometryModel() if broad else given[2]
         made.append(Call(1, len(geometry.collisionPairs), _meshed(geometry)))
         return ask_one(*given)
 
@@ -98,7 +98,9 @@ def test_the_deadline_is_read_between_calls(robot: Robot, calls: list[Call]) -> 
         clock.reads = 0
         late = dataclasses.replace(query, timeout=100.0)  # one query needs more readings
         timeouts += isinstance(_answered(planner, late), PlanTimeout)
-        assert 0 < len([call for call in calls if call.rows > 1 or call.meshed]) <= clock.reads
+        long = sum(call.rows > 1 or call.meshed for call in calls)
+        # A row whose boxes are compared takes microseconds; 32 of them share a reading.
+        assert 0 < long + (len(calls) - long) / 32 <= clock.reads
     assert timeouts
 
 
