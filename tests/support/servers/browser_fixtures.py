@@ -25,7 +25,7 @@ CHROMIUM = shutil.which("chromium")
 
 @pytest.fixture(scope="session")
 def chromium() -> Iterator[tuple[Any, asyncio.AbstractEventLoop | None]]:
-    """The browser, and the event loop that its library leaves running in this thread."""
+    """The browser, and the event loop that its library needs running in this thread."""
     if CHROMIUM is None:
         pytest.skip("chromium is not installed")
     from playwright.sync_api import sync_playwright
@@ -36,6 +36,7 @@ def chromium() -> Iterator[tuple[Any, asyncio.AbstractEventLoop | None]]:
         args += ["--host-resolver-rules=MAP *.example 127.0.0.1"]  # as an attacker's DNS server
         launched = playwright.chromium.launch(executable_path=CHROMIUM, args=args)
         loop = asyncio._get_running_loop()
+        asyncio._set_running_loop(None)
         yield launched, loop
         asyncio._set_running_loop(loop)
         launched.close()
