@@ -65,7 +65,8 @@ def open_executive(
         for line in early:
             report(line.message)
         if pool is None:
-            pool = stack.enter_context(closing(Pool(robot, setup.workers, clock)))
+            pool = Pool(robot, setup.workers, clock, standby=not setup.single_user)
+            stack.enter_context(closing(pool))
         executive = Executive(setup, robot, link, library, pool, clock, operator, leader)
         if subscriber:
             executive.subscribe(subscriber)

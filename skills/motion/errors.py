@@ -282,6 +282,18 @@ class Barred(MotionError):
 _FEWER = 4  # an end with this many times fewer configurations than the other is in a narrow place
 
 
+def _tried(samples: int, searches: int, from_start: int, from_goal: int) -> str:
+    """Return what was tried without success. See the attributes of NoPath."""
+    counts = sorted(((from_start, "start"), (from_goal, "goal")))
+    narrow, wide = counts
+    place = f"; the {narrow[1]} is in the narrow place" if _FEWER * narrow[0] < wide[0] else ""
+    count = "1 search" if searches == 1 else f"{searches} searches"
+    return (
+        f"by a line, by bends, or by {count} with {samples} samples, which reached {from_start} "
+        f"configurations from the start and {from_goal} from the goal{place}"
+    )
+
+
 class NoPath(MotionError):
     """No search found a path within its samples.
 
@@ -298,14 +310,8 @@ class NoPath(MotionError):
     def __init__(self, samples: int, searches: int, from_start: int, from_goal: int) -> None:
         self.samples, self.searches = samples, searches
         self.from_start, self.from_goal = from_start, from_goal
-        counts = sorted(((from_start, "start"), (from_goal, "goal")))
-        narrow, wide = counts
-        place = f"; the {narrow[1]} is in the narrow place" if _FEWER * narrow[0] < wide[0] else ""
-        super().__init__(
-            f"No path was found by a line, by bends, or by {searches} searches with "
-            f"{samples} samples, which reached {from_start} configurations from the start and "
-            f"{from_goal} from the goal{place}; {self.hint}"
-        )
+        tried = _tried(samples, searches, from_start, from_goal)
+        super().__init__(f"No path was found {tried}; {self.hint}")
 
 
 class TooLong(MotionError):
@@ -333,15 +339,29 @@ class PlanTimeout(MotionError, TimeoutError):
 
     Attributes:
         timeout: Time for the request [s].
+        samples, searches, from_start, from_goal: What the searches tried until then; see NoPath.
+            All are 0 if no search ran, or if the worker was killed at the deadline.
     """
 
     code = "plan.timeout"
     exit_status = 8
     hint = "allow more time, add a via pose, or choose another goal"
 
-    def __init__(self, timeout: float) -> None:
-        self.timeout = timeout
-        super().__init__(f"No plan within {timeout:g} s; {self.hint}")
+    def __init__(
+        self,
+        timeout: float,
+        samples: int = 0,
+        searches: int = 0,
+        from_start: int = 0,
+        from_goal: int = 0,
+    ) -> None:
+        self.timeout, self.samples, self.searches = timeout, samples, searches
+        self.from_start, self.from_goal = from_start, from_goal
+        what = f"No plan within {timeout:g} s"
+        if searches:
+            self.hint = f"allow more time, {NoPath.hint}"
+            what += f" {_tried(samples, searches, from_start, from_goal)}"
+        super().__init__(f"{what}; {self.hint}")
 
 
 class MotionCollides(MotionError):

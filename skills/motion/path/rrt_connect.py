@@ -20,7 +20,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from skills.motion.arrays import Array
-from skills.motion.errors import NoPath
+from skills.motion.errors import NoPath, PlanTimeout
 
 from .motion_validator import MotionValidator
 
@@ -49,7 +49,7 @@ def find_paths(
 
     Raises:
         NoPath: No path was found within the limit of samples.
-        PlanTimeout: The deadline passed.
+        PlanTimeout: The deadline passed. The error has what was tried until then.
     """
     group, ends = validator.group, np.vstack((start, goals))
     lower = np.where(np.isfinite(group.lower), group.lower, ends.min(axis=0) - np.pi)
@@ -60,18 +60,23 @@ def find_paths(
         trees = _Tree(validator, start[None, :]), _Tree(validator, goals)
         count, roots = search * _FIRST_SAMPLES, [goals, start[None, :]]
         samples = _samples(random, count, roots, (lower, upper))
-        drawn += len(samples)
-        for begin in range(0, len(samples), _BATCH):
-            validator.deadline.check()
-            here, there = trees if trees[0].size <= trees[1].size else trees[::-1]
-            for new in here.extend(samples[begin : begin + _BATCH]):
-                if (met := there.connect(here.points[new])) is None:
-                    continue
-                ways = here.way(new), there.way(met)
-                one, other = ways if here is trees[0] else ways[::-1]
-                yield np.vstack((trees[0].points[one[::-1]], trees[1].points[other[1:]]))
-                here.verify(ways[0])
-                there.verify(ways[1])
+        try:
+            for begin in range(0, len(samples), _BATCH):
+                validator.deadline.check()
+                batch = samples[begin : begin + _BATCH]
+                drawn += len(batch)
+                here, there = trees if trees[0].size <= trees[1].size else trees[::-1]
+                for new in here.extend(batch):
+                    if (met := there.connect(here.points[new])) is None:
+                        continue
+                    ways = here.way(new), there.way(met)
+                    one, other = ways if here is trees[0] else ways[::-1]
+                    yield np.vstack((trees[0].points[one[::-1]], trees[1].points[other[1:]]))
+                    here.verify(ways[0])
+                    there.verify(ways[1])
+        except PlanTimeout as late:
+            reached += [tree.size for tree in trees]
+            raise PlanTimeout(late.timeout, drawn, search, *reached.tolist()) from None
         reached += [tree.size for tree in trees]
     raise NoPath(drawn, _MAX_SEARCHES, *reached.tolist())
 

@@ -38,7 +38,7 @@ def box_beside_mesh(robot: Robot, count: int, folder: Path) -> Iterator[float]:
 def next_after_kill(robot: Robot, count: int, folder: Path) -> Iterator[float]:
     """Yield the time from a cancel to the next plan among 400 boxes [ms]."""
     world = World(tuple(_boxes(400)))
-    with closing(warm_pool(cut_off(robot, folder))) as pool:
+    with closing(warm_pool(cut_off(robot, folder), standby=True)) as pool:
         near = dataclasses.replace(EASY, goal=(0.1, 0.0, 0.0), world=world)
         assert isinstance(ask(pool, near), Plan)  # the worker knows the world, as in a long run
         for seed in range(count):

@@ -177,7 +177,7 @@ def planner_stopped(scene: Scene) -> None:
             server.result(goal)
         else:
             time.sleep(scene.random.uniform(0.0, 1.0))  # noqa: TID251, a random moment
-        planner = until("one planner", functools.partial(only_planner, server))
+        planner = until("a planner", functools.partial(planner_at_work, server))
         os.kill(planner, signal.Signals[kind])
         if kind == "SIGSTOP":  # each of its threads stops when it is scheduled
             until("its stop", functools.partial(stopped, planner))
@@ -188,14 +188,19 @@ def planner_stopped(scene: Scene) -> None:
         scene.check(not Path(f"/proc/{planner}").exists(), f"{kind}, {moment}: it still exists")
 
 
-def only_planner(server: Server) -> int:
-    """The planner process; 0 while the one before has not ended, or none has started."""
+def planner_at_work(server: Server) -> int:
+    """The planner process that gets requests; 0 if none has started. A standby is younger."""
     found = [pid for pid in server.family() if "worker_main" in command_line(pid)]
-    return found[0] if len(found) == 1 else 0
+    return min(found, key=lambda pid: int(status(pid)[19]), default=0)
 
 
 def stopped(pid: int) -> bool:
-    return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "T"
+    return status(pid)[0] == "T"
+
+
+def status(pid: int) -> list[str]:
+    """Fields of its stat line, beginning with the third: its state."""
+    return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
 
 
 def command_line(pid: int) -> str:

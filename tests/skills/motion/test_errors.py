@@ -17,7 +17,7 @@ ERRORS = [
     motion.GoalInCollision("hand", "base", 0.0031, 0.005),
     motion.NoPath(20_000, 10, 900, 30),
     motion.Barred("joint_2", 1.5, "rad", "upper_arm", "floor"),
-    motion.PlanTimeout(5.0),
+    motion.PlanTimeout(5.0, 20_000, 10, 900, 30),
     motion.MotionCollides(17, 1.25, "hand", "floor", -0.001, 0.002),
     motion.PlanCanceled(),
     motion.WorkerDied("ended by SIGABRT"),
@@ -61,3 +61,15 @@ def test_a_failed_search_names_the_narrow_end() -> None:
     assert "; the goal is in the narrow place;" in str(motion.NoPath(1000, 1, 900, 30))
     assert "; the start is in the narrow place;" in str(motion.NoPath(1000, 1, 3, 13))
     assert "is in the narrow place" not in str(motion.NoPath(1000, 1, 300, 200))
+
+
+def test_a_timeout_says_what_was_tried() -> None:
+    assert str(motion.PlanTimeout(5.0)) == (
+        "No plan within 5 s; allow more time, add a via pose, or choose another goal"
+    )
+    assert str(motion.PlanTimeout(5.0, 1400, 2, 900, 30)) == (
+        "No plan within 5 s by a line, by bends, or by 2 searches with 1400 samples, which reached "
+        "900 configurations from the start and 30 from the goal; the goal is in the narrow place; "
+        "allow more time, choose another goal, or add a via pose in front of the narrow place"
+    )
+    assert "by 1 search with 8 samples" in str(motion.PlanTimeout(5.0, 8, 1, 3, 2))

@@ -1,12 +1,13 @@
 """The search: its edges seem free, shortcuts are free, and equal seeds give equal paths."""
 
+import dataclasses
 from itertools import pairwise, product
 
 import numpy as np
 import pytest
 
 from hardware import RealClock, load_robot
-from skills.motion import Body, Box, World
+from skills.motion import Body, Box, PlanTimeout, World
 from skills.motion.arrays import Array
 from skills.motion.collision.checker import CollisionChecker
 from skills.motion.collision.planning_scene import PlanningScene
@@ -73,3 +74,26 @@ def test_the_search_continues_after_a_path(validator: MotionValidator) -> None:
     start, goal, *_ = corners(validator)
     paths = find_paths(validator, start, goal[None, :], 1)
     assert all((next(paths)[[0, -1]] == [start, goal]).all() for _ in range(2))
+
+
+class _Ticking(RealClock):
+    """A clock that advances by a second with each reading."""
+
+    _readings = 0.0
+
+    def now(self) -> float:
+        """Number of readings."""
+        self._readings += 1.0
+        return self._readings
+
+
+def test_a_search_that_runs_out_of_time_says_what_it_tried(validator: MotionValidator) -> None:
+    start, *goals = corners(validator)
+    blocked = next(goal for goal in goals if not validator.line_is_free(start, goal))
+    short = dataclasses.replace(validator, deadline=Deadline(_Ticking(), 3.0))
+    with pytest.raises(PlanTimeout) as caught:
+        list(find_paths(short, start, blocked[None, :], 1))
+    late = caught.value
+    assert (late.timeout, late.searches, late.samples) == (3.0, 1, 24)  # three batches
+    assert min(late.from_start, late.from_goal) >= 1
+    assert max(late.from_start, late.from_goal) > 1

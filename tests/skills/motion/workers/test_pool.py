@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any, cast
 
@@ -238,6 +239,53 @@ def test_a_worker_that_is_killed_at_a_long_job_is_replaced_by_one_that_stands_by
         plan = answered(pool, dataclasses.replace(PICK, world=far))
         assert (pid(pool) == standby) is memory_is_left
         assert ("world" not in plan.milliseconds) is memory_is_left  # it was loaded before
+
+
+@pytest.mark.slow
+def test_a_process_stands_by_for_the_next_kill(
+    robot: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It knows the world of the last request, and is replaced when it is used or has died."""
+    monkeypatch.setattr(pool_module, "has_spare_memory", lambda: True)
+    far = World((Body("cube", Box((0.1, 0.1, 0.1)), (2.0, 0.0, 0.1)),))
+    near = dataclasses.replace(PICK, world=far)
+    with closing(Pool(robot, 1, RealClock(), standby=True)) as pool:
+        pool.start()
+        idle(pool)
+        assert pool._standby is None  # the first process loads alone
+        answered(pool, near)
+        for _ in range(2):
+            idle(pool)
+            assert pool._standby
+            standby, answer = pool._standby.pid, Answer()
+            job = pool.submit(dataclasses.replace(LONG, world=far), answer)
+            job.cancel()  # at once: no request has to be slow first
+            assert isinstance(answer.wait(), PlanCanceled)
+            assert "world" not in answered(pool, near).milliseconds
+            assert pid(pool) == standby
+        idle(pool)
+        assert pool._standby
+        standby = pool._standby.pid
+        os.kill(standby, signal.SIGKILL)
+        os.waitid(os.P_PID, standby, os.WEXITED | os.WNOWAIT)
+        answered(pool, near)
+        idle(pool)
+        assert pool._standby.alive
+        assert not running(standby)
+        last = pool._standby.pid
+    assert not running(last)
+
+
+@pytest.mark.parametrize(("standby", "memory_is_left"), [(False, True), (True, False)])
+def test_no_process_stands_by_if_nothing_asks_for_it_or_memory_is_short(
+    robot: Robot, monkeypatch: pytest.MonkeyPatch, standby: bool, memory_is_left: bool
+) -> None:
+    monkeypatch.setattr(pool_module, "has_spare_memory", lambda: memory_is_left)
+    with closing(Pool(robot, 1, RealClock(), standby=standby)) as pool:
+        pool.start()
+        answered(pool, PICK)
+        idle(pool)
+        assert pool._standby is None
 
 
 def test_a_bug_in_a_thread_of_the_pool_ends_only_its_job(
