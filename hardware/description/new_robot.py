@@ -222,9 +222,6 @@ def _joint_mistakes(urdf: Urdf) -> Iterator[UrdfError]:
     moving = urdf.moving
     leaders = [j.name for j in urdf.joints if j.type != "fixed" and j.mimic is None]
     for name, joint in moving.items():
-        if not joint.velocity:
-            why = f"joint {name}: its velocity limit is 0, so it cannot move"
-            yield UrdfError(f"{why}; give a velocity above 0, or the type fixed")
         if joint.mimic and joint.mimic.leader not in leaders:
             why = f"joint {name} mimics {joint.mimic.leader}, which does not move by itself"
             yield UrdfError(f"{why}; let it mimic one of {', '.join(leaders) or 'others'}")

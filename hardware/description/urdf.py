@@ -381,7 +381,10 @@ def _vector(origin: Element, key: str, wanted: str, wrong: list[str]) -> Vector:
 
 
 def _limits(kind: str, limit: Element | None, wrong: list[str]) -> tuple[float, float, float]:
-    """Return lower and upper position, and velocity; infinite if the URDF omits one."""
+    """Return lower and upper position, and velocity; infinite if the URDF omits one.
+
+    A velocity of 0 is the placeholder of an unknown one, so it is no limit.
+    """
     bounded, unit = kind in ("revolute", "prismatic"), _unit(kind)
     if limit is None:
         if bounded:
@@ -391,7 +394,7 @@ def _limits(kind: str, limit: Element | None, wrong: list[str]) -> tuple[float, 
     default = None if bounded else "0"
     lower = _number(limit, "lower", f"{number} [{unit}]", wrong, default=default)
     upper = _number(limit, "upper", f"{number} [{unit}]", wrong, default=default)
-    velocity = _number(limit, "velocity", f"{above} [{unit}/s]", wrong, least=0.0)
+    velocity = _number(limit, "velocity", f"{above} [{unit}/s]", wrong, least=0.0) or math.inf
     _number(limit, "effort", above, wrong, least=0.0)
     if not bounded:
         return -math.inf, math.inf, velocity
