@@ -111,8 +111,7 @@ def draft_robot(
         words = f"cannot be read: {getattr(error, 'strerror', None) or error}; check the path"
         raise UrdfUnusable(path, [UrdfError(words)]) from error
     if urdf.is_xacro:
-        why = f"is a xacro file; convert it first: xacro {path.name} > arm.urdf"
-        raise UrdfUnusable(path, [UrdfError(why)])
+        raise UrdfUnusable(path, list(urdf.mistakes()))
     mistakes, names = list(urdf.mistakes()), tuple(gripper or ())
     is_tree = not mistakes
     mistakes += _joint_mistakes(urdf)

@@ -143,7 +143,15 @@ WRONG = {
     "other XML": ("<sdf/>", "is not a URDF: its root element is <sdf>"),
     "xacro": (
         '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:include filename="x"/></robot>',
-        "convert it first: xacro arm.urdf > arm.urdf",
+        "arm.urdf: is a xacro file; first run xacro FILE > robot.urdf",
+    ),
+    "xacro of another address": (
+        '<robot xmlns:xacro="http://ros.org/wiki/xacro"><xacro:include filename="x"/></robot>',
+        "arm.urdf: is a xacro file",
+    ),
+    "xacro without its elements": (
+        urdf([f'{ARM[0]} <origin xyz="0 0 ${{a*0.065}}"/>']),
+        "arm.urdf: is a xacro file",
     ),
     "a loop": (urdf(["a -> b: fixed j", "b -> a: fixed k"]), "joint j is its own ancestor"),
     "no links": ("<robot/>", "has no links"),
