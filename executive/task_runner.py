@@ -133,6 +133,8 @@ class TaskRunner:
             if outcome.success:
                 return replace(outcome, code=error.code, message=str(error))
             cause, words = outcome.cause, str(error)
+            if cause and cause.code == error.code:  # the error of the file knows how it ended
+                return replace(outcome, message=words, cause=replace(cause, message=words))
             if cause and words not in cause.message:
                 cause = replace(cause, message=f"{cause.message}; {words}")
             message = outcome.message if words in outcome.message else f"{outcome.message}; {words}"

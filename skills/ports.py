@@ -7,6 +7,7 @@ from typing import Any
 from py_trees.ports import PortInformation
 
 from hardware import DISPLAY_UNITS, Robot
+from hardware.printable import plural
 
 from .errors import BadTarget
 
@@ -78,7 +79,7 @@ def xyz(name: str, values: Sequence[float]) -> tuple[float, float, float]:
         BadTarget: There are not exactly three values.
     """
     if len(values) != 3:
-        raise BadTarget(f"the {name} has {len(values)} values; give x, y, z")
+        raise BadTarget(f"the {name} has {plural(len(values), 'value')}; give x, y, z")
     x, y, z = values
     return x, y, z
 

@@ -3,6 +3,7 @@
 import logging
 import os
 import sys
+import traceback
 
 import click
 
@@ -10,7 +11,7 @@ from executive.api.codes import INTERRUPTED_EXIT, READER_ENDED_EXIT
 
 from .support.command_group import COMPLETION_VARIABLE, CommandGroup, Diagnostics
 from .support.process import forbid_exit
-from .terminal.streams import discard, open_closed_streams
+from .terminal.streams import discard, echo, open_closed_streams
 
 SECTIONS = {
     "Run and move": "run.run move.move move.home move.where move.stop jog.jog "
@@ -81,7 +82,7 @@ def main() -> None:
         raise
     except Exception as error:
         if wanted.debug and not isinstance(error, click.ClickException):
-            raise
+            echo(traceback.format_exc(), nl=False, err=True, whole=True)
         from .support.failures import print_error
 
         sys.exit(print_error(error))

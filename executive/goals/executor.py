@@ -190,7 +190,8 @@ class GoalExecutor:
         breakpoints.use(attempt.tree)
 
     def _open(self, attempt: _Attempt) -> None:
-        """Open the recording of a goal."""
+        """Open the recording of a goal, if the disk has space for it."""
+        self._recordings.check_space()
         goal, name = attempt.goal, ""
         if attempt.task:
             name = attempt.task.description if goal.text else attempt.task.name
@@ -227,7 +228,6 @@ class GoalExecutor:
     def _activate(self) -> None:
         if self._arm.failure:  # only a person can leave the error state
             raise self._arm.failure.with_traceback(None)
-        self._recordings.check_space()
         if self._arm.state is State.UNCONFIGURED:
             self._arm.configure()
         if self._arm.state is State.INACTIVE:

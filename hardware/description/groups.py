@@ -3,6 +3,8 @@
 import re
 from collections.abc import Iterator, Sequence
 
+from hardware.printable import plural
+
 from .urdf import Urdf, UrdfError, UrdfJoint
 
 _GRIPPER = re.compile(r"gripper|finger|claw|jaw|hand|thumb|knuckle|pinch|suction", re.IGNORECASE)
@@ -102,7 +104,7 @@ def _check_fingers(
     """Check that a branch may be the fingers of a gripper."""
     short = all(len(moving) <= _FINGER_JOINTS for _, moving in rest)
     if (len(arm) < _LEAST_ARM and (rest or not arm)) or not short:
-        ways = ", ".join(f"{joint.name} ({len(moving)} joints)" for joint, moving in rest)
+        ways = ", ".join(f"{joint.name} ({plural(len(moving), 'joint')})" for joint, moving in rest)
         raise UrdfError(
             f"it branches at {link} into {ways}; armtree moves one arm: remove the other arms, "
             "make their joints fixed, or name the joints of the gripper with --gripper"

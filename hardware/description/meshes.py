@@ -50,6 +50,8 @@ def find_mesh(urdf: Path, name: str) -> Path:
 def mesh_mistakes(urdf: Path, names: Iterable[str]) -> Iterator[UrdfError]:
     """Yield the mistakes of meshes. All missing meshes of one package are one mistake.
 
+    Of a file's content, only the structure of STL is checked.
+
     Args:
         urdf: The URDF file.
         names: Names of the files in the URDF.
@@ -57,16 +59,31 @@ def mesh_mistakes(urdf: Path, names: Iterable[str]) -> Iterator[UrdfError]:
     missing = dict[str, list[str]]()
     for name in names:
         try:
-            find_mesh(urdf, name)
+            path = find_mesh(urdf, name)
+            if path.suffix.lower() == ".stl" and not _is_stl(path):
+                yield UrdfError(f"the mesh {path} is not STL, or is cut off; export it again")
         except MeshMissing:
             missing.setdefault(_package(name) or name, []).append(name)
+        except OSError as error:
+            yield UrdfError(f"the mesh {path} cannot be read: {error.strerror}")
         except UrdfError as error:
             yield error
-    for package, (name, *others) in missing.items():
-        what = f"the mesh {name} is"
-        if others:
-            what = f"{len(others) + 1} meshes of {_PACKAGE}{package}, such as {name}, are"
-        yield MeshMissing(f"{what} not found; {_advice(urdf, name)}")
+    for package, lost in missing.items():
+        what = f"the mesh {lost[0]} is not found"
+        if len(lost) > 1:
+            what = f"{len(lost)} meshes of {_PACKAGE}{package}, such as {lost[0]}, are not found"
+            if _package_folder(urdf, package):
+                files = ", ".join(name.removeprefix(f"{_PACKAGE}{package}/") for name in lost)
+                what = f"{len(lost)} meshes of {_PACKAGE}{package} are not found: {files}"
+        yield MeshMissing(f"{what}; {_advice(urdf, *lost)}")
+
+
+def _is_stl(path: Path) -> bool:
+    """Return True if a file begins as STL in text, or has the size of its binary triangles."""
+    with path.open("rb") as stream:
+        head = stream.read(84)
+    size = 84 + 50 * int.from_bytes(head[80:], "little")
+    return head.lstrip().startswith(b"solid") or path.stat().st_size == size
 
 
 def _package(name: str) -> str:
@@ -86,14 +103,27 @@ def _candidates(urdf: Path, name: str) -> Iterator[Path]:
         yield from (folder / package / file for folder in folders)
         if file:
             yield from (folder / file for folder in folders)
-        for path in filter(None, os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep)):
-            yield Path(path) / package / file
-        for path in filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)):
-            yield Path(path) / "share" / package / file
+        yield from (folder / file for folder in _ros_folders(package))
 
 
-def _advice(urdf: Path, name: str) -> str:
+def _ros_folders(package: str) -> Iterator[Path]:
+    for path in filter(None, os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep)):
+        yield Path(path) / package
+    for path in filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)):
+        yield Path(path) / "share" / package
+
+
+def _package_folder(urdf: Path, package: str) -> Path | None:
+    """Return the folder of a package, or None if it is not found."""
+    near = (folder / package for folder in urdf.absolute().parents)
+    return next((each for each in (*near, *_ros_folders(package)) if each.is_dir()), None)
+
+
+def _advice(urdf: Path, name: str, *others: str) -> str:
+    them, paths = ("them", "their paths") if others else ("it", "its path")
     if package := _package(name):
+        if folder := _package_folder(urdf, package):
+            return f"copy {them} into {folder}, or correct {paths} in {urdf.name}"
         where = f"put the folder {package} beside {urdf.name} or above it"
         return f"{where}, or name the folder around it in ROS_PACKAGE_PATH"
     if "://" in name:

@@ -111,8 +111,7 @@ def draft_robot(
         words = f"cannot be read: {getattr(error, 'strerror', None) or error}; check the path"
         raise UrdfUnusable(path, [UrdfError(words)]) from error
     if urdf.is_xacro:
-        why = f"is a xacro file; convert it first: xacro {path.name} > arm.urdf"
-        raise UrdfUnusable(path, [UrdfError(why)])
+        raise UrdfUnusable(path, list(urdf.mistakes()))
     mistakes, names = list(urdf.mistakes()), tuple(gripper or ())
     is_tree = not mistakes
     mistakes += _joint_mistakes(urdf)
@@ -222,9 +221,6 @@ def _joint_mistakes(urdf: Urdf) -> Iterator[UrdfError]:
     moving = urdf.moving
     leaders = [j.name for j in urdf.joints if j.type != "fixed" and j.mimic is None]
     for name, joint in moving.items():
-        if not joint.velocity:
-            why = f"joint {name}: its velocity limit is 0, so it cannot move"
-            yield UrdfError(f"{why}; give a velocity above 0, or the type fixed")
         if joint.mimic and joint.mimic.leader not in leaders:
             why = f"joint {name} mimics {joint.mimic.leader}, which does not move by itself"
             yield UrdfError(f"{why}; let it mimic one of {', '.join(leaders) or 'others'}")

@@ -24,7 +24,8 @@ from hardware.spelling import there_are
 Vector = tuple[float, float, float]
 
 MAX_BYTES = 2**20
-_XACRO = "{http://www.ros.org/wiki/xacro}"  # namespace of its elements
+_XACRO = re.compile(r"\{[^}]*xacro\}")  # namespace of its elements
+_EXPRESSION = re.compile(r"\$[{(]")  # of xacro, in a value
 _MOVING = ("revolute", "continuous", "prismatic")
 # Form of a number in XML. float() accepts more.
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
@@ -177,12 +178,18 @@ class Urdf:
     @property
     def is_xacro(self) -> bool:
         """True if the program xacro must convert the file first."""
-        return any(element.tag.startswith(_XACRO) for element in self._root.iter())
+        return any(
+            _XACRO.match(element.tag) or any(map(_EXPRESSION.search, element.attrib.values()))
+            for element in self._root.iter()
+        )
 
     def mistakes(self) -> Iterator[UrdfError]:
         """Yield every mistake of links and joints."""
         if self._root.tag != "robot":
             yield UrdfError(f"is not a URDF: its root element is <{self._root.tag}>, not <robot>")
+            return
+        if self.is_xacro:
+            yield UrdfError("is a xacro file; first run xacro FILE > robot.urdf")
             return
         joints = self._root.findall("joint")
         if len(self.links) > _MAX_LINKS:
@@ -381,7 +388,10 @@ def _vector(origin: Element, key: str, wanted: str, wrong: list[str]) -> Vector:
 
 
 def _limits(kind: str, limit: Element | None, wrong: list[str]) -> tuple[float, float, float]:
-    """Return lower and upper position, and velocity; infinite if the URDF omits one."""
+    """Return lower and upper position, and velocity; infinite if the URDF omits one.
+
+    A velocity of 0 is the placeholder of an unknown one, so it is no limit.
+    """
     bounded, unit = kind in ("revolute", "prismatic"), _unit(kind)
     if limit is None:
         if bounded:
@@ -391,7 +401,7 @@ def _limits(kind: str, limit: Element | None, wrong: list[str]) -> tuple[float, 
     default = None if bounded else "0"
     lower = _number(limit, "lower", f"{number} [{unit}]", wrong, default=default)
     upper = _number(limit, "upper", f"{number} [{unit}]", wrong, default=default)
-    velocity = _number(limit, "velocity", f"{above} [{unit}/s]", wrong, least=0.0)
+    velocity = _number(limit, "velocity", f"{above} [{unit}/s]", wrong, least=0.0) or math.inf
     _number(limit, "effort", above, wrong, least=0.0)
     if not bounded:
         return -math.inf, math.inf, velocity

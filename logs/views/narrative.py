@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from hardware.printable import wire_text
+from hardware.printable import plural, wire_text
 from logs.reading.file_state import being_written
 from logs.reading.recording import Recording
 from logs.records.conversions import LATE
@@ -204,7 +204,7 @@ def line(record: RunRecord) -> str:  # noqa: C901, a table of words
         case Plan():
             return f"no plan: {record.group}, {record.message}{_around(record)}"
         case Schedule():
-            return f"schedule: {len(record.frames)} frames, {record.firmware}"
+            return f"schedule: {plural(len(record.frames), 'frame')}, {record.firmware}"
         case Sent() if not record.joints:
             return f"setting: {record.text}"
         case Sent(scheduled=None):

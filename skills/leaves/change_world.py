@@ -12,7 +12,7 @@ from hardware import Robot
 from skills.base import Skill, WorldChange
 from skills.errors import BadBody, refuse
 from skills.joint_targets import link_errors
-from skills.motion.errors import MotionError
+from skills.motion.errors import BadWorld, MotionError
 from skills.motion.query import Carry, Result
 from skills.motion.world import Body, Box, Cylinder, Mesh, Shape, Sphere, quaternion
 from skills.planning_skill import PlanningSkill
@@ -206,5 +206,12 @@ class Detach(_SetParent):
     INPUT_PORTS = {"body": _BODY}
 
     def on_start(self) -> Status:
-        """Detach the body."""
+        """Detach the body.
+
+        Raises:
+            BadWorld: The body is attached to no link.
+        """
+        body = self.context.scene.world.body(self.get_input("body"))
+        if not body.link:
+            raise BadWorld(f"{body.name} is attached to no link; attach it before")
         return self.set_parent("")

@@ -12,6 +12,7 @@ from types import MappingProxyType
 from typing import Any
 
 from hardware import DISPLAY_UNITS, ArmtreeError
+from hardware.printable import plural
 
 _MISSING_LIBRARY = re.compile(r"(\w+)\.so\.(\d+): cannot open shared object file")
 
@@ -56,7 +57,7 @@ class BadQuery(MotionError, ValueError):
     def count(cls, what: str, given: int, wanted: Iterable[str]) -> "BadQuery":
         """Return the error for a wrong number of values."""
         names = ", ".join(wanted)
-        return cls(f"{_the(what)} has {given} values; give one for each of {names}")
+        return cls(f"{_the(what)} has {plural(given, 'value')}; give one for each of {names}")
 
 
 class NotFinite(BadQuery):

@@ -2,6 +2,7 @@
 
 import gc
 import logging
+import shutil
 from pathlib import Path
 
 import pytest
@@ -44,6 +45,20 @@ def test_an_arm_that_is_not_active_does_nothing(server: RigMaker) -> None:
     assert outcome.message == "the arm is unconfigured; configure and activate it first"
     assert "then `armtree arm activate`" in outcome.cause.hint
     assert arm.opened == 0
+
+
+def test_a_goal_on_a_full_disk_does_nothing(
+    server: RigMaker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A recording may have been possible when the arm was activated."""
+    arm = server()
+    usage = shutil.disk_usage("/")._replace(free=900_000)
+    monkeypatch.setattr(shutil, "disk_usage", lambda path: usage)
+    for _ in range(2):
+        outcome = run(arm, 1)
+        assert (outcome.state, outcome.code) == (GoalState.ABORTED, "log.no_space")
+        assert outcome.recording == ""
+    assert arm.frames == []
 
 
 def test_an_accepted_goal_that_does_not_run_yet_refuses_a_dry_run(rig: RigMaker) -> None:

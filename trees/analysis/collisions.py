@@ -120,7 +120,7 @@ class CollisionChecks:
             predicted = predict_motions(tree, self.robot, self.pool.carry, reach=reach)
             if task:
                 self.absent |= predicted.absent
-                self._found += dict.fromkeys(predicted.unreachable)
+                self._found += dict.fromkeys(predicted.mistakes)
                 check_outcomes(tree, predicted.times)
                 self._found += tree.mistakes.found
             for motion in predicted.motions:

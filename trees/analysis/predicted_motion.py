@@ -101,14 +101,14 @@ class PredictedMotions:
         unknown: Further nodes that move the arm, and the reason that their target is unknown.
         absent: Places of used bodies that are certainly missing, with the name of the body and a
             similar present name, or "".
-        unreachable: Points that the tool cannot reach.
+        mistakes: Points that the tool cannot reach, and detached bodies that no link carries.
         times: Lower bound of the time that a node needs to move the arm [s], by node.
     """
 
     motions: list[Motion] = field(default_factory=list)
     unknown: dict[Behaviour, str] = field(default_factory=dict)
     absent: dict[Place, tuple[str, str]] = field(default_factory=dict)
-    unreachable: list[Mistake] = field(default_factory=list)
+    mistakes: list[Mistake] = field(default_factory=list)
     times: dict[Behaviour, float] = field(default_factory=dict)
 
 
@@ -288,7 +288,7 @@ class _Walk:
         except MotionError as error:
             self._why = str(error)
             if isinstance(error, Unreachable):
-                self.found.unreachable.append(self._unreachable(leaf, query, error))
+                self.found.mistakes.append(self._unreachable(leaf, query, error))
             return now
         names = (joint.name for joint in self._robot.actuated_in(query.group))
         target = Positions(zip(names, answer.positions, strict=True))
@@ -331,6 +331,12 @@ class _Walk:
         if uses and not {name, _UNNAMED} & there:
             near = closest(name, there - {_UNNAMED})
             self.found.absent[leaf.written.get("body", leaf).place] = (name, near)
+        detaches = change is WorldChange.ATTACHES and "link" not in skill.input_ports()
+        if uses and detaches and any(b.name == name and not b.link for b in now.world.bodies):
+            link = self._robot.tool.link if self._robot.tool else "…"
+            why = f"{name} is attached to no link; attach it before this, such as with Attach: "
+            why += f"{{body: {name}, link: {link}}}, or leave this node out"
+            self.found.mistakes.append(Mistake(leaf.place, why))
         if change is WorldChange.REMOVES:
             return now.without((name,))
         if skill in self._hooks.doubtful:

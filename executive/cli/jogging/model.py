@@ -212,19 +212,30 @@ class Jog:
             return replace(state, step=min(max(step, 0), len(STEPS) - 1)), None
         if go := self._go(key):
             return state._pressed(go)
-        if key == "?":
-            return state.said(_ABOUT), None
-        return state.said(f"{key_name(key)} is not a key of jog; ? shows help", failed=True), None
+        return state._explained(key), None
 
     def _stopped(self) -> "Jog":
-        """Return the state after a stop. A prompt stays, because its text moves no arm."""
+        """Return the state after a space. A prompt stays, because its text moves no arm.
+
+        If the arm is still, the space belongs to the text.
+        """
+        if self.prompt and not self.moving:
+            return replace(self, typed=f"{self.typed} ")
         stopped, said = (
             replace(self, waiting=None, calling=None, dropped=0),
             f"Stopped{self._undone}",
         )
         if self.prompt:
-            return stopped.said(f"{said}; the text has no spaces; Escape leaves")
+            return stopped.said(f"{said}; the space is not in the text; Escape leaves")
         return stopped._closed().said(said)
+
+    def _explained(self, key: str) -> "Jog":
+        """Return the state after a key that does nothing else. Escape clears the message."""
+        if key == ESCAPE:
+            return self.said("")
+        if key == "?":
+            return self.said(_ABOUT)
+        return self.said(f"{key_name(key)} is not a key of jog; ? shows help", failed=True)
 
     def ended(self, message: str, failed: bool) -> tuple["Jog", Action | None]:
         """Return the state after the end of the current move, and the actions.
@@ -258,6 +269,13 @@ class Jog:
     def said(self, message: str, failed: bool = False) -> "Jog":
         """Return the state with a message."""
         return replace(self, message=message, failed=failed)
+
+    def refused(self, call: Call, why: str) -> "Jog":
+        """Return the state after a failed command. Its prompt opens again, with the typed text."""
+        if not self.commands[call.key].prompt:
+            return self.said(why, failed=True)
+        state = replace(self, prompt=call.key, typed=call.text)
+        return state.said(f"{why}; Escape leaves", failed=True)
 
     def lines(
         self, where: Where, width: int, rows: int, title: str, steps: Sequence[str] | None = None

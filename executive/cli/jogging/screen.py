@@ -201,20 +201,21 @@ class JogScreen(KeyScreen):
                 threading.Thread(target=self.stop, name="stop", daemon=True).start()
             case Leave():
                 self.end()
-            case Call(key, text):
-                self._act(lambda: self._acts[key][1](self._where, text))
+            case Call(key, text) as call:
+                act = self._acts[key][1]
+                self._act(lambda: act(self._where, text), lambda why: self._jog.refused(call, why))
             case Yes():
                 assert self._asked
-                self._act(self._asked)
+                self._act(self._asked, lambda why: self._jog.said(why, failed=True))
 
-    def _act(self, act: Callable[[], str]) -> None:
-        """Call a command, and show its message or question."""
+    def _act(self, act: Callable[[], str], refused: Callable[[str], Jog]) -> None:
+        """Call a command, and show its message, question or error."""
         try:
             self._jog = self._jog.said(act())
         except ConfirmationNeeded as question:
             self._jog, self._asked = self._jog.ask(str(question)), question.then
         except self._known as error:
-            self._jog = self._jog.said(str(error), failed=True)
+            self._jog = refused(str(error))
 
     def _move(self, move: Move, stops: int) -> None:
         def accepted() -> None:

@@ -29,7 +29,9 @@ _LAST_WORDS = (
 class Interrupts:
     """The first signal cancels the run. The second one ends the process. Ctrl-Z suspends it.
 
-    `STOP` cancels a run that is not canceled yet. It does not count as the first signal.
+    A hang-up does not count as the second signal: the kernel and the shell of a closed terminal
+    each send one. `STOP` cancels a run that is not canceled yet. It does not count as the first
+    signal.
 
     One thread reads the signals from a pipe, and another one cancels. Therefore the second signal
     works even if the cancel or the main thread does not return.
@@ -94,11 +96,12 @@ class Interrupts:
     def _handle_signals(self) -> None:
         while (number := os.read(self._reader, 1)[0]) != _END:
             if number in _SIGNALS and number in self._handlers:
-                if self._signaled:
+                if self._signaled and number != signal.SIGHUP:
                     last_words(self._last)
                     end_process(INTERRUPTED_EXIT)
-                self._signaled = True
-                self._start_cancel()
+                elif not self._signaled:
+                    self._signaled = True
+                    self._start_cancel()
             elif number == STOP and not self._canceled:
                 self._start_cancel()
 

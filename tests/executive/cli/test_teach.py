@@ -62,10 +62,13 @@ def test_a_task_is_taught_and_runs(command: list[str], tmp_path: Path, robot: Pa
         assert steps(tmp_path) == FIRST
         terminal.type("t")
         terminal.until("The arm has not moved since the last step")
-        terminal.type("w500ms\r")
+        terminal.type("w500 ms\r")
         terminal.until("Step 2: wait 0.5 s")
         terminal.type("wsoon\r")
-        terminal.until("is not a duration in s, ms, min or h")
+        terminal.until(
+            "How long, such as 500ms: soon_", "is not a duration in s, ms, min or h; Escape"
+        )
+        terminal.type("\x1b")
         terminal.type("o")
         terminal.at_rest("joint_4            -40.1 deg")
         terminal.type("t")

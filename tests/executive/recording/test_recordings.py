@@ -26,7 +26,7 @@ from logs.views.narrative import narrative, overview
 from logs.views.run_figure import _outcome
 from logs.views.timeline import timeline
 from logs.writing.compaction_process import shared_process
-from logs.writing.journal import Journal
+from logs.writing.journal import Journal, PieceWriter
 from tests.conftest import RigMaker
 from tests.logs.test_run import fail
 from tests.support.command_line.typed import typed
@@ -153,6 +153,27 @@ def test_a_lost_recording_is_reported_whatever_the_outcome(
     assert not outcome.code.startswith("log.")
     assert "was moved or deleted while it was written" in outcome.message
     assert outcome.cause is None or "was moved or deleted" in outcome.cause.message
+
+
+def test_a_disk_that_fills_up_is_reported_once(
+    rig: RigMaker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    arm, write = rig(), PieceWriter._write
+    refused = iter([OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))])
+
+    def write_once_in_vain(self: PieceWriter, data: bytes) -> None:
+        if len(arm.frames) >= 5:
+            for error in refused:
+                raise error
+        write(self, data)
+
+    monkeypatch.setattr(PieceWriter, "_write", write_once_in_vain)
+    (outcome,) = arm.run(1)
+    assert outcome.code == "log.disk_full"
+    assert outcome.cause
+    for words in (outcome.message, outcome.cause.message):
+        assert words.count("the disk is full") == 1
+        assert "its end was still recorded" in words
 
 
 def test_a_lost_recording_of_a_task_that_succeeded_ends_the_sequence(

@@ -195,19 +195,22 @@ def closed_streams(scene: Scene) -> None:
 
 @row(
     "closed-terminal",
-    "the terminal of a run is closed during a motion",
+    "the terminal of a run, started by an interactive shell or by no shell, is closed during a"
+    " motion",
     "the arm is stopped with a hold frame, the recording finished; exit status 7",
     limit=3,
     unit="s",
-    times=3,
+    times=4,
 )
 def closed_terminal(scene: Scene) -> None:
     board, keys = scene.board(), scene.folder / "keys"
-    run = on_terminal(scene, board, keys, "run", "20")
+    (shell,) = scene.share([(), ("/bin/bash", "--norc", "-ic", '"$@"; exit', "bash")])
+    run = on_terminal(scene, board, keys, "run", "20", shell=shell)
     in_motion(scene, board)
     begin = time.monotonic()
     keys.touch()
-    scene.ended(run, 7)
+    scene.ended(run, 128 + signal.SIGHUP if shell else 7)
+    until("its end", lambda: not run.family())
     scene.figure(time.monotonic() - begin)
     (recording,) = scene.recordings()
     *_, before, hold = frames_of(recording)
@@ -249,9 +252,11 @@ def typed_ctrl_c(scene: Scene) -> None:
     scene.figure(1000 * max(0.0, frames[-1].time - begin))
 
 
-def on_terminal(scene: Scene, board: Board, keys: Path, *words: str) -> Command:
-    """A command on a terminal of its own."""
-    argv = (sys.executable, "-c", TERMINAL, keys, ARMTREE)
+def on_terminal(
+    scene: Scene, board: Board, keys: Path, *words: str, shell: tuple[str, ...] = ()
+) -> Command:
+    """A command on a terminal of its own; a shell there may start it."""
+    argv = (sys.executable, "-c", TERMINAL, keys, *shell, ARMTREE)
     common: list[str | Path] = ["--port", board.port, "--robot", scene.robot(), "--trees", TASKS]
     return scene.armtree(*words, *common, argv=argv)
 

@@ -49,7 +49,9 @@ def test_the_guess(joints: list[str], gripper: list[str], tool: str) -> None:
 def test_two_arms_are_refused() -> None:
     sides = [f"body -> {side}_1: revolute {side}_j1" for side in ("l", "r")]
     sides += [f"{side}_1 -> {side}_2: revolute {side}_j2" for side in ("l", "r")]
-    with pytest.raises(UrdfError, match=r"branches at body into l_j1 \(2 joints\), r_j1"):
+    sides.append("body -> head: revolute pan")
+    ways = r"l_j1 \(2 joints\), r_j1 \(2 joints\), pan \(1 joint\);"
+    with pytest.raises(UrdfError, match=f"branches at body into {ways}"):
         guess_gripper(Urdf(urdf(sides)).checked())
 
 

@@ -66,6 +66,39 @@ def test_the_missing_meshes_of_a_package_are_one_mistake(urdf: Path) -> None:
     ]
 
 
+def test_every_file_that_a_package_lacks_is_named_with_its_folder(urdf: Path) -> None:
+    folder = urdf.with_name("pack")
+    folder.mkdir()
+    names = ["package://pack/a.stl", "package://pack/gone/b.stl"]
+    (both,) = map(str, mesh_mistakes(urdf, names))
+    assert both == (
+        "2 meshes of package://pack are not found: a.stl, gone/b.stl; "
+        f"copy them into {folder}, or correct their paths in arm.urdf"
+    )
+    (one,) = map(str, mesh_mistakes(urdf, names[:1]))
+    assert one.endswith(
+        f"a.stl is not found; copy it into {folder}, or correct its path in arm.urdf"
+    )
+
+
+def test_a_file_that_is_no_stl_is_a_mistake(urdf: Path) -> None:
+    files = {
+        "text.stl": b"\n solid x\nendsolid",
+        "binary.STL": bytes(80) + b"\2\0\0\0" + bytes(100),
+        "garbage.stl": b"garbage" * 20,
+        "cut.stl": bytes(80) + b"\2\0\0\0" + bytes(99),
+        "empty.stl": b"",
+        "other.obj": b"garbage",
+    }
+    for name, data in files.items():
+        urdf.with_name(name).write_bytes(data)
+    found = [str(each) for each in mesh_mistakes(urdf, files)]
+    assert found == [
+        f"the mesh {urdf.with_name(name)} is not STL, or is cut off; export it again"
+        for name in ("garbage.stl", "cut.stl", "empty.stl")
+    ]
+
+
 def test_a_mesh_is_an_ordinary_file_of_bounded_size(urdf: Path) -> None:
     os.mkfifo(urdf.with_name("pipe.stl"))
     with pytest.raises(UrdfError, match=r"pipe\.stl is not an ordinary file"):

@@ -41,9 +41,9 @@ def test_links_without_a_shape_are_named(tmp_path: Path) -> None:
 
 def test_missing_visual_meshes_are_named(tmp_path: Path) -> None:
     text, seen = load_robot().urdf.read_text(), ""
-    for name in ("package://p/a.stl", "package://p/b.stl", "there.stl", ""):
+    for name in ("package://p/a.stl", "package://p/b.stl", "there.obj", ""):
         seen += f'<visual><geometry><mesh filename="{name}"/></geometry></visual>'
-    (tmp_path / "there.stl").touch()
+    (tmp_path / "there.obj").touch()
     (warning,) = shape_warnings(
         described(tmp_path, text.replace("<collision>", f"{seen}<collision>", 1))
     )

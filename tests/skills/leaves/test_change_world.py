@@ -169,3 +169,10 @@ def test_a_detached_body_stays_where_it_was_put(bench: Bench, robot: Robot) -> N
     put = bench.context.scene.world.body("cube")
     assert put.link == ""
     assert put.position == pytest.approx((0.0, 0.15, 0.1))
+
+
+def test_a_body_that_is_not_attached_cannot_be_detached(rig: RigMaker, tmp_path: Path) -> None:
+    steps = "    - AddBox: {body: cube, size: [0.02, 0.02, 0.02], position: [0, 0.3, 0.1]}\n"
+    outcome, _ = run(rig, tmp_path, HEAD + steps + "    - Detach: {body: cube}\n")
+    assert outcome.code == "plan.bad_world"
+    assert "cube is attached to no link" in outcome.message

@@ -202,7 +202,7 @@ REFUSED = [
     (arm(HOME, PICK[:2]), BadQuery, "goal has 2 values; give one for each of joint_1"),
     (Query("legs", (0, 0, 0, 0), (0,)), BadQuery, "no group 'legs'; the groups are arm, gripper"),
     (arm(HOME, PICK, seed=-1), BadQuery, "seed is -1"),
-    (Query("arm", None, PICK), BadQuery, "start has 1 values"),  # type: ignore[arg-type]
+    (Query("arm", None, PICK), BadQuery, "start has 1 value;"),  # type: ignore[arg-type]
     (arm(HOME, ((0.0, 0.0, 0.0),)), BadQuery, "goal has 3 values"),  # type: ignore[arg-type]
 ]
 

@@ -20,7 +20,9 @@ WHERE = Where(
 
 
 def begun(speed: float = 1.0) -> Jog:
-    return Jog.start(WHERE, {"s": KeyCommand("save pose", "Name")}, speed, "hello")
+    return Jog.start(
+        WHERE, {"s": KeyCommand("save pose", "Name"), "u": KeyCommand("undo")}, speed, "hello"
+    )
 
 
 def drawn(jog: Jog, width: int = 80, rows: int = 24, steps: list[str] | None = None) -> list[str]:
@@ -116,8 +118,30 @@ def test_a_name_is_typed_for_a_command() -> None:
         left, action = pressed(jog, *keys)
         assert (left.prompt, action) == ("", None)
     jog, action = jog.press(" ")
-    assert (action, jog.typed) == (Stop(), "qx2")
+    assert (action, jog.typed, jog.message) == (Stop(), "qx2 ", "")
     assert pressed(jog, "o")[1] is None  # the rest of the text moves nothing
+
+
+def test_a_space_during_a_move_stops_and_is_not_typed() -> None:
+    jog, action = pressed(begun(), RIGHT, "s", "a", " ")
+    assert (action, jog.typed) == (Stop(), "a")
+    assert "Stopped; the space is not in the text; Escape leaves" in drawn(jog)
+
+
+def test_a_text_that_is_wrong_can_be_corrected() -> None:
+    jog, action = pressed(begun(), "s", "a", " ", "b", ENTER)
+    assert action == Call("s", "a b")
+    jog = jog.refused(action, "a b cannot be a name")
+    assert ("a b cannot be a name; Escape leaves", True) in [*jog.lines(WHERE, 80, 24, "")]
+    assert pressed(jog, DELETE, DELETE, ENTER)[1] == Call("s", "a")
+    assert jog.press(ESCAPE)[0].prompt == ""
+    plain = begun().refused(Call("u", ""), "no step")
+    assert (plain.prompt, plain.message, plain.failed) == ("", "no step", True)
+
+
+def test_escape_outside_a_prompt_clears_the_message() -> None:
+    jog, action = begun().press(ESCAPE)
+    assert (action, jog.message) == (None, "")
 
 
 def test_a_prompt_opens_during_a_move_and_its_command_follows_the_move() -> None:
@@ -151,7 +175,6 @@ def test_a_move_that_fails_during_a_prompt_is_shown() -> None:
     [
         ("\x1b[3~", "This key"),
         (ENTER, "Enter"),
-        (ESCAPE, "Escape"),
         (DELETE, "Backspace"),
         ("\t", "Tab"),
         ("v", "v"),

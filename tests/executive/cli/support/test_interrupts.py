@@ -56,6 +56,24 @@ def test_a_persons_first_signal_after_a_stop_does_not_end_the_process() -> None:
         assert process.stdout.read() == ""
 
 
+HUNG_UP = """
+import os, signal
+from executive.cli.support.interrupts import Interrupts
+
+with Interrupts() as interrupts:
+    interrupts.on_cancel(interrupts.end)
+    for _ in range(3):
+        os.kill(os.getpid(), signal.SIGHUP)
+    interrupts.wait()
+"""
+
+
+def test_the_hang_ups_of_a_closed_terminal_cancel_once() -> None:
+    """One comes from the kernel, and others from the shell that also ends."""
+    done = subprocess.run([sys.executable, "-c", HUNG_UP], cwd=ROOT, timeout=60, check=False)
+    assert done.returncode == 0
+
+
 HIDE_CURSOR = r'print("\x1b[?25l", end="")'
 FULL_SCREEN = """
     from executive.cli.terminal.full_screen import FullScreen
