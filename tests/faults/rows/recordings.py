@@ -54,9 +54,10 @@ def unpack(scene: Scene) -> None:
     server.wait()
     little = {resource.RLIMIT_AS: 1 << 30}
     commands = [(["log", "ls"], little), (["replay", "recordings", "--verify"], {})]
-    commands.append((["log", "recover", *map(str, scene.recordings())], little))
     for words, bomb in scene.share(itertools.product(READERS, scene.recordings())):
         commands.append(([each.format(bomb) for each in words.split()], little))
+    # The last one: it replaces most of them.
+    commands.append((["log", "recover", *map(str, scene.recordings())], little))
     scene.injections = len(commands)
     for command, limits in commands:
         begin = time.monotonic()
