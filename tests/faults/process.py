@@ -112,7 +112,8 @@ class Command:
         def found() -> list[dict[str, Any]]:
             events = self.events(kind)
             if len(events) < count and self.popen.poll() is not None:
-                raise Hang(f"it ended with {self.popen.poll()} before {kind} number {count}")
+                said = f"{kind} number {count}: {self.text()[-300:]}"
+                raise Hang(f"it ended with {self.popen.poll()} before {said}")
             return events[count - 1 : count]
 
         event: dict[str, Any] = until(f"{kind} number {count}", found, seconds)[0]
