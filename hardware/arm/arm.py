@@ -436,14 +436,10 @@ class Arm:
             _weakly(self._notify, None),
             self._ready,
         )
-        if self._release:
-            self._release.detach()
         try:
             publish = _weakly(self._publish, None)
             self._reconnect = ReconnectWatcher(port, self._clock, publish)
-            release = partial(_release, connection, self._reconnect)
-            self._release = weakref.finalize(self, _releaser().put, release)
-            self._release.atexit = False  # at exit, _arms are shut down
+            self._when_collected(partial(_release, connection, self._reconnect))
             connection.open()
             self._boot(connection)
         except Exception as error:  # a driver may raise any exception
@@ -501,6 +497,15 @@ class Arm:
         if connection := self._connection:
             connection.close(error)
             self._connection = None
+            if self._reconnect:  # without the connection, whose link may hold the arm
+                self._when_collected(self._reconnect.stop)
+
+    def _when_collected(self, release: _Release) -> None:
+        """Call this after the garbage collection of the arm, and nothing that was set before."""
+        if self._release:
+            self._release.detach()
+        self._release = weakref.finalize(self, _releaser().put, release)
+        self._release.atexit = False  # at exit, _arms are shut down
 
     def _state_changed(self, label: str, start: State, goal: State) -> None:
         if goal is State.INACTIVE:  # a later stop belongs to the next activation

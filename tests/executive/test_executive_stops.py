@@ -1,9 +1,11 @@
 """Runs that are stopped: by a person at any moment, by a fault, by a bug."""
 
 import dataclasses
+import gc
 import logging
 import os
 import threading
+import weakref
 from collections.abc import Callable
 from pathlib import Path
 
@@ -198,6 +200,24 @@ def test_unplugged_before_it_moves(rig: RigMaker, node: str) -> None:
     assert (outcome.state, outcome.code) == (GoalState.ABORTED, "hw.port_lost")
     assert arm.frames == []
     check_given_up(arm)
+
+
+@pytest.mark.parametrize("unplugged", [True, False])
+def test_an_executive_that_is_closed_is_collected(
+    rig: RigMaker, unplugged: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A program may open and close many arms."""
+    caplog.set_level(logging.CRITICAL)  # a captured fault would hold the arm
+    arm = rig()
+    if unplugged:
+        at_frame(arm, 20, arm.link.unplug)
+    arm.run(1)
+    with arm.clock.working():
+        arm.executive.close()
+    gone = weakref.ref(arm.executive)
+    del arm
+    gc.collect()
+    assert gone() is None
 
 
 def test_a_motion_that_cannot_begin_for_a_fault_ends_with_that_fault(server: RigMaker) -> None:

@@ -70,6 +70,7 @@ class Board:
             start_new_session=True,  # Linux schedules sessions apart from each other
         )
         self.pid = self._process.pid
+        self.starved = 0.0  # the longest time that it did not run, known after `close` [s]
         self.ask("state")
 
     def ask(self, command: str) -> dict[str, Any]:
@@ -80,7 +81,8 @@ class Board:
         `angles` [deg], `frames` and `backlog` (bytes in the ring) describe the firmware; `open`
         tells whether a program has the port, and `unsent` how many bytes it could not send yet.
         `turned` [s, monotonic] is when a servo turned last. `harmed` [s, monotonic] is when
-        `damage` changed a byte, or `mute` first withheld an answer; None until then.
+        `damage` changed a byte, or `mute` first withheld an answer; None until then. `starved` [s]
+        is the longest time that the program of the board did not run.
         """
         assert self._process.stdin
         assert self._process.stdout
@@ -123,6 +125,8 @@ class Board:
     def close(self) -> None:
         assert self._process.stdin
         assert self._process.stdout
+        with contextlib.suppress(BrokenPipeError, ValueError):  # it has ended, or is closed
+            self.starved = self.ask("state")["starved"]
         with contextlib.suppress(BrokenPipeError):
             self._process.stdin.close()
         try:
@@ -227,6 +231,7 @@ class Terminal:
         self.stalled, self.open, self.resets, self.damage = False, False, 0, -1
         self.ready_at, self.unsent, self.mute = 0.0, b"", False
         self.harmed: float | None = None
+        self.starved = 0.0
         self.plug()
 
     def plug(self) -> None:
@@ -291,7 +296,7 @@ class Terminal:
         state = {name: getattr(firmware, name) for name in ("lost", "wrong", "frames", "angles")}
         state |= {"resets": self.resets, "backlog": len(firmware.ring), "open": self.open}
         state |= {"unsent": len(self.unsent), "time": time.monotonic()}
-        state |= {"turned": firmware.turned_at, "harmed": self.harmed}
+        state |= {"turned": firmware.turned_at, "harmed": self.harmed, "starved": self.starved}
         return json.dumps(state)
 
     def do_stall(self, _: str) -> None:
@@ -336,10 +341,13 @@ def poll(handle: int) -> list[tuple[int, int]]:
 
 def main(port: str, log: str, firmware: str, boot_s: str) -> None:
     """Run until standard input ends."""
+    with contextlib.suppress(PermissionError):  # a board does not wait for the computer
+        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))
     terminal = Terminal(Path(port), Path(log), firmware, float(boot_s))
     credit, last = 0.0, time.monotonic()
     while True:
         ready, _, _ = select.select([sys.stdin], [], [], 0.001)
+        terminal.starved = max(terminal.starved, time.monotonic() - last)
         if ready:
             if not (line := sys.stdin.readline()):
                 return

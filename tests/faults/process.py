@@ -1,5 +1,6 @@
 """The command as a user runs it, in a process and a folder of its own."""
 
+import ctypes
 import http.client
 import json
 import os
@@ -16,6 +17,8 @@ from typing import Any
 
 ARMTREE = Path(sys.executable).with_name("armtree")
 MARK = "ARMTREE_FAULTS_COMMAND"  # a variable that all processes of a command inherit
+LIBC = ctypes.CDLL(None)
+PR_CAPBSET_DROP, CAP_SYS_RESOURCE = 24, 24
 HANG_S = 60.0  # longer than any honest wait, even on a busy machine
 
 
@@ -79,6 +82,8 @@ class Command:
         def prepare() -> None:
             for which, value in (limits or {}).items():
                 resource.setrlimit(which, (value, value))
+            if limits:  # with this capability, root exceeds a hard limit
+                LIBC.prctl(PR_CAPBSET_DROP, CAP_SYS_RESOURCE)
             for number in (signal.SIGINT, signal.SIGHUP, signal.SIGTERM):
                 signal.signal(number, signal.SIG_DFL)  # as in a shell, also under nohup
 
@@ -112,7 +117,8 @@ class Command:
         def found() -> list[dict[str, Any]]:
             events = self.events(kind)
             if len(events) < count and self.popen.poll() is not None:
-                raise Hang(f"it ended with {self.popen.poll()} before {kind} number {count}")
+                said = f"{kind} number {count}: {self.text()[-300:]}"
+                raise Hang(f"it ended with {self.popen.poll()} before {said}")
             return events[count - 1 : count]
 
         event: dict[str, Any] = until(f"{kind} number {count}", found, seconds)[0]

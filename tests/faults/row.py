@@ -269,6 +269,9 @@ class Scene:
             self.check(
                 unreceived <= self.unreceived, f"{unreceived} recorded frames missed the board"
             )
+        starved = max((board.starved for board in self._boards), default=0.0)
+        if self.problems and starved > LATE_S:  # then they may be due to it
+            self.problems.append(f"the program of the board did not run for {starved:.2f} s")
 
 
 def last_line(command: Command) -> str:

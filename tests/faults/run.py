@@ -109,7 +109,7 @@ def found(one: Row, scenes: Iterable[Scene], seconds: float, busy: Busy) -> Find
     figures = sorted(itertools.chain.from_iterable(kinds.values()))
     p99 = max(map(percentile_99, kinds.values()), default=None)  # few figures of a kind count, too
     worst = figures[-1] if figures else None
-    if one.limit is not None and p99 is None:
+    if (one.limit or one.worst) is not None and p99 is None:
         problems.append("no figure")
     slow = any(
         seen is not None and seen > allowed(most, one.unit, busy)
@@ -184,10 +184,9 @@ def page(findings: Sequence[Finding], seed: int, seconds: float) -> str:
 
 def promised(limit: float | None, worst: float | None, unit: str) -> str:
     """The limits of a row in words."""
-    if limit is None:
-        return ""
-    more = f" (99 %), {figure(worst, unit)} (worst)" if worst else ""
-    return f"at most {figure(limit, unit)}{more}"
+    limits = [(limit, " (99 %)" if worst else ""), (worst, " (worst)")]
+    texts = [figure(most, unit) + of for most, of in limits if most is not None]
+    return f"at most {', '.join(texts)}" if texts else ""
 
 
 def described() -> str:

@@ -3,6 +3,7 @@
 import json
 import math
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -11,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from tests.faults.machine import Busy, Machine
-from tests.faults.process import processes, until, variables_of
+from tests.faults.process import kill, processes, until, variables_of
 from tests.faults.row import Row, Scene, compare, inject
 from tests.faults.rows.host import shifts
 from tests.faults.run import PAGE, found, main, promised, rows
@@ -104,6 +105,20 @@ def test_what_fails_at_the_end_is_a_problem_and_nothing_is_left(tmp_path: Path) 
     scene = inject(Row("a", "b", "c", wrong), tmp_path / "a", "", 0, keep=False)
     assert scene.problems == ["at the end: ZeroDivisionError: division by zero"]
     assert cleaned == ["cleaned"]
+
+
+def test_a_problem_names_a_board_that_did_not_run(tmp_path: Path) -> None:
+    def late(scene: Scene) -> None:
+        board = scene.board()
+        kill(board.pid, signal.SIGSTOP)
+        time.sleep(0.2)  # noqa: TID251, so long it does not run
+        kill(board.pid, signal.SIGCONT)
+        scene.check(False, "late")
+
+    scene = inject(Row("a", "b", "c", late), tmp_path / "a", "", 0, keep=False)
+    first, second = scene.problems
+    assert first == "late"
+    assert second.startswith("the program of the board did not run for 0.")
 
 
 def test_a_machine_is_measured() -> None:

@@ -121,12 +121,14 @@ def slow_joint(scene: Scene) -> None:
     )
     scene.robot({text: f"{text.partition(' ')[0]} = {value}"})
     run = scene.run("20", board=scene.board())
+    seen = list[float]()
 
     def ended() -> bool:
-        scene.figure(run.memory())
+        seen.append(run.memory())
         return run.popen.poll() is not None
 
     until("its end", ended)
+    scene.figure(max(seen))  # a 99th percentile of all would hide a short peak
     (result,) = run.events("result")
     scene.ended(run, 5)
     scene.check(result["code"] == "plan.too_long", f"{result['code']}: {result['message']}")

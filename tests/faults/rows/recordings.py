@@ -54,9 +54,10 @@ def unpack(scene: Scene) -> None:
     server.wait()
     little = {resource.RLIMIT_AS: 1 << 30}
     commands = [(["log", "ls"], little), (["replay", "recordings", "--verify"], {})]
-    commands.append((["log", "recover", *map(str, scene.recordings())], little))
     for words, bomb in scene.share(itertools.product(READERS, scene.recordings())):
         commands.append(([each.format(bomb) for each in words.split()], little))
+    # The last one: it replaces most of them.
+    commands.append((["log", "recover", *map(str, scene.recordings())], little))
     scene.injections = len(commands)
     for command, limits in commands:
         begin = time.monotonic()
@@ -255,6 +256,7 @@ def kill_slow_disk(scene: Scene) -> None:
     calls = WrongCalls(scene.folder, "-20.mcap")
     run = scene.moving(board, frames=(1, 8), calls=calls)
     calls.start(f"delay {scene.random.randint(200, 1000)}")
+    until("a slow write", calls.calls)
     time.sleep(scene.random.uniform(0.0, 2.0))  # noqa: TID251, a random moment
     run.signal(signal.SIGKILL)
     run.wait()
@@ -268,14 +270,18 @@ def kill_slow_disk(scene: Scene) -> None:
     times=6,
 )
 def kill_at_end(scene: Scene) -> None:
-    board = scene.board()
-    run = scene.run("21", board=board)
-    run.until_event("sent", 10)
-    until("the arm shuts down", lambda: "shuttingdown" in run.output.read_text())
-    time.sleep(scene.random.uniform(0.0, 0.15))  # noqa: TID251, a random moment
-    run.signal(signal.SIGKILL)
-    run.wait()
-    (path,) = scene.recordings()
+    board, status, runs = scene.board(), 0, 0
+    while status != -signal.SIGKILL and runs < 10:  # else it had ended before
+        runs += 1
+        run = scene.run("21", board=board)
+        run.until_event("sent", 10)
+        run.until_printed("shuttingdown")
+        time.sleep(scene.random.uniform(0.0, 0.1))  # noqa: TID251, a random moment
+        run.signal(signal.SIGKILL)
+        status = run.wait()
+    scene.check(status == -signal.SIGKILL, "each run had ended before it was killed")
+    left = len(scene.recordings())
+    scene.check(left == runs, f"{left} of {runs} recordings are left")
     scene.recovered(0, 10)
     scene.verified(0, 10)
-    scene.check(not list(path.parent.glob("*.part")), "a partial copy is left")
+    scene.check(not list(scene.folder.glob("recordings/*.part")), "a partial copy is left")

@@ -15,7 +15,7 @@ from typing import TypeVar
 from websockets.sync.client import connect
 
 from tests.faults.board import Board, Read
-from tests.faults.process import Hang, Server, until
+from tests.faults.process import Command, Hang, Server, until
 from tests.faults.row import Row, Scene, delays, motions_of, row
 
 T = TypeVar("T")
@@ -23,6 +23,7 @@ HOSTILE = Path(__file__).parents[1] / "means" / "hostile.py"
 CLIENTS = 80
 GOALS = 8  # per flood
 STOPS = 12  # per goal: one in motion, and more while nothing moves
+SERVED = 80  # times that the clients are served before the first goal, and during the goals
 MEMORY = 20  # that a server may take more in a flood [MiB]
 
 
@@ -57,8 +58,8 @@ def flood(kind: str, fault: str, stops: bool = False, clients: int = CLIENTS) ->
         server = scene.serve("--activate", "--rosbridge", board=board)
         line = kind, str(server.address[1]), str(clients)
         crowd = scene.armtree(*line, argv=(sys.executable, HOSTILE))
-        begin, memory = server.processor(), server.memory()
-        until("the flood to work", lambda: server.processor() > begin + 0.3)
+        memory = server.memory()
+        begun = until("the flood to work", lambda: (n := served(crowd)) > SERVED and n)
         earlier, most = 0, memory
         for _ in range(GOALS):
             if stops:
@@ -81,11 +82,18 @@ def flood(kind: str, fault: str, stops: bool = False, clients: int = CLIENTS) ->
             most = max(most, server.memory())
             scene.check(len(board.frames()) == len(frames), "a frame was sent after the stop")
         scene.check(crowd.popen.poll() is None, "the clients ended too early")
+        more = served(crowd) - begun
+        scene.check(more > SERVED, f"meanwhile the clients were served {more} times")
         more = most - memory
         scene.check(more < MEMORY, f"the server takes {more:.0f} MiB more")
         scene.injections = GOALS * STOPS
 
     return inject
+
+
+def served(crowd: Command) -> int:
+    """How often the server has answered hostile clients, or let go of them."""
+    return int((crowd.output.read_text().split() or ["0"])[-1])
 
 
 def persistent(request: Callable[[], T]) -> T:

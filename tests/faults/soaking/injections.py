@@ -73,7 +73,7 @@ def flood(site: Site, random: random.Random) -> None:
     """Hostile clients for a while, which need no token."""
     kind = random.choice(["connections", "long cancels", "foreign stops", "chunks", "huge bodies"])
     line = [sys.executable, str(HOSTILE), kind, str(site.server.address[1]), "40"]
-    with subprocess.Popen(line, start_new_session=True) as crowd:
+    with subprocess.Popen(line, stdout=subprocess.DEVNULL, start_new_session=True) as crowd:
         pause(random, 4.0)
         crowd.kill()
 
