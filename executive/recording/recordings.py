@@ -74,6 +74,7 @@ class Recordings:
         self._finishers = ThreadPoolExecutor(_AT_ONCE, "recording")
         self._unfinished: deque[Future[None]] = deque()
         self._errors: list[logs.LogError] = []
+        self._accepted: set[str] = set()  # goals without an end in the server's own recording
         self._meshes: set[str] = set()  # names of the meshes in the open recording
         self._exchanges = Exchanges(self._record_arm_event)
         self._early = deque[logs.LogLine](maxlen=_EARLY)
@@ -90,8 +91,15 @@ class Recordings:
             LogError: The recording cannot be created.
         """
         self._compaction = shared_process()
-        self._recorder = self._server = recorder = self._create(_SERVER)
+        recorder = self._create(_SERVER)
+        self._accepted.clear()
+        with self._counting:
+            failed, self._server = self._server, recorder
+            if self._recorder is failed:
+                self._recorder = recorder
         recorder.put(*self._setup(None), *self._early_lines(), self._arm_state(self._clock.now()))
+        if failed:
+            self._finish_later(failed)
 
     def open(self, goal: GoalStatus, name: str, seed: int, tree: Tree | None) -> None:
         """Open the recording of a goal, and record the goal.
@@ -119,9 +127,11 @@ class Recordings:
         if self._server is None:
             return
         if status.state is GoalState.ACCEPTED:
+            self._accepted.add(status.identity)
             accepted = (status.stamp_ns - self._clock.epoch_ns()) / 1e9
             self._server.put(logs.Goal(accepted, status.identity, status.task, "", 0))
-        elif status.outcome:
+        elif status.outcome and status.identity in self._accepted:
+            self._accepted.remove(status.identity)
             now = self._clock.now()
             self._server.put(status.outcome.to_record(status.identity, now))
 
@@ -153,7 +163,8 @@ class Recordings:
             recorder, self._recorder, self.path = self._recorder, self._server, ""
             self.frames = 0
         if recorder and recorder is not self._server:
-            self._unfinished.append(self._finishers.submit(self._finish, recorder))
+            self._finish_later(recorder)
+        self._replace_failed()
         while self._unfinished and self._unfinished[0].done():
             self._unfinished.popleft()
         if len(self._unfinished) > _UNFINISHED:
@@ -172,6 +183,22 @@ class Recordings:
         self._finishers.shutdown()
         if self._errors:
             raise self._errors.pop(0)
+
+    def _replace_failed(self) -> None:
+        """Open another recording for the server if its own one has failed, and the disk has space.
+
+        Otherwise holds and activations after a full disk would not be recorded.
+        """
+        if self._server and self._server.failed:
+            try:
+                self.check_space()
+                self.open_server_recording()
+            except logs.LogError as error:
+                logger.error("%s", error)
+
+    def _finish_later(self, recorder: logs.Recorder) -> None:
+        """Finish a recording in the background."""
+        self._unfinished.append(self._finishers.submit(self._finish, recorder))
 
     def _finish(self, recorder: logs.Recorder) -> None:
         try:
@@ -234,6 +261,7 @@ class Recordings:
         record = arm_record(event, self._robot)
         if isinstance(record, logs.Transition):
             self._state = record.goal
+            self._replace_failed()
         self.record(record)
 
     def on_skill_event(self, event: SkillEvent) -> None:

@@ -92,6 +92,11 @@ class Recorder:
             self._sent += 1
         self._jobs.put(partial(self._take, items))
 
+    @property
+    def failed(self) -> bool:
+        """True after an error. What is put later is lost."""
+        return self._cause is not None
+
     def caught_up(self, timeout: float) -> bool:
         """Return True if all frames were written to the operating system.
 

@@ -176,6 +176,33 @@ def test_a_disk_that_fills_up_is_reported_once(
         assert "its end was still recorded" in words
 
 
+def test_a_server_whose_own_recording_failed_opens_another_one(
+    server: RigMaker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    arm, write = server(), PieceWriter._write
+    full = True
+
+    def write_in_vain(self: PieceWriter, data: bytes) -> None:
+        if full and recordings.is_server_recording(Path(str(self._stream.name))):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        write(self, data)
+
+    monkeypatch.setattr(PieceWriter, "_write", write_in_vain)
+    run(arm, 1)  # aborted if the recording of the server fails before its end
+    arm.executive._recordings.wait()
+    full = False
+    assert run(arm, 1).success
+    arm.rest(1.0)
+    arm.executive.cancel()
+    arm.rest(1.0)
+    with pytest.raises(logs.LogError, match="recording incomplete"):
+        arm.executive.close()
+    *_, last = sorted(filter(recordings.is_server_recording, tmp_path.glob("*.mcap")))
+    assert [frame.hold for frame in logs.Recording(last).frames()] == [True]
+    verification = verify(last)
+    assert verification.holds, verification.text()
+
+
 def test_a_lost_recording_of_a_task_that_succeeded_ends_the_sequence(
     rig: RigMaker, tmp_path: Path
 ) -> None:
