@@ -102,7 +102,10 @@ class RecordingIncomplete(LogError):
             f"recording incomplete{counted} ({cause}); what was written before is "
             f"kept and valid{repair}. Make room or repair the cause, then run the task again"
         )
-        if not path.exists():
+        refused = isinstance(cause, OSError) and not isinstance(cause, FileNotFoundError)
+        if not path.exists() and refused:
+            words = f"nothing could be recorded ({cause}). Make room or repair the cause"
+        elif not path.exists():
             words = (
                 "was moved or deleted while it was written; if it was moved, "
                 "`armtree log recover` finishes it"

@@ -159,6 +159,8 @@ class Recorder:
                 self._finish(self._journal)
             self._summary = self._compact(compaction)
             with self._syncing:
+                if self._summary is None and not os.fstat(self._file).st_size:
+                    self.path.unlink(missing_ok=True)  # an empty file is no recording
                 os.close(self._file)
         if self._cause is not None:
             raise self._error(self._cause) from self._cause

@@ -292,7 +292,18 @@ def test_a_record_that_cannot_be_converted_costs_itself_only(
     assert [line.levelno for line in caplog.records] == [logging.ERROR]
 
 
-@pytest.mark.parametrize("size", [0, 5_000, 30_000])
+def test_a_full_disk_leaves_no_empty_file(tmp_path: Path) -> None:
+    with room_for(0):
+        recorder = Recorder(tmp_path / "run.mcap", EPOCH_NS, lambda _: None)
+        recorder.put(sent(0))
+        with pytest.raises(
+            RecordingIncomplete, match=r"nothing could be recorded \(.*File too large"
+        ):
+            recorder.close()
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("size", [5_000, 30_000])
 def test_a_full_disk_is_reported_once_and_the_records_before_are_valid(
     tmp_path: Path, size: int
 ) -> None:
