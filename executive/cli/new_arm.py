@@ -10,11 +10,14 @@ from typing import TYPE_CHECKING
 
 import click
 
+from hardware.spelling import choices
+
 from .settings import PATH
 from .support.command_group import command
 from .support.failures import Refusal
 from .support.names import first_motion
 from .support.options import own_trees_option
+from .terminal.keyboard import ask
 from .terminal.streams import echo
 
 if TYPE_CHECKING:
@@ -108,9 +111,7 @@ def new_arm(
         raise Refusal(wrong)
     assert robot.tool
     if tool is None and sys.stdin.isatty():
-        links = click.Choice(robot.links)
-        link = click.prompt("Link of the tool", robot.tool.link, type=links, show_choices=False)
-        robot = replace(robot, tool=replace(robot.tool, link=link))
+        robot = replace(robot, tool=replace(robot.tool, link=_ask_link(robot, robot.tool.link)))
     taken = output.stem in shipped_robots()  # tasks and poses of this robot are for its joints
     robot = replace(robot, name=f"my_{output.stem}" if taken else output.stem)
     echo("Loading the shapes, and checking 10,000 configurations ...", err=True)
@@ -127,6 +128,13 @@ def new_arm(
         f"\nNext, type: {shlex.join(['armtree', *first_motion(robot), '--robot', str(output)])}",
         whole=True,
     )
+
+
+def _ask_link(robot: "Robot", guess: str) -> str:
+    """Ask for the link of the tool until there is such a link. No text means the guess."""
+    while (link := ask(f"Link of the tool [{guess}]:") or guess) not in robot.links:
+        echo(f"there is no link {link}; there are {choices(link, robot.links)}")
+    return link
 
 
 def _report(robot: "Robot", allowed: "AllowedPairs", saved: Path | None) -> list[str]:

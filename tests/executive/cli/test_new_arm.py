@@ -18,6 +18,7 @@ from skills.motion import Query
 from skills.motion.planner import Planner
 from tests.support.arms.real_arms import ROBOTS
 from tests.support.arms.urdfs import urdf
+from tests.support.command_line.pseudo_terminal import PseudoTerminal
 from tests.support.command_line.typed import typed as type_command
 
 ARM = ["base -> a: revolute shoulder", "a -> b: revolute elbow", "b -> c: prismatic gripper"]
@@ -148,6 +149,19 @@ def test_at_a_terminal_it_asks_for_the_tool(folder: Path, monkeypatch: pytest.Mo
     tool = load_robot(folder / "arm.toml").tool
     assert tool
     assert tool.link == "c"
+
+
+def test_the_question_for_the_tool_breaks_no_name_and_ends_its_line_at_ctrl_c(folder: Path) -> None:
+    links = [f"finger_{side}_{part}" for side in ("left", "right") for part in ("inner", "outer")]
+    joints = [f"c -> {link}: fixed {link}_weld" for link in links]
+    (folder / "arm.urdf").write_text(urdf([*ARM, *joints]))
+    with PseudoTerminal(folder, "new-arm", "arm.urdf") as terminal:
+        terminal.until("Link of the tool [")
+        terminal.type("hand\n")
+        terminal.until("there is no link hand; there are a, b", *links)
+        terminal.type("\x03")
+        status, printed = terminal.end()
+    assert (status, printed.endswith("^C\n")) == (130, True)
 
 
 @pytest.mark.parametrize("kind", ["revolute", "continuous"])
