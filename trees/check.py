@@ -49,11 +49,13 @@ class Findings:
             robot; keys that nothing reads; long times without a unit; tasks whose first motion
             starts in collision; tasks whose motions take longer than their timeout. The last two
             assume that the arm is in its start pose.
+        shipped: Number of the files that ship.
     """
 
     files: list[Path] = field(default_factory=list)
     mistakes: list[Mistake] = field(default_factory=list)
     notes: list[Mistake] = field(default_factory=list)
+    shipped: int = 0
 
 
 def check(robot: Robot, folder: Path | None, files: Sequence[Path] = ()) -> Findings:
@@ -81,6 +83,7 @@ def check(robot: Robot, folder: Path | None, files: Sequence[Path] = ()) -> Find
         findings.notes += [] if files else library.notes
     for path, library, name in jobs:
         findings.files.append(path)
+        findings.shipped += path.parent in library.shipped
         checker = _Checker(library, context, collisions)
         findings.mistakes += checker.check(path, name)
     findings.mistakes += collisions.mistakes()

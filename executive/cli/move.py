@@ -189,7 +189,8 @@ def _recorded(robot: Any, recordings: Any) -> "tuple[Where, str]":
 def _where_lines(found: "Where", source: str) -> Sequence[str]:
     from hardware.joints import rounded
 
-    lines = [f"{'arm':<12}{found.arm}, by {source}"]
+    column = max(12, *(len(name) + 1 for name in found.units))
+    lines = [f"{'arm':<{column}}{found.arm}, by {source}"]
     if not found.commanded:
         return [
             *lines,
@@ -197,16 +198,16 @@ def _where_lines(found: "Where", source: str) -> Sequence[str]:
         ]
     for name, q in found.commanded.items():
         unit = found.units[name]
-        line = f"{name:<12}{rounded(q, unit):>12} commanded"
+        line = f"{name:<{column}}{rounded(q, unit):>12} commanded"
         if found.measured:
             line += f"{rounded(found.measured[name], unit):>12} measured"
         for values, digits, sign in ((found.temperature, 0, "C"), (found.voltage, 1, "V")):
             line += f"  {values[name]:.{digits}f} {sign}" if values else ""
         lines.append(line)
     if found.tool:
-        lines.append(f"{'tool':<12}{found.tool_words}")
+        lines.append(f"{'tool':<{column}}{found.tool_words}")
     if found.width_words:
-        lines.append(f"{'width':<12}{found.width_words:>12}")
+        lines.append(f"{'width':<{column}}{found.width_words:>12}")
     return lines
 
 

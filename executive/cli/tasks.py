@@ -144,7 +144,9 @@ def check(
     for note in findings.notes:
         echo(f"note: {note}", err=True)
     mistakes, count = findings.mistakes, len(findings.mistakes)
-    checked = plural(len(findings.files), "file")
+    own = len(findings.files) - findings.shipped
+    checked = plural(own, "file") if own else plural(findings.shipped, "shipped file")
+    checked += f" and {findings.shipped} that ship" if own and findings.shipped else ""
     if as_json:
         row = {
             "files": [str(path) for path in findings.files],

@@ -235,6 +235,10 @@ class Jog:
             return self.said("")
         if key == "?":
             return self.said(_ABOUT)
+        if key.isdecimal():
+            joints = ", ".join(axis.name for axis in self.axes[: min(self._joints, 9)])
+            why = f"there is no joint {key}; 1 to {min(self._joints, 9)} choose {joints}"
+            return self.said(why, failed=True)
         return self.said(f"{key_name(key)} is not a key of jog; ? shows help", failed=True)
 
     def ended(self, message: str, failed: bool) -> tuple["Jog", Action | None]:

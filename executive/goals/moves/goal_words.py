@@ -89,7 +89,7 @@ def read_words(
             if word not in poses:
                 offers = [*([f"{WIDTH}=20mm"] if robot.gripper else []), "x y z of the tool", *also]
                 raise BadTarget(_no_pose(word, words, poses, offers, quoted))
-            _check_names(poses[word], units)
+            _check_names(poses[word], robot)
             joints |= poses[word]
             continue
         if joint == WIDTH and WIDTH not in units:
@@ -98,7 +98,7 @@ def read_words(
                 raise BadTarget(f"{why}; give the whole width, such as {WIDTH}=20mm")
             joints |= _at_width(robot, text)
             continue
-        _check_names((joint,), units)
+        _check_names((joint,), robot)
         if joint in once:
             raise BadTarget(f"{joint} is given twice; give it once, with the sum of its changes")
         once.add(joint)
@@ -281,7 +281,11 @@ def _no_pose(
     return f"{word!r} is not a pose; {there}{stop} Or give {instead}"
 
 
-def _check_names(names: Collection[str], actuated: Collection[str]) -> None:
+def _check_names(names: Collection[str], robot: Robot) -> None:
+    actuated = [joint.name for joint in robot.actuated]
+    leaders = {joint.name: joint.mimic.leader for joint in robot.joints if joint.mimic}
     for name in names:
+        if leader := leaders.get(name):
+            raise BadTarget(f"{name} follows {leader}; name {leader} instead")
         if name not in actuated:
             raise BadTarget(f"{name} is not an actuated joint; {there_are(name, actuated)}")

@@ -5,6 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from executive.api.events import Where
+from executive.cli.move import _where_lines
+from hardware import State
 from tests.support.command_line.typed import typed as type_command
 from tests.support.paths import DATA
 from tests.support.servers.serving import Serve, Served, Typed
@@ -85,6 +88,15 @@ def test_a_move_without_a_server_says_where_it_starts(folder: Path) -> None:
 
 
 @pytest.mark.slow
+def test_where_aligns_long_names() -> None:
+    positions = {"shoulder_pitch": 0.0, "elbow": 1.0}
+    units = dict.fromkeys(positions, "rad")
+    found = Where(State.ACTIVE, units, commanded=positions, measured=None, tool=(0.1, 0.0, 0.2))
+    arm, shoulder, elbow, tool = _where_lines(found, "a test")
+    assert arm.index("active") == tool.index(found.tool_words) == len("shoulder_pitch ")
+    assert shoulder.index("deg") == elbow.index("deg")
+
+
 def test_where_shows_the_width_that_a_move_takes(folder: Path) -> None:
     assert type_command(folder, "move", "width=20mm", "--port", "virtual")[0] == 0
     assert type_command(folder, "where")[1].splitlines()[-1] == "width            20.0 mm"

@@ -183,7 +183,7 @@ def test_another_tool_gets_elsewhere(tmp_path: Path) -> None:
         ),
         (("right", "--start", "joint_1=7"), r"--start: joint_1 = 401.07 deg is outside"),
         (("right", "--start", "joint_7=7"), "joint_7 is not an actuated joint"),
-        (("joint_5=0.1",), "joint_5 is not an actuated joint"),
+        (("joint_5=0.1",), "joint_5 follows joint_4; name joint_4 instead"),
         (("right", "--via", "1"), "has three, x y z, such as 0.1 0.1 8cm in quotes"),
     ],
 )

@@ -119,6 +119,8 @@ def test_new_writes_a_task_that_runs_on_any_arm(tmp_path: Path, name: str) -> No
     assert [line.split()[0] for line in listed.output.splitlines() if line[:4].strip()] == ["3"]
     checked = armtree("check", *robot)
     assert checked.exit_code == 0, checked.output
+    assert checked.output.startswith("1 file and ")
+    assert checked.output.endswith(" that ship are right\n")
     with SimulatedArm(trees=tmp_path, robot=DATA / f"{name}.toml") as arm:
         outcome = arm.run("wave")
     assert outcome.success, outcome.message

@@ -178,13 +178,18 @@ def test_a_move_that_fails_during_a_prompt_is_shown() -> None:
         (DELETE, "Backspace"),
         ("\t", "Tab"),
         ("v", "v"),
-        ("0", "0"),
     ],
 )
 def test_an_unknown_key_is_named(key: str, name: str) -> None:
     jog, action = begun().press(key)
     assert (action, jog.message) == (None, f"{name} is not a key of jog; ? shows help")
     assert jog.press("q") == (jog, Leave())
+
+
+def test_a_number_without_a_joint_names_those_that_have_one() -> None:
+    for number in ("0", "4"):
+        said = begun().press(number)[0].message
+        assert said == f"there is no joint {number}; 1 to 3 choose base, lift, finger"
 
 
 def test_a_question_takes_yes_no_or_a_stop() -> None:
