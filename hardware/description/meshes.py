@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from urllib.parse import unquote
 
-from .urdf import UrdfError
+from .urdf import Urdf, UrdfError
 
 MAX_MESH_BYTES = 2**26
 _PACKAGE = "package://"
@@ -76,6 +76,18 @@ def mesh_mistakes(urdf: Path, names: Iterable[str]) -> Iterator[UrdfError]:
                 files = ", ".join(name.removeprefix(f"{_PACKAGE}{package}/") for name in lost)
                 what = f"{len(lost)} meshes of {_PACKAGE}{package} are not found: {files}"
         yield MeshMissing(f"{what}; {_advice(urdf, *lost)}")
+
+
+def visual_mesh_warnings(path: Path, urdf: Urdf) -> Iterator[UrdfError]:
+    """Yield the mistakes of meshes that no collision shape uses.
+
+    Args:
+        path: The URDF file.
+        urdf: The URDF.
+    """
+    seen = [name for name, collides in urdf.meshes().items() if name and not collides]
+    for each in mesh_mistakes(path, seen):
+        yield UrdfError(f"{each}. Only viewers need visual meshes")
 
 
 def _is_stl(path: Path) -> bool:

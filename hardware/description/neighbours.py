@@ -4,7 +4,7 @@ import json
 from collections.abc import Collection
 from itertools import combinations
 
-from .meshes import mesh_mistakes
+from .meshes import visual_mesh_warnings
 from .robot import Robot
 from .urdf import Urdf
 
@@ -65,6 +65,4 @@ def shape_warnings(robot: Robot) -> list[str]:
     elif bare:
         why = "in the URDF, so these are not checked; add one to each"
         found = [f"no <collision> for {bare} {why}"]
-    seen = [name for name, collides in urdf.meshes().items() if name and not collides]
-    wrong = mesh_mistakes(robot.urdf, seen)
-    return [*found, *(f"{each}. Only viewers need visual meshes" for each in wrong)]
+    return [*found, *map(str, visual_mesh_warnings(robot.urdf, urdf))]

@@ -15,7 +15,7 @@ from hardware.link.link import VIRTUAL
 
 from .gripper import closing
 from .groups import Tree, guess_gripper, guess_tool
-from .meshes import mesh_mistakes
+from .meshes import mesh_mistakes, visual_mesh_warnings
 from .robot import CollisionRules, Robot, Serial, Tool
 from .urdf import MAX_BYTES, Urdf, UrdfError, UrdfJoint
 
@@ -128,7 +128,7 @@ def draft_robot(
         except UrdfError as error:
             mistakes.append(error)
     if mistakes:
-        raise UrdfUnusable(path, mistakes)
+        raise UrdfUnusable(path, [*mistakes, *visual_mesh_warnings(path, urdf)])
     return _robot(path, urdf, names, tool or guess_tool(urdf, names))
 
 

@@ -40,9 +40,6 @@ def ask(question: str) -> str:
     before = signal.set_wakeup_fd(writer)
     try:
         select.select([sys.stdin, reader], [], [])
-    except KeyboardInterrupt:
-        echo("")  # the prompt of the shell begins on a new line
-        raise
     finally:
         signal.set_wakeup_fd(before)
         os.close(reader)

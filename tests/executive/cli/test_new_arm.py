@@ -158,7 +158,7 @@ def test_the_question_for_the_tool_breaks_no_name_and_ends_its_line_at_ctrl_c(fo
     with PseudoTerminal(folder, "new-arm", "arm.urdf") as terminal:
         terminal.until("Link of the tool [")
         terminal.type("hand\n")
-        terminal.until("there is no link hand; there are a, b", *links)
+        terminal.until("there is no link hand; there are a, b", *links, "outer\nLink of the tool")
         terminal.type("\x03")
         status, printed = terminal.end()
     assert (status, printed.endswith("^C\n")) == (130, True)

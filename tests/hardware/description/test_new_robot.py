@@ -138,6 +138,15 @@ def test_everything_that_is_wrong_is_reported_at_once(tmp_path: Path) -> None:
     ]
 
 
+def test_meshes_for_viewers_are_named_beside_a_mistake(tmp_path: Path) -> None:
+    shapes = '<visual><geometry><mesh filename="package://nobot/m.stl"/></geometry></visual>'
+    path = written(tmp_path, urdf(ARM, shapes))
+    assert draft_robot(path, LARGEST)
+    path.write_text(path.read_text().replace('<child link="a"/>', '<child link="x"/>'))
+    with pytest.raises(UrdfUnusable, match=r"child x is no link[\s\S]*nobot/m\.stl is not found; "):
+        draft_robot(path, LARGEST)
+
+
 WRONG = {
     "no XML": ("<robot", ":1: is not XML"),
     "other XML": ("<sdf/>", "is not a URDF: its root element is <sdf>"),
