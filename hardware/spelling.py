@@ -39,7 +39,9 @@ def _by_similarity(word: str, known: Iterable[str]) -> list[tuple[float, str]]:
         other = _folded(name)
         matcher.set_seq1(other)
         similarity = matcher.ratio()
-        if not word.isalnum() and sorted(other) == sorted(folded):  # for example, `=>` for `>=`
+        turned = not word.isalnum() and sorted(other) == sorted(folded)  # such as `=>` for `>=`
+        numbered = word.isdecimal() and other.removesuffix(word).isalpha()  # `1` for `joint_1`
+        if turned or numbered:
             similarity = 0.9
         elif other[:1] != folded[:1] and other not in folded and folded not in other:
             similarity *= _OTHER_START

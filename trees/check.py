@@ -13,6 +13,7 @@ from skills import (
     BadTarget,
     Context,
     Positions,
+    Skill,
     SkillError,
     WorldChange,
     joint_errors,
@@ -31,6 +32,7 @@ from .errors import FileError, Mistake, Place, TreeError
 from .reading.document import Located, StandIn, nested
 from .reading.grammar import PosesFile
 from .reading.library import Library
+from .reading.lines import added_above
 from .reading.literals import in_other_unit, in_smaller_units
 
 # Role of a file in its library: the number of a task, the name of a subtree, None for poses, or an
@@ -92,9 +94,9 @@ def check(robot: Robot, folder: Path | None, files: Sequence[Path] = ()) -> Find
         Mistake(
             place,
             f"no node before this adds a body {name}{did_you_mean(near) or _how_to_add(name)}",
-            place.replaced(name, near),
+            place.replaced(name, near) or added_above(node, _adding(name)),
         )
-        for place, (name, near) in collisions.absent.items()
+        for place, (name, near, node) in collisions.absent.items()
         if not any(_names_body(library, name, place.path) for library in libraries)
     ]
     findings.notes += collisions.notes
@@ -130,13 +132,22 @@ def _for_other_robots(
 
 def _how_to_add(name: str) -> str:
     """Return the skills that add a body, and the text of the first one."""
-    kinds = {n: kind for n, kind in known_skills().items() if kind.world_change is WorldChange.ADDS}
-    first, *others = kinds
-    declared = declarations(kinds[first]).items()
-    ports = {port: _example(each) for port, each in declared if each.needed}
-    written = ", ".join(f"{port}: {value}" for port, value in (ports | {"body": name}).items())
+    _, *others = _adding_skills()
     more = f"; or with {', '.join(others)}" if others else ""
-    return f": add it above, such as with {first}: {{{written}}}, with its own numbers{more}"
+    return f": add it above, such as with {_adding(name)}, with its own numbers{more}"
+
+
+def _adding(name: str) -> str:
+    """Return a node that adds a body, with example numbers."""
+    first, kind = next(iter(_adding_skills().items()))
+    ports = {port: _example(each) for port, each in declarations(kind).items() if each.needed}
+    written = ", ".join(f"{port}: {value}" for port, value in (ports | {"body": name}).items())
+    return f"{first}: {{{written}}}"
+
+
+def _adding_skills() -> dict[str, type[Skill]]:
+    """Return the skills that add a body, by name."""
+    return {n: kind for n, kind in known_skills().items() if kind.world_change is WorldChange.ADDS}
 
 
 def _example(declared: Declaration) -> str:

@@ -1,6 +1,7 @@
 """Errors of task files. The root is TreeError."""
 
-from collections.abc import Collection, Iterable, Sequence
+import re
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Self
@@ -226,8 +227,8 @@ def _combined(mistakes: Collection[Mistake]) -> list[Mistake]:
     for (_, line, before), found in rows.items():
         text = _with_all(before, [m.instead.text for m in found if m.instead])
         rights |= {m: Correction(text, line) for m in found if text}
-    for old in sorted(mistakes, key=lambda each: (each.place.location != "", *_order(each))):
-        mistake = replace(old, instead=rights.get(old, old.instead))
+    corrected = _folded(replace(each, instead=rights.get(each, each.instead)) for each in mistakes)
+    for mistake in sorted(corrected, key=lambda each: (each.place.location != "", *_order(each))):
         first = next((other for other in combined if _comes_first(other, mistake)), None)
         if first:
             words = f"{first.message}; {mistake.message}"
@@ -235,6 +236,32 @@ def _combined(mistakes: Collection[Mistake]) -> list[Mistake]:
         else:
             combined.append(mistake)
     return combined
+
+
+_VALUES = re.compile(r"; did you mean .*|'[^']*'|(?<![\w.])-?[\d.]+(?![\w.])")
+
+
+def _folded(mistakes: Iterable[Mistake]) -> Iterator[Mistake]:
+    """Merge mistakes of one list or mapping whose messages differ only in a value.
+
+    They must be in one line, or have corrections of adjacent lines.
+    """
+    alike = dict[tuple[Path, str, str, int], list[Mistake]]()
+    for each in sorted(mistakes, key=_order):
+        place, line = each.place, 0 if each.instead else each.place.line
+        parent = re.sub(r"(\.[^.\[]*|\[\d+\])$", "", place.location) or str(place)
+        key = (place.path, parent, _VALUES.sub("", each.message), line)
+        alike.setdefault(key, []).append(each)
+    for first, *more in alike.values():
+        rights = [each.instead for each in (first, *more) if each.instead]
+        texts = {right.line: right.text for right in rights}
+        adjacent = [*texts] == [*range(min(texts, default=0), max(texts, default=-1) + 1)]
+        if more and adjacent and all(right.count == 1 for right in rights):
+            text = "\n".join(texts.values())
+            right = Correction(text, min(texts), len(texts)) if texts else None
+            yield replace(first, instead=right)
+        else:
+            yield from (first, *more)
 
 
 def _comes_first(first: Mistake, then: Mistake) -> bool:
@@ -245,10 +272,11 @@ def _comes_first(first: Mistake, then: Mistake) -> bool:
     if not new.line <= old.line <= old.line + old.count <= new.line + new.count:
         return False
     place = first.place
-    inside = then.place.location.removeprefix(f"{place.location}.")
-    own = inside and place.lines[place.line - 1][place.column - 1 :].startswith(f"{inside}:")
-    layout = not place.location and place.lines != then.place.lines
-    return layout or bool(own and place.lines == then.place.lines and new.count == 1)
+    if place.lines != then.place.lines:
+        return not place.location  # the layout
+    inside = re.sub(r"^(\[\d+\])?\.", "", then.place.location.removeprefix(place.location))
+    first_key = place.lines[place.line - 1][place.column - 1 :].lstrip("[{- ")
+    return bool(inside and first_key.startswith(f"{inside}:") and new.count == 1)
 
 
 def _with_all(before: str, after: Sequence[str]) -> str:

@@ -208,8 +208,8 @@ def test_wrong(robot: Robot, tmp_path: Path, text: str, words: str) -> None:
 def test_a_wrong_first_key_of_a_node_hides_nothing_of_the_node(
     robot: Robot, tmp_path: Path
 ) -> None:
-    mistakes = found(robot, tmp_path, f"{HEAD}tree:\n  1: 7\n  Wait: {{}}\n")
-    assert mistakes == ["5:3 Wait needs duration: duration [s]", "5:3 the key 1 is not a text"]
+    mistakes = found(robot, tmp_path, f"{HEAD}tree:\n  ~: 7\n  Wait: {{}}\n")
+    assert mistakes == ["5:3 Wait needs duration: duration [s]", "5:3 the key null is not a text"]
 
 
 PARAMETERS = [
@@ -221,7 +221,7 @@ PARAMETERS = [
     ("{a: {default: 1}}", "a needs a type"),
     ("{a: {type: number, defalt: 1}}", "did you mean default?"),
     ("{b: number}", "nothing in the tree uses $b"),
-    ("[a]", "['a'] is not a mapping of names to types"),
+    ("[a]", "[a] is not a mapping of names to types"),
     ("{a: {type: text, choices: [x, x]}}", "choices: 'x' is given twice"),
 ]
 

@@ -51,7 +51,7 @@ OWN_FILES = [
         "poses: {lying: {joint_1: 0, joint_2: -1.5, joint_3: -0.5}}\n",
         "1:9 this pose collides",
     ),
-    ("poses.yaml", "poses: [a]\n", "1:8 poses: ['a'] is not a mapping of names"),
+    ("poses.yaml", "poses: [a]\n", "1:8 poses: [a] is not a mapping of names"),
     ("poses.yaml", "poses:\n", "1:1 poses: null is not a mapping of names"),
     ("poses.yaml", "poses: {x: {}}\n", "1:12 {} names no joint"),
     (
@@ -141,7 +141,7 @@ ONCE = [
         " {Set: {key: $a, value: x}}]}, {Compare: {left: $a, is: '<', right: 2}}]}",
         "4:135 Compare.left: $a is a number or a text, depending on the path taken before",
     ),
-    ("parameters: [a]\n", "Succeed", "4:13 parameters: ['a'] is not a mapping of names"),
+    ("parameters: [a]\n", "Succeed", "4:13 parameters: [a] is not a mapping of names"),
     (
         "parameters: {a: {type: length, default: 0.005}}\n",
         "{subtree: move_joints, with: {joints: {joint_1: $a}}}",

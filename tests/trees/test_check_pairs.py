@@ -102,7 +102,7 @@ def test_pairs(robot: Robot, tmp_path: Path, alone: dict[str, set[str]], where: 
             wanted[sub] = {in_subtree(message) for message in alone[second]}
             files[sub] = SUB.format(f"s{number}", "{}", f"{{force_success: {second}}}")
         if "wrongly" in where:
-            wanted[task].add("port: 5 is not a text")
+            wanted[task].add('port: 5 is not a text; did you mean "5"?')
             tree = f"{{sequence: [{{Say: {{text: $port}}}}, {{force_success: {second}}}]}}"
             files[sub] = SUB.format(f"s{number}", "{port: text}", tree)
         files[task] = HEAD.format(number) + BESIDE[where].format(first, inner)
@@ -256,7 +256,7 @@ TOGETHER = [
     ),
     (
         "{AddMesh: {body: 5, file: no.stl, position: [0, x, 1 s], rotation: [1, 2], touch: [a]}}",
-        ["4:24 AddMesh.body: 5 is not a text",
+        ['4:24 AddMesh.body: 5 is not a text; did you mean "5"?',
          "4:33 AddMesh: there is no file no.stl",
          "4:55 AddMesh.position: 'x' is not a length",
          "4:58 AddMesh.position: '1 s': no unit s",
@@ -295,7 +295,7 @@ TOGETHER = [
         "{sequence: {Wait: {duration: -1}, Say: {text: 5}}}",
         ["4:18 sequence needs a list of nodes",
          "4:36 Wait.duration: -1 s is less than",
-         "4:53 Say.text: 5 is not a text"],
+         '4:53 Say.text: 5 is not a text; did you mean "5"?'],
     ),
     (
         "{sequence: [{Fail: {reason: a}}, {Fail: {reason: b}}, {Say: {text: c}}]}",
@@ -389,7 +389,7 @@ def test_the_files_that_a_task_needs(robot: Robot, tmp_path: Path) -> None:
             "the file is named look.yaml but says subtree lok; rename the file, or change the line",
             "ports: a: no type angel; ; did you mean angle?",
             "'yes' is not true or false",
-            "Say.text: 5 is not a text",
+            'Say.text: 5 is not a text; did you mean "5"?',
         },
         "3_y.yaml": {
             "the file is named for task 3 but says task 4; rename the file, or change the line",

@@ -13,6 +13,7 @@ from trees.check import check
 from trees.compile import port_types
 from trees.errors import Mistake
 
+DICE = "AddBox: {body: dice, size: [1 cm, 1 cm, 1 cm], position: [20 cm, 0, 20 cm]}"
 REACH, MOVE = "with: {arm: upright, gripper: open}", "with: {joints: {joint_1: 20 deg}}"
 
 # What is written instead of which part of a right file; the message; the line as it should be.
@@ -20,10 +21,12 @@ WRONG = [
     ("20 deg", "70", "9:23 joint_1 = 4010.7 deg is outside its limits, -90 deg to 90 deg; "
      "70 without a unit is 70 rad; did you mean 70 deg?", f"      {MOVE.replace('20', '70')}"),
     ("20 deg", "120 deg", "9:23 joint_1 = 120 deg is outside its limits, -90 deg to 90 deg",
-     ""),
+     f"      {MOVE.replace('20', '90')}"),
     ("joint_1: 20", "joint_7: 20", "9:23 joint_7 is not a joint of the robot; it has "
      "joint_1, "
-     "joint_2, joint_3 (arm) and joint_4 (gripper)", ""),
+     "joint_2, joint_3 (arm) and joint_4 (gripper)", f"      {MOVE}"),
+    ("joint_1: 20", "1: 20", "9:23 1 is not a joint of the robot; it has joint_1, joint_2, "
+     "joint_3 (arm) and joint_4 (gripper); did you mean joint_1?", f"      {MOVE}"),
     ("20 deg", "$swing", "9:32 there is no parameter for $swing; declare it above the tree, with "
      "parameters:, or write a value here", "parameters:\n  swing: {type: angle, default: 0}"),
     ("20 deg", "20 degrees", "9:32 joints: '20 degrees': no unit degrees; there are deg, rad; did "
@@ -36,8 +39,12 @@ WRONG = [
      "alone", "      with: {joints: upright}"),
     ("{joint_1: 20 deg}", "5", "9:22 joints: 5 is not a mapping from joint names to angles, or a "
      "pose; write {joint_1: 20 deg}", ""),
-    ("{joint_1: 20 deg}", "[20 deg, 0]", "9:22 joints: ['20 deg', 0] is not a mapping from joint "
-     "names to angles, or a pose; write {joint_1: 20 deg}", ""),
+    ("{joint_1: 20 deg}", "[20 deg, 0]", "9:22 joints: [20 deg, 0] is not a mapping from joint "
+     "names to angles, or a pose; write {joint_1: 20 deg, joint_2: 0}",
+     "      with: {joints: {joint_1: 20 deg, joint_2: 0}}"),
+    (MOVE, "with: [joint_1: 20 deg]", "9:13 the ports of a node are a mapping, not a list: write "
+     "braces; subtree move_joints needs the name of its port: write with: {joints: {joint_1: 20 "
+     "deg}}", f"      {MOVE}"),
     (MOVE, "with: {joint_1: 20 deg}", "9:14 subtree move_joints needs the name of its port: write "
      "with: {joints: {joint_1: 20 deg}}", f"      {MOVE}"),
     ("gripper: open", "gripper: {joint_4: -0.3, joint_5: -0.3}", "7:53 joint_5 = "
@@ -45,6 +52,25 @@ WRONG = [
      "joint_5 out", "      with: {arm: upright, gripper: {joint_4: -0.3}}"),
     ("arm: upright", "arm: open", "7:19 the arm has joint_1, joint_2, joint_3, not "
      "joint_4", ""),
+    (REACH, "with: {arm: open, gripper: upright}", "7:19 arm and gripper have each other's value: "
+     "exchange the two", f"      {REACH}"),
+    (REACH, "with:\n        arm: open\n        gripper: upright", "8:14 arm and gripper have each "
+     "other's value: exchange the two", "        arm: upright\n        gripper: open"),
+    ("subtree: reach", "subtree: trees/reach.yaml", "6:16 subtree: 'trees/reach.yaml' is not a "
+     "name (a letter, then letters, digits, _ or -); did you mean reach?", "    - subtree: reach"),
+    ("subtree: reach", "subtree: [reach]", "6:16 subtree: write the name without brackets",
+     "    - subtree: reach"),
+    (f"sequence:\n    - subtree: reach\n      {REACH}\n    - subtree: move_joints\n      {MOVE}",
+     f"sequence: {{subtree: reach, {REACH}}}", "5:13 sequence needs a list of nodes, not {subtree: "
+     "reach, with: {arm: upright, gripper: open}}: begin each with a `-`, below sequence:",
+     f"  sequence: [{{subtree: reach, {REACH}}}]"),
+    (f"    - subtree: reach\n      {REACH}\n    - subtree: move_joints\n      {MOVE}",
+     f"    first: {{subtree: move_joints, {MOVE}}}", "6:5 sequence needs a list of nodes, not "
+     "{first: {subtree: move_joints, with: {joints: {joint_1: 2...: begin each with a `-`, below "
+     "sequence:", f"    - {{subtree: move_joints, {MOVE}}}"),
+    (f"  sequence:\n    - subtree: reach\n      {REACH}\n    - subtree: move_joints\n      {MOVE}",
+     f"  [{{subtree: reach, {REACH}}}]", "5:3 a list of nodes needs a node above it, such as "
+     "sequence:", f"  sequence: [{{subtree: reach, {REACH}}}]"),
     (REACH, "with: upright", "7:13 subtree reach needs the names of its ports: write with: {arm: "
      "upright, gripper: …}", ""),
     (f"- subtree: move_joints\n      {MOVE}", "- MoveJoints: {joints: {joint_1: 20 deg}}",
@@ -62,7 +88,24 @@ WRONG = [
 NODES = [
     ("Wait: 2 s", "10:13 Wait needs the name of its port: write Wait: {duration: 2 s}",
      "    - Wait: {duration: 2 s}"),
-    ("CheckHardware:", "10:7 CheckHardware has no value: leave out the colon", ""),
+    ("Say: 5", "10:12 Say needs the name of its port: write Say: {text: \"5\"}",
+     '    - Say: {text: "5"}'),
+    ("Say: {text: true}", '10:19 Say.text: true is not a text; did you mean "true"?',
+     '    - Say: {text: "true"}'),
+    ("subtree: [open_gripper, close_gripper]", "10:16 a node runs one subtree; write one for each, "
+     "below sequence:",
+     "    - sequence:\n        - {subtree: open_gripper}\n        - {subtree: close_gripper}"),
+    ("subtree: open_gripper\n      guard: true", "11:7 guard has its node below it, not beside, "
+     "and needs while: the condition",
+     "    - guard:\n        subtree: open_gripper\n      while: CheckHardware"),
+    ("guard: {subtree: open_gripper}\n      while: true", "11:14 guard needs while: the condition, "
+     "not true", "      while: CheckHardware"),
+    ("guard: true\n      while: CheckHardware", "10:14 a node is a skill, a subtree, or a control "
+     "node such as sequence, not true", "    - guard: Succeed"),
+    ("reach", "10:7 no skill reach, but a subtree reach: write subtree: reach, with: {arm: …, "
+     "gripper: …}", ""),
+    ("CheckHardware:", "10:7 CheckHardware has no value: leave out the colon",
+     "    - CheckHardware"),
     ("Compare: 2", "10:16 Compare needs the names of its ports: write Compare: {left: 2, is: …, "
      "right: …}", ""),
     ("Compare: {left: 1, is: =, right: 2}", "10:30 Compare.is: '=' is not one of !=, <, <=, ==, >, "
@@ -86,7 +129,11 @@ NODES = [
     ("Attach: {body: cube, link: claw_support}", "10:22 no node before this adds a body cube: "
      "add it above, such as with AddBox: {body: cube, "
      "position: [12 cm, 10 cm, 2 cm], size: [4 cm, 4 cm, 4 cm]}, with its own numbers; "
-     "or with AddSphere, AddCylinder", ""),
+     "or with AddSphere, AddCylinder",
+     "    - AddBox: {body: cube, position: [12 cm, 10 cm, 2 cm], size: [4 cm, 4 cm, 4 cm]}"),
+    (f"{DICE}\n    - Detach: {{body: dice}}", "11:7 dice is attached to no link; attach it "
+     "before this, such as with Attach: {body: dice, link: claw_support}, or leave this node out",
+     "    - Attach: {body: dice, link: claw_support}"),
     ("AddBox: {body: b, size: [10, 10, 10], position: [20 cm, 0, 0]}", "10:31 AddBox: size 10 m "
      "is far beyond the reach of this arm, 0.26 m; did you mean [10 mm, 10 mm, 10 mm]?",
      "    - AddBox: {body: b, size: [10 mm, 10 mm, 10 mm], position: [20 cm, 0, 0]}"),
@@ -95,6 +142,14 @@ NODES = [
     ("subtree: move_tool\n      with: {point: [50 cm, 0, 0]}", "11:21 The tool cannot reach "
      "(500.0, 0.0, 0.0) mm. The nearest point is (221.1, 15.0, 43.7) mm, ",
      "      with: {point: [22.02 cm, 1.51 cm, 4.39 cm]}"),
+    ("subtree: move_tool\n      with: {point: [4 in, 4 in, 3 in]}", "11:22 point: '4 in': no unit "
+     "in; there are cm, m, mm; did you mean 101.6 mm?",
+     "      with: {point: [101.6 mm, 101.6 mm, 76.2 mm]}"),
+    ("subtree: move_tool\n      with: {point: [10 cm, 10 cm]}", "11:21 point: [10 cm, 10 cm] has 2 "
+     "items, not 3 (x, y, z); did you mean [10 cm, 10 cm, 0]?",
+     "      with: {point: [10 cm, 10 cm, 0]}"),
+    ("repeat: {subtree: open_gripper}\n      times: twice", "11:14 repeat: times: 'twice' is not a "
+     "whole number; did you mean 2?", "      times: 2"),
     ("subtree: move_relative\n      with: {by: {joint_1: 20}}",
      "11:19 joint_1 by 1145.9 deg is more than its range, 180 deg; 20 without a "
      "unit is 20 rad; did you mean 20 deg?",
@@ -384,8 +439,10 @@ def test_what_is_to_be_written_instead_removes_the_mistake(
 
 
 def _words(mistake: Mistake) -> tuple[str, str]:
-    """Return the message of a mistake, with names of files instead of paths."""
-    return mistake.place.path.name, re.sub(r"\S+/", "", mistake.message)
+    """Return the message of a mistake, without folders and the numbers of further lines."""
+    return mistake.place.path.name, re.sub(
+        r"\S+/|; the same in .*|, first in .*", "", mistake.message
+    )
 
 
 def test_subtrees_that_use_each_other_are_reported_once(robot: Robot, tmp_path: Path) -> None:
@@ -404,8 +461,8 @@ FINE = [
     "timeout: {subtree: move_joints, with: {joints: {joint_1: 40 deg}}}\n      after: 2 s",
     "selector: [{subtree: move_joints, with: {joints: {joint_1: 40 deg}}}, {timeout: {subtree: "
     "move_joints, with: {joints: {joint_1: 40 deg}}}, after: 0.1 s}]",
-    "AddBox: {body: cube, size: [1 cm, 1 cm, 1 cm], position: [20 cm, 0, 20 cm]}\n"
-    "    - Attach: {body: cube, link: claw_support}",
+    f"{DICE}\n    - Attach: {{body: dice, link: claw_support}}",
+    f"{DICE}\n    - Attach: {{body: dice, link: claw_support}}\n    - Detach: {{body: dice}}",
     "AddBox: {body: table, size: [2, 2, 10 mm], position: [0, 0, -20 cm]}",
     "Attach: {body: left_by_another_task, link: claw_support}",
 ]

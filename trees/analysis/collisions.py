@@ -44,8 +44,8 @@ class CollisionChecks:
         tasks: The tasks among them.
         notes: Notes about tasks whose first motion starts in collision, and about timeouts that are
             too short for their motions. Both assume that the arm is in its start pose.
-        absent: Places of bodies that a task uses but does not add, with the name of the body and a
-            similar name.
+        absent: Places of bodies that a task uses but does not add, with the name of the body, a
+            similar name, and the place of the node.
     """
 
     robot: Robot
@@ -54,7 +54,7 @@ class CollisionChecks:
     trees: list[CompiledTree] = field(default_factory=list)
     tasks: list[CompiledTree] = field(default_factory=list)
     notes: list[Mistake] = field(default_factory=list)
-    absent: dict[Place, tuple[str, str]] = field(default_factory=dict)
+    absent: dict[Place, tuple[str, str, Place]] = field(default_factory=dict)
     _found: list[Mistake] = field(default_factory=list)
 
     def mistakes(self) -> Iterator[Mistake]:

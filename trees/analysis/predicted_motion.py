@@ -23,9 +23,11 @@ from skills.motion import (
 )
 from trees.compile.compiler import CompiledTree
 from trees.compile.leaf import Leaf
+from trees.compile.port_types import known_skills
 from trees.compile.skill_hooks import Pose, SkillHooks
 from trees.errors import Mistake, Place
 from trees.nodes.kind import Flow
+from trees.reading.lines import added_above
 from trees.reading.literals import in_unit_of
 
 _INSIDE = 1e-3  # distance of a suggested point from the end of the reach [m]
@@ -99,15 +101,15 @@ class PredictedMotions:
     Attributes:
         motions: Motions with a known target, in order.
         unknown: Further nodes that move the arm, and the reason that their target is unknown.
-        absent: Places of used bodies that are certainly missing, with the name of the body and a
-            similar present name, or "".
+        absent: Places of used bodies that are certainly missing, with the name of the body, a
+            similar present name or "", and the place of the node.
         mistakes: Points that the tool cannot reach, and detached bodies that no link carries.
         times: Lower bound of the time that a node needs to move the arm [s], by node.
     """
 
     motions: list[Motion] = field(default_factory=list)
     unknown: dict[Behaviour, str] = field(default_factory=dict)
-    absent: dict[Place, tuple[str, str]] = field(default_factory=dict)
+    absent: dict[Place, tuple[str, str, Place]] = field(default_factory=dict)
     mistakes: list[Mistake] = field(default_factory=list)
     times: dict[Behaviour, float] = field(default_factory=dict)
 
@@ -328,15 +330,14 @@ class _Walk:
         name = known["body"]
         there = {*now.unsure, *(body.name for body in now.world.bodies)}
         uses = change is not WorldChange.ADDS and skill not in self._hooks.doubtful
+        place = leaf.written["body"].place if "body" in leaf.written else leaf.place
         if uses and not {name, _UNNAMED} & there:
             near = closest(name, there - {_UNNAMED})
-            self.found.absent[leaf.written.get("body", leaf).place] = (name, near)
+            self.found.absent[place] = (name, near, leaf.place)
+        loose = any(body.name == name and not body.link for body in now.world.bodies)
         detaches = change is WorldChange.ATTACHES and "link" not in skill.input_ports()
-        if uses and detaches and any(b.name == name and not b.link for b in now.world.bodies):
-            link = self._robot.tool.link if self._robot.tool else "…"
-            why = f"{name} is attached to no link; attach it before this, such as with Attach: "
-            why += f"{{body: {name}, link: {link}}}, or leave this node out"
-            self.found.mistakes.append(Mistake(leaf.place, why))
+        if uses and detaches and loose:
+            self.found.mistakes.append(self._loose(leaf, name))
         if change is WorldChange.REMOVES:
             return now.without((name,))
         if skill in self._hooks.doubtful:
@@ -344,6 +345,19 @@ class _Walk:
         adds = change is WorldChange.ADDS
         body = self._hooks.body(leaf) if adds else self._carried(skill, known, now)
         return now.with_body(body) if body else now.unsure_of((name,))
+
+    def _loose(self, leaf: Leaf, name: str) -> Mistake:
+        """Return the mistake of a body that is detached although no link carries it."""
+        attaching = next(
+            skill
+            for skill, kind in known_skills().items()
+            if kind.world_change is WorldChange.ATTACHES and "link" in kind.input_ports()
+        )
+        tool = self._robot.tool
+        node = f"{attaching}: {{body: {name}, link: {tool.link if tool else '…'}}}"
+        why = f"{name} is attached to no link; attach it before this, such as with {node}"
+        right = added_above(leaf.place, node) if tool else None
+        return Mistake(leaf.place, f"{why}, or leave this node out", right)
 
     def _carried(self, skill: Skill, known: Mapping[str, Any], now: _State) -> Body | None:
         """Return a body fixed to its new link; None if its link or pose is unknown."""

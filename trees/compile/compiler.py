@@ -418,7 +418,14 @@ class TreeCompiler:
         why = f"no skill {spec.skill}, but a subtree {name}: write subtree: {name}"
         if ports and ports.keys() != spec.ports.keys():
             why += f", with: {as_mapping(ports).as_yaml()}"
-        self._wrong(spec.place, why, as_subtree(spec.place, spec.skill, name, ports))
+        right = as_subtree(spec.place, spec.skill, name, ports)
+        declared = source.parameters.items() if source else ()
+        needed = [port for port, each in declared if each.needed and not each.output]
+        if not ports and needed:
+            why += f", with: {{{', '.join(f'{port}: …' for port in needed)}}}"
+            ports = {port: Located(spec.place, REFUSED, spec.place) for port in needed}
+            right = None
+        self._wrong(spec.place, why, right)
         return SubtreeNode(spec.place, name, ports, shown)
 
     def _assume_used(self, values: Iterable[Value], scope: Scope) -> None:

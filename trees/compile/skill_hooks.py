@@ -14,12 +14,21 @@ from py_trees.behaviours import Dummy
 
 from hardware import Robot
 from hardware.spelling import did_you_mean, suggested
-from skills import BadTarget, Context, Skill, SkillBroken, SkillError, known_errors
+from skills import (
+    BadTarget,
+    Context,
+    OutOfBounds,
+    Positions,
+    Skill,
+    SkillBroken,
+    SkillError,
+    known_errors,
+)
 from skills.motion import Body, MotionError, ToolQuery, shown
 from trees.errors import Correction, Mistake, Place
 from trees.reading.document import Located
 from trees.reading.lines import left_out
-from trees.reading.literals import in_other_unit, in_smaller_units
+from trees.reading.literals import in_other_unit, in_smaller_units, near_limit
 
 from .leaf import Leaf
 from .port_types import declaration
@@ -108,8 +117,16 @@ class SkillHooks:
         kind = type(leaf.skill)
         inputs = {**leaf.known, **leaf.partial} if kind.validates_partial else leaf.known
         _, faults = _result(kind, "validate", lambda: kind.validate(robot, inputs), _ANY)
+        exchanged = _exchanged(leaf, robot, inputs, faults)
         for fault in faults:
             (place, value), instead = _refused(leaf, fault), None
+            if value and exchanged and isinstance(fault, SkillError):
+                one, other = sorted(exchanged)
+                fault.args = (f"{one} and {other} have each other's value: exchange the two",)
+                old = value.place.brackets or str(value.value)
+                instead = value.place.replaced(old, exchanged[str(fault.location[0])].as_yaml())
+            elif value and isinstance(fault, OutOfBounds | BadTarget):
+                instead = _nearest(leaf, robot, inputs, fault)
             if value and (name := suggested(str(fault))):
                 step = fault.location[-1] if isinstance(fault, SkillError) else ""
                 there = place.replaced(str(step), name)
@@ -252,6 +269,52 @@ def _refused(leaf: Leaf, error: Fault) -> tuple[Place, Located | None]:
     return place, value
 
 
+def _exchanged(
+    leaf: Leaf, robot: Robot, inputs: Mapping[str, Any], faults: Sequence[Fault]
+) -> Mapping[str, Located]:
+    """Return the right values of two ports that have each other's value; empty for other faults."""
+    located = [fault for fault in faults if isinstance(fault, SkillError) and fault.location]
+    ports = [str(fault.location[0]) for fault in located]
+    if len(ports) != len(faults) or len({*ports}) != 2 or not {*ports} <= leaf.written.keys():
+        return {}
+    one, other = dict.fromkeys(ports)
+    if _accepts(leaf, robot, {**inputs, one: inputs[other], other: inputs[one]}, ()):
+        return {one: leaf.written[other], other: leaf.written[one]}
+    return {}
+
+
+def _nearest(
+    leaf: Leaf, robot: Robot, inputs: Mapping[str, Any], fault: OutOfBounds | BadTarget
+) -> Correction | None:
+    """Return the line with the nearest position within the limits, or with a known joint."""
+    port, joint = (*map(str, fault.location), "", "")[:2]
+    (place, value), given = _refused(leaf, fault), inputs.get(port)
+    if value is None or not isinstance(given, Positions) or joint not in given:
+        return None
+    if joint not in {each.name for each in robot.joints}:
+        for each in robot.actuated:
+            pairs = ((each.name if name == joint else name, q) for name, q in given.items())
+            now, at = {**inputs, port: Positions(pairs)}, (port, each.name)
+            if each.name not in given and _accepts(leaf, robot, now, at):
+                return place.replaced(joint, each.name)
+    elif isinstance(fault, OutOfBounds) and fault.limit is not None:
+        for text, position in near_limit(value, fault.limit):
+            now = {**inputs, port: Positions({**given, joint: position})}
+            if _accepts(leaf, robot, now, fault.location):
+                return value.place.replaced(str(value.value), text)
+    return None
+
+
+def _accepts(
+    leaf: Leaf, robot: Robot, inputs: Mapping[str, Any], location: tuple[str | int, ...]
+) -> bool:
+    """Return True if a skill accepts its inputs, at a location; () for all of them."""
+    kind, within = type(leaf.skill), len(location)
+    _, faults = _result(kind, "validate", partial(kind.validate, robot, inputs), _ANY)
+    broken = any(isinstance(fault, SkillBroken) for fault in faults)
+    return not broken and all(getattr(f, "location", ())[:within] != location for f in faults)
+
+
 def _in_smaller_unit(
     leaf: Leaf, robot: Robot, inputs: Mapping[str, Any], error: Fault
 ) -> tuple[str, str] | None:
@@ -264,11 +327,7 @@ def _in_smaller_unit(
     first = value.value[0] if isinstance(value.value, list) and value.value else value
     for text, factor in in_smaller_units(first.value, unit):
         scaled = {**inputs, port: _scaled(inputs.get(port), factor)}
-        _, faults = _result(kind, "validate", partial(kind.validate, robot, scaled), _ANY)
-        if not any(
-            isinstance(fault, SkillBroken) or getattr(fault, "location", ()) == error.location
-            for fault in faults
-        ):
+        if _accepts(leaf, robot, scaled, error.location):
             return unit, text.split()[1]
     return None
 

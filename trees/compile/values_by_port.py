@@ -39,6 +39,9 @@ def by_port(
     if "" not in given and (named_ports or len(ports) != 1 or not _fits(whole, declared[ports[0]])):
         return given
     value = given.get("", whole)
+    text = "" if isinstance(value, Key) else str(value.value)
+    if [declared[port].type for port in ports] == ["text"]:
+        value = _in_quotes(value)
     nothing = isinstance(value, Located) and value.value is None
     written = f"${short_name(value)}" if isinstance(value, Key) else value.as_yaml()
     values = ["…" if nothing else written, *["…"] * len(ports)]
@@ -50,10 +53,10 @@ def by_port(
     elif not ports:
         why = f"{what} has no ports: leave {written} out"
     if len(ports) != 1 or nothing:
-        wrong(value.place, why)
+        alone = nothing and what == key and not any(declared[port].needed for port in ports)
+        wrong(value.place, why, value.place.replaced(f"{key}:", key) if alone else None)
         return {port: Located(value.place, REFUSED, value.label) for port in ports}
     place, is_list = value.place, not isinstance(value, Key) and isinstance(value.value, list)
-    text = "" if isinstance(value, Key) else str(value.value)
     pair = re.fullmatch(rf"{ports[0]} ?= ?(.+)", text)
     if pair and isinstance(value, Located):
         right = place.replaced(text, f"{{{ports[0]}: {pair[1]}}}")
@@ -71,6 +74,13 @@ def by_port(
         right = before.replaced(before.brackets, wanted)
     wrong(value.label, why, right)
     return {ports[0]: value}
+
+
+def _in_quotes(value: Value) -> Value:
+    """Return a number or a boolean as the text that is written; other values unchanged."""
+    if isinstance(value, Located) and isinstance(value.value, int | float):
+        return replace(value, value=value.as_yaml())
+    return value
 
 
 def as_mapping(given: Mapping[str, Value]) -> Located:

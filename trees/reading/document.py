@@ -94,27 +94,23 @@ class Located:
 
     def as_yaml(self) -> str:
         """Return the value as YAML, in one line."""
-        return _written(self.plain(), _as_scalar)
+        return _written(self.plain())
 
     def __str__(self) -> str:
-        text = _written(self.plain(), repr)
+        text = repr(self.value) if isinstance(self.value, str) else self.as_yaml()
         return text if len(text) <= 60 else f"{text[:57]}..."
 
 
-def _as_scalar(plain: Any) -> str:
-    safe = isinstance(plain, str) and re.fullmatch(r"[\w$.+/-]+( [\w$.+/-]+)*", plain)
-    return str(plain) if safe and _core(plain) is str else json.dumps(plain, ensure_ascii=False)
-
-
-def _written(plain: Any, scalar: Callable[[Any], str]) -> str:
+def _written(plain: Any) -> str:
     """Return a value approximately as YAML writes it."""
     if isinstance(plain, dict):
-        items = (f"{key}: {_written(item, scalar)}" for key, item in plain.items())
-        return "{" + ", ".join(items) + "}"
+        return "{" + ", ".join(f"{key}: {_written(item)}" for key, item in plain.items()) + "}"
     if isinstance(plain, list):
-        return "[" + ", ".join(_written(item, scalar) for item in plain) + "]"
-    words = {None: "null", True: "true", False: "false"}
-    return words[plain] if plain is None or isinstance(plain, bool) else scalar(plain)
+        return "[" + ", ".join(map(_written, plain)) + "]"
+    if isinstance(plain, str):
+        safe = re.fullmatch(r"[\w$.+/-]+( [\w$.+/-]+)*", plain) and _core(plain) is str
+        return plain if safe else json.dumps(plain, ensure_ascii=False)
+    return "null" if plain is None else str(plain).lower()
 
 
 class NotYaml(FileError):
@@ -309,8 +305,9 @@ class _Reader:
             written = _printable(_joined(getattr(event, "value", "?")))
             below = f"{location}.{written}" if location else written
             key = self._value(event, depth, below)
-            name = key.value
-            if not isinstance(name, str):
+            # A key is a text, also one that looks like a number.
+            name = written if isinstance(key.value, str | int | float) else None
+            if name is None:
                 self._wrong(key.place, f"the key {key} is not a text")
             elif name in values:
                 first = values[name].label

@@ -54,6 +54,25 @@ def added_below(place: Place, line: str) -> Correction | None:
     return Correction(text, place.line + len(old), 0) if old else None
 
 
+def in_node(place: Place, head: str) -> Correction | None:
+    """Return a list of nodes below a node that has none, in brackets or over several lines."""
+    line, column = place.lines[place.line - 1], place.column - 1
+    before, after = line[:column], line[column:]
+    if not after.startswith("["):
+        return Correction(f"{' ' * column}{head}:", place.line, 0)
+    if found := re.fullmatch(r"( *)[\w-]+: +", before):
+        return Correction(f"{before.rstrip()}\n{found[1]}  {head}: {after}", place.line)
+    if not before.strip(" -"):
+        return Correction(f"{before}{head}: {after}", place.line)
+    return place.replaced(place.brackets, f"{{{head}: {place.brackets}}}")
+
+
+def added_above(place: Place, node: str) -> Correction | None:
+    """Return a node above the one at a place, which must begin an item of a list in its line."""
+    before = place.lines[place.line - 1][: place.column - 1] if place.lines else ""
+    return Correction(f"{before}{node}", place.line, 0) if before.strip() == "-" else None
+
+
 def left_out(place: Place) -> Correction | None:
     """Return the line without the key at a place of a mapping in braces, and without its value."""
     line = place.lines[place.line - 1] if 0 < place.line <= len(place.lines) else ""

@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -37,6 +37,21 @@ _CHOICES = {"equals": "==", "equal": "==", "is": "==", "not": "!=", "less": "<"}
     "both": "all",
 }
 _SIGNS = str.maketrans({",": ".", "\u2212": "-", "\u2013": "-"})
+_FOREIGN_UNITS = {  # factor and unit of task files
+    **dict.fromkeys(("in", "inch", "inches"), (25.4, "mm")),
+    **dict.fromkeys(("ft", "foot", "feet"), (304.8, "mm")),
+    **dict.fromkeys(("turn", "turns", "rev"), (360.0, "deg")),
+    "dm": (100.0, "mm"),
+    "um": (0.001, "mm"),
+    "mrad": (0.001, "rad"),
+    "us": (0.001, "ms"),
+}
+_COUNTS = {"once": "1", "one": "1", "twice": "2", "two": "2", "thrice": "3"} | {
+    "three": "3",
+    "four": "4",
+    "five": "5",
+    "ten": "10",
+}
 _UNIT_NAMES = {"grad": "deg", "\xb0": "deg", "milli": "m", "centi": "c", "zenti": "c"}
 
 _HOME = "home"  # the robot file may define it for `armtree home`
@@ -74,6 +89,17 @@ def in_unit_of(value: Located, point: Iterable[float]) -> tuple[str, tuple[float
     numbers = [round(x / factor, digits) + 0.0 for x in point]
     text = ", ".join(f"{x:g} {unit}" for x in numbers)
     return f"[{text}]", tuple(x * factor for x in numbers)
+
+
+def near_limit(value: Located, limit: float) -> Iterator[tuple[str, float]]:
+    """Return a limit in the unit of an angle, rounded, as a text and in rad; nearest first."""
+    found = _QUANTITY.fullmatch(str(value.value))
+    unit = found[2] if found else ""
+    factor, digits = (UNITS["angle"].get(unit, 1.0), 1 if unit == "deg" else 3)
+    nearest = round(limit / factor, digits)
+    for number in (nearest, nearest - math.copysign(10.0**-digits, limit)):
+        text = f"{number:.6g} {unit}".strip()
+        yield text, float(f"{number:.6g}") * factor
 
 
 def in_other_unit(words: str, value: Located, unit: str, near: str) -> str:
@@ -164,11 +190,21 @@ def _items(
         why = f"{value} has {plural(len(value.value), 'item')}, not {wanted.count}"
         if near:
             why = f"commas are missing in {value.as_yaml()}"
+        elif numbers and wanted.count == 3:
+            why, near = f"{why} (x, y, z)", _filled(value, wanted)
         wrong(value.place, why + did_you_mean(near), value.place.replaced(old, near))
         return None
     each = replace(wanted, type=wanted.type.removeprefix(LIST))
     fitted = [fit(item, each, poses, wrong) for item in value.value]
     return [REFUSED if item is None else item for item in fitted]
+
+
+def _filled(value: Located, wanted: Declaration) -> str:
+    """Return a list of fewer numbers than declared with the missing ones; "" if it has none."""
+    given = [item.as_yaml() for item in value.value] if isinstance(value.value, list) else []
+    missing = wanted.count - len(given)
+    more = given[-1:] if wanted.least and wanted.least > 0.0 else ["0"]
+    return f"[{', '.join(given + more * missing)}]" if given and missing > 0 else ""
 
 
 def _as_items(value: Located) -> str:
@@ -198,6 +234,8 @@ def _plain(value: Located, kind: str, wrong: Wrong) -> Any:
     if isinstance(plain, str) and kind in ("boolean", "integer"):  # a text in quotes
         near = near or (plain if re.fullmatch(r"true|false|[0-9]+", plain) else "")
         hint = " in quotes" if near == plain else hint
+    if kind == "text" and isinstance(plain, int | float):
+        near = f'"{value.as_yaml()}"'
     _not(value, kind, near, wrong, hint)
     return None
 
@@ -206,9 +244,12 @@ def _not(value: Located, kind: str, near: str, wrong: Wrong, hint: str = "") -> 
     """Report a value of a wrong type, with its likely meaning."""
     if template := re.fullmatch(r"(?:\{\{|\$\{|<|%) *(\w+) *(?:\}\}|\}|>|%)", str(value.value)):
         near = f"${template[1]}"
+    if kind in ("integer", "number"):
+        count = re.sub(r" ?(times|x)$", "", str(value.value).lower())
+        near = near or _COUNTS.get(count, count if count.isdecimal() else "")
     hint = (hint if hint == " in quotes" else "") + did_you_mean(near) or hint
-    instead = value.place.replaced(str(value.plain()), near)
-    wrong(value.place, f"{value} is not {words(kind)}{hint}", instead)
+    old = value.value if isinstance(value.value, str) else value.as_yaml()
+    wrong(value.place, f"{value} is not {words(kind)}{hint}", value.place.replaced(old, near))
 
 
 def _known_type(value: Located, stand_in: StandIn, kind: str, wrong: Wrong) -> StandIn | None:
@@ -228,8 +269,7 @@ def _number(value: Located, kind: str, wrong: Wrong, finite: bool = True) -> flo
         number = float(plain)  # type: ignore[arg-type]
     elif isinstance(plain, str) and kind in UNITS and (found := _QUANTITY.fullmatch(plain)):
         if found[2] not in UNITS[kind]:
-            there, near = ", ".join(sorted(UNITS[kind])), _unit(found[2], UNITS[kind])
-            right = near and f"{found[1]} {near}"
+            there, right = ", ".join(sorted(UNITS[kind])), _converted(found[1], found[2], kind)
             instead = value.place.replaced(plain, right)
             why = f"{value}: no unit {found[2]}; there are {there}{did_you_mean(right)}"
             wrong(value.place, why, instead)
@@ -256,6 +296,14 @@ def _computed(text: str) -> str:
     if found[3] == "/" and not other:
         return ""
     return f"{found[1]}{first * other if found[3] == '*' else first / other:.6g}{found[5] or ''}"
+
+
+def _converted(number: str, word: str, kind: str) -> str:
+    """Return a number with an unknown unit in a unit of a type; "" if the unit is unclear."""
+    factor, unit = _FOREIGN_UNITS.get(word.lower(), (1.0, _unit(word, UNITS[kind])))
+    if unit not in UNITS[kind]:
+        return ""
+    return f"{number if factor == 1.0 else f'{float(number) * factor:.6g}'} {unit}"
 
 
 def _unit(word: str, units: Iterable[str]) -> str:
@@ -285,7 +333,10 @@ def _positions(
         )
         return None
     if not isinstance(value.value, dict):
-        wrong(value.place, f"{value} is not {words('positions')}; write {{joint_1: 20 deg}}")
+        near = _by_joint(items, poses)
+        right = value.place.replaced(value.place.brackets, near)
+        why = f"{value} is not {words('positions')}; write {near or '{joint_1: 20 deg}'}"
+        wrong(value.place, why, right)
         return None
     if not value.value:
         wrong(value.place, f"{value} names no joint")
@@ -296,6 +347,15 @@ def _positions(
         joint: _number(item, "angle", wrong, finite=False) for joint, item in value.value.items()
     }
     return {joint: REFUSED if number is None else number for joint, number in fitted.items()}
+
+
+def _by_joint(items: Sequence[Located], poses: Mapping[str, Mapping[str, float]]) -> str:
+    """Return several angles with the names of the joints of a pose; "" if no pose has as many."""
+    enough = (pose for pose in poses.values() if len(pose) >= len(items) > 1)
+    names = min(enough, key=len, default=())
+    pairs = zip(names, (item.as_yaml() for item in items), strict=False)
+    joints = ", ".join(map("{0[0]}: {0[1]}".format, pairs))
+    return f"{{{joints}}}" if joints else ""
 
 
 def _pose(

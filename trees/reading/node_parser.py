@@ -1,7 +1,7 @@
 """Reading of nodes: makes the nodes of a tree from YAML values."""
 
 import re
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, TypeGuard
 
@@ -10,7 +10,7 @@ from trees.errors import Correction, Mistakes, Place
 
 from .document import Located, names_within, nested
 from .foreign_loops import EXAMPLES, is_amount, read_loop
-from .lines import added_below, as_mapping, block, key_block, replaced_block
+from .lines import added_below, as_mapping, block, in_node, key_block, replaced_block
 from .specs import ControlNode, Key, SkillNode, SubtreeNode, TreeNode, Value
 
 if TYPE_CHECKING:
@@ -39,10 +39,10 @@ class NodeParser:
 
     def node(self, value: Located) -> TreeNode:
         """Return the node that a value describes."""
-        if isinstance(value.value, str) and _WORDS.fullmatch(value.value):
-            return SkillNode(value.place, value.value, {})  # two words may be parts of one name
         if isinstance(value.value, str):
-            return SkillNode(value.place, self.name(value, "a node"), {})
+            # Two words may be parts of one name.
+            words = value.value if _WORDS.fullmatch(value.value) else self.name(value, "a node")
+            return SkillNode(value.place, words, {})
         keys = nested(value)
         heads = [key for key in keys if key in _heads()]
         rest = [key for key in keys if key != "name"]
@@ -65,39 +65,53 @@ class NodeParser:
             return self._headed(value.place, head, _respell(keys, likely))
         instead = None
         if isinstance(value.value, list) and value.value:
-            margin = " " * (value.place.column - 1)
-            instead = Correction(f"{margin}sequence:", value.place.line, 0)
+            instead = in_node(value.place, _in_turn())
+        elif isinstance(value.value, bool):
+            instead = value.place.replaced(value.as_yaml(), "Succeed" if value.value else "Fail")
         elif {"if", "then"} <= keys.keys() <= {"if", "then", "else"}:
             instead = replaced_block(value.place, _as_selector(keys))
         self._wrong(value.place, _no_node(value, tuple(keys)), instead)
         return self._broken(value, keys)
 
     def _counted(self, value: Located, keys: Mapping[str, Located]) -> TreeNode | None:
-        """Report a number that is the value of a node, such as `repeat: 3`.
+        """Report a number or a switch that is the value of a node: `repeat: 3`, `guard: true`.
 
         Returns the corrected node, or None if this is not the mistake.
         """
         words = {**{kind: kind for kind in _kinds()}, **synonyms(), **_option_kinds()}
         for word, item in keys.items():
             kind = words.get(word, "")
-            if not kind or _kinds()[kind].many or not is_amount(item):
+            switch = isinstance(item.value, bool)
+            if not kind or _kinds()[kind].many or not (switch or is_amount(item)):
                 continue
             option, *options = _kinds()[kind].options
-            beside = {key: each for key, each in keys.items() if key in options}
+            condition = _kinds()[kind].condition
+            own = {option, condition} if switch else {condition}
+            beside = {key: each for key, each in keys.items() if key in {*options, *own}}
             below = {key: each for key, each in keys.items() if key not in {word, *beside}}
             if len([key for key in below if key in _heads() or key[:1].isupper()]) != 1:
                 continue
             rows = {each.label.line - value.place.line for each in (item, *beside.values())}
             lines = block(value.place)
-            amount = f"{option}: {item.as_yaml()}"
-            moved = [line for row, line in enumerate(lines) if row in rows]
+            amount = [] if switch else [f"{option}: {item.as_yaml()}"]
             kept = [f"  {line}" for row, line in enumerate(lines) if row not in rows]
-            moved = [amount if line.startswith(f"{word}:") else line for line in moved]
-            why = f"{kind} has its node below it, and its number in a line of its own: {amount}"
-            right = replaced_block(value.place, [f"{kind}:", *kept, *moved]) if lines else None
-            self._wrong(item.label, why, right)
+            moved = [line for row, line in enumerate(lines) if row in rows]
+            moved = [line for line in moved if not line.startswith(f"{word}:")]
+            why = f"{kind} has its node below it"
+            why += (
+                f", and its number in a line of its own: {amount[0]}" if amount else ", not beside"
+            )
+            given = {} if switch else {option: item}
+            if switch and condition and condition not in keys:
+                from skills import EXAMPLE_CONDITION  # slow; only for a mistake
+
+                why += f", and needs {condition}: the condition"
+                moved += [f"{condition}: {EXAMPLE_CONDITION}"]
+                given = {condition: Located(value.place, EXAMPLE_CONDITION, value.place)}
+            right = replaced_block(value.place, [f"{kind}:", *kept, *amount, *moved])
+            self._wrong(item.label, why, right if lines else None)
             child = Located(value.place, below, value.label)
-            return self._headed(value.place, kind, {kind: child, option: item, **beside})
+            return self._headed(value.place, kind, {kind: child, **given, **beside})
         return None
 
     def _headed(self, place: Place, head: str, keys: Mapping[str, Located]) -> TreeNode:
@@ -138,7 +152,7 @@ class NodeParser:
         if self.is_name(value.value):
             return value.value
         rule = "a letter, then letters, digits, _ or -"
-        stem = str(value.value).removesuffix(".yaml").lstrip("$")
+        stem = re.split(r"[/\\]", str(value.value))[-1].removesuffix(".yaml").lstrip("$")
         why, near = f"{what}: {value} is not a name ({rule})", stem if self.is_name(stem) else ""
         right = value.place.replaced(str(value.value), near)
         self._wrong(value.place, f"{why}{did_you_mean(near)}", right)
@@ -236,9 +250,16 @@ class NodeParser:
         if not isinstance(inner.value, list) or not inner.value:
             given = "" if inner.value is None or inner.value == [] else f", not {inner}"
             why = f"{kind} needs a list of nodes{given}: begin each with a `-`, below {kind}:"
-            self._wrong(inner.place, why)
             keys = nested(inner)
             one = len(keys.keys() & {*_heads()} or keys.keys() - {"name"}) == 1
+            named = bool(keys) and not any(map(begins_node, keys))
+            if named and all(any(map(begins_node, nested(each))) for each in keys.values()):
+                nodes = [each.as_yaml() for each in keys.values()]
+                right = replaced_block(inner.place, [f"- {node}" for node in nodes])
+                self._wrong(inner.place, why, right)
+                return self._items(keys.values())
+            brackets = inner.place.brackets if one else ""
+            self._wrong(inner.place, why, inner.place.replaced(brackets, f"[{brackets}]"))
             return (self.node(inner) if one else self._broken(inner, keys),)
         return self._items(inner.value)
 
@@ -248,19 +269,25 @@ class NodeParser:
     def _condition(
         self, place: Place, kind: str, key: str, keys: Mapping[str, Located]
     ) -> tuple[TreeNode, ...]:
-        if key in keys:
-            return (self.node(keys[key]),)
+        given = keys.get(key)
+        if given and not isinstance(given.value, bool):
+            return (self.node(given),)
         from skills import EXAMPLE_CONDITION  # slow; only for a mistake
 
-        right = added_below(place, f"{key}: {EXAMPLE_CONDITION}")
-        self._wrong(place, f"{kind} needs {key}: the condition", right)
+        right, why = added_below(place, f"{key}: {EXAMPLE_CONDITION}"), "the condition"
+        if given:
+            right = given.place.replaced(given.as_yaml(), EXAMPLE_CONDITION)
+            why += f", not {given}"
+        self._wrong(given.place if given else place, f"{kind} needs {key}: {why}", right)
         return ()
 
-    def _file(self, place: Place, head: str, keys: Mapping[str, Located]) -> SubtreeNode:
+    def _file(self, place: Place, head: str, keys: Mapping[str, Located]) -> TreeNode:
         if head == "subtree" and is_number(number := keys[head].value):
             why = f"a subtree has a name; a task has a number: write task: {number}"
             self._wrong(keys[head].label, why, keys[head].label.replaced(head, "task"))
             keys, head = _respell(keys, {head: "task"}), "task"
+        if isinstance(items := keys[head].value, list) and items:
+            return self._several(place, head, keys, items)
         keys = self._beside(head, self._with(head, keys), _FILES[head])
         source: str | int
         if head == "task":
@@ -270,6 +297,28 @@ class NodeParser:
             source = self.name(keys[head], head)
         values = self._wiring(keys["with"]) if "with" in keys else {}
         return SubtreeNode(place, source, values, self._shown(keys), keys[head].place)
+
+    def _several(
+        self, place: Place, head: str, keys: Mapping[str, Located], items: Sequence[Located]
+    ) -> TreeNode:
+        """Report several files in one node. Return a node with one node for each."""
+        nodes, place_of_list = [{**keys, head: item} for item in items], keys[head].place
+        if len(nodes) == 1:
+            right = place_of_list.replaced(place_of_list.brackets, items[0].as_yaml())
+            self._wrong(place_of_list, f"{head}: write the name without brackets", right)
+            return self._file(place, head, nodes[0])
+        head_of_all = _in_turn()
+        right = replaced_block(
+            place, [f"{head_of_all}:", *(f"  - {as_node(each)}" for each in nodes)]
+        )
+        if brackets := place.brackets:
+            inner = ", ".join(map(as_node, nodes))
+            right = place.replaced(brackets, f"{{{head_of_all}: [{inner}]}}")
+        why = f"a node runs one {head}; write one for each, below {head_of_all}:"
+        self._wrong(place_of_list, why, right)
+        return ControlNode(
+            place, head_of_all, tuple(self._file(place, head, each) for each in nodes)
+        )
 
     def _with(self, head: str, keys: Mapping[str, Located]) -> Mapping[str, Located]:
         """Report ports beside a subtree or task. Return the values with the ports below `with`."""
@@ -350,6 +399,11 @@ def _kinds() -> "Mapping[str, ControlNodeKind]":
     return KINDS
 
 
+def _in_turn() -> str:
+    """Return the kind of control node that runs a list of nodes, one after the other."""
+    return next(name for name, kind in _kinds().items() if kind.many)
+
+
 def begins_node(key: str) -> bool:
     """Return True if a key begins a node, or looks like the name of a skill."""
     return key in _heads() or key[:1].isupper()
@@ -414,6 +468,11 @@ def _as_selector(keys: Mapping[str, Located]) -> list[str]:
     one = ["  - sequence:", f"      - {condition}", f"      - {nodes['then']}"]
     other = ["  - sequence:", f"      - {inverted}", f"      - {nodes['else']}"]
     return ["selector:", *one, *other]
+
+
+def as_node(keys: Mapping[str, Located]) -> str:
+    """Return the values of a node in braces."""
+    return "{" + ", ".join(f"{key}: {item.as_yaml()}" for key, item in keys.items()) + "}"
 
 
 def _respell(keys: Mapping[str, Located], likely: Mapping[str, str]) -> dict[str, Located]:

@@ -134,7 +134,7 @@ def test_poses_have_slips_too() -> None:
     "text",
     [
         RIGHT.replace("task: 20", "task: x"),
-        RIGHT.replace("subtree: reach", "subtree: [reach]"),
+        RIGHT.replace("subtree: reach", "subtree: {reach: 1}"),
         RIGHT + "    - {subtree: a, task: 3}\n",
     ],
 )
