@@ -27,7 +27,11 @@ from .errors import (
     known_errors as known_errors,
     refuse as refuse,
 )
-from .example_nodes import EXAMPLE_CONDITION as EXAMPLE_CONDITION, wait_node as wait_node
+from .example_nodes import (
+    EXAMPLE_CONDITION as EXAMPLE_CONDITION,
+    NODE_FOR as NODE_FOR,
+    wait_node as wait_node,
+)
 from .function import Cancel as Cancel, condition as condition, skill as skill
 from .joint_targets import (
     check_targets as check_targets,

@@ -1,9 +1,11 @@
 """Nodes of shipped skills in the form of task files, for corrections and taught tasks."""
 
 from .leaves.check_hardware import CheckHardware
+from .leaves.result import Fail, Succeed
 from .leaves.wait import Wait
 
 EXAMPLE_CONDITION = CheckHardware.__name__
+NODE_FOR = {True: Succeed.__name__, False: Fail.__name__}  # nodes with a fixed result
 
 
 def wait_node(duration: str) -> str:

@@ -67,7 +67,9 @@ class NodeParser:
         if isinstance(value.value, list) and value.value:
             instead = in_node(value.place, _in_turn())
         elif isinstance(value.value, bool):
-            instead = value.place.replaced(value.as_yaml(), "Succeed" if value.value else "Fail")
+            from skills import NODE_FOR  # slow; only for a mistake
+
+            instead = value.place.replaced(value.as_yaml(), NODE_FOR[value.value])
         elif {"if", "then"} <= keys.keys() <= {"if", "then", "else"}:
             instead = replaced_block(value.place, _as_selector(keys))
         self._wrong(value.place, _no_node(value, tuple(keys)), instead)
