@@ -160,6 +160,14 @@ class Mistakes:
         self.add(place, message, instead)
         self._reported.add(_where(place))
 
+    def extend(self, place: Place, words: str) -> bool:
+        """Add words to a mistake without a correction. Return False if its place has none."""
+        for row, each in enumerate(self.found):
+            if _where(each.place) == _where(place) and each.instead is None:
+                self.found[row] = replace(each, message=f"{each.message}; {words}")
+                return True
+        return False
+
     def take(self, mistakes: Iterable[Mistake]) -> None:
         """Add several mistakes. Later mistakes at the same places are dropped."""
         taken = list(mistakes)

@@ -187,6 +187,13 @@ SLIPS = [
      "list: write braces", f"      {MOVE}"),
     ("name: m", "name: *m", "2:7 *m is an alias of YAML, which is not allowed; write the value "
      "itself", "name: m"),
+    (f"{REACH}\n    - subtree: move_joints\n      {MOVE}", "with: &a {arm: upright, gripper: "
+     "open}\n    - subtree: reach\n      with: {<<: *a, arm: folded}", "9:14 << is a merge of "
+     "YAML, which is not allowed; write the keys themselves",
+     "      with: {gripper: open, arm: folded}"),
+    (f"{REACH}\n    - subtree: move_joints\n      {MOVE}", "with: &a {arm: upright, gripper: "
+     "open}\n    - subtree: reach\n      with: *a", "9:13 *a is an alias of YAML, which is not "
+     "allowed; write the value itself", f"      {REACH}"),
     ("description: One mistake.", "description:", "3:1 description: write a text here", ""),
     ("- subtree: move", "- - subtree: move", "8:7 one `-` too many", "    - subtree: move_joints"),
     ("subtree: move_joints", "subtree: go", "8:16 joints is not a port of subtree go, but of "
@@ -196,6 +203,9 @@ SLIPS = [
      "        arm: upright\n        gripper: open"),
     (MOVE, "joints: {joint_1: 20 deg}", "9:7 write the ports of a subtree below the key `with`",
      f"      {MOVE}"),
+    ("subtree: move_joints\n      with: {joints: {joint_1: 20 deg}}", "subtree: go\n      with: "
+     "{angle: 20 deg}", "9:14 angle is not a port of subtree go; there are goal, speed, start; it "
+     "needs start: current position of every joint, and goal: target of every joint", ""),
     ("joints:", "by:", "9:14 by is not a port of subtree move_joints; there are joints, speed",
      f"      {MOVE}"),
     (f"- subtree: move_joints\n      {MOVE}", "- move_joints: {joint_1: 20 deg}",

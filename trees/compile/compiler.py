@@ -352,8 +352,11 @@ class TreeCompiler:
             reads = declared.type != UNTYPED and not declared.output
             if reads and isinstance(given, Key) and given.name in self._keys.written:
                 self._keys.copy().read(given, declared.type, f"{what}: {name}", self._mistakes)
-        if missing:
-            self._wrong(spec.place, f"{what} needs {', and '.join(missing)}")
+        needs = f"needs {', and '.join(missing)}"
+        unknown = (value.label for port, value in ported.items() if port not in source.parameters)
+        extended = missing and any(self._mistakes.extend(at, f"it {needs}") for at in unknown)
+        if missing and not extended:
+            self._wrong(spec.place, f"{what} {needs}")
         return ports
 
     def _check_output(

@@ -249,6 +249,7 @@ class _Reader:
         self._path, self._lines = path, split_lines(text)
         self._events = _Plain(typ="safe", pure=True).parse(io.StringIO(text))
         self.mistakes: list[Mistake] = []
+        self._anchors: dict[str, Located] = {}
 
     def document(self) -> Located:
         next(self._events)  # the stream begins
@@ -276,13 +277,17 @@ class _Reader:
             word = str(event.anchor)
             why = f"*{word} is an alias of YAML, which is not allowed; write the value itself"
             elsewhere = any(f"&{word}" in line for line in self._lines)
-            right = None if elsewhere else place.replaced(f"*{word}", word)
-            self._wrong(place, why, right)
-            return Located(place, None, label or place)
+            known = self._anchors.get(word)
+            text = known.as_yaml() if known else "" if elsewhere else word
+            self._wrong(place, why, place.replaced(f"*{word}", text))
+            return Located(place, known.value if known else None, label or place)
         assert isinstance(event, ScalarEvent | CollectionStartEvent)
         if event.tag is not None:
             self._wrong(place, f"tags are not allowed: {event.tag!r}")
-        return Located(place, self._content(event, depth + 1, place), label or place)
+        made = Located(place, self._content(event, depth + 1, place), label or place)
+        if event.anchor and len(made.as_yaml()) <= MAX_TEXT:  # aliases of aliases may be huge
+            self._anchors[str(event.anchor)] = made
+        return made
 
     def _content(
         self, event: ScalarEvent | CollectionStartEvent, depth: int, place: Place
@@ -301,6 +306,7 @@ class _Reader:
 
     def _mapping(self, depth: int, location: str, in_braces: bool) -> dict[str, Located]:
         values: dict[str, Located] = {}
+        merged = dict[str, Located]()
         while not isinstance(event := next(self._events), MappingEndEvent):
             written = _printable(_joined(getattr(event, "value", "?")))
             below = f"{location}.{written}" if location else written
@@ -316,13 +322,31 @@ class _Reader:
                     key.place, f"the key {name} is given twice, first in {there}; remove one"
                 )
             label = Place(self._path, key.place.line, key.place.column, below, self._lines)
-            value = self._value(next(self._events), depth, below, label)
+            event = next(self._events)
+            value = self._value(event, depth, below, label)
             odd = (in_braces and values) or re.search(r"\W\S", written)
             if odd and value.value is None and value.place is label:
                 self._wrong(label, f"{key} has no value; a key is followed by a colon and a space")
-            if isinstance(name, str):
+            if name == "<<" and isinstance(event, AliasEvent):
+                merged[str(event.anchor)] = value
+            elif name is not None:
                 values.setdefault(name, value)
+        for alias, value in merged.items():
+            values = self._with_merged(values, alias, value, in_braces)
         return values
+
+    def _with_merged(
+        self, values: dict[str, Located], alias: str, merged: Located, in_braces: bool
+    ) -> dict[str, Located]:
+        """Report a mapping that YAML merges into another one. Return all values."""
+        given = {key: each for key, each in nested(merged).items() if key not in values}
+        between = ", " if in_braces else f"\n{' ' * (merged.label.column - 1)}"
+        text = between.join(f"{key}: {each.as_yaml()}" for key, each in given.items())
+        self.mistakes = [each for each in self.mistakes if each.place != merged.place]
+        why = "<< is a merge of YAML, which is not allowed; write the keys themselves"
+        right = merged.label.replaced(f"<<: *{alias}", text)
+        self._wrong(merged.label, why, right)
+        return {**values, **given}
 
     def _scalar(self, event: ScalarEvent, place: Place) -> Scalar:
         text = _joined(event.value)
