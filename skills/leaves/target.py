@@ -8,7 +8,7 @@ from py_trees.ports import PortInformation
 
 from hardware import Robot
 from skills.base import Skill
-from skills.errors import refuse
+from skills.errors import OutOfBounds, refuse
 from skills.joint_targets import (
     check_targets,
     completed,
@@ -93,7 +93,12 @@ class Shift(Skill):
         robot, start, by = self.context.robot, self.get_input("start"), self.get_input("by")
         refuse(distance_errors(robot, by))
         refuse(missing_joint_errors(robot, "start", start))
-        self._set_output("goal", _checked_goal(robot, start, _shifted(start, by), "by"))
+        try:
+            self._set_output("goal", _checked_goal(robot, start, _shifted(start, by), "by"))
+        except OutOfBounds as error:
+            begin = robot.joint(error.joint).words(start[error.joint])
+            error.args = (f"{error}; {error.joint} starts at {begin}",)
+            raise
         return Status.SUCCESS
 
 

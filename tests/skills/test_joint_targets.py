@@ -248,6 +248,16 @@ def test_a_target_out_of_bounds_fails_the_skill(bench: Bench) -> None:
     assert isinstance(skill.failure, OutOfBounds)
 
 
+def test_a_distance_beyond_the_limits_names_where_the_joint_starts(bench: Bench) -> None:
+    start = Positions(joint_1=0.5, joint_2=0.0, joint_3=0.0, joint_4=0.0)
+    skill = bench.skill(Shift, start=start, by=Positions(joint_1=1.5))
+    skill.tick_once()
+    assert str(skill.failure) == (
+        "joint_1 = 114.59 deg is outside its limits, -90 deg to 90 deg; joint_1 starts at "
+        "28.648 deg"
+    )
+
+
 @pytest.mark.parametrize("turns", [3.2, -3.2])
 def test_a_joint_without_an_end_is_moved_half_a_turn_at_the_most(turns: float) -> None:
     """A continuous joint would take the shorter, opposite direction."""

@@ -93,7 +93,7 @@ def test_defaults_are_listed_as_they_are_written(tmp_path: Path) -> None:
         "tree: {sequence: [{subtree: move_joints, with: {joints: $to}}, {Say: {text: $pose}}]}\n"
     )
     listed = armtree("tasks", "--trees", str(tmp_path)).output
-    assert "--set to=POSITIONS (default {joint_1: '-10 deg'})" in listed
+    assert "--set to=POSITIONS (default {joint_1: -10 deg})" in listed
     assert "--set pose=TEXT (default right)" in listed
 
 
