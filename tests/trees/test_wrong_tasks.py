@@ -394,6 +394,9 @@ SWING = [
     ("parameters: {$swing: {type: angle, default: 40 deg}}", "4:14 parameters: '$swing' is not a "
      "name (a letter, then letters, digits, _ or -); did you mean swing?",
      "parameters: {swing: {type: angle, default: 40 deg}}"),
+    ("parameters: {swing: {type: angle, default: 80 deg, max: 60 deg}}",
+     "4:44 the default of swing: '80 deg' is more than 60 deg",
+     "parameters: {swing: {type: angle, default: 60 deg, max: 60 deg}}"),
     ("parameters: {swing: {type: angle, default: 40, max: 60 deg}}",
      "4:44 the default of swing: 40 rad is more than 60 deg; did you mean 40 deg?",
      "parameters: {swing: {type: angle, default: 40 deg, max: 60 deg}}"),

@@ -92,10 +92,14 @@ def in_unit_of(value: Located, point: Iterable[float]) -> tuple[str, tuple[float
 
 
 def near_limit(value: Located, limit: float) -> Iterator[tuple[str, float]]:
-    """Return a limit in the unit of an angle, rounded, as a text and in rad; nearest first."""
+    """Return a limit in the unit of a value, rounded, as a text and in the first unit of its type.
+
+    The text that is nearest to the limit comes first.
+    """
     found = _QUANTITY.fullmatch(str(value.value))
     unit = found[2] if found else ""
-    factor, digits = (UNITS["angle"].get(unit, 1.0), 1 if unit == "deg" else 3)
+    factor = next((units[unit] for units in UNITS.values() if unit in units), 1.0)
+    digits = 1 if unit == "deg" else 3
     nearest = round(limit / factor, digits)
     for number in (nearest, nearest - math.copysign(10.0**-digits, limit)):
         text = f"{number:.6g} {unit}".strip()
@@ -165,11 +169,23 @@ def fit(
         chosen = common if common in wanted.choices else chosen
         right = Located(value.place, chosen, value.label).as_yaml() if chosen else "".join(near[:1])
         meant = did_you_mean(right) if chosen == common else meant
+        right = right or _within_bounds(fitted, value, wanted)
         instead = value.place.replaced(str(value.plain()), right)
         shown = f"{value} {wanted.unit if smaller else ''}".rstrip()
         wrong(value.place, f"{shown} {reason}{meant}", instead)
         return None
     return fitted
+
+
+def _within_bounds(fitted: Any, value: Located, wanted: Declaration) -> str:
+    """Return a number without its minus, or the limit that it exceeds; "" if it has no limits."""
+    limits = [each for each in (wanted.least, wanted.most) if each is not None]
+    if not limits:
+        return ""
+    likely = [*near_limit(value, min(limits, key=lambda each: abs(fitted - each)))]
+    if str(value.value).startswith("-"):
+        likely.insert(0, (str(value.value)[1:], -fitted))
+    return next((text for text, number in likely if not _violation(number, wanted)), "")
 
 
 def _items(
