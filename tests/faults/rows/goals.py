@@ -15,6 +15,8 @@ from tests.faults.board import Board
 from tests.faults.process import Server, until
 from tests.faults.row import Scene, row
 
+from .planning import planners
+
 TURN = """task: 30
 name: turn
 description: Turn one joint to an angle.
@@ -306,7 +308,10 @@ def many_goals(scene: Scene) -> None:
     board = scene.board()
     server = scene.serve("--activate", "--policy", "queue", board=board)
 
-    descriptors, threads = server.descriptors(), server.threads() + KEPT_THREADS
+    threads = server.threads() + KEPT_THREADS
+    server.result(server.goal(21))  # the first plan
+    until("a standby planner", lambda: len(planners(server)) == 2)
+    descriptors = server.descriptors()
 
     def batch() -> None:
         goals = [server.goal(21 if number % 50 == 25 else 23) for number in range(100)]

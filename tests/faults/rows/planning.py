@@ -183,6 +183,8 @@ def planner_stopped(scene: Scene) -> None:
         os.kill(planner, signal.Signals[kind])
         if kind == "SIGSTOP":  # each of its threads stops when it is scheduled
             until("its stop", functools.partial(stopped, planner))
+        else:
+            until("its end", functools.partial(ended, planner))
         code = server.result(goal)["code"]
         may = ("ok", "plan.timeout") if kind == "SIGSTOP" else ("ok", "plan.worker_died")
         scene.check(code in may, f"{kind}, {moment}: the goal ends {code}")
@@ -192,12 +194,20 @@ def planner_stopped(scene: Scene) -> None:
 
 def planner_at_work(server: Server) -> int:
     """The planner process that gets requests; 0 if none has started. A standby is younger."""
-    found = [pid for pid in server.family() if "worker_main" in command_line(pid)]
-    return min(found, key=lambda pid: int(status(pid)[19]), default=0)
+    return min(planners(server), key=lambda pid: int(status(pid)[19]), default=0)
+
+
+def planners(server: Server) -> list[int]:
+    """The planner processes: one at work, and after the first answer a standby."""
+    return [pid for pid in server.family() if "worker_main" in command_line(pid)]
 
 
 def stopped(pid: int) -> bool:
     return status(pid)[0] == "T"
+
+
+def ended(pid: int) -> bool:
+    return "worker_main" not in command_line(pid)  # that of a zombie is empty
 
 
 def status(pid: int) -> list[str]:
