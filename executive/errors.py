@@ -24,13 +24,13 @@ class GoalError(ArmtreeError):
 
 
 class SentBeforeStop(GoalError):
-    """The goal was sent before a stop, and arrived after it."""
+    """The arm was stopped after the last status that the sender had."""
 
     code = "goal.sent_before_stop"
     hint = "send it again if it is still needed"
 
     def __init__(self) -> None:
-        super().__init__("the arm was stopped after this goal was sent")
+        super().__init__("the arm was stopped after the last status that the sender had")
 
 
 class UnknownGoal(GoalError):

@@ -139,9 +139,9 @@ class _Uvicorn(uvicorn.Server):
         await self.ending.wait()
         self._systemd.ending()
 
-    def _connection(self) -> HttpConnection:
+    def _connection(self, accepted: float) -> HttpConnection:
         return HttpConnection(
-            config=self.config, server_state=self._state, app_state=self.lifespan.state
+            accepted, config=self.config, server_state=self._state, app_state=self.lifespan.state
         )
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:

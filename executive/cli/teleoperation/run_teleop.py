@@ -129,6 +129,7 @@ def _check_servers(setup: Setup, robot: Robot) -> None:
 def _server_words(server: token_file.ServerInfo) -> str:
     """Return the message that a server has the arm, with the command that releases its port."""
     return (
-        f"the armtree server {server.url} has the arm, and cannot follow a leader. Have it release "
-        f"the port with: armtree arm deactivate --server {server.url}. Give that port with --port"
+        f"the armtree server {server.url} has the arm, and cannot follow a leader. Run "
+        f"`armtree arm deactivate --server {server.url}` to release its port, then give that port "
+        "with --port"
     )

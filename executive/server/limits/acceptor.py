@@ -31,15 +31,14 @@ class Acceptor:
     answer. A connection that ends before the head of its request is complete is closed without
     service. A silent connection waits for data, because most stops arrive just after their
     connection and a protocol costs several times as much as a stop. All other connections wait for
-    service. If too many wait, the oldest silent one is closed. If none is silent, ended ones are
-    closed. If none has ended, the one with the longest wait is closed. A connection with a stop is
-    closed last.
+    service. If too many wait, ended ones are closed. If none has ended, the oldest one is closed. A
+    connection with a stop is closed last.
 
     Args:
         loop: Event loop of the server.
         listener: Socket that listens; it must not block.
         state: Rules of access, and the largest number of connections.
-        protocol: Callback that makes the protocol for a connection.
+        protocol: Callback that makes the protocol for a connection from the time of its acceptance.
     """
 
     def __init__(
@@ -47,15 +46,16 @@ class Acceptor:
         loop: asyncio.AbstractEventLoop,
         listener: socket.socket,
         state: SharedState,
-        protocol: Callable[[], HttpConnection],
+        protocol: Callable[[float], HttpConnection],
     ) -> None:
         self._loop, self._listener = loop, listener
         self._rules, self._max_waiting = state.rules, state.max_connections
         self._protocol, self._stop = protocol, state.stop
-        # Connections, oldest first: without data, each with its deadline; with data; with a stop.
+        self._accepted: dict[socket.socket, float] = {}  # time of acceptance [s], oldest first
+        # Of these, the connections without data, each with its deadline; with data; with a stop.
         self._silent: dict[socket.socket, asyncio.TimerHandle] = {}
         self._waiting: dict[socket.socket, None] = {}
-        self._stopping: dict[socket.socket, None] = {}
+        self._stopping = set[socket.socket]()
         self._tasks: set[asyncio.Task[Any]] = set()
         self._log_bucket = TokenBucket(0.1, 1.0, loop.time)
         self._pause: asyncio.TimerHandle | None = None
@@ -67,7 +67,7 @@ class Acceptor:
         if self._pause:
             self._pause.cancel()
         self._loop.remove_reader(self._listener)
-        for connection in (*self._silent, *self._waiting, *self._stopping):
+        for connection in tuple(self._accepted):
             self._close(connection)
         await asyncio.gather(*self._tasks, return_exceptions=True)
 
@@ -80,6 +80,7 @@ class Acceptor:
         try:
             for _ in range(_AT_ONCE):
                 connection, _ = self._listener.accept()
+                self._accepted[connection] = self._loop.time()
                 self._examine(connection)
         except (BlockingIOError, InterruptedError, ConnectionAbortedError):
             pass
@@ -96,23 +97,21 @@ class Acceptor:
         """Execute a stop, close an abandoned connection, or queue any other connection."""
         data = peek(connection)
         if data is None:
-            connection.close()
+            self._close(connection)
         elif stop := QuickStop.find(data, self._rules):
-            self._stopping[connection] = None
+            self._stopping.add(connection)
             answer = partial(self._answer, connection, replace(stop, keeps=False))
             self._stop().add_done_callback(answer)
-            self._make_room()
         elif data:
             self._waiting[connection] = None
             self._turn = self._turn or self._loop.call_soon(self._serve_next)
-            self._make_room()
         else:
             self._silent[connection] = self._loop.call_later(HEAD_SECONDS, self._close, connection)
             self._loop.add_reader(connection.fileno(), self._examine_again, connection)
-            self._make_room()
+        self._make_room()
 
     def _examine_again(self, connection: socket.socket) -> None:
-        self._leave(connection)
+        self._end_silence(connection)
         self._examine(connection)
 
     def _answer(
@@ -127,20 +126,25 @@ class Acceptor:
             connection.send(stop.answer(stopped))
 
     def _make_room(self) -> None:
-        if len(self._silent) + len(self._waiting) + len(self._stopping) <= self._max_waiting:
+        if len(self._accepted) <= self._max_waiting:
             return
-        oldest = next(chain(self._silent, self._waiting, self._stopping))
-        ended = [] if self._silent else [each for each in self._waiting if peek(each) is None]
-        for each in ended or [oldest]:
+        others = (each for each in self._accepted if each not in self._stopping)
+        oldest = next(chain(others, self._accepted))
+        for each in [each for each in self._waiting if peek(each) is None] or [oldest]:
             self._close(each)
 
     def _close(self, connection: socket.socket) -> None:
         self._leave(connection)
         connection.close()
 
-    def _leave(self, connection: socket.socket) -> None:
-        self._stopping.pop(connection, None)
+    def _leave(self, connection: socket.socket) -> float:
+        """Forget a connection. Return the time of its acceptance."""
+        self._stopping.discard(connection)
         self._waiting.pop(connection, None)
+        self._end_silence(connection)
+        return self._accepted.pop(connection)
+
+    def _end_silence(self, connection: socket.socket) -> None:
         if deadline := self._silent.pop(connection, None):
             deadline.cancel()
             self._loop.remove_reader(connection.fileno())
@@ -148,16 +152,17 @@ class Acceptor:
     def _serve_next(self) -> None:
         while self._waiting:
             connection = next(iter(self._waiting))
-            self._leave(connection)
+            accepted = self._leave(connection)
             if peek(connection) is not None:
-                self._serve(connection)
+                self._serve(connection, accepted)
                 break
             connection.close()
         self._turn = self._loop.call_soon(self._serve_next) if self._waiting else None
 
-    def _serve(self, connection: socket.socket) -> None:
+    def _serve(self, connection: socket.socket, accepted: float) -> None:
         connection.setblocking(False)
-        serving = self._loop.connect_accepted_socket(self._protocol, connection)
+        protocol = partial(self._protocol, accepted)
+        serving = self._loop.connect_accepted_socket(protocol, connection)
         task = self._loop.create_task(serving)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)

@@ -36,7 +36,7 @@ MAX_HEAD = 8 * 1024  # largest head of a request [bytes]
 MAX_HEAD_LINES = 100  # largest number of lines in a head; parsing a line takes 5 us
 READ_AT_ONCE = 4 * 1024  # largest queued data of a connection [bytes]; asyncio would read 256 KiB
 DISCARDED = 256 * 1024  # largest number of bytes that are dropped before a connection is closed
-HEAD_SECONDS = 5.0  # longest time for the head of a request, counted from the last answer [s]
+HEAD_SECONDS = 5.0  # longest time for a head, from the acceptance or the last answer on [s]
 STALL_SECONDS = 5.0  # time without reading after which a client is disconnected [s]
 
 
@@ -217,15 +217,22 @@ class HttpConnection(_QueuedProtocol, H11Protocol):
     If there are too many connections, those that their clients have ended are closed. If there are
     none, one connection is closed. A connection without the token comes before one with it, an idle
     one before a stream, and the oldest first. If all others are stops, the new one is closed.
+
+    Args:
+        accepted: Time of its acceptance [s].
+        more: Arguments of uvicorn's protocol.
     """
 
     _head_timer: asyncio.TimerHandle | None = None
+
+    def __init__(self, accepted: float, **more: Any) -> None:
+        super().__init__(**more)
+        self.idle_since = accepted
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Start waiting for a request. Close another connection if there are too many."""
         super().connection_made(transport)
         self.transport.max_size = READ_AT_ONCE  # type: ignore[attr-defined]
-        self.idle_since = self.loop.time()
         self._update_head_timer()
         if len(self.connections) > self._max_connections:
             self._close_another()
@@ -351,14 +358,15 @@ class HttpConnection(_QueuedProtocol, H11Protocol):
         if self._is_answering:
             self._end_head_timer()
         elif self._head_timer is None:
-            self._head_timer = self.loop.call_later(HEAD_SECONDS, self._head_timed_out)
+            end = self.idle_since + HEAD_SECONDS
+            self._head_timer = self.loop.call_at(end, self._head_timed_out)
 
     def _head_timed_out(self) -> None:
         """Close the connection, unless the server has not processed all received data."""
-        self._head_timer = None
         if self.fair_queue.has(self):
-            self._update_head_timer()
+            self._head_timer = self.loop.call_later(HEAD_SECONDS, self._head_timed_out)
         else:
+            self._head_timer = None
             self.transport.abort()
 
     def _end_head_timer(self) -> None:

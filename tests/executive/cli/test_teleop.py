@@ -124,7 +124,7 @@ def test_an_arm_of_a_server_is_refused_before_the_leader_loses_its_torque(
         words = " ".join(printed.split())
         assert status == 9
         assert "Do you hold it?" not in words
-        (release,) = re.findall(r"with: armtree (arm deactivate --server \S+)\. ", words)
+        (release,) = re.findall(r"`armtree (arm deactivate --server \S+)`", words)
         assert words.count("End that program first") == 1
         assert buses[1].state().torque == dict.fromkeys(range(1, 7), False)  # it was never opened
         with PseudoTerminal(tmp_path, *release.split()) as terminal:
@@ -145,7 +145,7 @@ def test_no_virtual_arm_follows_in_place_of_that_of_a_server(
             status, printed = terminal.end()
         words = " ".join(printed.split())
         assert status == 2
-        assert "Give that port with --port. To have a virtual arm follow" in words
+        assert "then give that port with --port. To have a virtual arm follow" in words
         with PseudoTerminal(tmp_path, "teleop", *robot, *leader, "--port", "virtual") as terminal:
             terminal.until("Do you hold it? y/n")
             terminal.type("n")

@@ -141,7 +141,7 @@ export function setStops(count) {
 }
 
 /**
- * Send a goal. The server refuses it if the arm is stopped before it arrives.
+ * Send a goal. The server refuses it if the arm was stopped after the newest status.
  * @param {"api/goals" | "api/move"} path
  * @param {object} body
  * @returns {Promise<string>} identity of the goal

@@ -6,6 +6,7 @@ import errno
 import os
 import socket
 import threading
+import time
 from collections.abc import Callable, Iterator
 from functools import partial
 from itertools import chain
@@ -175,7 +176,7 @@ def test_a_connection_that_stays_silent_is_closed(
         assert answer(connection) == b""
 
 
-def test_a_silent_connection_is_closed_before_one_that_has_sent_data(
+def test_silent_connections_do_not_close_a_later_one_that_has_sent_data(
     serve: Serve, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(descriptors, "MAX_CONNECTIONS", 4)
@@ -183,10 +184,81 @@ def test_a_silent_connection_is_closed_before_one_that_has_sent_data(
     lines = ("GET /api/health HTTP/1.1", f"host: 127.0.0.1:{served.server.port}", "", "")
     with contextlib.ExitStack() as stack:
         with watch.hold(served):
-            request = stack.enter_context(raw(served, *lines))
             silent = [stack.enter_context(raw(served)) for _ in range(20)]
+            request = stack.enter_context(raw(served, *lines))
         assert answer(silent[0]) == b""
         assert request.recv(9000).startswith(b"HTTP/1.1 200")
+
+
+def test_older_connections_with_half_a_request_do_not_close_that_of_a_stop_whose_data_comes_later(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(descriptors, "MAX_CONNECTIONS", 4)
+    served, watch = serve(), Watch(monkeypatch)
+    own = f"host: 127.0.0.1:{served.server.port}"
+    with contextlib.ExitStack() as stack:
+        with watch.hold(served):
+            for _ in range(4):
+                stack.enter_context(raw(served, STOP))
+            silent = stack.enter_context(raw(served))
+        assert stops(served)  # the connections have been accepted
+        silent.sendall(f"{STOP}\r\n{own}\r\n\r\n".encode())
+        assert answer(silent).startswith(b"HTTP/1.1 200")
+
+
+def test_a_connection_that_ended_makes_room_before_an_older_silent_one(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(descriptors, "MAX_CONNECTIONS", 2)
+    served, watch, accepted = serve(), Watch(monkeypatch), threading.Event()
+    own = f"host: 127.0.0.1:{served.server.port}"
+    with contextlib.ExitStack() as stack:
+        with watch.hold(served):
+            silent = stack.enter_context(raw(served))
+            ended = stack.enter_context(raw(served, STOP))
+            last = stack.enter_context(raw(served))
+
+            def ends(connection: socket.socket) -> bytes | None:
+                data = connections.peek(connection)
+                if data:
+                    ended.close()
+                elif connection.getpeername()[1] == port(last):
+                    accepted.set()
+                return data
+
+            monkeypatch.setattr(acceptor, "peek", ends)
+        assert accepted.wait(60)
+        silent.sendall(f"{STOP}\r\n{own}\r\n\r\n".encode())
+        assert answer(silent).startswith(b"HTTP/1.1 200")
+
+
+def test_the_time_for_a_head_counts_from_the_acceptance_of_a_silent_connection(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made, deadlines = HttpConnection.connection_made, SimpleQueue[float]()
+
+    def noted(connection: HttpConnection, transport: asyncio.Transport) -> None:
+        made(connection, transport)
+        assert connection._head_timer
+        deadlines.put(connection._head_timer.when())
+
+    served = serve()
+    monkeypatch.setattr(HttpConnection, "connection_made", noted)
+    with raw(served) as connection:
+        assert stops(served)  # the connection has been accepted
+        latest = time.monotonic() + connections.HEAD_SECONDS
+        connection.sendall(STOP.encode())
+        assert deadlines.get(timeout=60) <= latest
+
+
+def test_a_request_that_waited_longer_than_a_head_may_take_is_answered(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(connections, "HEAD_SECONDS", 0.0)
+    served = serve()
+    own = f"host: 127.0.0.1:{served.server.port}"
+    with raw(served, "GET /api/health HTTP/1.1", own, "", "") as connection:
+        assert connection.recv(9000).startswith(b"HTTP/1.1 200")
 
 
 def test_an_accept_that_fails_is_tried_again(
@@ -297,7 +369,7 @@ def test_a_client_that_connects_while_the_server_ends_is_known() -> None:
     async def connect_and_end() -> None:
         accepted = asyncio.Event()
 
-        def protocol() -> Any:
+        def protocol(_: float) -> Any:
             accepted.set()
             return Protocol()
 

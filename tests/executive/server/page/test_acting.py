@@ -236,7 +236,11 @@ def test_a_move_that_arrives_after_a_stop_is_refused(open_page: Open, page_serve
     tab.keyboard.press("Escape")
     shows(tab, "#stop-note", "^stopped at")
     held.pop().continue_()
-    shows(tab, "#move-error", "^the arm was stopped after this goal was sent. Send it again")
+    shows(
+        tab,
+        "#move-error",
+        "^the arm was stopped after the last status that the sender had. Send it again",
+    )
     forget(tab, "409")
     assert len(executive.goals()) == before
     tab.unroute("**/api/move")

@@ -1,8 +1,10 @@
 """The header of the page in a browser: state, sign-in, STOP, and a lost connection."""
 
+from typing import Any
+
 import pytest
 
-from tests.support.servers.browsing import Open, forget, shows
+from tests.support.servers.browsing import Open, Tab, forget, shows
 from tests.support.servers.serving import Served
 
 pytestmark = pytest.mark.slow
@@ -53,6 +55,30 @@ def test_stop_works_without_sign_in_and_says_when_it_is_done(
         assert page_server.executive.goal(goal).state.name == "CANCELED"
         shows(tab, "#goal-state", "^canceled$")
         assert tab.evaluate(height) == before  # nothing below it moves
+
+
+def test_the_page_knows_of_its_stop_before_the_goals_have_ended(
+    open_page: Open, page_server: Served
+) -> None:
+    def hold(_: Any) -> None:
+        """Answer no request that would end with the goal."""
+
+    def prepare(empty: Tab) -> None:
+        empty.route("**/api/events", hold)
+        empty.route("**/result?*", hold)
+
+    tab = open_page(prepare=prepare)
+    page_server.executive.send(WAIT)
+    with tab.expect_response("**/api/status"):
+        pass
+    tab.evaluate(
+        "setTimeout = () => 0; for (let timer = 0; timer < 1000; timer++) clearTimeout(timer)"
+    )
+    ended = list[str]()
+    tab.on("requestfailed", lambda request: ended.append(request.url))
+    with tab.expect_request("**/api/status"):
+        tab.keyboard.press("Escape")
+    assert not ended  # the page still waits for the goal
 
 
 def test_an_old_status_does_not_undo_the_end_of_a_goal(open_page: Open) -> None:

@@ -30,8 +30,7 @@ export function showStop(isReachable, stopped) {
     answer = `stopping… (${SAFETY})`;
     button.classList.add("busy");
     draw();
-    const result = await sendStop();
-    stopped();
+    const result = await sendStop(stopped);
     if (number !== stops) return; // a later stop reports
     answer = result;
     button.classList.remove("busy");
@@ -59,11 +58,14 @@ export function showStop(isReachable, stopped) {
 
 /**
  * Stop the arm, and wait until every goal has ended.
+ * @param {() => void} stopped called when the answer has come, or none
  * @returns {Promise<string>} what happened
  */
-async function sendStop() {
+async function sendStop(stopped) {
   try {
-    const { goals } = await post("api/stop", {}, AbortSignal.timeout(TIMEOUT));
+    const answer = post("api/stop", {}, AbortSignal.timeout(TIMEOUT));
+    answer.then(stopped, stopped);
+    const { goals } = await answer;
     await Promise.all(goals.map(untilEnded));
     return `stopped at ${new Date().toLocaleTimeString()} (${SAFETY})`;
   } catch (error) {
