@@ -66,7 +66,8 @@ class Skill(BehaviourWithPorts):
         broken: Last exception of its code other than an error of armtree, or None.
         start_count: Number of starts.
         named_ports: Input ports with a key or a parameter in the task's files.
-        values_read: Values that it has read from these ports since its start, for people, by port.
+        values_read: Values for people, by port: those that it has read from `named_ports` since its
+            start.
         synonyms: Names of the skill in other languages and libraries, for corrections.
     """
 

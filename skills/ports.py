@@ -1,12 +1,14 @@
 """Types of ports: values with a unit and bounds, joint positions, vectors."""
 
-from collections.abc import Sequence
+import sys
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from py_trees.ports import PortInformation
 
 from hardware import DISPLAY_UNITS, Robot
+from hardware.joints import rounded
 from hardware.printable import plural
 
 from .errors import BadTarget
@@ -88,26 +90,47 @@ def value_words(value: Any, unit: str, robot: Robot) -> str:
     """Return the value of a port for people, in at most `MAX_WORDS` characters.
 
     Args:
-        value: The value. Of a large object, only the type is named.
+        value: The value. It may have any type. Of a large object, of a list in a list and of an
+            integer too large for a float, only the type is named.
         unit: Unit of its numbers: `rad`, `s`, `m` or "".
         robot: Description of the robot.
     """
-    words = _words(value, unit, robot)
+    items = _items(value, unit, robot)
+    words = next(items, "")
+    while len(words) <= MAX_WORDS and (item := next(items, None)) is not None:
+        words += f", {item}"
     return words if len(words) <= MAX_WORDS else f"{words[: MAX_WORDS - 1]}…"
 
 
-def _words(value: Any, unit: str, robot: Robot) -> str:
+def _items(value: Any, unit: str, robot: Robot) -> Iterator[str]:
     match value:
         case Positions():
-            return robot.words(value)
+            units = {joint.name: joint.unit for joint in robot.joints}
+            for name, q in value.items():
+                its = units.get(name, "rad")
+                yield f"{name} {rounded(q, its) if isinstance(q, float) else _words(q, its)}"
+        case list() | tuple():
+            for each in value:
+                if isinstance(each, Positions):
+                    yield from _items(each, unit, robot)
+                else:
+                    yield _words(each, unit)
+        case _:
+            yield _words(value, unit)
+
+
+def _words(value: Any, unit: str) -> str:
+    match value:
         case str():
             return value
         case bool():
             return str(value).lower()
+        case int() if abs(value) > sys.float_info.max:
+            return "int"
+        case int() if not unit:
+            return str(value)
         case int() | float():
             scale, shown = DISPLAY_UNITS.get(unit, (1.0, unit))
             return f"{scale * value:z.6g} {shown}".rstrip()
-        case list() | tuple():
-            return ", ".join(_words(each, unit, robot) for each in value)
         case _:
             return type(value).__name__

@@ -1,5 +1,6 @@
 """Values of ports for people, and those that a run gave to its nodes."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,8 @@ tree:
       with: {joints: {joint_1: $far}}
 """
 
+WRONG: dict[str, Any] = {"joint_1": "70deg", "joint_2": None}  # positions, as a skill may write
+
 
 @pytest.mark.parametrize(
     ("value", "unit", "words"),
@@ -40,12 +43,35 @@ tree:
         ([0.1, 0.0, 0.25], "m", "100 mm, 0 mm, 250 mm"),
         (Positions(joint_1=1.0), "", "joint_1 57.3 deg"),
         ("as it is", "", "as it is"),
+        ([Positions(joint_1=1.0), [1.0]], "", "joint_1 57.3 deg, list"),
         (object(), "", "object"),
         ("x" * 1000, "", "x" * (MAX_WORDS - 1) + "…"),
+        (1234567, "", "1234567"),
+        pytest.param(10**400, "", "int", id="too large"),
+        pytest.param(10**400, "rad", "int", id="too large with a unit"),
+        (Positions(WRONG), "", "joint_1 70deg, joint_2 NoneType"),
+        pytest.param(Positions(joint_1=10**400), "", "joint_1 int", id="too large a position"),
+        (Positions(), "", ""),
     ],
 )
 def test_a_value_in_words(value: Any, unit: str, words: str) -> None:
     assert value_words(value, unit, load_robot()) == words
+
+
+def test_of_a_long_list_only_the_first_items_are_read() -> None:
+    class Items(list[int]):
+        read = 0
+
+        def __iter__(self) -> Iterator[int]:
+            for item in super().__iter__():
+                self.read += 1
+                yield item
+
+    items = Items(range(100_000))
+    words = value_words(items, "", load_robot())
+    assert words.startswith("0, 1, 2")
+    assert (len(words), words[-1]) == (MAX_WORDS, "…")
+    assert items.read <= MAX_WORDS
 
 
 def test_the_values_that_a_node_was_given_are_events_and_are_recorded(tmp_path: Path) -> None:
