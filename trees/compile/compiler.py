@@ -295,7 +295,10 @@ class TreeCompiler:
         return node
 
     def _meant(self, spec: SubtreeNode, source: TaskFile) -> str:
-        """Return the only subtree that takes the given ports; empty if this one may be meant."""
+        """Return the name of the only subtree that takes the given ports.
+
+        Returns "" if the ports may be for `source`, or if not exactly one subtree takes them.
+        """
         given, known = spec.values.keys() - {""}, source.parameters
         missing = [port for port, each in known.items() if each.needed and port not in given]
         if len(missing) < 2 or not given or given & known.keys() or corrections(given, known):
