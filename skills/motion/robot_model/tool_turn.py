@@ -11,7 +11,9 @@ _UP = np.array((0.0, 0.0, 1.0))
 # Largest error of a turn, as a share of its angle. Arms with five joints rarely turn a tool exactly
 # about its own axis.
 _SHARE = 0.05
-_STEEP = 1e-3  # sine of the angle to the vertical below which an axis has no side [rad]
+# Sine of the angle to the vertical below which an axis has no side. The angle is well above the
+# resolution of servos, so that rounding does not decide the direction of a pitch.
+_STEEP = math.sin(math.radians(1.0))
 
 
 def axes_across(axis: Array) -> Array:
@@ -31,7 +33,7 @@ def turned(axes: Array, turn: Vector) -> Array:
         axes: The axes before the turn, of length 1 (2, 3).
         turn: Roll about the tool's axis, then pitch upwards, then yaw about the vertical [rad]. The
             pitch is about the horizontal line across the tool's axis, or about the second axis if
-            the tool's axis is vertical.
+            the tool's axis is within 1 deg of the vertical.
     """
     side = np.cross(axes[0], _UP)
     length = np.linalg.norm(side)

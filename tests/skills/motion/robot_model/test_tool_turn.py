@@ -53,6 +53,20 @@ def test_a_roll_turns_what_is_across_the_axis_and_a_vertical_tool_has_a_pitch() 
     assert level @ UP == pytest.approx(0.0, abs=1e-12)
 
 
+@pytest.mark.parametrize("way", [(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)])
+def test_the_pitch_of_a_tool_near_the_vertical_does_not_depend_on_its_tilt(
+    way: tuple[float, float],
+) -> None:
+    tilt = math.radians(0.5)  # some ticks of a servo
+    turn = (0.0, 0.1, 0.0)
+    tilted = np.array((*(math.sin(tilt) * each for each in way), math.cos(tilt)))
+    axes = axes_across(UP)
+    axes = np.array((tilted, axes[1] - (axes[1] @ tilted) * tilted))
+    axes[1] /= np.linalg.norm(axes[1])
+    after = turned(axes, turn)[0]
+    assert after == pytest.approx(turned(axes_across(UP), turn)[0], abs=2 * tilt)
+
+
 @pytest.mark.parametrize("turn", [(0.2, 0.0, 0.0), (0.0, 0.2, 0.0), (0.0, 0.0, 0.2)])
 def test_an_arm_with_six_joints_turns_its_tool_in_any_way(turn: Turn) -> None:
     robot = foreign("six_axes")
