@@ -30,7 +30,7 @@ import scservo_sdk
 # This file is named like a room, and its folder comes first where it is run by itself.
 sys.path = [folder for folder in sys.path if Path(folder) != Path(__file__).parent]
 
-from executive.cli.support.process import raise_priority
+from executive.cli.support.process import make_punctual
 from executive.recording.translate import arm_record
 from hardware import (
     VIRTUAL,
@@ -476,7 +476,7 @@ def throughput() -> list[Row]:
 def main(runs: int, file: Path | None) -> None:
     """Measure and show."""
     logging.getLogger().addHandler(logging.NullHandler())  # the faults are meant
-    raise_priority()  # as `armtree run` does
+    make_punctual()  # as `armtree run` does
     stops = stop_times(100)
     unplugs = unplug_times(50, streaming=True) + unplug_times(50, streaming=False)
     rows = [

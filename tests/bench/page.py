@@ -29,7 +29,7 @@ sys.path = [folder for folder in sys.path if Path(folder) != Path(__file__).pare
 import logs
 from executive.api.events import Event
 from executive.api.move import Move
-from executive.cli.support.process import raise_priority
+from executive.cli.support.process import make_punctual
 from tests.bench.table import Row, arguments, show
 from tests.support.recordings.finished import at_rest
 from tests.support.recordings.long_recording import write_long
@@ -221,7 +221,7 @@ def share(samples: Sequence[float], part: float) -> float:
 
 def main(runs: int, file: Path | None) -> None:
     """Measure and show."""
-    raise_priority()  # of the server's threads, as `armtree serve` does
+    make_punctual()  # of the server's threads, as `armtree serve` does
     with serving() as served:
         os.setpriority(os.PRIO_PROCESS, 0, 0)  # of this thread, and the browser
         measure(served, runs, file)

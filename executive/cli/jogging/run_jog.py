@@ -14,7 +14,7 @@ from executive.cli.support.failures import Refusal
 from executive.cli.support.interrupts import Interrupts
 from executive.cli.support.log_handler import recorded_log
 from executive.cli.support.own_arms import stoppable
-from executive.cli.support.process import raise_priority
+from executive.cli.support.process import make_punctual
 from executive.cli.terminal.keyboard import key_by_key
 from executive.cli.terminal.streams import echo
 from executive.client.synchronous import Client
@@ -58,7 +58,7 @@ def run_jog(
     """
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
         raise Refusal("a jog needs a terminal; `armtree move --by joint_1=5deg` does not need one")
-    raise_priority()
+    make_punctual()
     # The shell must not get keys that are typed while the arm stops and the recording is closed.
     with (
         Interrupts() as interrupts,

@@ -32,12 +32,13 @@ def _refuse_exit(status: int) -> NoReturn:
     raise SystemExit(f"os._exit({status}) would end armtree without a result; raise an exception")
 
 
-def raise_priority() -> None:
-    """Raise the priority of this process, if the operating system allows it, for example for root.
+def make_punctual() -> None:
+    """Make frames and stops of this process punctual on a busy computer.
 
-    Frames and stops are then on time on a busy computer. A niceness that the user chose remains.
-    Call this function before threads start, because they inherit the priority. The modules that
-    are loaded by then stay alive: a garbage collection of them would delay the streamer by 30 ms.
+    The garbage collector then ignores the loaded modules: a collection of them would delay the
+    streamer by 30 ms. Python switches between threads more often. The process gets a higher
+    priority, if the operating system allows it, for example for root. A niceness that the user
+    chose remains. Call this function before threads start, because they inherit the priority.
     """
     gc.freeze()
     sys.setswitchinterval(_SWITCH)

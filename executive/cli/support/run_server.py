@@ -25,7 +25,7 @@ from trees.live_library import LiveLibrary
 
 from .interrupts import Interrupts
 from .log_handler import recorded_log
-from .process import raise_priority
+from .process import make_punctual
 
 logger = logging.getLogger(__name__)
 
@@ -44,7 +44,7 @@ def serve(setup: Setup, listen: ListenOptions, fleet: FleetPlace | None = None) 
         ServerError: The server cannot listen as configured.
         LogError: A recording cannot be made, or could not be finished.
     """
-    raise_priority()
+    make_punctual()
     clock = RealClock()
     questions = Questions(clock)
     with ExitStack() as stack:
@@ -107,9 +107,7 @@ def prepare(executive: Executive) -> None:
         logger.error("%s", error)
     except HardwareError as error:
         logger.debug("%s", error)  # the arm has logged the error
-    # The present objects stay alive. Each garbage collection of them would delay the streamer, and
-    # a stop, by 30 ms.
-    gc.freeze()
+    gc.freeze()  # as in `make_punctual`, now also for the objects of the executive
 
 
 def _announce(server: Server, executive: Executive, listen: ListenOptions) -> None:

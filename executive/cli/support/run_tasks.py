@@ -33,7 +33,7 @@ from .failures import Refusal
 from .interrupts import CANCELING, Interrupts
 from .log_handler import recorded_log
 from .own_arms import stoppable
-from .process import raise_priority
+from .process import make_punctual
 
 
 def execute(
@@ -60,7 +60,7 @@ def execute(
     Raises:
         Refusal: A server holds the arm, and the user has not chosen another arm with --port.
     """
-    raise_priority()
+    make_punctual()
     with Interrupts() as interrupts, view_for(as_json, verbose) as view, ExitStack() as stack:
         stack.enter_context(stoppable(view.put))
         start = list[str]()  # lines that the first accepted goal prints

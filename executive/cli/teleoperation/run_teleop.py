@@ -20,7 +20,7 @@ from executive.cli.support.failures import Refusal
 from executive.cli.support.interrupts import Interrupts
 from executive.cli.support.log_handler import recorded_log
 from executive.cli.support.own_arms import stoppable
-from executive.cli.support.process import raise_priority
+from executive.cli.support.process import make_punctual
 from executive.cli.support.run_tasks import server_with
 from executive.cli.support.server_requests import holds
 from executive.cli.terminal.keyboard import key_by_key
@@ -60,7 +60,7 @@ def run_teleop(
     """
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
         raise Refusal("teleoperation needs a terminal, because it shows a screen and reads keys")
-    raise_priority()
+    make_punctual()
     setup = Setup(**options, single_user=True)
     robot = setup.load_robot()
     leading = load_robot(leader_robot) if leader_robot else robot

@@ -65,7 +65,7 @@ def test_only_what_is_its_own_and_not_chosen_is_changed(
 ) -> None:
     niceness = Niceness(monkeypatch, tmp_path, chosen)
     monkeypatch.setattr(os, "getsid", lambda pid: os.getpid() + (not leader))
-    process.raise_priority()
+    process.make_punctual()
     assert niceness.own == own
     assert niceness.session.read_text() == session
 
@@ -77,6 +77,6 @@ def test_a_refusal_is_ignored(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -
         raise PermissionError
 
     monkeypatch.setattr(os, "setpriority", refuse)
-    process.raise_priority()
+    process.make_punctual()
     assert niceness.own == 0
     assert niceness.session.read_text() == "0"
