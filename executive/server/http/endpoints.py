@@ -132,7 +132,7 @@ class Endpoints(RecordingEndpoints):
         arguments: Json = _NO_ARGUMENTS,
         goal_id: str = "",
         deadman: bool = False,
-        stops: float | None = None,
+        stops: int | None = None,
         client: str = "",
     ) -> Json | Response:
         number, texts = await self._number(task), _as_texts(arguments)
@@ -156,7 +156,7 @@ class Endpoints(RecordingEndpoints):
         speed: float = 1.0,
         goal_id: str = "",
         deadman: bool = False,
-        stops: float | None = None,
+        stops: int | None = None,
         client: str = "",
     ) -> Json | Response:
         move = Move(tuple(map(str, to)), relative, speed)
@@ -168,13 +168,13 @@ class Endpoints(RecordingEndpoints):
         texts: Mapping[str, str],
         goal_id: str,
         deadman: bool,
-        stops: float | None,
+        stops: int | None,
         client: str,
     ) -> Json | Response:
         if deadman and not await self._is_held(goal_id):
             raise NotHeld(goal_id)
-        send, known = self._executive.send_and_record, None if stops is None else int(stops)
-        acceptance = await asyncio.to_thread(send, task, texts, goal_id, client, known)
+        send = self._executive.send_and_record
+        acceptance = await asyncio.to_thread(send, task, texts, goal_id, client, stops)
         if acceptance.cause:
             return refusal(acceptance.cause)
         held = self._held.get(goal_id)
