@@ -7,6 +7,7 @@ from typing import Any
 from py_trees.ports import PortInformation
 
 from hardware import Robot
+from hardware.description.robot import POINT_JOINTS
 from hardware.printable import plural
 from hardware.spelling import suggestion
 
@@ -108,10 +109,10 @@ def _turn_errors(
         why = "turn and direction exclude each other; give one of them"
     elif max(map(abs, turn)) > math.pi:
         why = f"turn has {math.degrees(max(turn, key=abs)):g} deg; give -180 to 180 deg"
-    elif group in robot.groups and not robot.turns_tool(group):
-        count = len(robot.actuated_in(group))
-        why = f"the {group} cannot turn its tool in place: its {plural(count, 'joint')} hold the "
-        why += "tool at its point; move joints instead"
+    elif group in robot.groups and not robot.turns(group):
+        count = plural(len(robot.actuated_in(group)), "joint")
+        why = f"the {group} cannot turn its tool in place: it has {count}, and needs more than "
+        why += f"{POINT_JOINTS}; move joints instead"
     else:
         return []
     return [BadTarget(why).at("turn")]

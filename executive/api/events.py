@@ -156,7 +156,7 @@ class Where:
             None if the arm is not active, or its robot file names no tool.
         width: Distance between the fingers at the commanded position [m]; None if the arm is not
             active, or its robot file has no `pads`.
-        turns_tool: True if the arm can turn its tool in place.
+        turns: Turns that the arm can make with its tool in place: of `roll`, `pitch` and `yaw`.
         measured: Measured position by joint [rad]; None if the arm is not active, or its board
             measures none. The next six are None in the same cases.
         measured_velocity: Measured velocity by joint [rad/s].
@@ -174,7 +174,7 @@ class Where:
     commanded: Mapping[str, float] | None = None
     tool: tuple[float, float, float] | None = None
     width: float | None = None
-    turns_tool: bool = False
+    turns: tuple[str, ...] = ()
     measured: Mapping[str, float] | None = None
     measured_velocity: Mapping[str, float] | None = None
     measured_effort: Mapping[str, float] | None = None
@@ -208,7 +208,7 @@ class Where:
             commanded,
             robot.tool_position(commanded) if commanded else None,
             robot.width(commanded) if commanded else None,
-            robot.turns_tool(),
+            robot.turns(),
             *(robot.by_joint(each) if each else None for each in values),
         )
 
@@ -246,6 +246,7 @@ class Where:
             "limits": {name: pair and tuple(pair) for name, pair in plain["limits"].items()},
             "boot_wait": plain["boot_wait_s"],
             "tool": plain["tool"] and tuple(plain["tool"]),
+            "turns": tuple(plain["turns"]),
         }
         return from_fields(cls, values)
 

@@ -277,7 +277,9 @@ WHERE = answer(
         "Smallest and largest position of each joint; null if it has no limits.",
     ),
     boot_wait_s=NUMBER,
-    turns_tool=described(BOOLEAN, "True if the arm can turn its tool in place."),
+    turns=described(
+        array(TEXT), "Turns that the arm can make with its tool in place: `roll`, `pitch`, `yaw`."
+    ),
     commanded=described(
         _or_null(_BY_JOINT), "Commanded position by joint; null if the arm is not active."
     ),

@@ -28,7 +28,8 @@ def jog(server: str | None, speed: float, **options: Any) -> None:
     last one moves the arm next, and s saves the pose at the end of the move. If a server runs on
     this machine, its arm moves, unless --port is given. Otherwise the first step opens the port,
     which may move the arm. An arm with more than three joints also turns its tool in place: about
-    its axis (roll), upwards (pitch) and about the vertical (yaw).
+    its axis (roll) and upwards (pitch). One with six joints or more also turns it about the
+    vertical (yaw).
 
     \b
       <- ->        move by a step        space  stop

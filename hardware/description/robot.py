@@ -31,7 +31,9 @@ from .urdf import Urdf
 # Margin at the ends of a calibrated range, so that the joint does not push [deg].
 RANGE_MARGIN = 1.0
 
-_POINT_JOINTS = 3  # joints that hold a tool at a point
+TURNS = ("roll", "pitch", "yaw")  # names of the turns of a tool
+POINT_JOINTS = 3  # joints that hold a tool at a point
+_FREE_JOINTS = 6  # joints that hold a tool at a point in any orientation
 
 
 @dataclass(frozen=True, slots=True)
@@ -386,10 +388,16 @@ class Robot:
         """Return positions by joint [rad] for people, as `joint_1 70.0 deg, joint_2 0.0 deg`."""
         return joint_words(positions, {joint.name: joint.unit for joint in self.joints})
 
-    def turns_tool(self, group: str = "arm") -> bool:
-        """Return True if a group has more joints than hold its tool at a point."""
+    def turns(self, group: str = "arm") -> tuple[str, ...]:
+        """Return those of `TURNS` that a group can make in most poses, without moving its tool.
+
+        A group with less than six joints can make a yaw in few poses only.
+        """
         members = self.groups.get(group, ())
-        return sum(joint.name in members for joint in self.actuated) > _POINT_JOINTS
+        count = sum(joint.name in members for joint in self.actuated)
+        if count <= POINT_JOINTS:
+            return ()
+        return TURNS if count >= _FREE_JOINTS else TURNS[:2]
 
     def actuated_in(self, group: str) -> tuple[Joint, ...]:
         """Return the joints of a group without its mimic joints."""

@@ -14,7 +14,6 @@ from hardware.printable import plural
 STEPS = (0.1, 0.5, 1.0, 2.0, 5.0, 10.0)  # sizes of a step [deg] or [mm]
 _POSES = {"h": HOME, "o": "open", "c": "closed"}
 _TOOL = "xyz"
-_TURNS = ("roll", "pitch", "yaw")
 _UP, _DOWN = "tool up", "tool down"  # column of the tool's z
 _MESSAGE = 4  # a message has at most 1 / this number of the lines
 _LISTED = 34  # smallest number of columns of the axes beside a list
@@ -183,8 +182,7 @@ class Jog:
         """
         joints = [Axis(name, unit) for name, unit in where.units.items()]
         tool = (Axis(f"tool {name}", "m", column) for column, name in enumerate(_TOOL))
-        words = _TURNS if where.turns_tool else ()
-        turns = (Axis(f"tool {word}", "rad", turn=word) for word in words)
+        turns = (Axis(f"tool {word}", "rad", turn=word) for word in where.turns)
         return cls((*joints, *tool, *turns), commands, speed, message=message)
 
     @property

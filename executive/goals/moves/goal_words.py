@@ -8,6 +8,7 @@ from typing import Any
 
 from hardware import BadPosition, Robot
 from hardware.description.gripper import WIDTH
+from hardware.description.robot import TURNS
 from hardware.printable import plural
 from hardware.spelling import did_you_mean, there_are
 from skills import (
@@ -28,8 +29,6 @@ _ANGLE, _LENGTH = Declaration("angle"), Declaration("length")
 Poses = Mapping[str, Mapping[str, float]]
 
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?[a-z]*", re.IGNORECASE)
-
-TURNS = ("roll", "pitch", "yaw")  # words for the changes of the tool's orientation
 
 TASK = "the number or name of a task"  # further meaning of the words of a goal
 
@@ -120,8 +119,8 @@ def _read_tool_words(words: Sequence[str], units: Mapping[str, str], poses: Pose
     if is_point(words, poses):
         x, y, z = read_value("point", f"[{', '.join(words)}]", declaration(TOOL_PORTS["point"]))
         return Words({}, {}, (x, y, z))
-    if any(_name(word) in TURNS and _name(word) not in units for word in words):
-        return Words({}, {}, turn=_read_turn(words))
+    if any("=" in word and _name(word) in TURNS and _name(word) not in units for word in words):
+        return Words({}, {}, turn=_read_turn(words, poses))
     return None
 
 
@@ -130,16 +129,17 @@ def _name(word: str) -> str:
     return word.partition("=")[0].removesuffix("+")
 
 
-def _read_turn(words: Sequence[str]) -> tuple[float, float, float]:
+def _read_turn(words: Sequence[str], poses: Poses) -> tuple[float, float, float]:
     """Return roll, pitch and yaw of words such as `pitch+=5deg`."""
     angles = dict[str, float]()
     for word in words:
         name, (before, _, text) = _name(word), word.partition("=")
-        if name not in TURNS:
+        if name not in TURNS or word in poses:
             turns = ", ".join(TURNS)
             raise BadTarget(f"{word!r} cannot be combined with {turns}; make two moves")
         if before == name:
-            raise BadTarget(f"{name} is a change of the tool's orientation; write {name}+={text}")
+            why = f"{name} is a change of the tool's orientation"
+            raise BadTarget(f"{why}; write {name}+={text or '5deg'}")
         if name in angles:
             raise BadTarget(f"{name} is given twice; give it once, with the sum of its changes")
         angles[name] = read_value(name, text, _ANGLE)

@@ -60,10 +60,11 @@ def test_an_arrow_moves_what_is_chosen(
 
 
 def test_an_arm_that_turns_its_tool_has_axes_for_it() -> None:
-    jog = Jog.start(replace(WHERE, turns_tool=True), {}, 1.0, "")
-    chosen, action = pressed(jog, UP, UP, LEFT)
+    jog = Jog.start(replace(WHERE, turns=("roll", "pitch")), {}, 1.0, "")
+    chosen, action = pressed(jog, UP, LEFT)
     assert action == Go(Move(("pitch=-2deg",), relative=True), "tool pitch by -2 deg")
     assert next(line for line in drawn(chosen) if "tool pitch" in line) == ">    tool pitch"
+    assert not any("yaw" in line for line in drawn(chosen))
     assert pressed(jog, "z", DOWN, RIGHT)[1] == Go(
         Move(("roll=2deg",), relative=True), "tool roll by +2 deg"
     )

@@ -8,9 +8,11 @@ import pytest
 import logs
 from executive.api.move import Move
 from executive.api.outcome import GoalState
+from executive.goals.moves.goal_words import read_words
 from executive.replay.verification import verify
 from executive.task_runner import TaskRunner
 from hardware import SimulatedClock, load_robot
+from skills import BadTarget
 from tests.conftest import RigMaker
 from tests.support.servers.server_acts import at_frame
 
@@ -97,8 +99,13 @@ def test_a_move_is_canceled_like_any_goal(rig: RigMaker, shared_clock: Simulated
         (("folded",), True, 1.0, "goal.bad_target", "folded is a pose, not a change"),
         (("0.1", "0.1"), False, 1.0, "goal.bad_target", "has three, x y z, such as"),
         (("0.1", "0.1", "x"), False, 1.0, "goal.bad_target", "point"),
-        (("pitch=5deg",), True, 1.0, "goal.bad_target", "cannot turn its tool in place: its 3"),
+        (("pitch=5deg",), True, 1.0, "goal.bad_target", "cannot turn its tool in place: it has 3"),
         (("pitch=5deg",), False, 1.0, "goal.bad_target", "is a change of the tool's orientation"),
+        (("roll+=",), False, 1.0, "goal.bad_target", "roll has no value"),
+        (("roll=",), False, 1.0, "goal.bad_target", "write roll+=5deg"),
+        (("roll",), False, 1.0, "goal.bad_target", "'roll' is not a pose"),
+        (("pitch+=5deg", "roll"), False, 1.0, "goal.bad_target", "write roll+=5deg"),
+        (("pitch+=5deg", "folded"), False, 1.0, "goal.bad_target", "cannot be combined"),
         (("yaw+=5deg", "joint_1=0"), False, 1.0, "goal.bad_target", "make two moves"),
         (("yaw=5deg", "yaw=5deg"), True, 1.0, "goal.bad_target", "yaw is given twice"),
         ((), False, 1.0, "goal.bad_target", "needs a target"),
@@ -117,6 +124,17 @@ def test_a_wrong_move_is_refused(
     assert answer.cause.hint == ""  # the message says it
     assert not answer.message.startswith(("Target position", "The target"))
     assert not arm.frames
+
+
+def test_a_pose_may_have_the_name_of_a_turn() -> None:
+    robot, poses = load_robot(), {"roll": {"joint_1": 1.0}}
+    assert read_words(("roll", "joint_2=0.5"), robot, poses).joints == {
+        "joint_1": 1.0,
+        "joint_2": 0.5,
+    }
+    assert read_words(("roll+=0.5",), robot, poses).turn == (0.5, 0.0, 0.0)
+    with pytest.raises(BadTarget, match="'roll' cannot be combined with roll, pitch, yaw"):
+        read_words(("pitch+=5deg", "roll"), robot, poses)
 
 
 def test_a_change_out_of_bounds_is_known_from_the_start(server: RigMaker) -> None:

@@ -176,16 +176,17 @@ def test_the_tool_turns_in_steps_if_the_arm_can_turn_it(
 
     def turns(asked: Any) -> None:
         answer = asked.fetch()
-        asked.fulfill(response=answer, json={**answer.json(), "turns_tool": True})
+        asked.fulfill(response=answer, json={**answer.json(), "turns": ["roll", "pitch"]})
 
     tab = open_page(prepare=lambda empty: empty.route("**/api/where", turns))
     tab.click("#move summary")
     expect(tab, "[aria-label='tool pitch less']").to_be_enabled()
+    assert tab.get_by_label("tool yaw more").count() == 0
     with tab.expect_request("**/api/move") as asked:
         tab.click("[aria-label='tool pitch less']")
     assert asked.value.post_data_json["to"] == ["pitch=-5deg"]
     assert asked.value.post_data_json["relative"]
-    shows(tab, "#move-error", "the arm cannot turn its tool in place: its 3 joints hold the tool")
+    shows(tab, "#move-error", "the arm cannot turn its tool in place: it has 3 joints")
     forget(tab, "422")
 
 

@@ -99,11 +99,24 @@ def test_a_turn_that_the_arm_cannot_make_is_refused_in_words(planner: Planner) -
         planner.reach(query)
 
 
+@pytest.mark.parametrize(
+    ("robot", "turns"),
+    [
+        (load_robot(), ()),
+        (load_robot(Path("so101")), ("roll", "pitch")),
+        (foreign("six_axes"), ("roll", "pitch", "yaw")),
+    ],
+)
+def test_the_turns_of_an_arm(robot: Robot, turns: tuple[str, ...]) -> None:
+    assert robot.turns() == turns
+    assert robot.turns("no such group") == ()
+
+
 def test_targets_that_are_no_turn(so101: Robot) -> None:
     turn = [0.0, 0.1, 0.0]
     assert tool_target_errors(so101, {"turn": turn}) == []
     for robot, inputs, words in (
-        (load_robot(), {"turn": turn}, "its 3 joints hold the tool at its point; move joints"),
+        (load_robot(), {"turn": turn}, "it has 3 joints, and needs more than 3; move joints"),
         (
             so101,
             {"turn": turn, "direction": [0.0, 0.0, -1.0]},

@@ -7,14 +7,13 @@ import { byId, element, setAttribute, setText, setUsable } from "../dom.js";
 
 const DEGREE = Math.PI / 180;
 const AXES = ["x", "y", "z"];
-const TURNS = ["roll", "pitch", "yaw"];
 const WAIT = 400; // after the last key on a slider [ms]
 
 /**
  * @typedef {object} Where What the server answers at `/api/where`.
  * @property {Record<string, "rad" | "m">} units
  * @property {Record<string, [number, number] | null>} limits [rad or m]
- * @property {boolean} turns_tool
+ * @property {string[]} turns of the tool in place
  * @property {number[] | null} tool
  */
 
@@ -55,7 +54,7 @@ export class MoveView {
     this.#joints.clear();
     const joints = Object.entries(where.units).map(([name, unit]) => this.#jointRow(name, unit, where.limits[name]));
     const tool = AXES.map((axis, index) => this.#toolRow(axis, index));
-    const turns = where.turns_tool ? TURNS.map((name) => this.#turnRow(name)) : [];
+    const turns = where.turns.map((name) => this.#turnRow(name));
     this.#rows.replaceChildren(...joints, ...tool, ...turns);
   }
 
