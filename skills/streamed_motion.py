@@ -139,7 +139,7 @@ class StreamedMotion(Skill, register=False):
         if playback.gripped or playback.state is not PlaybackState.STOPPED:
             return self._follow(playback)
         position = self.context.arm.commanded
-        loosened = position == playback.loosened
+        loosened = position in playback.loosened
         if not (loosened or _stopped_at(playback, self._start, position)):
             raise StartMoved("the arm was moved while the motion was paused; plan again")
         self._holds |= loosened
@@ -244,7 +244,7 @@ def _time_at(playback: Playback, motion: MergedMotion, position: tuple[float, ..
         return 0.0
     last = playback.schedule.setpoints[playback.written - 1]
     expected = last.time - last.delay
-    position = last.positions if position == playback.loosened else position
+    position = last.positions if position in playback.loosened else position
     times = [time for time, row in motion.sampled.items() if tuple(row) == position]
     return min(times, key=lambda time: abs(time - expected))
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from hardware import FrameSent, Playback, PlaybackState
+from hardware import ArmEvent, FrameSent, Playback, PlaybackState
 from hardware.drivers.feetech.virtual.bus import Fault
 from hardware.errors import JointNotFollowing, JointStalled, NotArrived
 from tests.support.arms.bus_arms import BusRig, rig
@@ -122,6 +122,24 @@ def test_a_gripper_that_pushes_after_a_stop_is_loosened(tmp_path: Path) -> None:
         assert playback.gripped
         assert made.arm.generation > planned  # a plan from the pose before is refused
         assert not made.faults
+
+
+def test_a_loosened_gripper_is_known_before_its_frame_is_seen(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An observer of the frame may resume the motion at once."""
+    monkeypatch.setattr("hardware.drivers.feetech.virtual.servo._PUSH", HARD)
+    with holding(tmp_path) as made:
+        playback, known = stopped_while_it_pushes(made), list[bool]()
+
+        def observe(event: ArmEvent) -> None:
+            if isinstance(event, FrameSent) and not playback.playing:
+                known.append(made.arm.commanded in playback.loosened)
+
+        monkeypatch.setattr(made.arm, "_observe", observe)
+        made.wait(2.0)
+        assert len(known) > 1
+        assert all(known)
 
 
 def test_a_gripper_that_does_not_move_is_a_fault(tmp_path: Path) -> None:
