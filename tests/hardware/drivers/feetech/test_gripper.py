@@ -86,7 +86,8 @@ def test_a_gripper_that_is_blocked_while_it_opens_is_stalled(tmp_path: Path) -> 
     with holding(tmp_path, start=CLOSED) as made:
         error = made.play(at(OPEN), 2.0)
         assert isinstance(error, JointStalled)
-        assert "(grips in the robot file)" in str(error)
+        advice = "Free the joint. If it grips with this motion, change grips in the robot file"
+        assert advice in str(error)
 
 
 def test_a_gripper_that_is_blocked_softly_while_it_opens_has_not_arrived(tmp_path: Path) -> None:
