@@ -49,8 +49,8 @@ class Playback:
         max_lateness: Largest lateness of a frame so far [s].
         gripped: True if a gripper closed on an object. The motion then ends there, even if it was
             stopped before.
-        loosened: Poses in which a gripper is loosened after the motion was stopped [rad]. None of
-            them is listed if the rest of the motion moves the gripper away from its object.
+        loosened: Poses in which a gripper is loosened after the motion was stopped [rad]. Empty
+            if the rest of the motion moves the gripper away from its object.
     """
 
     def __init__(
