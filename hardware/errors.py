@@ -325,15 +325,15 @@ class JointStalled(MeasuredFault):
     def __init__(
         self, joint: str, effort: float, limit: float, error: float, effect: str, opens: bool
     ) -> None:
-        advice = "or lift less"
+        advice = ", or lift less"
         if opens:  # a joint of the gripper, in the direction in which it does not grip
-            advice = "or change the direction in which it grips (grips in the robot file)"
+            advice = ". If it grips with this motion, change grips in the robot file"
         super().__init__(
             joint,
             effort,
             limit,
             f"{joint} pushes with {effort:.0%} of its torque, {error:.1f} deg from its commanded "
-            f"position; the limit is {limit:.0%} (stall_effort). Free the joint, {advice}",
+            f"position; the limit is {limit:.0%} (stall_effort). Free the joint{advice}",
             effect,
         )
 

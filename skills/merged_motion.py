@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from hardware import Robot, Schedule, servo_path
 
+from .errors import StartMoved
 from .motion.query import Rest, Verify
 from .motion.trajectory.plan import Plan
 from .motion.world import World
@@ -12,7 +13,7 @@ from .motion.world import World
 # after the other, so the fingertip deviates up to 15 mm from the plan (measured). Therefore this
 # margin is smaller than that of planning. It still guarantees half a millimetre everywhere.
 _PLAYED_MARGIN = 0.001
-_ROUNDING = 1e-9  # [rad]
+_ROUNDING = 1e-6  # [rad]
 
 
 class MergedMotion:
@@ -37,6 +38,7 @@ class MergedMotion:
     ) -> None:
         self.groups, self.together = tuple(plan.group for plan in plans), together
         self.sampled: dict[float, list[float]] = {}
+        self._robot = robot
         names = [joint.name for joint in robot.actuated]
         self._start = [float(q) for q in start]
         self._plans: list[tuple[float, list[int], Plan]] = []
@@ -51,17 +53,21 @@ class MergedMotion:
     def rest(self, time: float, start: tuple[float, ...]) -> list[Plan | Rest]:
         """Return the rest of the motion: whole plans, and requests to time partial plans again.
 
-        A group elsewhere is a gripper that was loosened. It holds an object, and moves no further.
+        A loosened gripper holds an object. It has no rest of the motion.
 
         Args:
             time: Time at which the motion was stopped [s].
             start: Position of the stopped arm, one value per actuated joint [rad].
+
+        Raises:
+            StartMoved: Another joint is not where the motion was stopped.
         """
         left: list[Plan | Rest] = []
+        (stopped,) = self.sample([time])
+        holding = set(moved_gripper(self._robot, stopped, start))
         for begins, columns, plan in self._plans:
             passed = time - begins
-            stopped = plan.sample([passed])[0]
-            if any(abs(start[k] - q) > _ROUNDING for k, q in zip(columns, stopped, strict=True)):
+            if holding.intersection(columns):
                 continue
             if passed <= 0.0:
                 left.append(plan)
@@ -83,6 +89,30 @@ class MergedMotion:
                     row[column] = position
         self.sampled.update(zip(times, rows, strict=True))
         return rows
+
+
+def differs(a: float, b: float) -> bool:
+    """Return True if two positions differ by more than a rounding error [rad]."""
+    return abs(a - b) > _ROUNDING
+
+
+def moved_gripper(robot: Robot, before: Sequence[float], start: Sequence[float]) -> list[int]:
+    """Return the indices of the joints of the gripper that have another position than before.
+
+    Args:
+        robot: The robot.
+        before: Expected position of the arm, one value per actuated joint [rad].
+        start: Position of the arm, one value per actuated joint [rad].
+
+    Raises:
+        StartMoved: A joint that is not of the gripper has another position.
+    """
+    gripper = robot.groups.get("gripper", ())
+    moved = [k for k, (a, b) in enumerate(zip(before, start, strict=True)) if differs(a, b)]
+    for name in (robot.actuated[k].name for k in moved):
+        if name not in gripper:
+            raise StartMoved(f"{name} is not where the motion begins; plan again")
+    return moved
 
 
 def verify_query(

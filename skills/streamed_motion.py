@@ -10,13 +10,11 @@ from hardware import Playback, PlaybackState, Robot, Schedule, compile_schedule
 from .base import Skill
 from .context import Scheduled
 from .errors import Interrupted, StartMoved
-from .merged_motion import MergedMotion, verify_query
+from .merged_motion import MergedMotion, differs, moved_gripper, verify_query
 from .motion.errors import MotionError
 from .motion.query import Rest
 from .motion.trajectory.plan import Plan
 from .planning_skill import PlannerJob
-
-_ROUNDING = 1e-6  # [rad]
 
 
 class StreamedMotion(Skill, register=False):
@@ -139,7 +137,7 @@ class StreamedMotion(Skill, register=False):
         if playback.gripped or playback.state is not PlaybackState.STOPPED:
             return self._follow(playback)
         position = self.context.arm.commanded
-        loosened = position == playback.loosened
+        loosened = position in playback.loosened
         if not (loosened or _stopped_at(playback, self._start, position)):
             raise StartMoved("the arm was moved while the motion was paused; plan again")
         self._holds |= loosened
@@ -215,9 +213,11 @@ def begun_at(
         schedule: The frames.
         before: Positions before the first frame, one per actuated joint [rad].
         start: Positions of the arm.
+
+    Raises:
+        StartMoved: A joint that is not of the gripper has another start.
     """
-    pairs = enumerate(zip(before, start, strict=True))
-    elsewhere = [k for k, (a, b) in pairs if abs(a - b) > _ROUNDING]
+    elsewhere = moved_gripper(robot, before, start)
     if not elsewhere:
         return schedule
     moves, now, setpoints = set[int](), start, []
@@ -225,7 +225,7 @@ def begun_at(
     for setpoint in schedule.setpoints:
         goal = [*setpoint.positions]
         for k in elsewhere:
-            moves |= {k} if goal[k] != before[k] else set()
+            moves |= {k} if differs(goal[k], before[k]) else set()
             step = robot.actuated[k].velocity / robot.firmware.rate if k in moves else 0.0
             goal[k] = min(max(goal[k], now[k] - step), now[k] + step)
         now, frame = tuple(goal), robot.wire_format.encode(goal)
@@ -244,7 +244,7 @@ def _time_at(playback: Playback, motion: MergedMotion, position: tuple[float, ..
         return 0.0
     last = playback.schedule.setpoints[playback.written - 1]
     expected = last.time - last.delay
-    position = last.positions if position == playback.loosened else position
+    position = last.positions if position in playback.loosened else position
     times = [time for time, row in motion.sampled.items() if tuple(row) == position]
     return min(times, key=lambda time: abs(time - expected))
 

@@ -41,11 +41,12 @@ _PART = "    - Replay: {{recording: {path}, part: {part}, speed: {speed}}}\n"
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """Recorded frames up to a grip, or from one to the next.
+    """One part of the recorded frames. Each grip of an object ends a part and begins the next.
 
     Attributes:
         start: Commanded positions before the first frame [rad].
-        setpoints: The frames. Times count from the grip before, or from the first frame [s].
+        setpoints: The frames. Times count from the grip that begins the part; in the first part,
+            from the first frame [s].
     """
 
     start: tuple[float, ...]
@@ -60,7 +61,9 @@ class Replay(StreamedMotion):
 
     INPUT_PORTS = {
         "recording": PortInformation(str, description="path of the recording"),
-        "part": PortInformation(int, description="number of grips before"),
+        "part": PortInformation(
+            int, description="index of the part, from 0; each grip begins another one"
+        ),
         "speed": PortInformation(float, description="1 for the recorded times, less for slower"),
     }
 

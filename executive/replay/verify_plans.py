@@ -9,6 +9,7 @@ from itertools import zip_longest
 from executive.recording.archive import restore_world
 from hardware import Robot
 from logs import Plan as RecordedPlan, Schedule
+from skills import StartMoved
 from skills.merged_motion import MergedMotion
 from skills.motion import MotionError, Plan, Query, Rest
 from skills.motion.errors import PlanCanceled, PlanTimeout, WorkerDied
@@ -36,7 +37,10 @@ def plans_difference(run: RecordedRun) -> str:
         elif isinstance(record, Schedule) and record.groups:
             start = run.start(record)
             if before and record.resumed is not None:  # the previous motion was paused
-                rest = before.rest(record.resumed, start)
+                try:
+                    rest = before.rest(record.resumed, start)
+                except StartMoved as error:
+                    return f"the rest of a motion from {start} rad is recorded, but {error}"
                 plans = (run.planner.rest(p) if isinstance(p, Rest) else p for p in rest)
                 planned |= {plan.group: plan for plan in plans}
             if missing := [group for group in record.groups if group not in planned]:

@@ -103,7 +103,12 @@ class MeasuredGuard:
             raise JointNotFollowing(joint.name, *values, guards.following_deg, self._effect)
 
     def _may_grip(self, joint: Joint, ahead: float) -> bool:
-        """Return True if a joint with this distance to its command may hold an object."""
+        """Return True if a joint may hold an object: its command pushes it in its grip direction.
+
+        Args:
+            joint: The joint.
+            ahead: Commanded minus measured position [rad].
+        """
         return self._grips.get(joint.name, 0) * ahead > 0
 
     def loosened(self, commanded: Sequence[float], now: float) -> tuple[float, ...] | None:

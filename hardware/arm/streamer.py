@@ -49,8 +49,8 @@ class Playback:
         max_lateness: Largest lateness of a frame so far [s].
         gripped: True if a gripper closed on an object. The motion then ends there, even if it was
             stopped before.
-        loosened: Pose after the motion was stopped and a gripper was loosened, which the rest of
-            the motion does not move away from its object [rad]; else None.
+        loosened: Poses in which a gripper is loosened after the motion was stopped [rad]. Empty
+            if the rest of the motion moves the gripper away from its object.
     """
 
     def __init__(
@@ -63,7 +63,7 @@ class Playback:
         self.error: HardwareError | None = None
         self.max_lateness = 0.0
         self.gripped = False
-        self.loosened: tuple[float, ...] | None = None
+        self.loosened: tuple[tuple[float, ...], ...] = ()
         self._on_change = on_change
 
     @property
@@ -299,8 +299,11 @@ class Streamer:
         """Loosen a stalled gripper after a motion."""
         commanded, stopped = self._guard.commanded, self._stopped
         pose = self._measured.loosened(commanded, self._clock.now())
-        if pose and self._guard.loosen(pose) and stopped:
-            stopped.loosened = None if _leaves(stopped, commanded, pose) else pose
+        if not pose:
+            return
+        if stopped and not _leaves(stopped, commanded, pose):
+            stopped.loosened += (pose,)  # before the frame: its observer may resume the motion
+        if self._guard.loosen(pose) and stopped:
             stopped.gripped |= _only_pushes(stopped, commanded, pose)
 
     def _play(self, playback: Playback) -> None:

@@ -63,6 +63,8 @@ def check_readiness(
     yield _planner(robot)
     for why in shape_warnings(robot):
         yield Check("shapes", None, why)
+    if robot.can(Ability.MEASURE) and robot.grips:
+        yield _grip(robot)
     yield from _recordings(recordings)
     yield from _port(robot, port, opens_port)
 
@@ -122,6 +124,15 @@ def _boot_pose_verified(robot: Robot) -> Result:
             return answers.get()
     except MotionError as error:
         return error
+
+
+def _grip(robot: Robot) -> Check:
+    joints = robot.actuated_in("gripper")
+    ends = {each.name: each.upper if robot.grips[each.name] > 0 else each.lower for each in joints}
+    what = f"{robot.guards.grips}, towards {robot.words(ends)}"
+    if not robot.gripper:
+        what += "; guessed without pads: if it is wrong, change grips in the robot file"
+    return Check("grip", True, what)
 
 
 def _recordings(folder: Path) -> Iterator[Check]:

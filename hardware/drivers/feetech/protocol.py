@@ -60,7 +60,7 @@ class BusProtocol(BoardProtocol):
         self._waiting = set[int]()  # servos that have not answered the last request
         self._answers = dict[int, bytes]()  # answers to the last request, by servo
         self._heard = set[int]()  # servos that have answered since the port was opened
-        self._doubtful = set[int]()  # ids that answered the last request twice
+        self._doubtful = set[int]()  # ids that answered the last request twice or before their turn
         self._twice = Counter[int]()  # number of double answers, by id
         self._requests = 0
         self._noise = 0  # received bytes that belong to no packet
@@ -166,8 +166,8 @@ class BusProtocol(BoardProtocol):
     def receive(self, data: bytes, now: float) -> None:
         """Process answers. Answers of unknown servos and damaged answers are ignored.
 
-        A measurement needs the answers of all servos to one request. If a servo answers with the id
-        of another one, its own answer is missing.
+        A measurement needs one answer of every servo to one request, in the order of the request.
+        If a servo answers with the id of another one, its own answer is missing.
 
         Raises:
             ServoFault: A servo reports an error.
@@ -176,27 +176,34 @@ class BusProtocol(BoardProtocol):
         before = len(self._received)
         packets = take_packets(self._received)
         self._noise += before - len(self._received) - sum(len(each.data) for each in packets)
+        waiting = len(self._waiting)
         for packet in packets:
-            if packet.servo in self._answers:
+            if packet.servo in self._waiting:
+                self._process(packet)
+            elif packet.servo in self._joints:
                 self._doubtful.add(packet.servo)
                 self._twice[packet.servo] += 1
-            elif packet.servo in self._waiting:
-                self._process(packet)
-                # Before the boot no frame waits for the line.
-                if self._waiting and not self.boot_frame:
-                    self.free_at = self.next_poll = now + ANSWER_TIMEOUT
-                elif self._waiting:
-                    rest = max(_TIMES_SLOWEST * self._slowest, _LEAST_TIMEOUT)
-                    # Never set to a later time: the streamer may be sending a frame, because it
-                    # found the line free.
-                    self.free_at = min(self.free_at, now + rest)
-                    self.next_poll = min(self.next_poll, now + rest)
-                else:
-                    self._slowest = max(now - self._begun, _REMEMBERED * self._slowest)
-                    rests = self._holds and now > self._settles
-                    self.free_at = -math.inf
-                    self.next_poll = now + (_IDLE_PERIOD if rests else 1 / self._rate)
-                    self._take_answers(now)
+        if len(self._waiting) < waiting:
+            self._schedule(now)
+
+    def _schedule(self, now: float) -> None:
+        """Set the times of the next frame and request, and process complete answers."""
+        rest = max(_TIMES_SLOWEST * self._slowest, _LEAST_TIMEOUT)
+        # Before the boot no frame waits for the line.
+        if self._waiting and not self.boot_frame:
+            self.free_at = self.next_poll = now + ANSWER_TIMEOUT
+        elif self._waiting:
+            # Never set to a later time: the streamer may be sending a frame, because it found the
+            # line free.
+            self.free_at = min(self.free_at, now + rest)
+            self.next_poll = min(self.next_poll, now + rest)
+        else:
+            self._slowest = max(now - self._begun, _REMEMBERED * self._slowest)
+            rests = self._holds and now > self._settles
+            # A servo whose answer is doubtful may still answer.
+            self.free_at = min(self.free_at, now + rest) if self._doubtful else -math.inf
+            self.next_poll = now + (_IDLE_PERIOD if rests else 1 / self._rate)
+            self._take_answers(now)
 
     def _process(self, packet: Packet) -> None:
         servo, (first, count) = packet.servo, self._block
@@ -211,6 +218,9 @@ class BusProtocol(BoardProtocol):
             health = self._health(memory, before)
             raise ServoFault(servo, self._joints[servo], names, health)
         if whole:  # else it answers another request
+            # Servos answer in turn: an answer before its turn is for the request before.
+            turns = list(self._joints)
+            self._doubtful |= self._answers.keys() & turns[turns.index(servo) :]
             self._waiting.discard(servo)
             self._heard.add(servo)
             self._answers[servo] = packet.parameters

@@ -12,6 +12,7 @@ from click.testing import CliRunner, Result
 from executive.cli.main import cli
 from hardware import SerialLink, load_robot
 from tests.hardware.bring_up.test_checks import bus, vanish
+from tests.support.arms.bus_arms import bus_arm
 from tests.support.arms.hardware_rigs import Pty
 from tests.support.paths import DATA
 
@@ -68,6 +69,21 @@ def test_with_another_arm_it_ends_with_what_runs_without_a_task(tmp_path: Path) 
     own = {"XDG_RUNTIME_DIR": str(tmp_path)}  # no server of another test
     moved = CliRunner().invoke(cli, [*command[1:], "--recordings", str(tmp_path)], env=own)
     assert moved.exit_code == 0, moved.output
+
+
+def test_it_shows_the_direction_in_which_an_arm_that_measures_grips(tmp_path: Path) -> None:
+    guess = "; guessed without pads: if it is wrong, change grips in the robot file"
+    assert lines(doctor(tmp_path, "--robot", "so101"))["grip"] == (
+        f"closing, towards gripper -10.0 deg{guess}"
+    )
+    robot = bus_arm(tmp_path)
+    assert lines(doctor(tmp_path, "--robot", str(robot)))["grip"] == (
+        "closing, towards joint_4 0.0 deg"
+    )
+    robot.write_text(f'{robot.read_text()}\n[guards]\ngrips = "opening"\n')
+    assert lines(doctor(tmp_path, "--robot", str(robot)))["grip"] == (
+        "opening, towards joint_4 -90.0 deg"
+    )
 
 
 def test_a_boot_pose_in_collision(tmp_path: Path, robot: Path) -> None:

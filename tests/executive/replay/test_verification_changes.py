@@ -13,6 +13,7 @@ from logs.reading.digests import changed_part as changed_in
 from logs.records.cdr import decode, encode
 from logs.records.file_format import DIGESTS
 from tests.conftest import RigMaker
+from tests.executive.goals.test_pause import at_frame, pause_for
 from tests.executive.replay.test_verification import checks, field, picked
 from tests.support.paths import EXAMPLES
 from tests.support.recordings.alterations import (
@@ -278,3 +279,12 @@ def test_topics_that_an_older_armtree_did_not_know_are_not_missing(rig: RigMaker
     logs.compact(rewritten(path, kept))  # it writes digests of what is left
     verification = verify(path)
     assert verification.holds, verification.text()
+
+
+def test_the_rest_of_a_paused_motion_that_begins_elsewhere_is_found(rig: RigMaker) -> None:
+    arm = rig()
+    at_frame(arm, 9, pause_for(arm, 2.0))
+    moved = retold("/schedule", lambda reported: reported["start"].update(joint_1=0.5), 2)
+    verification = verify(altered(picked(arm), moved))
+    assert not verification.holds
+    assert "joint_1 is not where the motion begins" in verification.text()

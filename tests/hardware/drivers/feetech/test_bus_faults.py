@@ -152,3 +152,39 @@ def test_a_late_answer_of_a_busy_host_is_no_measurement(tmp_path: Path) -> None:
     assert min(protocol.measured.voltage) > 11.0
     with pytest.raises(ServoSilent, match="Servo 1 of joint_1"):
         any(cycle(late=True) for _ in range(20))
+
+
+@pytest.mark.parametrize("pieces", [1, 2, 4])
+def test_a_late_answer_of_the_last_servo_is_no_measurement(tmp_path: Path, pieces: int) -> None:
+    """It comes before its turn. The other servos complete the request, and one still answers."""
+    robot = load_robot(bus_arm(tmp_path))
+    bus, protocol = robot.model(), robot.protocol()
+    assert isinstance(bus, Bus)
+    for _ in range(6):
+        time = max(protocol.next_poll, 0.0)
+        bus.receive(protocol.poll(time), time)
+        answers = bus.read_output(time + 0.05)
+        own = len(answers) // 4 * 3
+        received = answers[own:] + answers[:own]
+        size = len(received) // pieces
+        for part in range(pieces):
+            protocol.receive(received[part * size : (part + 1) * size], time + 0.005)
+        assert protocol.free_at > time + 0.005
+        protocol.receive(answers[own:], time + 0.006)
+    assert protocol.measured is None
+    with pytest.raises(HardwareError, match="Servo 4 answered twice"):
+        protocol.check_booted("p", 2.0)
+
+
+def test_two_servos_with_the_last_id_are_named(tmp_path: Path) -> None:
+    robot = load_robot(bus_arm(tmp_path))
+    bus, protocol = robot.model(), robot.protocol()
+    assert isinstance(bus, Bus)
+    for cycle in range(6):
+        time = 0.1 * cycle
+        bus.receive(protocol.poll(time), time)
+        answers = bus.read_output(time + 0.05)
+        protocol.receive(answers + answers[len(answers) // 4 * 3 :], time + 0.05)
+    assert protocol.measured is None
+    with pytest.raises(HardwareError, match="Servo 4 answered twice"):
+        protocol.check_booted("p", 2.0)

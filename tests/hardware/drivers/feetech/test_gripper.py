@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from hardware import FrameSent, Playback, PlaybackState
+from hardware import ArmEvent, FrameSent, Playback, PlaybackState
 from hardware.drivers.feetech.virtual.bus import Fault
 from hardware.errors import JointNotFollowing, JointStalled, NotArrived
 from tests.support.arms.bus_arms import BusRig, rig
@@ -86,7 +86,8 @@ def test_a_gripper_that_is_blocked_while_it_opens_is_stalled(tmp_path: Path) -> 
     with holding(tmp_path, start=CLOSED) as made:
         error = made.play(at(OPEN), 2.0)
         assert isinstance(error, JointStalled)
-        assert "(grips in the robot file)" in str(error)
+        advice = "Free the joint. If it grips with this motion, change grips in the robot file"
+        assert advice in str(error)
 
 
 def test_a_gripper_that_is_blocked_softly_while_it_opens_has_not_arrived(tmp_path: Path) -> None:
@@ -122,6 +123,24 @@ def test_a_gripper_that_pushes_after_a_stop_is_loosened(tmp_path: Path) -> None:
         assert playback.gripped
         assert made.arm.generation > planned  # a plan from the pose before is refused
         assert not made.faults
+
+
+def test_a_loosened_gripper_is_known_before_its_frame_is_seen(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An observer of the frame may resume the motion at once."""
+    monkeypatch.setattr("hardware.drivers.feetech.virtual.servo._PUSH", HARD)
+    with holding(tmp_path) as made:
+        playback, known = stopped_while_it_pushes(made), list[bool]()
+
+        def observe(event: ArmEvent) -> None:
+            if isinstance(event, FrameSent) and not playback.playing:
+                known.append(made.arm.commanded in playback.loosened)
+
+        monkeypatch.setattr(made.arm, "_observe", observe)
+        made.wait(2.0)
+        assert len(known) > 1
+        assert all(known)
 
 
 def test_a_gripper_that_does_not_move_is_a_fault(tmp_path: Path) -> None:
