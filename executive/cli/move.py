@@ -91,7 +91,7 @@ def move(target: tuple[str, ...], relative: bool, speed: float) -> "Move":
       POSE                        a saved pose, or home
       width=VALUE                 distance between the fingers
       X Y Z                       a point for the tool
-      roll+=ANGLE                 turn the tool; or pitch; yaw with six joints
+      roll+=ANGLE                 turn the tool; or pitch, yaw
 
     Numbers without a unit are in rad and m. Joints and poses can be combined.
 
