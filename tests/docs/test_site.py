@@ -61,6 +61,7 @@ SEARCHED = {
 }
 
 _META = "document.querySelector('.md-search-result__meta').textContent"
+_ITEMS = "document.querySelectorAll('.md-search-result__item')"
 
 pytestmark = pytest.mark.slow
 
@@ -120,6 +121,8 @@ def search(site: Path, browser: Any) -> Iterator[Callable[[str], list[str]]]:
                 page.fill(".md-search__input", text)
                 page.press(".md-search__input", "End")  # the page reads the field when a key is up
                 page.wait_for_function(f"{matching}{_META}.includes('matching')")
+            # The first results are added after the line with their number.
+            page.wait_for_function(f"{_ITEMS}.length >= Math.min(3, parseInt({_META}) || 1)")
             links = page.locator(".md-search-result__item > a").evaluate_all(
                 "links => links.map(link => link.pathname)"
             )
