@@ -219,10 +219,9 @@ class Jog:
         """
         if self.prompt and not self.moving:
             return replace(self, typed=f"{self.typed} ")
-        stopped, said = (
-            replace(self, waiting=None, calling=None, dropped=0),
-            f"Stopped{self._undone}",
-        )
+        stopped = replace(self, waiting=None, calling=None, dropped=0)
+        # The end of the move confirms the stop.
+        said = f"{'Stopping' if self.moving else 'Stopped'}{self._undone}"
         if self.prompt:
             return stopped.said(f"{said}; the space is not in the text; Escape leaves")
         return stopped._closed().said(said)

@@ -105,8 +105,10 @@ def test_only_the_last_key_of_a_move_counts() -> None:
 def test_nothing_follows_a_stop_or_a_failure() -> None:
     jog, _ = pressed(begun(), RIGHT, RIGHT)
     stopped, action = jog.press(" ")
-    assert (action, stopped.waiting) == (Stop(), None)
-    assert jog.ended("Stopped", failed=False)[1] is None
+    assert (action, stopped.waiting, stopped.message) == (Stop(), None, "Stopping")
+    stopped, action = stopped.ended("Stopped", failed=False)
+    assert (action, stopped.message) == (None, "Stopped")
+    assert stopped.press(" ")[0].message == "Stopped"
     failed, action = jog.ended("out of its limits", failed=True)
     assert (action, failed.waiting, failed.message) == (None, None, "out of its limits")
 
@@ -126,7 +128,7 @@ def test_a_name_is_typed_for_a_command() -> None:
 def test_a_space_during_a_move_stops_and_is_not_typed() -> None:
     jog, action = pressed(begun(), RIGHT, "s", "a", " ")
     assert (action, jog.typed) == (Stop(), "a")
-    assert "Stopped; the space is not in the text; Escape leaves" in drawn(jog)
+    assert "Stopping; the space is not in the text; Escape leaves" in drawn(jog)
 
 
 def test_a_text_that_is_wrong_can_be_corrected() -> None:
@@ -157,7 +159,7 @@ def test_a_prompt_opens_during_a_move_and_its_command_follows_the_move() -> None
     assert isinstance(action, Go)
     assert jog.ended("", failed=False)[1] == Call("s", "o1h")
     jog, _ = jog.press(" ")
-    assert "Stopped; not done: save pose o1h" in drawn(jog)
+    assert "Stopping; not done: save pose o1h" in drawn(jog)
     assert jog.ended("", failed=False)[1] is None
 
 
