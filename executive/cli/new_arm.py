@@ -143,7 +143,7 @@ def _report(robot: "Robot", allowed: "AllowedPairs", saved: Path | None) -> list
 
     reasons, nearest = Counter(allowed.reasons.values()), allowed.nearest
     counts = ", ".join(f"{count} {reason}" for reason, count in reasons.items())
-    unchecked = f"{len(allowed.reasons)} are not checked: {counts}"
+    unchecked = f"not checked: {counts}" if counts else "all are checked"
     away = [f"{joint.name} {joint.words(joint.boot, 4)}" for joint in robot.actuated if joint.boot]
     pose = f"{', '.join(away)}, others 0" if away else "all joints at 0"
     poses = ", ".join(f"{name} {robot.words(each)}" for name, each in allowed.poses.items())
