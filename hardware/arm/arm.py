@@ -497,7 +497,7 @@ class Arm:
         if connection := self._connection:
             connection.close(error)
             self._connection = None
-            if self._reconnect:  # without the connection, whose link may hold the arm
+            if self._reconnect:  # not with the connection: its link may keep the arm alive
                 self._when_collected(self._reconnect.stop)
 
     def _when_collected(self, release: _Release) -> None:

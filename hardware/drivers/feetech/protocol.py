@@ -200,7 +200,7 @@ class BusProtocol(BoardProtocol):
         else:
             self._slowest = max(now - self._begun, _REMEMBERED * self._slowest)
             rests = self._holds and now > self._settles
-            # A servo whose answer is doubtful may still answer.
+            # After a doubtful answer, the servo may still send its own.
             self.free_at = min(self.free_at, now + rest) if self._doubtful else -math.inf
             self.next_poll = now + (_IDLE_PERIOD if rests else 1 / self._rate)
             self._take_answers(now)

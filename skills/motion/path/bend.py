@@ -136,7 +136,7 @@ def _without_collision(
     weights: Array,
     pairs: frozenset[int],
 ) -> Array:
-    """Return the via points whose paths keep the margin between these hulls at all samples.
+    """Return the via points of the paths that keep the margin of these hulls at all samples.
 
     The middles of the paths are furthest from the line, and most candidates collide there.
     """
