@@ -92,12 +92,12 @@ class Recordings:
         """
         self._compaction = shared_process()
         recorder = self._create(_SERVER)
+        recorder.put(*self._setup(None), *self._early_lines(), self._arm_state(self._clock.now()))
         self._accepted.clear()
         with self._counting:
             failed, self._server = self._server, recorder
             if self._recorder is failed:
                 self._recorder = recorder
-        recorder.put(*self._setup(None), *self._early_lines(), self._arm_state(self._clock.now()))
         if failed:
             self._finish_later(failed)
 
