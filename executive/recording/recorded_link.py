@@ -2,6 +2,7 @@
 
 import logging
 import os
+from pathlib import Path
 
 from executive.errors import RecordingBehind
 from hardware import Clock, Link
@@ -100,10 +101,18 @@ class RecordedLink:
 
     def _likely_cause(self, waited: float) -> str:
         writing = self._recordings.write_time()
-        if writing > waited / 2:
-            return f"writes to the disk took {writing:.2f} s; record to a faster disk"
-        load, cores = os.getloadavg()[0], len(os.sched_getaffinity(0))
-        return (
-            f"the computer is busy, with a load of {load:.1f} on {cores} processors; "
+        ready, cores = _ready_threads(), len(os.sched_getaffinity(0))
+        disk = f"writes to the disk took {writing:.2f} s; record to a faster disk"
+        busy = (
+            f"the computer is busy, with {ready} threads ready to run on {cores} processors; "
             "end other programs"
         )
+        if writing <= waited / 2:
+            return busy
+        # A write also takes long if its thread gets no processor.
+        return disk if ready <= cores else f"{disk}. Or {busy}"
+
+
+def _ready_threads() -> int:
+    """Return how many threads of this computer run or could run now (`man 5 proc_loadavg`)."""
+    return int(Path("/proc/loadavg").read_text().split()[3].partition("/")[0])

@@ -1,6 +1,7 @@
 """Frames wait for the recording of the frames before them; a stop does not."""
 
 import logging
+import os
 import threading
 from collections.abc import Sequence
 from itertools import pairwise
@@ -49,6 +50,19 @@ def test_a_late_recording_is_reported_with_its_likely_cause(
     (line,) = caplog.messages
     assert line.startswith("A frame waited 1.00 s for the recording of the previous one.")
     assert cause in line
+
+
+def test_a_long_write_on_a_busy_computer_has_two_likely_causes(
+    rig: RigMaker, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: set())  # this thread is one too many
+    arm = rig()
+    link = link_of(arm, Late(arm, 10, write_s=0.9))
+    with arm.clock.working():
+        assert [link.ready(0.1) for _ in range(11)] == [False] * 10 + [True]
+    (line,) = caplog.messages
+    assert "writes to the disk took 0.90 s" in line
+    assert "the computer is busy" in line
 
 
 def test_a_recording_that_is_too_late_ends_the_motion(rig: RigMaker) -> None:
