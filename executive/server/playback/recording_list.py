@@ -13,6 +13,7 @@ from collections import OrderedDict
 from collections.abc import Callable, Hashable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
@@ -90,8 +91,7 @@ class RecordingFolder:
         self._timelines = _Cache[Timeline](_OPEN)
         self._nodes = _Cache[list[Json]](_OPEN)
         self._scenes = _Cache[RobotScene](_OPEN)
-        self._copies, self._copying = Path(tempfile.mkdtemp(prefix="armtree-")), threading.Lock()
-        weakref.finalize(self, shutil.rmtree, self._copies, ignore_errors=True)
+        self._copying = threading.Lock()
 
     def rows(self, query: RecordingFilter) -> list[Json]:
         """Return the recordings of a query, newest name first."""
@@ -238,12 +238,11 @@ class RecordingFolder:
         Raises:
             RecordingError: The recording cannot be read.
         """
-        copy = self._copies / path.name
         if self._indexed.get(_version(path), lambda: _has_index(path)):
             return path
         if path.stat().st_size > MAX_COPY:
             raise logs.RecordingError(path, "is large and has no index; type armtree log recover")
-        with self._copying, _changing(copy):
+        with self._copying, _changing(copy := self._copies / path.name):
             age = path.stat().st_mtime - copy.stat().st_mtime if copy.exists() else COPY_AGE
             if age >= COPY_AGE:
                 logs.Recording(path)  # the file is a recording
@@ -251,6 +250,13 @@ class RecordingFolder:
                     copy.unlink()
                     raise logs.RecordingError(path, "holds no goal of a run")
         return copy
+
+    @cached_property
+    def _copies(self) -> Path:
+        # Made with the first copy, so that a killed server does not leave an empty folder.
+        folder = Path(tempfile.mkdtemp(prefix="armtree-"))
+        weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
+        return folder
 
     def _names(self) -> list[str]:
         if not self._folder.is_dir():

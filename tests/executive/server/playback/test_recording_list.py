@@ -1,5 +1,7 @@
 """What clients of a server do with recordings."""
 
+import tempfile
+from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
@@ -7,7 +9,7 @@ import pytest
 from mcap.writer import IndexType, Writer
 
 from executive.server.playback import recording_list as folder_of_recordings
-from executive.server.playback.recording_list import RecordingFolder
+from executive.server.playback.recording_list import RecordingFilter, RecordingFolder
 from logs.writing.compaction import Copy
 from tests.support.recordings.alterations import records_of
 from tests.support.recordings.finished import at_rest, rest
@@ -49,6 +51,13 @@ def test_recordings_are_listed_and_found(serve: Serve) -> None:
     assert rows(served, f"?until={fail['stamp_ns']}") == [fail, nothing]
     assert rows(served, f"?before={newest}") == [fail, nothing]
     assert [row["name"] for row in rows(served, f"?before={others[0]}")] == [others[1]]
+
+
+def test_a_folder_is_made_only_for_a_copy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    recordings = RecordingFolder(tmp_path / "recordings", lambda: 0.0)
+    assert recordings.rows(RecordingFilter()) == []
+    assert not list(tmp_path.iterdir())  # a killed server could not remove it
 
 
 def test_a_recording_is_pinned_deleted_and_restored(
