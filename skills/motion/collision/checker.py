@@ -298,14 +298,14 @@ class CollisionChecker:
     def _collides(self, doubt: Array, margin: float, pairs: frozenset[int]) -> bool:
         """Return True if a doubt (nq,) is a collision. The broad phase has the same margin."""
         self._check()
-        # This finds contacts of any pair, so it decides only if all pairs are wanted.
-        if pairs is self.pairs and self._touching.collides(doubt):
+        every = pairs is self.pairs
+        if every and self._touching.collides(doubt):
             return True
-        row = doubt[None, :]
-        close = self._broad_phase(pairs).close_pairs_at(row)
+        close = self._broad_phase(pairs).close_pairs_at(doubt[None, :])
         checkers = [self._narrow_phase(k) for k in close]
-        touches = any(checker.meshes_touch(doubt) for checker in checkers)
-        return touches or any(each.collisions(row, margin, stop=True)[0] for each in checkers)
+        if not every and any(checker.meshes_touch(doubt) for checker in checkers):
+            return True
+        return any(checker.are_close(doubt, margin) for checker in checkers)
 
     def _hulls_of_pair_near(self, q: Array, pair: int, margin: float) -> Mask:
         self._some_hulls.set_margin(frozenset((pair,)), margin)

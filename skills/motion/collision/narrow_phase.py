@@ -56,23 +56,32 @@ class NarrowPhase:
 
     def collisions(self, q: Array, margin: float, stop: bool) -> Mask:
         """Return True for each row with shapes closer than a margin [m]. See `BroadPhase`."""
-        if margin != self._margin:
-            for request in self._requests:
-                request.security_margin = margin
-            self._margin = margin
         if not self._meshed:
+            self._set_margin(margin)
             return collide(self._pool, q, stop, BATCH, self._check)
         hits = np.zeros(len(q), bool)
         for i, row in enumerate(q):
-            touches = self._collides(row, self._touching)
-            hits[i] = touches or (margin > 0.0 and self._collides(row, self._near))
+            hits[i] = self.meshes_touch(row) or (margin > 0.0 and self.are_close(row, margin))
             if stop and hits[i]:
                 break
         return hits
 
+    def are_close(self, q: Array, margin: float) -> bool:
+        """Return True if shapes are closer than a margin [m] in one row (nq,). Slow on contact."""
+        if not self._meshed:
+            return bool(self.collisions(q[None, :], margin, stop=True)[0])
+        self._set_margin(margin)
+        return self._collides(q, self._near)
+
     def meshes_touch(self, q: Array) -> bool:
         """Return True if meshes touch in one row (nq,). False if the links have no meshes."""
         return self._meshed and self._collides(q, self._touching)
+
+    def _set_margin(self, margin: float) -> None:
+        if margin != self._margin:
+            for request in self._requests:
+                request.security_margin = margin
+            self._margin = margin
 
     def _collides(self, q: Array, placed: pin.GeometryData) -> bool:
         self._check()

@@ -231,7 +231,8 @@ def shape_pairs(geometry: pin.GeometryModel) -> tuple[NDArray[np.intp], NDArray[
 
 def part_of(geometry: pin.GeometryModel, pairs: Collection[int]) -> pin.GeometryModel:
     """Return a geometry of some of the pairs, in the same order, and only their shapes."""
-    ends = np.array(shape_pairs(geometry))[:, list(pairs)]
+    chosen = [geometry.collisionPairs[k] for k in pairs]
+    ends = np.array([(pair.first, pair.second) for pair in chosen], dtype=np.intp).T
     part, (used, places) = pin.GeometryModel(), np.unique(ends, return_inverse=True)
     for shape in used.tolist():
         part.addGeometryObject(geometry.geometryObjects[shape])
