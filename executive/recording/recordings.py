@@ -73,7 +73,8 @@ class Recordings:
         self._compaction: CompactionProcess | None = None
         self._finishers = ThreadPoolExecutor(_AT_ONCE, "recording")
         self._unfinished: deque[Future[None]] = deque()
-        self._errors: list[logs.LogError] = []
+        # Only the first error, because its traceback keeps the recorder in memory.
+        self._error: logs.LogError | None = None
         self._accepted: set[str] = set()  # goals without an end in the server's own recording
         self._meshes: set[str] = set()  # names of the meshes in the open recording
         self._exchanges = Exchanges(self._record_arm_event)
@@ -181,8 +182,9 @@ class Recordings:
         for recorder in filter(None, recorders):
             self._finish(recorder)
         self._finishers.shutdown()
-        if self._errors:
-            raise self._errors.pop(0)
+        if error := self._error:
+            self._error = None
+            raise error
 
     def _replace_failed(self) -> None:
         """Open another recording for the server if its own one has failed, and the disk has space.
@@ -205,7 +207,7 @@ class Recordings:
             recorder.close(self._compaction)
         except logs.LogError as error:
             logger.error("%s", error)
-            self._errors.append(error)
+            self._error = self._error or error
         except Exception:  # catches every error of this thread
             logger.exception("a bug in armtree")
 

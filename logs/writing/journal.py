@@ -184,9 +184,11 @@ class PieceWriter:
         Raises:
             OSError: The disk failed.
         """
-        os.fsync(self._stream.fileno())
-        self._stream.close()
-        self._release()
+        try:
+            os.fsync(self._stream.fileno())
+        finally:
+            self._release()
+            self._stream.close()
 
     @property
     def closed(self) -> bool:

@@ -1,11 +1,13 @@
 """Recordings of a server's goals: finished in the background, with a limit on unfinished ones."""
 
 import errno
+import gc
 import logging
 import os
 import shutil
 import signal
 import threading
+import weakref
 from pathlib import Path
 from typing import Any
 
@@ -201,6 +203,28 @@ def test_a_server_whose_own_recording_failed_opens_another_one(
     assert [frame.hold for frame in logs.Recording(last).frames()] == [True]
     verification = verify(last)
     assert verification.holds, verification.text()
+
+
+def test_failed_recordings_do_not_stay_in_memory(
+    server: RigMaker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    arm, failed, close = server(), [], PieceWriter.close
+
+    def close_in_vain(self: PieceWriter) -> None:
+        close(self)
+        failed.append(weakref.ref(self))
+        raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+    monkeypatch.setattr(PieceWriter, "close", close_in_vain)
+    for name in ("executive.recording.recordings", "logs.writing.recorder"):
+        monkeypatch.setattr(logging.getLogger(name), "disabled", True)  # pytest keeps its lines
+    for _ in range(4):
+        run(arm, 7)  # there is no task 7
+    with pytest.raises(logs.LogError, match="recording incomplete"):
+        arm.executive.close()
+    gc.collect()
+    assert len(failed) == 5  # one is the server's own
+    assert sum(writer() is not None for writer in failed) <= 1  # of the error that was raised
 
 
 def test_a_lost_recording_of_a_task_that_succeeded_ends_the_sequence(

@@ -327,6 +327,18 @@ def test_a_full_disk_leaves_room_for_the_end(tmp_path: Path) -> None:
     assert "its end" not in str(DiskFull(path))  # not known yet
 
 
+def test_a_failed_sync_leaves_no_open_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(handle: int) -> None:
+        raise OSError(5, "Input/output error")
+
+    tail = PieceWriter((tmp_path / "x").open("xb"))
+    monkeypatch.setattr(os, "fsync", refuse)
+    with pytest.raises(OSError, match="Input/output"):
+        tail.close()
+    handles = [handle for handle in Path("/proc/self/fd").iterdir() if handle.is_symlink()]
+    assert not [x for x in handles if str(tmp_path) in os.readlink(x)]  # also not the reserve
+
+
 def test_the_time_of_all_writes_is_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     now, real = [0.0], os.write
 
