@@ -46,7 +46,7 @@ from .api import Policy
 from .api.events import Event, Status, Where
 from .api.move import Move
 from .api.outcome import Acceptance, CancelResult, GoalState, GoalStatus, Outcome, cause_of
-from .errors import GoalUnderWay, NotExecuting, NotPaused, TooManyBreakpoints
+from .errors import GoalUnderWay, NotExecuting, NotPaused, SentBeforeStop, TooManyBreakpoints
 from .goals.event_subscribers import EventSubscribers
 from .goals.executor import GoalExecutor
 from .goals.history import load_goal_history
@@ -318,12 +318,14 @@ class Executive:
         else:
             self._breakpoints.add(path)
 
-    def arm_to(self, transition: str, pose: str | None = None) -> State:
+    def arm_to(self, transition: str, pose: str | None = None, stops: int | None = None) -> State:
         """Request a transition of the arm's lifecycle, and wait for its end.
 
         Args:
             transition: configure, activate, deactivate, cleanup or shutdown.
             pose: Confirmed start pose of an activation, `boot` or `last`; see `StartPose`.
+            stops: Number of stops in the status that the sender knew, so that an activation that
+                arrives after a later stop is refused; None to activate the arm.
 
         Returns:
             State of the arm.
@@ -331,6 +333,7 @@ class Executive:
         Raises:
             HardwareError: The transition failed, or is not allowed now.
             LogError: The disk has no room for a recording, so the arm is not activated.
+            SentBeforeStop: The arm was stopped after the status that the sender knew.
         """
         if transition not in TRANSITIONS:
             known = ", ".join(TRANSITIONS)
@@ -338,6 +341,8 @@ class Executive:
         if transition == "activate":
             self._recordings.check_space()
             self._recordings.wait()  # the board boots next and may move the arm
+            if self._queue.stopped_since(stops):
+                raise SentBeforeStop
             self.start_pose.activate(self._arm, self._pool.start, pose)
             return self._arm.state
         if transition in ("deactivate", "shutdown") and self._arm.state is State.ACTIVE:

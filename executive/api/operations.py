@@ -109,13 +109,15 @@ _PAUSE_ERRORS = ("goal.unknown", "goal.not_executing")
 _RESUME_ERRORS = (*_PAUSE_ERRORS, "goal.not_paused")
 
 _ACCEPTED = s.answer("Accepted", goal_id=s.GOAL_ID, stamp_ns=s.COUNT)
+_STOPS = s.described(
+    s.COUNT,
+    "`stops` of the newest status; the goal or activation is refused if the arm was stopped after "
+    "it.",
+)
 _NEW_GOAL = {
     "goal_id": s.described(s.GOAL_ID, "Id of the new goal; default a random one."),
     "deadman": s.described(s.BOOLEAN, "True to cancel the goal when its hold ends; hold it first."),
-    "stops": s.described(
-        s.COUNT,
-        "`stops` of the newest status; the goal is refused if the arm was stopped after it.",
-    ),
+    "stops": _STOPS,
 }
 
 _change_goal = partial(_change, answer=s.GOAL, parameters=_GOAL, body=s.EMPTY)
@@ -427,8 +429,8 @@ _ROWS = (
         "Take the arm through its lifecycle; activate opens the port, which moves the arm.",
         s.answer("Arm", arm=s.ARM_STATE),
         {"transition": _TRANSITION},
-        s.body(pose=s.START_POSE),
-        errors=("hw", "file.robot", "log"),
+        s.body(pose=s.START_POSE, stops=_STOPS),
+        errors=("hw", "file.robot", "log", "goal.sent_before_stop"),
     ),
     _read(
         "/api/events",

@@ -175,10 +175,11 @@ def arm(client: "Client", as_json: bool, transition: str, pose: str | None) -> N
     """
     from .support.server_goals import activate
 
+    stops = client.status().stops  # a stop that overtakes this command ends it
     if transition == "activate" and not as_json:
-        echo(activate(client, pose, diagnostics().verbose))
+        echo(activate(client, pose, stops, diagnostics().verbose))
         return
-    state = client.arm(transition, pose)
+    state = client.arm(transition, pose, stops)
     echo_result(as_json, {"arm": state}, state)
 
 

@@ -276,7 +276,7 @@ class AsyncClient:
             "answer", lambda answer: str(answer["answer"]), question_id=question_id, answer=words
         )
 
-    async def arm(self, transition: str, pose: str | None = None) -> str:
+    async def arm(self, transition: str, pose: str | None = None, stops: int | None = None) -> str:
         """Take the arm through its lifecycle.
 
         Activating opens the port, which resets the board and moves the arm.
@@ -285,6 +285,7 @@ class AsyncClient:
             transition: configure, activate, deactivate, cleanup or shutdown.
             pose: Pose of an arm whose board does not reset: `boot`, or `last` for the last
                 commanded pose.
+            stops: `Status.stops`, to refuse an activation if the arm was stopped after that status.
 
         Returns:
             The new state.
@@ -295,6 +296,7 @@ class AsyncClient:
             extra_time=30.0,
             transition=transition,
             pose=pose,
+            stops=stops,
         )
 
     async def status(self) -> Status:

@@ -272,7 +272,7 @@ class Client:
             "answer", lambda answer: str(answer["answer"]), question_id=question_id, answer=words
         )
 
-    def arm(self, transition: str, pose: str | None = None) -> str:
+    def arm(self, transition: str, pose: str | None = None, stops: int | None = None) -> str:
         """Take the arm through its lifecycle.
 
         Activating opens the port, which resets the board and moves the arm.
@@ -281,6 +281,7 @@ class Client:
             transition: configure, activate, deactivate, cleanup or shutdown.
             pose: Pose of an arm whose board does not reset: `boot`, or `last` for the last
                 commanded pose.
+            stops: `Status.stops`, to refuse an activation if the arm was stopped after that status.
 
         Returns:
             The new state.
@@ -291,6 +292,7 @@ class Client:
             extra_time=30.0,
             transition=transition,
             pose=pose,
+            stops=stops,
         )
 
     def status(self) -> Status:

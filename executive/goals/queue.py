@@ -160,6 +160,14 @@ class GoalQueue:
             result = CancelResult(CancelCode.NONE, tuple(goal.identity for goal in canceled))
             return result, canceled, self.running if self.running in canceled else None
 
+    def stopped_since(self, stops: int | None) -> bool:
+        """Return True if a stop came after the status with that number of stops.
+
+        Args:
+            stops: `stops` of the status; None if the sender gave none.
+        """
+        return stops is not None and stops < self.stops
+
     def stopped(self, goal: Goal) -> None:
         """Report that a stop of the arm for a goal is done."""
         with self.signal:
@@ -286,7 +294,7 @@ class GoalQueue:
             return BadIdentity(identity)
         if identity in self._goals:
             return DuplicateGoal(identity)
-        if stops is not None and stops < self.stops:
+        if self.stopped_since(stops):
             return SentBeforeStop()
         busy = self.current
         if busy and self.blocked:

@@ -161,7 +161,8 @@ class Calls:
         return "\n".join(lines)
 
     async def activate_arm(self, pose: str | None = None) -> str:
-        state = (await self._client.status()).arm
+        status = await self._client.status()
+        state, stops = status.arm, status.stops
         if state is State.ACTIVE:
             return "arm active already; nothing was done"
         if state is not State.INACTIVE:
@@ -170,15 +171,15 @@ class Calls:
             )
         if not self._person.can_answer:
             raise Forbidden(*_BY_HAND)
-        if self._person.state:
-            words = self._person.answer
+        if (asked := self._person.state.get("stops")) is not None:
+            words, stops = self._person.answer, asked  # a stop after the question counts
         else:
-            words = await self._person.ask(_ACTIVATE, (_YES, _NO), {"activate": True})
+            words = await self._person.ask(_ACTIVATE, (_YES, _NO), {"stops": stops})
         if words != _YES:
             raise Forbidden(
                 "the person did not confirm the activation", "activate it only after they do"
             )
-        return f"arm {await self._client.arm('activate', pose)}"
+        return f"arm {await self._client.arm('activate', pose, stops)}"
 
     async def list_recordings(
         self, limit: int = 10, task: int | None = None, state: str = ""

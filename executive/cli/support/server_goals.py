@@ -89,12 +89,13 @@ def parameters(settings: Sequence[str]) -> dict[str, str]:
     return dict(setting.split("=", 1) for setting in settings)
 
 
-def activate(client: Client, pose: str | None, verbose: bool) -> str:
+def activate(client: Client, pose: str | None, stops: int, verbose: bool) -> str:
     """Activate the arm of a server, and show the remaining boot time of its board.
 
     Args:
         client: Client of the server.
         pose: Confirmed start pose, or None.
+        stops: Number of stops that the caller knows. After a later one, the arm is not activated.
         verbose: True if the log is printed.
 
     Returns:
@@ -106,7 +107,7 @@ def activate(client: Client, pose: str | None, verbose: bool) -> str:
     with view_for(False, verbose) as view:
         view.put(where := client.where())
         view.put(logs.Transition(RealClock().now(), "activate", where.arm, State.ACTIVATING))
-        return client.arm("activate", pose)
+        return client.arm("activate", pose, stops)
 
 
 def watch(client: Client, as_json: bool, verbose: bool) -> None:

@@ -241,8 +241,8 @@ class Endpoints(RecordingEndpoints):
         counts = self._questions.answer(question_id, answer)
         return {"question_id": question_id, "answer": counts}
 
-    async def arm(self, transition: str, pose: str | None = None) -> Json:
-        state = await asyncio.to_thread(self._executive.arm_to, transition, pose)
+    async def arm(self, transition: str, pose: str | None = None, stops: int | None = None) -> Json:
+        state = await asyncio.to_thread(self._executive.arm_to, transition, pose, stops)
         return {"arm": state.value}
 
     async def events(self, request: Request, events: str = "") -> Response:

@@ -128,6 +128,23 @@ def test_a_day_in_the_life_of_a_server(typed: tuple[Served, Typed]) -> None:
     assert {"goal", "node", "feedback"} <= {event["event"] for event in events}
 
 
+@pytest.mark.parametrize("json_option", [(), ("--json",)])
+def test_a_stop_overtakes_an_activation(
+    typed: tuple[Served, Typed], monkeypatch: pytest.MonkeyPatch, json_option: tuple[str, ...]
+) -> None:
+    served, type_in = typed
+    activate = Client.arm
+
+    def delayed(client: Client, *arguments: Any) -> str:
+        served.executive.cancel()
+        return activate(client, *arguments)
+
+    monkeypatch.setattr(Client, "arm", delayed)
+    status, _, error = type_in("arm", "activate", *json_option)
+    assert (status, "[goal.sent_before_stop]" in error) == (4, True)
+    assert "Arm       inactive" in type_in("status")[1]
+
+
 def test_a_live_view_of_a_server_knows_its_boot_and_its_joints(
     typed: tuple[Served, Typed], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -237,6 +237,22 @@ def test_only_a_person_activates_the_arm(serve: Serve, mode: str) -> None:
     drive(Caller(server, "yes", mode), early)
 
 
+@pytest.mark.parametrize("mode", ERAS)
+def test_a_stop_while_the_person_is_asked_wins_over_the_activation(serve: Serve, mode: str) -> None:
+    served = serve(active=False)
+
+    class Stopper(Caller):
+        async def _elicit(self, context: object, params: Any) -> ElicitResult:
+            served.executive.cancel()
+            return await super()._elicit(context, params)
+
+    async def stopped(caller: Caller) -> None:
+        assert "the arm was stopped" in await caller.bad("activate_arm")
+        assert served.executive.status().arm == "inactive"
+
+    drive(Stopper(make_server(served.server.url), "yes", mode), stopped)
+
+
 def test_the_goal_of_a_canceled_call_or_of_a_client_that_left_is_canceled(serve: Serve) -> None:
     served = serve()
 

@@ -140,6 +140,11 @@ export function setStops(count) {
   stops = count;
 }
 
+/** @returns {number | undefined} stops of the arm in the newest status */
+export function knownStops() {
+  return stops;
+}
+
 /**
  * Send a goal. The server refuses it if the arm was stopped after the newest status.
  * @param {"api/goals" | "api/move"} path

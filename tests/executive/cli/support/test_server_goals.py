@@ -40,7 +40,7 @@ class Client:
     def where(self) -> Where:
         return Where.of(load_robot(None), State.INACTIVE, None)
 
-    def arm(self, transition: str, pose: str | None) -> str:
+    def arm(self, transition: str, pose: str | None, stops: int) -> str:
         assert self._terminal.boots.wait(20.0)
         return "active"
 
@@ -69,5 +69,5 @@ def test_the_boot_of_an_arm_that_is_activated_is_shown(monkeypatch: pytest.Monke
     view = LiveView(console, lambda: 0.0)
     monkeypatch.setattr(server_goals, "view_for", lambda *_: view)
     client: Any = Client(terminal)
-    assert server_goals.activate(client, None, False) == "active"
+    assert server_goals.activate(client, None, 0, False) == "active"
     assert terminal.getvalue().endswith("\x1b[?25h\x1b[?1049l")

@@ -192,6 +192,16 @@ def test_the_lifecycle(serve: Serve) -> None:
     assert served.executive.status().arm is State.FINALIZED
 
 
+def test_an_activation_that_was_sent_before_a_stop_is_refused_after_it(serve: Serve) -> None:
+    served = serve(active=False)
+    known = served.ask("GET", "/api/status")[1]["stops"]
+    served.executive.cancel()
+    status, error = served.ask("POST", "/api/arm/activate", {"stops": known})
+    assert (status, error["code"]) == (409, "goal.sent_before_stop")
+    assert served.executive.status().arm is State.INACTIVE
+    assert served.ask("POST", "/api/arm/activate", {"stops": known + 1})[1] == {"arm": "active"}
+
+
 def test_pause_and_resume(serve: Serve) -> None:
     served = serve()
     goal = send(served, 1)

@@ -266,6 +266,29 @@ def test_the_arm_is_activated_from_the_page(open_page: Open, page_server: Served
     assert page_server.executive.status().arm.value == "active"
 
 
+def test_an_activation_that_arrives_after_a_stop_is_refused(
+    open_page: Open, page_server: Served
+) -> None:
+    executive, held = page_server.executive, list[Any]()
+
+    def hold(asked: Any) -> None:
+        held.append(asked)
+
+    executive.arm_to("deactivate")
+    executive.arm_to("cleanup")
+    tab = open_page(prepare=lambda empty: empty.route("**/api/arm/configure", hold))
+    with tab.expect_request("**/api/arm/configure"):
+        tab.click("#activate")
+    tab.keyboard.press("Escape")
+    shows(tab, "#stop-note", "^stopped at")
+    held.pop().continue_()
+    shows(tab, "#control-error", "^the arm was stopped after the last status")
+    forget(tab, "409")
+    assert executive.status().arm.value == "inactive"
+    tab.click("#activate")
+    shows(tab, "#arm-state", "^active$")
+
+
 def test_a_hint_names_what_the_page_has(open_page: Open, page_server: Served) -> None:
     page_server.executive.send(10)
     tab = open_page()

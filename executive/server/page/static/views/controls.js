@@ -1,6 +1,6 @@
 /** Pause, step and resume, and breakpoints. */
 
-import { isSignedIn, post } from "../api.js";
+import { isSignedIn, knownStops, post } from "../api.js";
 import { byId, setText, setUsable } from "../dom.js";
 
 /** @typedef {import("../model/shown_run.js").ShownRun} ShownRun */
@@ -43,10 +43,11 @@ export class Controls {
     await this.#act("api/breakpoints", { node, on });
   }
 
-  /** Activate the arm, which may move it; configure it before, if it is not. */
+  /** Activate the arm, which may move it, unless it is stopped meanwhile. Configure it before. */
   async activate() {
+    const stops = knownStops();
     if (this.#arm === "unconfigured" && !(await this.#act("api/arm/configure"))) return;
-    await this.#act("api/arm/activate");
+    await this.#act("api/arm/activate", { stops });
   }
 
   /**
