@@ -81,6 +81,7 @@ class Recordings:
         self._early = deque[logs.LogLine](maxlen=_EARLY)
         # Lock for the count of frames and changes of the recorder.
         self._counting = threading.RLock()
+        self._replacing = threading.Lock()
         self._state = State.UNCONFIGURED.value  # state of the arm's lifecycle
         self.path = ""
         self.frames = 0
@@ -191,12 +192,13 @@ class Recordings:
 
         Otherwise holds and activations after a full disk would not be recorded.
         """
-        if self._server and self._server.failed:
-            try:
-                self.check_space()
-                self.open_server_recording()
-            except logs.LogError as error:
-                logger.error("%s", error)
+        with self._replacing:
+            if self._server and self._server.failed:
+                try:
+                    self.check_space()
+                    self.open_server_recording()
+                except logs.LogError as error:
+                    logger.error("%s", error)
 
     def _finish_later(self, recorder: logs.Recorder) -> None:
         """Finish a recording in the background."""

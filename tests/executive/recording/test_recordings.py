@@ -8,6 +8,8 @@ import shutil
 import signal
 import threading
 import weakref
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +24,7 @@ from executive.goals.mailbox import Mailbox
 from executive.recording import recordings
 from executive.replay.verification import verify
 from executive.replay.verify_frames import result_difference
-from hardware import RealClock, Robot
+from hardware import RealClock, Robot, State, StateChanged
 from logs.reading.file_state import being_written, is_complete
 from logs.views.narrative import narrative, overview
 from logs.views.run_figure import _outcome
@@ -225,6 +227,29 @@ def test_failed_recordings_do_not_stay_in_memory(
     gc.collect()
     assert len(failed) == 5  # one is the server's own
     assert sum(writer() is not None for writer in failed) <= 1  # of the error that was raised
+
+
+def test_a_goal_and_an_activation_open_one_recording_after_a_failed_one(
+    server: RigMaker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    arm, both = server(), threading.Barrier(2)
+    kept = arm.executive._recordings
+    own = kept._server
+    monkeypatch.setattr(logs.Recorder, "failed", property(lambda self: self is own))
+
+    def check_space() -> None:
+        with suppress(threading.BrokenBarrierError):
+            both.wait(0.2)  # the other thread, if it does not wait for this one
+
+    monkeypatch.setattr(kept, "check_space", check_space)
+    changed = StateChanged(arm.clock.now(), "activate", State.INACTIVE, State.ACTIVATING)
+    with ThreadPoolExecutor() as threads:
+        ended = threads.submit(kept.goal_ended)
+        recorded = threads.submit(kept.on_arm_event, changed)
+    ended.result()
+    recorded.result()
+    arm.executive.close()
+    assert len([*filter(recordings.is_server_recording, tmp_path.glob("*.mcap"))]) == 2
 
 
 def test_a_lost_recording_of_a_task_that_succeeded_ends_the_sequence(
