@@ -315,7 +315,12 @@ class _Watch:
         self.closing = False
 
     async def note(self, error: Exception) -> None:
-        """Note an error. Without this callback the library logs every failed attempt."""
+        """Note an error. Without this callback the library logs every failed attempt.
+
+        The library leaves the socket of a failed attempt to reconnect open.
+        """
+        if self._connection.is_connecting and (socket := self._connection._transport):
+            socket.close()  # type: ignore[no-untyped-call]
         why = self.why(error)
         if self._lasting and type(why) is not self._logged:
             self._logged = type(why)

@@ -14,6 +14,7 @@ from executive.fleet.connection import open_fleet
 from executive.fleet.errors import FleetError
 from executive.fleet.nats_server import NatsOptions, nats_server
 from hardware import RealClock
+from tests.support.servers.cuttable_proxy import CuttableProxy
 from tests.support.servers.free_port import free_port
 
 
@@ -44,6 +45,29 @@ def test_the_token_is_sent_only_to_the_address_of_the_server(tmp_path: Path) -> 
         other.join()
     assert heads[0].startswith(b"CONNECT")
     assert (options.data / "token").read_bytes() not in heads[0]
+
+
+def test_an_attempt_to_reconnect_that_fails_leaves_no_socket_open(tmp_path: Path) -> None:
+    """An open one is a ResourceWarning, which fails the test."""
+    options = NatsOptions(tmp_path / "fleet", port=free_port())
+
+    async def main() -> None:
+        back = asyncio.Event()
+
+        async def changed(is_up: bool) -> None:
+            if is_up:
+                back.set()
+
+        with nats_server(options, RealClock()), CuttableProxy(options.port) as proxy:
+            token = {"token": (options.data / "token").read_text()}
+            url = f"nats://127.0.0.1:{proxy.port}"
+            async with open_fleet(url, "arm", True, changed, token):
+                proxy.cut()
+                assert await asyncio.to_thread(proxy.refused.wait, 20)
+                proxy.mend()
+                await asyncio.wait_for(back.wait(), 20)
+
+    asyncio.run(main())
 
 
 _HOLDS_A_SERVER = """

@@ -14,13 +14,14 @@ class CuttableProxy:
 
     Attributes:
         port: Port on which it listens.
+        refused: Set when it has refused a connection.
     """
 
     def __init__(self, target: int) -> None:
         self._target = target
         self._listener = socket.create_server(("127.0.0.1", 0))
         self.port: int = self._listener.getsockname()[1]
-        self._whole = threading.Event()
+        self._whole, self.refused = threading.Event(), threading.Event()
         self._refuses = False
         self._open: set[socket.socket] = set()
         self._whole.set()
@@ -56,6 +57,7 @@ class CuttableProxy:
                 near, _ = self._listener.accept()
                 if self._refuses:
                     near.close()
+                    self.refused.set()
                     continue
                 far = socket.create_connection(("127.0.0.1", self._target))
                 self._open |= {near, far}
