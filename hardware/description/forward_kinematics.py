@@ -82,6 +82,18 @@ class ForwardKinematics:
             link = joint.parent
         return names
 
+    def moved_above(self, link: str) -> list[str]:
+        """Return the links between a link and the root, both included, that a joint moves itself.
+
+        The first one is nearest to the link.
+        """
+        above = {joint.child: joint for joint, *_ in self._joints}
+        links = []
+        while joint := above.get(link):
+            links += [link] if joint.type != "fixed" else []
+            link = joint.parent
+        return links
+
 
 def reach(urdf: Urdf) -> float:
     """Return an upper bound of the distance of any link from the root [m]."""

@@ -234,9 +234,9 @@ class ToolChain:
         self._tolerance = _AXIS_TOLERANCE
         if query.turn is not None:
             self._axes = axes_across(self._axis)
-            _, rotation = self._pose(np.array(query.start))
+            position, rotation = self._pose(np.array(query.start))
             axes = self._axes @ rotation.T
-            self._targets = turned(axes, query.turn)
+            self._targets = turned(axes, query.turn, position, *self._ends())
             self._tolerance = max(_AXIS_TOLERANCE, turn_tolerance(axes, self._targets))
         elif query.direction is not None:
             self._axes, self._targets = self._axis[None, :], _unit(query.direction)[None, :]
@@ -258,6 +258,16 @@ class ToolChain:
         kinematics = self._model.kinematics
         joint = kinematics.frames[self._model.frame_index(link)].parentJoint
         return bool(set(kinematics.supports[joint]) & set(joints))
+
+    def _ends(self) -> tuple[Array, Array]:
+        """Return the positions of the last and the first joint that move the tool, (3,) each [m].
+
+        Both are the root's origin if no joint moves it.
+        """
+        kinematics = self._model.kinematics
+        root, *above = kinematics.supports[kinematics.frames[self._frame].parentJoint]
+        last, first = (above[-1], above[0]) if above else (root, root)
+        return self._data.oMi[last].translation, self._data.oMi[first].translation
 
     def draw(self, random: np.random.Generator, start: Array) -> Array:
         """Draw random positions of the group's joints, within their limits or half a turn."""

@@ -14,6 +14,8 @@ _SHARE = 0.05
 # Sine of the angle to the vertical below which an axis has no side. The angle is well above the
 # resolution of servos, so that rounding does not decide the direction of a pitch.
 _STEEP = math.sin(math.radians(1.0))
+_ABOVE = 1e-3  # a tool nearer to the vertical through the base is not ahead of it [m]
+_BACK = -0.5  # cosine of the angle between ahead and a tool that points back at the base
 
 
 def axes_across(axis: Array) -> Array:
@@ -26,19 +28,29 @@ def axes_across(axis: Array) -> Array:
     return np.array((axis, across / np.linalg.norm(across)))
 
 
-def turned(axes: Array, turn: Vector) -> Array:
+def turned(axes: Array, turn: Vector, tool: Array, wrist: Array, base: Array) -> Array:
     """Return axes from `axes_across`, as they are in the root frame, after a turn (2, 3).
+
+    The pitch is about the horizontal line across the tool's axis. It is upwards. For a tool that
+    points back at the base, within 60 deg, it is downwards: it continues the pitch of a tool over
+    the vertical, so that the opposite pitch brings the tool back. If the tool's axis is within
+    1 deg of the vertical, the line is across the arm.
 
     Args:
         axes: The axes before the turn, of length 1 (2, 3).
-        turn: Roll about the tool's axis, then pitch upwards, then yaw about the vertical [rad]. The
-            pitch is about the horizontal line across the tool's axis, or about the second axis if
-            the tool's axis is within 1 deg of the vertical.
+        turn: Roll about the tool's axis, then pitch, then yaw about the vertical [rad].
+        tool: Position of the tool (3,) [m].
+        wrist: Position of the last joint that moves it (3,) [m].
+        base: Position of the first joint that moves it (3,) [m].
     """
-    side = np.cross(axes[0], _UP)
-    length = np.linalg.norm(side)
-    side = side / length if length > _STEEP else axes[1]
-    for line, angle in zip((axes[0], side, _UP), turn, strict=True):
+    # Not the tool itself: it may be beside the axis of the wrist, and then beside the arm's plane.
+    ahead = wrist + (tool - wrist) @ axes[0] * axes[0] - base
+    side, across = np.cross(axes[0], _UP), np.cross(ahead, _UP)
+    if np.linalg.norm(side) < _STEEP:
+        side = across if np.linalg.norm(across) > _ABOVE else axes[1]
+    elif side @ across < _BACK * np.linalg.norm(side) * np.linalg.norm(across):
+        side = -side
+    for line, angle in zip((axes[0], side / np.linalg.norm(side), _UP), turn, strict=True):
         axes = _rotated(axes, line, angle)
     return axes
 

@@ -134,7 +134,10 @@ class AnswerChecker:
                 ends = [self._locate(link, offset + each, configuration) for each in axes]
                 return np.array(ends) - origin
 
-            wanted = turned(before := seen(start), request.turn)
+            *_, first = moved = self._robot.kinematics.moved_above(link) or ("",)
+            points = (self._locate(each, np.zeros(3), start) for each in (moved[0], first))
+            tool = self._locate(link, offset, start)
+            wanted = turned(before := seen(start), request.turn, tool, *points)
             off = float(np.linalg.norm(seen(there) - wanted, axis=1).max())
             _check_aligned(off, _ALIGNED + turn_tolerance(before, wanted), "orientation")
 
