@@ -29,6 +29,7 @@ from logs.reading.file_state import being_written, is_complete
 from logs.views.narrative import narrative, overview
 from logs.views.run_figure import _outcome
 from logs.views.timeline import timeline
+from logs.writing import recorder
 from logs.writing.compaction_process import shared_process
 from logs.writing.journal import Journal, PieceWriter
 from tests.conftest import RigMaker
@@ -193,6 +194,7 @@ def test_a_server_whose_own_recording_failed_opens_another_one(
 
     monkeypatch.setattr(PieceWriter, "_write", write_in_vain)
     run(arm, 1)  # aborted if the recording of the server fails before its end
+    arm.rest(1.0)  # else another one may fail during the next goal
     arm.executive._recordings.wait()
     full = False
     assert run(arm, 1).success
@@ -224,6 +226,9 @@ def test_failed_recordings_do_not_stay_in_memory(
         run(arm, 7)  # there is no task 7
     with pytest.raises(logs.LogError, match="recording incomplete"):
         arm.executive.close()
+    synced = threading.Event()
+    recorder._queue("fsync").put(synced.set)  # the jobs before it have recorders
+    assert synced.wait(20.0)
     gc.collect()
     assert len(failed) == 5  # one is the server's own
     assert sum(writer() is not None for writer in failed) <= 1  # of the error that was raised
