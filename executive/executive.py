@@ -325,7 +325,7 @@ class Executive:
             transition: configure, activate, deactivate, cleanup or shutdown.
             pose: Confirmed start pose of an activation, `boot` or `last`; see `StartPose`.
             stops: Number of stops in the status that the sender knew, so that an activation that
-                arrives after a later stop is refused; None to activate the arm.
+                arrives after a later stop is refused; None for the number at this moment.
 
         Returns:
             State of the arm.
@@ -333,12 +333,13 @@ class Executive:
         Raises:
             HardwareError: The transition failed, or is not allowed now.
             LogError: The disk has no room for a recording, so the arm is not activated.
-            SentBeforeStop: The arm was stopped after the status that the sender knew.
+            SentBeforeStop: The arm was stopped after that, before the activation began.
         """
         if transition not in TRANSITIONS:
             known = ", ".join(TRANSITIONS)
             raise TransitionRefused(f"there is no transition {transition}; there are {known}")
         if transition == "activate":
+            stops = self._queue.stops if stops is None else stops
             self._recordings.check_space()
             self._recordings.wait()  # the board boots next and may move the arm
             if self._queue.stopped_since(stops):

@@ -12,7 +12,7 @@ from executive.api import Policy
 from executive.api.outcome import Acceptance, GoalState, GoalStatus
 from executive.cli.support.log_handler import LogHandler
 from executive.cli.support.run_server import prepare
-from executive.errors import GoalUnderWay, ResultTimeout, UnknownGoal
+from executive.errors import GoalUnderWay, ResultTimeout, SentBeforeStop, UnknownGoal
 from executive.replay.verification import verify
 from hardware import NotActive, State, TransitionRefused
 from hardware.errors import PortMissing
@@ -96,6 +96,19 @@ def test_a_person_activates_and_deactivates_the_arm(server: RigMaker) -> None:
     assert arm.arm_to("shutdown") is State.FINALIZED
     with pytest.raises(TransitionRefused, match="while finalized; start armtree again"):
         arm.arm_to("activate")
+
+
+def test_a_stop_while_an_activation_waits_for_the_disk_ends_it(
+    server: RigMaker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    arm = server(active=False)
+    arm.executive.arm_to("configure")
+    with monkeypatch.context() as patch:
+        patch.setattr(arm.executive._recordings, "wait", arm.executive.cancel)
+        with pytest.raises(SentBeforeStop):
+            arm.executive.arm_to("activate")
+    assert (arm.executive.status().arm, arm.opened) == (State.INACTIVE, 0)
+    assert arm.executive.arm_to("activate") is State.ACTIVE
 
 
 def test_a_stop_ends_the_wait_for_the_boot(server: RigMaker) -> None:
