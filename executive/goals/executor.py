@@ -159,10 +159,11 @@ class GoalExecutor:
         except _KNOWN as error:
             if attempt.error:
                 logger.error("%s", error)
-            attempt.error = attempt.error or error
+            # Its goal, which is kept, and the arm hold the error; the traceback holds the tree.
+            attempt.error = attempt.error or error.with_traceback(None)
         except Exception as error:  # also a bug must end the goal
             logger.exception("a bug in armtree")
-            attempt.error = attempt.error or error
+            attempt.error = attempt.error or error.with_traceback(None)
 
     def _build(self, attempt: _Attempt) -> None:
         """Validate a goal and build its tree, without the arm."""

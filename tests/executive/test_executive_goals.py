@@ -3,7 +3,9 @@
 import gc
 import logging
 import shutil
+import weakref
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -13,6 +15,7 @@ from executive.api.outcome import Acceptance, GoalState, GoalStatus
 from executive.cli.support.log_handler import LogHandler
 from executive.cli.support.run_server import prepare
 from executive.errors import GoalUnderWay, ResultTimeout, SentBeforeStop, UnknownGoal
+from executive.goals import executor
 from executive.replay.verification import verify
 from hardware import NotActive, State, TransitionRefused
 from hardware.errors import PortMissing
@@ -20,6 +23,7 @@ from skills.leaves.plan_group import PlanGripper
 from tests.conftest import RigMaker
 from tests.support.paths import EXAMPLES
 from tests.support.servers.server_acts import at_frame, history, run
+from trees.build import Tree, build
 
 # Goals and the arm
 
@@ -287,6 +291,28 @@ def test_preempt(server: RigMaker, number: int) -> None:
     assert plan.start == dict(zip(stood.joints, stood.positions, strict=True))
     arm.executive.close()
     assert verify(Path(arm.executive.result(second).recording)).holds
+
+
+def test_a_preempted_goal_is_kept_without_its_tree(
+    server: RigMaker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    trees = list[weakref.ref[Tree]]()
+
+    def noted(*arguments: Any, **options: Any) -> Tree:
+        tree = build(*arguments, **options)
+        trees.append(weakref.ref(tree))
+        return tree
+
+    monkeypatch.setattr(executor, "build", noted)
+    arm = server(policy=Policy.PREEMPT)
+    at_frame(arm, 5, lambda: arm.executive.send(2))
+    first = arm.executive.send(1).identity
+    assert arm.executive.result(first).code == "goal.preempted"
+    assert arm.executive.result(arm.executive.goals()[-1].identity).success
+    arm.executive.close()
+    gc.collect()
+    assert arm.executive.result(first).code == "goal.preempted"  # it is still kept
+    assert [tree() for tree in trees if tree()] == []
 
 
 def test_preempt_while_planning(server: RigMaker) -> None:
