@@ -1,9 +1,11 @@
 """Goals and events of a server, shown like those of `armtree run`."""
 
 import logging
+import threading
 import uuid
 from collections.abc import Iterator, Sequence
 from contextlib import nullcontext
+from datetime import datetime
 from functools import partial
 
 import logs
@@ -21,8 +23,12 @@ from .interrupts import CANCELING, Interrupts
 
 _ENDED = "the server has ended, or this client read too slowly"
 _LAST_WORDS = "Ended at once. The goal may still run on the server: `armtree cancel` cancels it."
-
-logger = logging.getLogger(__name__)
+_SILENT = (
+    "The server {} has not answered since {}, so the cancel waits. If the arm moves, switch off its"
+    " power. Another Ctrl-C ends this command at once."
+)
+_LATE = 2.0  # time after which a missing answer to a cancel is shown [s]
+_RETRY = 1.0  # time between two cancels [s]
 
 
 def send_and_wait(
@@ -47,17 +53,22 @@ def send_and_wait(
     Raises:
         ClientError: The server cannot be reached, or it rejects the task and `as_json` is false.
     """
-    goal_id = uuid.uuid4().hex
+    goal_id, sent, ended = uuid.uuid4().hex, threading.Event(), threading.Event()
     if isinstance(task, Move):
         send = partial(client.send_move, task)
     else:
         send = partial(client.send, task, parameters(settings))
-    with Interrupts(_LAST_WORDS) as interrupts, view_for(as_json, verbose) as view:
+    where = client.where()  # before the first byte of the goal, Ctrl-C ends the command
+    with (
+        client.events() as events,
+        Interrupts(_LAST_WORDS) as interrupts,
+        view_for(as_json, verbose) as view,
+    ):
+        interrupts.on_cancel(lambda: _cancel(client, goal_id, view, sent, ended))
 
         def work() -> Outcome:
-            view.put(client.where())
-            hold = client.hold(goal_id) if deadman else nullcontext()
-            with client.events() as events, hold:
+            view.put(where)
+            with client.hold(goal_id) if deadman else nullcontext():
                 try:
                     send(goal_id=goal_id, deadman=deadman)
                 except Refused as error:
@@ -70,13 +81,17 @@ def send_and_wait(
                     outcome = Outcome.of(number, GoalState.ABORTED, error.cause)
                     view.put(outcome)
                     return outcome
-                interrupts.on_cancel(lambda: _cancel(client, goal_id, view))
+                sent.set()
                 try:
                     return _show_goal(events, goal_id, view)
                 except ServerUnreachable as error:
                     raise ServerLost from error
 
-        return interrupts.run(work)
+        try:
+            return interrupts.run(work)
+        finally:
+            ended.set()
+            sent.set()
 
 
 def parameters(settings: Sequence[str]) -> dict[str, str]:
@@ -149,9 +164,32 @@ def _watch(event: logs.Record | QuestionStatus, view: View) -> None:
     view.put(event)
 
 
-def _cancel(client: Client, goal_id: str, view: View) -> None:
-    try:
-        client.cancel(goal_id)
-        view.put(CANCELING)
-    except ClientError as error:
-        logger.warning("%s", error)
+def _cancel(
+    client: Client, goal_id: str, view: View, sent: threading.Event, ended: threading.Event
+) -> None:
+    """Cancel a goal as soon as the server answers. Show it if it does not answer soon.
+
+    Args:
+        client: Client of the server.
+        goal_id: Id of the goal.
+        view: View that shows the goal.
+        sent: Set when the server has accepted the goal, or the command ends.
+        ended: Set when the command ends.
+    """
+    words = _SILENT.format(client.url, f"{datetime.now():%H:%M:%S}")
+    late = threading.Timer(_LATE, view.put, [words])
+    late.daemon = True
+    late.start()
+    sent.wait()
+    while not ended.is_set():
+        try:
+            client.cancel(goal_id)
+        except ServerUnreachable:
+            ended.wait(_RETRY)
+            continue
+        except ClientError as error:
+            view.put(f"warning: {error}")
+        else:
+            view.put(CANCELING)
+        break
+    late.cancel()
