@@ -23,6 +23,7 @@ _MARGIN = 0.005  # [m]
 # A larger velocity limit in a URDF is a placeholder, and is replaced by the cautious one.
 _PLAUSIBLE = {"rad": 3.5, "m": 1.0}  # [rad/s], [m/s]
 _CAUTIOUS = {"rad": 1.0, "m": 0.1}  # [rad/s], [m/s]
+_DEGREES = 4 * math.pi, 720.0  # magnitude of limits that are degrees by mistake
 _TIME_TO_SPEED = 0.5  # [s]
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 
@@ -80,10 +81,8 @@ class UrdfUnusable(DescriptionError):
     """A URDF cannot become a robot file. The message lists all its mistakes."""
 
     def __init__(self, path: Path, mistakes: Sequence[UrdfError]) -> None:
-        words = [str(each) for each in mistakes]
-        if len(words) > 1:
-            words.insert(0, f"{len(words)} mistakes")
-        super().__init__(path, mistakes[0].line, "\n".join(words))
+        error = UrdfError.of(mistakes)
+        super().__init__(path, error.line, str(error))
 
 
 def draft_robot(
@@ -218,15 +217,27 @@ def _rounded(value: float, lower: float, upper: float) -> float:
 
 
 def _joint_mistakes(urdf: Urdf) -> Iterator[UrdfError]:
-    moving = urdf.moving
     leaders = [j.name for j in urdf.joints if j.type != "fixed" and j.mimic is None]
-    for name, joint in moving.items():
+    for joint in urdf.joints:
+        name = joint.name
+        if joint.type == "revolute" and _in_degrees(joint.lower, joint.upper):
+            right = (
+                f'lower="{math.radians(joint.lower):.5g}" upper="{math.radians(joint.upper):.5g}"'
+            )
+            why = f"joint {name}: its limits {joint.lower:g} and {joint.upper:g} look like degrees"
+            yield UrdfError(f"{why}, but a URDF has radians; write {right}")
         if joint.mimic and joint.mimic.leader not in leaders:
             why = f"joint {name} mimics {joint.mimic.leader}, which does not move by itself"
             yield UrdfError(f"{why}; let it mimic one of {', '.join(leaders) or 'others'}")
         if joint.mimic and not joint.mimic.multiplier:
             why = f"joint {name} mimics {joint.mimic.leader} with multiplier 0"
             yield UrdfError(f"{why}; give another multiplier, or the type fixed")
+
+
+def _in_degrees(*limits: float) -> bool:
+    """Return True if limits are more than two turns in radians, and round numbers in degrees."""
+    least, most = _DEGREES
+    return least < max(map(abs, limits)) <= most and all(round(q, 1) == q for q in limits)
 
 
 def _gripper_mistakes(gripper: Sequence[str], urdf: Urdf) -> Iterator[UrdfError]:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from hardware import load_robot
+from hardware import DescriptionError, load_robot
 from hardware.description.new_robot import (
     UrdfUnusable,
     draft_robot,
@@ -111,6 +111,42 @@ def test_a_gripper_is_closed_at_the_limit_nearer_to_0(tmp_path: Path) -> None:
 def test_names_that_toml_must_quote(tmp_path: Path) -> None:
     path = written(tmp_path, urdf(ARM).replace("shoulder", "the shoulder.1"))
     assert load_robot(made(path)).actuated[0].name == "the shoulder.1"
+
+
+def test_limits_in_degrees_are_reported(tmp_path: Path) -> None:
+    limit = '<limit lower="{}" upper="{}" velocity="1" effort="1"/>'
+    limits = ("-90", "90"), ("0", "172.5"), ("-6.28318", "6.28318"), ("-1e16", "1e16")
+    joints = [f"{n} -> {n + 1}: revolute j{n} {limit.format(*q)}" for n, q in enumerate(limits)]
+    with pytest.raises(UrdfUnusable) as caught:
+        draft_robot(written(tmp_path, urdf(joints)), LARGEST)
+    said = "joint {}: its limits {} look like degrees, but a URDF has radians; write {}"
+    assert str(caught.value).splitlines()[1:] == [
+        said.format("j0", "-90 and 90", 'lower="-1.5708" upper="1.5708"'),
+        said.format("j1", "0 and 172.5", 'lower="0" upper="3.0107"'),
+    ]
+
+
+def test_a_name_that_two_joints_have_hides_no_mistake(tmp_path: Path) -> None:
+    joints = ["base -> a: revolute j", "a -> b: revolute j", "b -> b: revolute k"]
+    joints += ['c -> d: revolute j <mimic joint="l"/>', "b -> c: fixed weld"]
+    joints += ['c -> e: revolute j <mimic joint="m"/>', "b -> e: fixed weld"]
+    path = written(tmp_path, urdf(joints))
+    with pytest.raises(UrdfUnusable) as caught:
+        draft_robot(path, LARGEST)
+    words = [line.partition(";")[0] for line in str(caught.value).splitlines()[1:]]
+    assert words == [
+        "two joints are called j",
+        "two joints are called weld",
+        "joint k: its child b is the child of j (2) already",
+        "joint weld (2): its child e is the child of j (4) already",
+        "joint k has the same link as parent and child, b",
+        "joint j mimics l, which does not move by itself",
+        "joint j mimics m, which does not move by itself",
+    ]
+    robot = tmp_path / "arm.toml"
+    robot.write_text(f"name = 'arm'\nurdf = '{path.name}'\n")
+    with pytest.raises(DescriptionError, match=r"5 mistakes\n(.*\n)+joint k has the same link"):
+        load_robot(robot)
 
 
 def test_everything_that_is_wrong_is_reported_at_once(tmp_path: Path) -> None:
