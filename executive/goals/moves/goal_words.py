@@ -20,6 +20,7 @@ from skills import (
     distance_errors,
     joint_errors,
     refuse,
+    tool_target_errors,
 )
 from trees import UNITS, Declaration, FileError, Place, fit, in_smaller_units, parse_value
 from trees.compile.port_types import declaration
@@ -78,7 +79,7 @@ def read_words(
     units = {joint.name: joint.unit for joint in robot.actuated}
     _check_spelling(words, units, quoted)
     _check_poses([word for word in words if word in poses], poses)
-    if of_tool := _read_tool_words(words, units, poses):
+    if of_tool := _read_tool_words(words, robot, units, poses):
         return of_tool
     joints, changes, once = dict[str, float](), dict[str, float](), set[str]()
     for word in words:
@@ -114,14 +115,40 @@ def read_words(
     return Words(joints, {name: by for name, by in changes.items() if name not in joints})
 
 
-def _read_tool_words(words: Sequence[str], units: Mapping[str, str], poses: Poses) -> Words | None:
+def _read_tool_words(
+    words: Sequence[str], robot: Robot, units: Mapping[str, str], poses: Poses
+) -> Words | None:
     """Return the meaning of words about the tool; None if the words are about joints."""
     if is_point(words, poses):
-        x, y, z = read_value("point", f"[{', '.join(words)}]", declaration(TOOL_PORTS["point"]))
-        return Words({}, {}, (x, y, z))
+        return Words({}, {}, _read_point(words, robot))
     if any("=" in word and _name(word) in TURNS and _name(word) not in units for word in words):
         return Words({}, {}, turn=_read_turn(words, poses))
     return None
+
+
+def _read_point(words: Sequence[str], robot: Robot) -> tuple[float, float, float]:
+    """Return x, y, z. Suggest a smaller unit if a point is near enough only in that unit."""
+
+    def read(words: Sequence[str]) -> tuple[float, float, float]:
+        text = f"[{', '.join(words)}]"
+        x, y, z = read_value("point", text, declaration(TOOL_PORTS["point"]))
+        refuse(tool_target_errors(robot, {"point": [x, y, z]}))
+        return x, y, z
+
+    try:
+        return read(words)
+    except BadTarget as error:
+        for unit in ("mm", "cm"):
+            near = [f"{word}{unit}" if _plain(word) else word for word in words]
+            if not _error(read, near):
+                error.args = (f"{error}{did_you_mean(' '.join(near))}",)
+                break
+        raise
+
+
+def _plain(word: str) -> bool:
+    """Return True if a word is a number other than 0, without a unit."""
+    return _NUMBER.fullmatch(word) is not None and not word[-1].isalpha() and float(word) != 0.0
 
 
 def _name(word: str) -> str:
@@ -183,7 +210,7 @@ def _ask_unit(
             raise error
 
 
-def _error(check: Callable[[float], object], value: float) -> Exception | None:
+def _error(check: Callable[[Any], object], value: object) -> Exception | None:
     try:
         check(value)
     except (SkillError, BadPosition) as error:

@@ -71,8 +71,8 @@ def test_a_urdf_that_cannot_be_planned_with_is_a_wrong_file(tmp_path: Path) -> N
             ("right", "--via", "joint_1=9"),
             "--via: joint_1 = 515.66 deg is outside its limits",
         ),
-        (("right", "--via", "9 9 9"), "--via: The tool cannot reach (9000.0, 9000.0, 9000.0) mm"),
-        (("right", "--start", "9 9 9"), "--start: The tool cannot reach (9000.0, 9000.0, 9000.0)"),
+        (("right", "--via", "1 1 1"), "--via: The tool cannot reach (1000.0, 1000.0, 1000.0) mm"),
+        (("right", "--start", "1 1 1"), "--start: The tool cannot reach (1000.0, 1000.0, 1000.0)"),
         (("right", "--start", "joint_9=1"), "--start: joint_9 is not an actuated joint"),
     ],
 )
