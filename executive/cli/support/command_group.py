@@ -59,7 +59,10 @@ _EVERYWHERE = (
         **_shared,
     ),
     click.Option(
-        ["--debug"], callback=_set_debug, help="Print the traceback of an error.", **_shared
+        ["--debug"],
+        callback=_set_debug,
+        help="Print the traceback of an error, except of wrong usage.",
+        **_shared,
     ),
 )
 

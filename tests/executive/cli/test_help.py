@@ -80,6 +80,11 @@ def test_debug_adds_the_traceback_wherever_it_is(words: tuple[str, ...], tmp_pat
     assert debugged.startswith("Traceback")
 
 
+def test_wrong_usage_has_no_traceback(tmp_path: Path) -> None:
+    status, out, error = typed(tmp_path, "--debug", "show")
+    assert (status, out, error.startswith("Error: Missing argument")) == (2, "", True)
+
+
 @pytest.mark.parametrize("words", [("-v", "check"), ("check", "--verbose"), ("-v", "check", "-v")])
 def test_the_log_is_printed_wherever_verbose_is(
     words: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
