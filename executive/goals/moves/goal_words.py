@@ -30,6 +30,7 @@ _ANGLE, _LENGTH = Declaration("angle"), Declaration("length")
 Poses = Mapping[str, Mapping[str, float]]
 
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?[a-z]*", re.IGNORECASE)
+_VALUE = re.compile(rf"(\+?=)?({_NUMBER.pattern})", re.IGNORECASE)
 
 TASK = "the number or name of a task"  # further meaning of the words of a goal
 
@@ -254,11 +255,10 @@ def _check_spelling(words: Sequence[str], units: Mapping[str, str], quoted: bool
         right = text.replace(",", ".") if decimals and len(words) > 1 else text.replace(",", " ")
         raise BadTarget(f"{text!r} contains commas; write {' '.join(right.split())}")
     joint = next(iter(units))
-    for word, following in pairwise([*words, ""]):
+    for number, word in enumerate(words):
         named, _, rest = re.sub("[: ]+", "=", word).partition("=")
-        if "=" not in word + following[:1] and named in {*units, WIDTH}:
-            example = rest or ("20deg" if units.get(named) == "rad" else "20mm")
-            raise BadTarget(f"{word!r} has no =; write {named}={example}")
+        if "=" not in word and named in {*units, WIDTH}:
+            raise BadTarget(_with_sign(word, named, rest, words[number + 1 :], units))
         name, equals, value = word.partition("=")
         sign = "+=" if name.endswith("+") else "="
         name = name.removesuffix("+")
@@ -271,6 +271,26 @@ def _check_spelling(words: Sequence[str], units: Mapping[str, str], quoted: bool
         if any(word in units for units in UNITS.values()):
             why = f"{word!r} is separated from its number; write {before}{word} as one word"
             raise BadTarget(why if quoted else f"{why}, or both in quotes")
+
+
+def _with_sign(
+    word: str, name: str, value: str, following: Sequence[str], units: Mapping[str, str]
+) -> str:
+    """Return the message for a word without =, with the word as it should be.
+
+    Args:
+        word: The word.
+        name: Name of its joint.
+        value: Its value; empty if the word has none.
+        following: The words after it.
+        units: Unit of each actuated joint, by name.
+    """
+    first, second, *_ = [*following, "", ""]
+    found = _VALUE.fullmatch(first + second if first in ("=", "+=") else first)
+    if found and not value:
+        return f"{word!r} is separated from its value; write {name}{found[1] or '='}{found[2]}"
+    example = value or ("20deg" if units.get(name) == "rad" else "20mm")
+    return f"{word!r} has no =; write {name}={example}"
 
 
 def _check_poses(names: Sequence[str], poses: Poses) -> None:

@@ -98,6 +98,11 @@ def test_the_log_is_printed_wherever_verbose_is(
     assert "a line" not in typed(tmp_path, "check", "no.yaml")[2]
 
 
+def test_an_unknown_command_with_arguments_is_no_recording(tmp_path: Path) -> None:
+    errors = typed(tmp_path, "log", "rm", "latest")[2]
+    assert errors == "Error: No such command 'rm'; see armtree log --help [usage]\n"
+
+
 @pytest.mark.parametrize(
     ("words", "near"),
     [

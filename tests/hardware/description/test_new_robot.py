@@ -126,6 +126,13 @@ def test_limits_in_degrees_are_reported(tmp_path: Path) -> None:
     ]
 
 
+def test_origins_in_mm_are_reported(tmp_path: Path) -> None:
+    joints = ['base -> a: revolute j <origin xyz="0 -50 250"/>', "a -> b: revolute k"]
+    said = r'joint j: its origin 0 -50 250 looks like mm, .* write xyz="0 -0.05 0.25"$'
+    with pytest.raises(UrdfUnusable, match=said):
+        draft_robot(written(tmp_path, urdf(joints)), LARGEST)
+
+
 def test_a_name_that_two_joints_have_hides_no_mistake(tmp_path: Path) -> None:
     joints = ["base -> a: revolute j", "a -> b: revolute j", "b -> b: revolute k"]
     joints += ['c -> d: revolute j <mimic joint="l"/>', "b -> c: fixed weld"]
@@ -169,7 +176,7 @@ def test_everything_that_is_wrong_is_reported_at_once(tmp_path: Path) -> None:
             for what, value in (("rpy of an origin", "'0'"), ("size of the box", "'0 1 1'"))
         ),
         "the mesh package://p/m.stl is not found",
-        "left does not move by itself",
+        "--gripper: left is no joint that moves by itself",
         "there is no link hand for the tool",
     ]
 
@@ -227,9 +234,9 @@ def test_names_that_the_urdf_does_not_have(tmp_path: Path) -> None:
     path = written(tmp_path, urdf(ARM))
     assert draft_robot(path, LARGEST, ["lift"], "a").groups["gripper"] == ("lift",)
     for gripper, tool, why in (
-        (["left"], "a", "left does not move by itself; --gripper is one of shoulder"),
+        (["left"], "a", "--gripper: left is no joint that moves by itself; there are elbow"),
         (["shoulder", "elbow", "lift"], "a", "leave at least one for the arm"),
-        ([], "hand", "there is no link hand for the tool; give base, a, b, c"),
+        ([], "hand", "there is no link hand for the tool; there are a, b, base, c"),
     ):
         with pytest.raises(UrdfUnusable, match=why):
             draft_robot(path, LARGEST, gripper, tool)
