@@ -3,8 +3,8 @@
 import logging
 import threading
 import uuid
-from collections.abc import Iterator, Sequence
-from contextlib import nullcontext
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from datetime import datetime
 from functools import partial
 
@@ -13,6 +13,7 @@ from executive.api.events import Event, QuestionStatus
 from executive.api.move import Move, number_of
 from executive.api.outcome import GoalState, GoalStatus, Outcome
 from executive.cli.terminal.line_view import view_for
+from executive.cli.terminal.streams import echo
 from executive.cli.terminal.view import View
 from executive.client.synchronous import Client
 from executive.errors import ClientError, Refused, ServerClosing, ServerLost, ServerUnreachable
@@ -27,7 +28,8 @@ _SILENT = (
     "The server {} has not answered since {}, so the cancel waits. If the arm moves, switch off its"
     " power. Another Ctrl-C ends this command at once."
 )
-_LATE = 2.0  # time after which a missing answer to a cancel is shown [s]
+_NOT_SENT = "The server {} does not answer yet. Nothing was sent; Ctrl-C ends this command"
+_LATE = 2.0  # time after which a missing answer is shown [s]
 _RETRY = 1.0  # time between two cancels [s]
 
 
@@ -58,7 +60,8 @@ def send_and_wait(
         send = partial(client.send_move, task)
     else:
         send = partial(client.send, task, parameters(settings))
-    where = client.where()  # before the first byte of the goal, Ctrl-C ends the command
+    with _if_late(lambda: echo(_NOT_SENT.format(client.url), err=True)):
+        where = client.where()  # before the goal is sent, Ctrl-C ends the command
     with (
         client.events() as events,
         Interrupts(_LAST_WORDS) as interrupts,
@@ -177,19 +180,28 @@ def _cancel(
         ended: Set when the command ends.
     """
     words = _SILENT.format(client.url, f"{datetime.now():%H:%M:%S}")
-    late = threading.Timer(_LATE, view.put, [words])
-    late.daemon = True
-    late.start()
-    sent.wait()
-    while not ended.is_set():
-        try:
-            client.cancel(goal_id)
-        except ServerUnreachable:
-            ended.wait(_RETRY)
-            continue
-        except ClientError as error:
-            view.put(f"warning: {error}")
-        else:
-            view.put(CANCELING)
-        break
-    late.cancel()
+    with _if_late(lambda: view.put(words)):
+        sent.wait()
+        while not ended.is_set():
+            try:
+                client.cancel(goal_id)
+            except ServerUnreachable:
+                ended.wait(_RETRY)
+                continue
+            except ClientError as error:
+                view.put(f"warning: {error}")
+            else:
+                view.put(CANCELING)
+            return
+
+
+@contextmanager
+def _if_late(act: Callable[[], None]) -> Iterator[None]:
+    """Call a function if this context takes longer than `_LATE`."""
+    timer = threading.Timer(_LATE, act)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()

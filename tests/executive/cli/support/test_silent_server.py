@@ -59,6 +59,18 @@ def test_a_second_ctrl_c_ends_a_command_whose_server_does_not_answer(
     assert (status, "The goal may still run on the server" in printed) == (130, True)
 
 
+def test_a_move_that_was_not_sent_ends_at_once(shell: Shell) -> None:
+    shell.serve("--activate")
+    pause(shell)
+    environment = {"ARMTREE_TCP_PORT": shell.environment["ARMTREE_TCP_PORT"]}
+    with PseudoTerminal(shell.folder, "home", environment=environment) as terminal:
+        terminal.until("does not answer yet. Nothing was sent")
+        terminal.type("\x03")
+        assert terminal.end()[0] == 130
+    shell.server.send_signal(signal.SIGCONT)
+    assert "Goal      none" in shell.type("status").stdout
+
+
 def test_stop_says_that_a_server_does_not_answer(
     shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
