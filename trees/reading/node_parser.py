@@ -161,8 +161,10 @@ class NodeParser:
             return value.value
         rule = "a letter, then letters, digits, _ or -"
         stem = re.split(r"[/\\]", str(value.value))[-1].removesuffix(".yaml").lstrip("$")
-        why, near = f"{what}: {value} is not a name ({rule})", joined(stem)
+        why, near = f"{what}: {value} is not a name ({rule})", stem if self.is_name(stem) else ""
         right = value.place.replaced(str(value.value), near)
+        if what == "name" and not near:
+            near = joined(stem)  # the file must be renamed, too
         self._wrong(value.place, f"{why}{did_you_mean(near)}", right)
         return ""
 
