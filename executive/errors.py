@@ -475,6 +475,20 @@ class ServerUnreachable(ClientError, ConnectionError):
         )
 
 
+class ServerSilent(ServerUnreachable):
+    """A server accepts connections, but it does not answer in time.
+
+    Args:
+        url: URL of the server.
+        seconds: Time without an answer [s].
+    """
+
+    def __init__(self, url: str, seconds: float) -> None:
+        self.hint = "check the arm, and switch off its power if it moves"
+        why = f"the server at {url} does not answer: nothing came for {seconds:g} s"
+        Exception.__init__(self, f"{why}. It may execute the request later; {self.hint}")
+
+
 class NothingToStop(ServerUnreachable):
     """No command and no server of this user was found, and no server answers at the set port.
 

@@ -225,6 +225,8 @@ def _jobs(
             wrong = "does not exist; give a file, such as trees/3_wave.yaml"
             if file.exists():
                 wrong = "is not a task, subtree or poses file; name it as 3_wave.yaml or reach.yaml"
+            if file.is_dir():
+                wrong = f"is a folder; check all its files with --trees {file}"
             yield file, library, FileError([Mistake(Place(file, 1, 1), wrong)])
 
 

@@ -10,6 +10,7 @@ import click
 from click.shell_completion import (
     BashComplete,
     CompletionItem,
+    ZshComplete,
     add_completion_class,
     get_completion_class,
     split_arg_string,
@@ -36,6 +37,9 @@ class _Bash(BashComplete):
     source_template = BashComplete.source_template.replace(
         'COMP_WORDS="${COMP_WORDS[*]}" COMP_CWORD=$COMP_CWORD',
         'COMP_LINE="${COMP_LINE:0:$COMP_POINT}" COMP_WORDBREAKS="$COMP_WORDBREAKS"',
+    ).replace(
+        "COMPREPLY+=($value)",
+        "COMPREPLY+=($value)\n            [[ $value == *[=/] ]] && compopt -o nospace",
     )
     _kept = ""  # the part of the word before the colon, which Bash keeps
 
@@ -53,7 +57,18 @@ class _Bash(BashComplete):
         return f"{item.type},{str(item.value).removeprefix(self._kept)}"
 
 
+class _Zsh(ZshComplete):
+    """Adds no space after a word that ends with = or /. Fish does so by itself."""
+
+    source_template = ZshComplete.source_template.replace(
+        'if [[ "$descr" == "_" ]]',
+        'if [[ "$key" == *[=/] ]]; then\n                compadd -U -S "" -- "$key"\n'
+        '            elif [[ "$descr" == "_" ]]',
+    )
+
+
 add_completion_class(_Bash)
+add_completion_class(_Zsh)
 
 
 @command()
@@ -62,8 +77,8 @@ add_completion_class(_Bash)
 def completion(context: click.Context, shell: str) -> None:
     """Print the script with which a shell completes commands, options and names.
 
-    SHELL is bash, zsh or fish. Names are those of tasks, poses, nodes, robots, recordings and
-    ports.
+    SHELL is bash, zsh or fish. Names are those of tasks, poses, joints, nodes, robots, recordings
+    and ports.
 
     \b
     To install it, add the line of your shell to its file:

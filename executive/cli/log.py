@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from .settings import AT_LEAST_0, PATH, find_setting
+from .settings import AT_LEAST_0, find_setting
 from .support.command_group import CommandGroup
 from .support.failures import for_each, print_incomplete
 from .support.names import RECORDING, recordings_folder
@@ -25,9 +25,9 @@ _OUTPUT = click.option(
     "-o",
     "--output",
     metavar="FOLDER",
-    type=PATH,
+    type=click.Path(file_okay=False, path_type=Path),
     default=Path(),
-    help="Folder for the files. Default: the working directory.",
+    help="Folder for the files, created if it does not exist. Default: the working directory.",
 )
 
 

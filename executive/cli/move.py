@@ -13,7 +13,7 @@ from executive.code_table import exit_status
 from .settings import option
 from .support.command_group import command, diagnostics
 from .support.failures import Refusal
-from .support.names import complete_pose
+from .support.names import complete_target
 from .support.options import (
     recordings_option,
     robot_option,
@@ -75,7 +75,7 @@ def _execute(
 
 
 @command(context_settings={"ignore_unknown_options": True})  # -0.1 is a number, not an option
-@target_argument("target", complete_pose)
+@target_argument("target", complete_target)
 @click.option(
     "--by", "relative", is_flag=True, help="TARGET is a change: of joints, or of the tool."
 )

@@ -95,7 +95,7 @@ def new_arm(
     from skills.motion.validation import MAX_MAGNITUDE
     from trees.export.saved_poses import create_poses
 
-    output, wrong = output or Path(urdf.stem).with_suffix(".toml"), ""
+    output, wrong = output or Path(f"{urdf.stem}.toml"), ""
     if output.exists():
         wrong = f"{output} exists; delete it, or give another file with -o"
     elif not output.absolute().parent.is_dir():

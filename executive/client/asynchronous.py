@@ -357,8 +357,8 @@ class AsyncClient:
         """
         operation = OPERATIONS["events"]
         path, query, _ = operation.split({"events": ",".join(kinds) or None})
-        with transport.transport_errors(self.url):
-            timeout = transport.SILENCE_TIMEOUT
+        timeout = transport.SILENCE_TIMEOUT
+        with transport.transport_errors(self.url, timeout):
             request = self._address.request("GET", path, query, timeout=timeout)
             async with self._http.stream(**request) as response:
                 pieces = response.aiter_stream()
@@ -377,7 +377,8 @@ class AsyncClient:
         path, _, _ = OPERATIONS["hold"].split({"goal_id": goal_id})
 
         async def post(body: AsyncIterator[bytes]) -> None:
-            with suppress(ServerUnreachable), transport.transport_errors(self.url):
+            timeout = transport.ANSWER_TIMEOUT
+            with suppress(ServerUnreachable), transport.transport_errors(self.url, timeout):
                 request = self._address.request("POST", path) | {"content": body}
                 async with self._http.stream(**request):
                     return  # the goal has ended, or the server refuses the hold
@@ -422,7 +423,7 @@ class AsyncClient:
         operation = OPERATIONS[name]
         path, query, body = operation.split(arguments)
         timeout = transport.ANSWER_TIMEOUT + extra_time
-        with transport.transport_errors(self.url):
+        with transport.transport_errors(self.url, timeout):
             request = self._address.request(operation.method, path, query, body, timeout)
             async with self._http.stream(**request) as response:
                 return read(await self._read(response, name, timeout))

@@ -353,8 +353,8 @@ class Client:
         """
         operation = OPERATIONS["events"]
         path, query, _ = operation.split({"events": ",".join(kinds) or None})
-        with transport.transport_errors(self.url):
-            timeout = transport.SILENCE_TIMEOUT
+        timeout = transport.SILENCE_TIMEOUT
+        with transport.transport_errors(self.url, timeout):
             request = self._address.request("GET", path, query, timeout=timeout)
             with self._http.stream(**request) as response:
                 pieces = response.iter_stream()
@@ -373,7 +373,8 @@ class Client:
         path, _, _ = OPERATIONS["hold"].split({"goal_id": goal_id})
 
         def post(body: Iterator[bytes]) -> None:
-            with suppress(ServerUnreachable), transport.transport_errors(self.url):
+            timeout = transport.ANSWER_TIMEOUT
+            with suppress(ServerUnreachable), transport.transport_errors(self.url, timeout):
                 request = self._address.request("POST", path) | {"content": body}
                 with self._http.stream(**request):
                     return  # the goal has ended, or the server refuses the hold
@@ -417,7 +418,7 @@ class Client:
         operation = OPERATIONS[name]
         path, query, body = operation.split(arguments)
         timeout = transport.ANSWER_TIMEOUT + extra_time
-        with transport.transport_errors(self.url):
+        with transport.transport_errors(self.url, timeout):
             request = self._address.request(operation.method, path, query, body, timeout)
             with self._http.stream(**request) as response:
                 return read(self._read(response, name, timeout))

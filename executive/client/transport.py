@@ -13,7 +13,7 @@ from urllib.parse import quote, urlencode, urlsplit
 
 from executive.api import PORT, token_file
 from executive.api.token_file import KEEPALIVE
-from executive.errors import ServerUnreachable
+from executive.errors import ServerSilent, ServerUnreachable
 
 ANSWER_TIMEOUT = 10.0  # longest time for an answer that does not wait for anything [s]
 SILENCE_TIMEOUT = 45.0  # longest silence of an event stream [s]; the server sends every 15 s
@@ -115,14 +115,15 @@ def _own_server(url: str) -> token_file.ServerInfo | None:
 
 
 @contextmanager
-def transport_errors(url: str, silence: float = 0.0) -> Iterator[None]:
+def transport_errors(url: str, silence: float) -> Iterator[None]:
     """Convert httpcore's errors inside this context to ServerUnreachable.
 
     Args:
         url: URL of the server.
-        silence: Longest silence of the stream [s]; 0 if there is no stream.
+        silence: Longest silence of the server [s].
 
     Raises:
+        ServerSilent: The server was silent for longer.
         ServerUnreachable: The server could not be reached.
     """
     import httpcore  # slow to import
@@ -130,8 +131,7 @@ def transport_errors(url: str, silence: float = 0.0) -> Iterator[None]:
     try:
         yield
     except httpcore.ReadTimeout as error:
-        words = f"nothing came for {silence:g} s" if silence else "its answer takes too long"
-        raise ServerUnreachable(url, words) from error
+        raise ServerSilent(url, silence) from error
     except httpcore.RemoteProtocolError as error:
         words = "the connection ended before the answer did, or another program answers"
         raise ServerUnreachable(url, words) from error

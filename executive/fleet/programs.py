@@ -16,7 +16,7 @@ from httpcore import AsyncConnectionPool
 
 from executive.api.schemas import RECORDING_NAME
 from executive.client.asynchronous import AsyncClient
-from executive.client.transport import Address, transport_errors
+from executive.client.transport import ANSWER_TIMEOUT, Address, transport_errors
 from hardware import RealClock
 
 from .errors import FleetError, FleetMissing, check_name
@@ -243,7 +243,7 @@ async def fetch_recording(
         raise FleetError(f"{found.arm} calls its recording {name!r}, so nothing was written")
     address = Address.find(url, None, trusted=bool(server))
     request = address.request("GET", f"/api/recordings/{name}/file")
-    with transport_errors(url):
+    with transport_errors(url, ANSWER_TIMEOUT):
         async with AsyncConnectionPool() as pool, pool.stream(**request) as response:
             if response.status != 200:
                 why = f"it answers {response.status} for the recording {name}"

@@ -12,6 +12,7 @@ from hardware.errors import DescriptionError
 from hardware.files import read_file
 from hardware.joints import Joint
 from hardware.link.link import VIRTUAL
+from hardware.spelling import there_are
 
 from .gripper import closing
 from .groups import Tree, guess_gripper, guess_tool
@@ -23,6 +24,8 @@ _MARGIN = 0.005  # [m]
 # A larger velocity limit in a URDF is a placeholder, and is replaced by the cautious one.
 _PLAUSIBLE = {"rad": 3.5, "m": 1.0}  # [rad/s], [m/s]
 _CAUTIOUS = {"rad": 1.0, "m": 0.1}  # [rad/s], [m/s]
+_DEGREES = 4 * math.pi, 720.0  # magnitude of limits that are degrees by mistake
+_LONGEST = 20.0  # largest distance of a joint from its parent along an axis [m]
 _TIME_TO_SPEED = 0.5  # [s]
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 
@@ -80,10 +83,8 @@ class UrdfUnusable(DescriptionError):
     """A URDF cannot become a robot file. The message lists all its mistakes."""
 
     def __init__(self, path: Path, mistakes: Sequence[UrdfError]) -> None:
-        words = [str(each) for each in mistakes]
-        if len(words) > 1:
-            words.insert(0, f"{len(words)} mistakes")
-        super().__init__(path, mistakes[0].line, "\n".join(words))
+        error = UrdfError.of(mistakes)
+        super().__init__(path, error.line, str(error))
 
 
 def draft_robot(
@@ -120,8 +121,8 @@ def draft_robot(
     mistakes += mesh_mistakes(path, used)
     mistakes += _gripper_mistakes(gripper or (), urdf)
     if tool is not None and urdf.links and tool not in urdf.links:
-        there = ", ".join(urdf.links)
-        mistakes.append(UrdfError(f"there is no link {tool} for the tool; give {there}"))
+        why = f"there is no link {tool} for the tool; {there_are(tool, urdf.links)}"
+        mistakes.append(UrdfError(why))
     if is_tree:
         try:
             names = guess_gripper(urdf) if gripper is None else names
@@ -218,9 +219,19 @@ def _rounded(value: float, lower: float, upper: float) -> float:
 
 
 def _joint_mistakes(urdf: Urdf) -> Iterator[UrdfError]:
-    moving = urdf.moving
     leaders = [j.name for j in urdf.joints if j.type != "fixed" and j.mimic is None]
-    for name, joint in moving.items():
+    for joint in urdf.joints:
+        name = joint.name
+        if joint.type == "revolute" and _in_degrees(joint.lower, joint.upper):
+            right = (
+                f'lower="{math.radians(joint.lower):.5g}" upper="{math.radians(joint.upper):.5g}"'
+            )
+            why = f"joint {name}: its limits {joint.lower:g} and {joint.upper:g} look like degrees"
+            yield UrdfError(f"{why}, but a URDF has radians; write {right}")
+        if max(map(abs, joint.xyz)) > _LONGEST:
+            right = " ".join(f"{x / 1e3:g}" for x in joint.xyz)
+            why = f"joint {name}: its origin {' '.join(f'{x:g}' for x in joint.xyz)} looks like mm"
+            yield UrdfError(f'{why}, but a URDF has metres; write xyz="{right}"')
         if joint.mimic and joint.mimic.leader not in leaders:
             why = f"joint {name} mimics {joint.mimic.leader}, which does not move by itself"
             yield UrdfError(f"{why}; let it mimic one of {', '.join(leaders) or 'others'}")
@@ -229,13 +240,19 @@ def _joint_mistakes(urdf: Urdf) -> Iterator[UrdfError]:
             yield UrdfError(f"{why}; give another multiplier, or the type fixed")
 
 
+def _in_degrees(*limits: float) -> bool:
+    """Return True if limits are more than two turns in radians, and round numbers in degrees."""
+    least, most = _DEGREES
+    return least < max(map(abs, limits)) <= most and all(round(q, 1) == q for q in limits)
+
+
 def _gripper_mistakes(gripper: Sequence[str], urdf: Urdf) -> Iterator[UrdfError]:
     """Yield the mistakes in a user's names of gripper joints."""
     independent = [joint.name for joint in urdf.moving.values() if joint.mimic is None]
     for name in gripper if independent else ():
         if name not in independent:
-            there = ", ".join(independent)
-            yield UrdfError(f"{name} does not move by itself; --gripper is one of {there}")
+            why = f"--gripper: {name} is no joint that moves by itself"
+            yield UrdfError(f"{why}; {there_are(name, independent)}")
     if independent and set(independent) <= set(gripper):
         yield UrdfError("all joints are in the gripper; leave at least one for the arm")
 

@@ -95,6 +95,9 @@ def _robot_file(path: Path) -> Path:
     shipped = shipped_robots()
     if not path.is_file() and len(path.parts) == 1 and path.name in shipped:
         return shipped[path.name]
+    if path.suffix.lower() == ".urdf":
+        why = f"is a URDF, not a robot file; make one with `armtree new-arm {path}`"
+        raise DescriptionError(path, 0, why)
     if path.exists():
         return path
     beside = {file.stem: str(file) for file in path.parent.glob("*.toml") if is_robot_file(file)}

@@ -44,6 +44,14 @@ class UrdfError(ValueError):
         self.line = line
         super().__init__(message)
 
+    @classmethod
+    def of(cls, mistakes: "Sequence[UrdfError]") -> "UrdfError":
+        """Return one error with all mistakes of a URDF, one per line."""
+        words = [str(each) for each in mistakes]
+        if len(words) > 1:
+            words.insert(0, f"{len(words)} mistakes")
+        return cls("\n".join(words), mistakes[0].line)
+
 
 @dataclass(frozen=True, slots=True)
 class UrdfJoint:
@@ -156,8 +164,8 @@ class Urdf:
         Raises:
             UrdfError: The URDF is not a tree of links with valid joints.
         """
-        for mistake in self.mistakes():
-            raise mistake
+        if mistakes := list(self.mistakes()):
+            raise UrdfError.of(mistakes)
         return self
 
     @cached_property
@@ -286,11 +294,15 @@ def _name_mistakes(kind: str, names: Sequence[str]) -> Iterator[UrdfError]:
 
 def _tree_mistakes(joints: list[Element], links: tuple[str, ...]) -> Iterator[UrdfError]:
     """Yield the mistakes of joints that do not connect all links to one tree."""
-    ends = {
-        joint.get("name", ""): (_link(joint, "parent"), _link(joint, "child")) for joint in joints
-    }
+    ends = dict[str, tuple[str, str]]()  # parent and child of each joint
     above = dict[str, str]()  # the joint above each link
-    for name, (parent, child) in ends.items():
+    counts = Counter[str]()  # joints by name
+    for joint in joints:
+        name, parent, child = joint.get("name", ""), _link(joint, "parent"), _link(joint, "child")
+        counts[name] += 1
+        if counts[name] > 1:  # a mistake of its own, which must not hide others
+            name += f" ({counts[name]})"
+        ends[name] = parent, child
         for tag, link in (("parent", parent), ("child", child)):
             if not link:
                 yield UrdfError(f'joint {name} has no {tag}; write <{tag} link="NAME"/> in it')
@@ -310,8 +322,8 @@ def _tree_mistakes(joints: list[Element], links: tuple[str, ...]) -> Iterator[Ur
         yield UrdfError("has no links; give it at least one")
     if len(roots) > 1:
         why = f"links {' and '.join(roots)} have no parent joint, which only one link may lack"
-        joint = f'<parent link="{roots[0]}"/><child link="{roots[1]}"/>'
-        fixed = f'<joint name="to_{roots[1]}" type="fixed">{joint}</joint>'
+        between = f'<parent link="{roots[0]}"/><child link="{roots[1]}"/>'
+        fixed = f'<joint name="to_{roots[1]}" type="fixed">{between}</joint>'
         yield UrdfError(f"{why}; give each other one a joint, such as {fixed}")
 
 

@@ -99,7 +99,7 @@ def export(path: Path, folder: Path) -> tuple[Path, ...]:
         path: The recording.
         folder: Folder for `NAME.joints.csv` with commanded positions and `NAME.frames.csv`. If
             there are such records, also for `NAME.measured.csv`, and for `NAME.leader.csv` with
-            measured positions of the leader.
+            measured positions of the leader. It is created if it does not exist.
 
     Returns:
         The written files.
@@ -110,6 +110,7 @@ def export(path: Path, folder: Path) -> tuple[Path, ...]:
     """
     joints, frames = (folder / f"{path.stem}.{what}.csv" for what in ("joints", "frames"))
     sent = Recording(path).frames()
+    folder.mkdir(parents=True, exist_ok=True)
     with joints.open("w", newline="") as one, frames.open("w", newline="") as two:
         positions, lines = csv.writer(one), csv.writer(two)
         lines.writerow(["time_s", "scheduled_s", "late_ms", "hold", "frame"])

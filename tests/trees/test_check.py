@@ -273,6 +273,11 @@ def test_files_that_are_no_tasks(robot: Robot, tmp_path: Path, name: str) -> Non
     assert check(robot, None, [path]).mistakes
 
 
+def test_a_folder_is_no_file(robot: Robot, tmp_path: Path) -> None:
+    (mistake,) = check(robot, None, [tmp_path]).mistakes
+    assert mistake.message == f"is a folder; check all its files with --trees {tmp_path}"
+
+
 def test_a_users_task_takes_the_place_of_a_shipped_one_only_when_it_says_so(
     robot: Robot, tmp_path: Path
 ) -> None:

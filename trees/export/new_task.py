@@ -7,10 +7,12 @@ from itertools import count
 from pathlib import Path
 
 from hardware import DISPLAY_UNITS, Robot, write_file
+from hardware.spelling import did_you_mean
 from trees.errors import FileError
 from trees.reading.library import Library
+from trees.reading.node_parser import NAME, joined
 
-from .schema import NAME, schema_text
+from .schema import NAME as SCHEMA, schema_text
 
 _TEXT = Path(__file__).with_suffix(".yaml.txt")  # template with fields for numbers and names
 _MOST = 60.0  # largest swing [deg or mm]
@@ -20,7 +22,7 @@ def write_task(robot: Robot, folder: Path, number: int, name: str) -> Path:
     """Write a task file and return its path. See `prepare_file`."""
     path = prepare_file(robot, folder, number, name)
     try:
-        values = {"number": number, "name": name, "schema": NAME, **_values(robot)}
+        values = {"number": number, "name": name, "schema": SCHEMA, **_values(robot)}
         write_file(path, _TEXT.read_text().format(**values).encode())
     except OSError as error:
         raise FileError.at(path, f"cannot be written: {error.strerror}") from error
@@ -46,10 +48,9 @@ def prepare_file(robot: Robot, folder: Path, number: int, name: str) -> Path:
     """
     own = folder / robot.name
     path = own / f"{number}_{name}.yaml"
-    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", name):
-        raise FileError.at(
-            path, f"{name!r} is not a name; use a letter, then letters, digits, _ or -"
-        )
+    if not NAME.fullmatch(name):
+        why = f"{name!r} is not a name; use a letter, then letters, digits, _ or -"
+        raise FileError.at(path, why + did_you_mean(joined(name)))
     try:
         own.mkdir(parents=True, exist_ok=True)
         library = Library(folder, robot.name)
@@ -64,7 +65,7 @@ def prepare_file(robot: Robot, folder: Path, number: int, name: str) -> Path:
             raise FileError.at(
                 path, f"task {names[name]} is called {name} already; give another name"
             )
-        write_file(own / NAME, schema_text(library).encode())
+        write_file(own / SCHEMA, schema_text(library).encode())
     except OSError as error:
         raise FileError.at(path, f"cannot be written: {error.strerror}") from error
     return path

@@ -2,7 +2,6 @@
 
 import io
 import math
-import re
 from collections.abc import Collection, Mapping
 from pathlib import Path
 
@@ -10,14 +9,14 @@ from ruamel.yaml import YAML
 from ruamel.yaml.nodes import CollectionNode, Node
 
 from hardware import Joint, Robot, write_file
-from hardware.spelling import there_are
+from hardware.spelling import did_you_mean, there_are
 from trees.declarations import UNITS
 from trees.errors import FileError, Mistake, Place, PoseUnknown
 from trees.reading.document import read_text
 from trees.reading.grammar import PosesFile, draft_poses
 from trees.reading.library import POSES, Library
+from trees.reading.node_parser import NAME, joined
 
-_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 _NEW = "# Poses of the {}. A pose can replace joint values in any task.\nposes: {{}}\n"
 
 
@@ -53,9 +52,10 @@ def save_pose(
     """
     path = folder / robot.name / POSES
     units = {unit for names in UNITS.values() for unit in names}
-    if not _NAME.fullmatch(name) or name in units or name in {each.name for each in robot.joints}:
+    if not NAME.fullmatch(name) or name in units or name in {each.name for each in robot.joints}:
         rule = "use a letter, then letters, digits, _ or -, and no name of a joint or a unit"
-        raise FileError.at(path, f"{name!r} cannot be the name of a pose; {rule}")
+        why = f"{name!r} cannot be the name of a pose; {rule}"
+        raise FileError.at(path, why + did_you_mean(joined(name) if name != joined(name) else ""))
     shipped, files = _poses(robot, folder)
     path = next((file.path for file in files if name in file.poses), path)
     if not replace and any(name in file.poses for file in files):

@@ -18,9 +18,15 @@ if TYPE_CHECKING:
 
 MAX_NUMBER = 2**31 - 1
 
-_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
+NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 _WORDS = re.compile(r"[a-z]+( [a-z]+)+")
 _FILES = {"subtree": ("with", "name"), "task": ("with", "name")}
+
+
+def joined(words: str) -> str:
+    """Return the name with these words, such as `my_task`; empty if they make no name."""
+    name = "_".join(words.split())
+    return name if NAME.fullmatch(name) else ""
 
 
 class NodeParser:
@@ -147,7 +153,7 @@ class NodeParser:
 
     def is_name(self, value: object) -> TypeGuard[str]:
         """Return True if a value is a name."""
-        return isinstance(value, str) and _NAME.fullmatch(value) is not None
+        return isinstance(value, str) and NAME.fullmatch(value) is not None
 
     def name(self, value: Located, what: str) -> str:
         """Return a name, or an empty text if the value is not a name."""
@@ -157,6 +163,8 @@ class NodeParser:
         stem = re.split(r"[/\\]", str(value.value))[-1].removesuffix(".yaml").lstrip("$")
         why, near = f"{what}: {value} is not a name ({rule})", stem if self.is_name(stem) else ""
         right = value.place.replaced(str(value.value), near)
+        if what == "name" and not near:
+            near = joined(stem)  # the file must be renamed, too
         self._wrong(value.place, f"{why}{did_you_mean(near)}", right)
         return ""
 

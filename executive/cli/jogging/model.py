@@ -204,10 +204,10 @@ class Jog:
         if key in self.commands:
             return state._call(key)
         if (selected := self._chosen(key)) is not None:
-            return replace(state, selected=selected), None
+            return replace(state, selected=selected).said(""), None
         if key in ("+", "=", "-"):
             step = self.step + (-1 if key == "-" else 1)
-            return replace(state, step=min(max(step, 0), len(STEPS) - 1)), None
+            return replace(state, step=min(max(step, 0), len(STEPS) - 1)).said(""), None
         if go := self._go(key):
             return state._pressed(go)
         return state._explained(key), None
@@ -428,10 +428,10 @@ class Jog:
     def _type(self, key: str) -> tuple["Jog", Action | None]:
         """Return the state after a key of a text."""
         if key == ENTER:
-            state = self._closed()
+            state = self._closed().said("")
             return state._when_still(Call(self.prompt, self.typed)) if self.typed else (state, None)
         if key == ESCAPE:
-            return self._closed(), None
+            return self._closed().said(""), None
         if key == DELETE:
             return replace(self, typed=self.typed[:-1]), None
         more = key if len(key) == 1 and key.isprintable() else ""

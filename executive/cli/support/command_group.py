@@ -59,7 +59,10 @@ _EVERYWHERE = (
         **_shared,
     ),
     click.Option(
-        ["--debug"], callback=_set_debug, help="Print the traceback of an error.", **_shared
+        ["--debug"],
+        callback=_set_debug,
+        help="Print the traceback of an error, except of wrong usage.",
+        **_shared,
     ),
 )
 
@@ -143,7 +146,7 @@ class CommandGroup(click.Group):
             if args[0] in names or args[0].startswith("-"):
                 raise
             near = suggestion(args[0], names)
-            if ctx.parent and "show" in names:  # for example, `armtree log latest`
+            if ctx.parent and "show" in names and len(args) == 1:  # such as `armtree log latest`
                 near = near or did_you_mean(f"{ctx.command_path} show {args[0]}")
             why = f"No such command {args[0]!r}{near}"
             raise click.UsageError(why, ctx) from error

@@ -102,6 +102,22 @@ def complete_pose(context: click.Context, _word: str) -> Iterable[tuple[str, str
     return ((name, "pose") for name in _pose_names(_chosen(context)[1]))
 
 
+def _target_words(robot: "Robot", library: "Library") -> Iterator[tuple[str, str]]:
+    """Return the poses, and the beginnings of words that move a joint, the gripper or the tool."""
+    from hardware.description.gripper import WIDTH
+
+    yield from ((name, "pose") for name in _pose_names(library))
+    yield from ((f"{joint.name}=", "joint") for joint in robot.actuated)
+    if robot.gripper:
+        yield f"{WIDTH}=", "distance between the fingers"
+
+
+@completing
+def complete_target(context: click.Context, _word: str) -> Iterator[tuple[str, str]]:
+    """Complete a word of a target: the name of a pose, or `JOINT=`."""
+    yield from _target_words(*_chosen(context))
+
+
 @completing
 def complete_own_pose(context: click.Context, _word: str) -> Iterator[tuple[str, str]]:
     """Complete the name of a pose in a file of the user."""
@@ -113,9 +129,9 @@ def complete_own_pose(context: click.Context, _word: str) -> Iterator[tuple[str,
 
 @completing
 def complete_goal(context: click.Context, _word: str) -> Iterator[tuple[str, str]]:
-    """Complete the name of a pose or of a task."""
-    _, library = _chosen(context)
-    yield from ((name, "pose") for name in _pose_names(library))
+    """Complete a word of a target, or the name of a task."""
+    robot, library = _chosen(context)
+    yield from _target_words(robot, library)
     yield from ((name, f"task {number}") for name, number in library.names().items())
 
 
@@ -125,7 +141,7 @@ def complete_node(context: click.Context, word: str) -> Iterator[tuple[str, str]
     robot, library = _chosen(context)
     name, slash, _ = word.partition("/")
     if not slash:
-        yield from ((each, "") for each in library.names())
+        yield from ((f"{each}/", "") for each in library.names())
         return
     from trees.check import compile_task
     from trees.compile.node_paths import paths

@@ -1,9 +1,11 @@
 """Goals and events of a server, shown like those of `armtree run`."""
 
 import logging
+import threading
 import uuid
-from collections.abc import Iterator, Sequence
-from contextlib import nullcontext
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext
+from datetime import datetime
 from functools import partial
 
 import logs
@@ -11,6 +13,7 @@ from executive.api.events import Event, QuestionStatus
 from executive.api.move import Move, number_of
 from executive.api.outcome import GoalState, GoalStatus, Outcome
 from executive.cli.terminal.line_view import view_for
+from executive.cli.terminal.streams import echo
 from executive.cli.terminal.view import View
 from executive.client.synchronous import Client
 from executive.errors import ClientError, Refused, ServerClosing, ServerLost, ServerUnreachable
@@ -21,8 +24,13 @@ from .interrupts import CANCELING, Interrupts
 
 _ENDED = "the server has ended, or this client read too slowly"
 _LAST_WORDS = "Ended at once. The goal may still run on the server: `armtree cancel` cancels it."
-
-logger = logging.getLogger(__name__)
+_SILENT = (
+    "The server {} has not answered since {}, so the cancel waits. If the arm moves, switch off its"
+    " power. Another Ctrl-C ends this command at once."
+)
+_NOT_SENT = "The server {} does not answer yet. Nothing was sent; Ctrl-C ends this command"
+_LATE = 2.0  # time after which a missing answer is shown [s]
+_RETRY = 1.0  # time between two cancels [s]
 
 
 def send_and_wait(
@@ -47,17 +55,23 @@ def send_and_wait(
     Raises:
         ClientError: The server cannot be reached, or it rejects the task and `as_json` is false.
     """
-    goal_id = uuid.uuid4().hex
+    goal_id, sent, ended = uuid.uuid4().hex, threading.Event(), threading.Event()
     if isinstance(task, Move):
         send = partial(client.send_move, task)
     else:
         send = partial(client.send, task, parameters(settings))
-    with Interrupts(_LAST_WORDS) as interrupts, view_for(as_json, verbose) as view:
+    with _if_late(lambda: echo(_NOT_SENT.format(client.url), err=True)):
+        where = client.where()  # before the goal is sent, Ctrl-C ends the command
+    with (
+        client.events() as events,
+        Interrupts(_LAST_WORDS) as interrupts,
+        view_for(as_json, verbose) as view,
+    ):
+        interrupts.on_cancel(lambda: _cancel(client, goal_id, view, sent, ended))
 
         def work() -> Outcome:
-            view.put(client.where())
-            hold = client.hold(goal_id) if deadman else nullcontext()
-            with client.events() as events, hold:
+            view.put(where)
+            with client.hold(goal_id) if deadman else nullcontext():
                 try:
                     send(goal_id=goal_id, deadman=deadman)
                 except Refused as error:
@@ -70,13 +84,17 @@ def send_and_wait(
                     outcome = Outcome.of(number, GoalState.ABORTED, error.cause)
                     view.put(outcome)
                     return outcome
-                interrupts.on_cancel(lambda: _cancel(client, goal_id, view))
+                sent.set()
                 try:
                     return _show_goal(events, goal_id, view)
                 except ServerUnreachable as error:
                     raise ServerLost from error
 
-        return interrupts.run(work)
+        try:
+            return interrupts.run(work)
+        finally:
+            ended.set()
+            sent.set()
 
 
 def parameters(settings: Sequence[str]) -> dict[str, str]:
@@ -149,9 +167,41 @@ def _watch(event: logs.Record | QuestionStatus, view: View) -> None:
     view.put(event)
 
 
-def _cancel(client: Client, goal_id: str, view: View) -> None:
+def _cancel(
+    client: Client, goal_id: str, view: View, sent: threading.Event, ended: threading.Event
+) -> None:
+    """Cancel a goal as soon as the server answers. Show it if it does not answer soon.
+
+    Args:
+        client: Client of the server.
+        goal_id: Id of the goal.
+        view: View that shows the goal.
+        sent: Set when the server has accepted the goal, or the command ends.
+        ended: Set when the command ends.
+    """
+    words = _SILENT.format(client.url, f"{datetime.now():%H:%M:%S}")
+    with _if_late(lambda: view.put(words)):
+        sent.wait()
+        while not ended.is_set():
+            try:
+                client.cancel(goal_id)
+            except ServerUnreachable:
+                ended.wait(_RETRY)
+                continue
+            except ClientError as error:
+                view.put(f"warning: {error}")
+            else:
+                view.put(CANCELING)
+            return
+
+
+@contextmanager
+def _if_late(act: Callable[[], None]) -> Iterator[None]:
+    """Call a function if this context takes longer than `_LATE`."""
+    timer = threading.Timer(_LATE, act)
+    timer.daemon = True
+    timer.start()
     try:
-        client.cancel(goal_id)
-        view.put(CANCELING)
-    except ClientError as error:
-        logger.warning("%s", error)
+        yield
+    finally:
+        timer.cancel()

@@ -6,7 +6,7 @@ import re
 import shlex
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 
 _QUESTION_ID = re.compile("[0-9a-f]{8}")
 _LONGEST_END = 10.0  # longest time in which a stopped command completes its recording [s]
+_LATE = 2.0  # time after which a missing answer to a stop is shown [s]
+_NO_ANSWER_YET = "No answer yet. If the arm moves, switch off its power"
 _NO_QUESTION = "there is no open question"
 
 
@@ -152,7 +154,10 @@ def _stop_servers(urls: Sequence[str], as_json: bool, own: bool = True) -> int:
 
     status = 0
     with ThreadPoolExecutor(len(urls) or 1, "stop") as threads:
-        for url, answer in threads.map(stop, urls):
+        answers = [threads.submit(stop, url) for url in urls]
+        if wait(answers, _LATE).not_done:
+            echo(_NO_ANSWER_YET, err=True)
+        for url, answer in (each.result() for each in answers):
             if isinstance(answer, ClientError):
                 status = print_error(answer)
             elif as_json:

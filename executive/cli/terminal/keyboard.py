@@ -46,6 +46,7 @@ def ask(question: str) -> str:
         os.close(writer)
     if line := sys.stdin.readline():
         return line.strip()
+    echo("")
     raise click.Abort
 
 

@@ -20,6 +20,7 @@ from skills import (
     distance_errors,
     joint_errors,
     refuse,
+    tool_target_errors,
 )
 from trees import UNITS, Declaration, FileError, Place, fit, in_smaller_units, parse_value
 from trees.compile.port_types import declaration
@@ -29,6 +30,7 @@ _ANGLE, _LENGTH = Declaration("angle"), Declaration("length")
 Poses = Mapping[str, Mapping[str, float]]
 
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?[a-z]*", re.IGNORECASE)
+_VALUE = re.compile(rf"(\+?=)?({_NUMBER.pattern})", re.IGNORECASE)
 
 TASK = "the number or name of a task"  # further meaning of the words of a goal
 
@@ -78,7 +80,7 @@ def read_words(
     units = {joint.name: joint.unit for joint in robot.actuated}
     _check_spelling(words, units, quoted)
     _check_poses([word for word in words if word in poses], poses)
-    if of_tool := _read_tool_words(words, units, poses):
+    if of_tool := _read_tool_words(words, robot, units, poses):
         return of_tool
     joints, changes, once = dict[str, float](), dict[str, float](), set[str]()
     for word in words:
@@ -114,14 +116,40 @@ def read_words(
     return Words(joints, {name: by for name, by in changes.items() if name not in joints})
 
 
-def _read_tool_words(words: Sequence[str], units: Mapping[str, str], poses: Poses) -> Words | None:
+def _read_tool_words(
+    words: Sequence[str], robot: Robot, units: Mapping[str, str], poses: Poses
+) -> Words | None:
     """Return the meaning of words about the tool; None if the words are about joints."""
     if is_point(words, poses):
-        x, y, z = read_value("point", f"[{', '.join(words)}]", declaration(TOOL_PORTS["point"]))
-        return Words({}, {}, (x, y, z))
+        return Words({}, {}, _read_point(words, robot))
     if any("=" in word and _name(word) in TURNS and _name(word) not in units for word in words):
         return Words({}, {}, turn=_read_turn(words, poses))
     return None
+
+
+def _read_point(words: Sequence[str], robot: Robot) -> tuple[float, float, float]:
+    """Return x, y, z. Suggest a smaller unit if a point is near enough only in that unit."""
+
+    def read(words: Sequence[str]) -> tuple[float, float, float]:
+        text = f"[{', '.join(words)}]"
+        x, y, z = read_value("point", text, declaration(TOOL_PORTS["point"]))
+        refuse(tool_target_errors(robot, {"point": [x, y, z]}))
+        return x, y, z
+
+    try:
+        return read(words)
+    except BadTarget as error:
+        for unit in ("mm", "cm"):
+            near = [f"{word}{unit}" if _plain(word) else word for word in words]
+            if not _error(read, near):
+                error.args = (f"{error}{did_you_mean(' '.join(near))}",)
+                break
+        raise
+
+
+def _plain(word: str) -> bool:
+    """Return True if a word is a number other than 0, without a unit."""
+    return _NUMBER.fullmatch(word) is not None and not word[-1].isalpha() and float(word) != 0.0
 
 
 def _name(word: str) -> str:
@@ -183,7 +211,7 @@ def _ask_unit(
             raise error
 
 
-def _error(check: Callable[[float], object], value: float) -> Exception | None:
+def _error(check: Callable[[Any], object], value: object) -> Exception | None:
     try:
         check(value)
     except (SkillError, BadPosition) as error:
@@ -227,11 +255,10 @@ def _check_spelling(words: Sequence[str], units: Mapping[str, str], quoted: bool
         right = text.replace(",", ".") if decimals and len(words) > 1 else text.replace(",", " ")
         raise BadTarget(f"{text!r} contains commas; write {' '.join(right.split())}")
     joint = next(iter(units))
-    for word, following in pairwise([*words, ""]):
+    for number, word in enumerate(words):
         named, _, rest = re.sub("[: ]+", "=", word).partition("=")
-        if "=" not in word + following[:1] and named in {*units, WIDTH}:
-            example = rest or ("20deg" if units.get(named) == "rad" else "20mm")
-            raise BadTarget(f"{word!r} has no =; write {named}={example}")
+        if "=" not in word and named in {*units, WIDTH}:
+            raise BadTarget(_with_sign(word, named, rest, words[number + 1 :], units))
         name, equals, value = word.partition("=")
         sign = "+=" if name.endswith("+") else "="
         name = name.removesuffix("+")
@@ -244,6 +271,26 @@ def _check_spelling(words: Sequence[str], units: Mapping[str, str], quoted: bool
         if any(word in units for units in UNITS.values()):
             why = f"{word!r} is separated from its number; write {before}{word} as one word"
             raise BadTarget(why if quoted else f"{why}, or both in quotes")
+
+
+def _with_sign(
+    word: str, name: str, value: str, following: Sequence[str], units: Mapping[str, str]
+) -> str:
+    """Return the message for a word without =, with the word as it should be.
+
+    Args:
+        word: The word.
+        name: Name of its joint.
+        value: Its value; empty if the word has none.
+        following: The words after it.
+        units: Unit of each actuated joint, by name.
+    """
+    first, second, *_ = [*following, "", ""]
+    found = _VALUE.fullmatch(first + second if first in ("=", "+=") else first)
+    if found and not value:
+        return f"{word!r} is separated from its value; write {name}{found[1] or '='}{found[2]}"
+    example = value or ("20deg" if units.get(name) == "rad" else "20mm")
+    return f"{word!r} has no =; write {name}={example}"
 
 
 def _check_poses(names: Sequence[str], poses: Poses) -> None:

@@ -48,8 +48,8 @@ def read_move(move: Move, robot: Robot, poses: Poses) -> Words:
     words = _changes(move.words, known) if move.relative else move.words
     read = read_words(words, robot, known)
     errors = joint_errors(robot, Positions(read.joints))
-    targets = {"point": read.point, "turn": read.turn}
-    errors += tool_target_errors(robot, {name: each for name, each in targets.items() if each})
+    if read.turn:
+        errors += tool_target_errors(robot, {"turn": read.turn})
     if errors:
         raise combine_errors(errors)
     return read

@@ -50,7 +50,12 @@ def completed(*words: str) -> list[str]:
         (["run", "--trees", str(EXAMPLES), "wat"], ["watchful"]),
         (["plan", "p"], ["pick"]),
         (["plan", "fo"], ["folded"]),
-        (["break", "pi"], ["pick"]),
+        (["plan", "joint_4"], ["joint_4="]),
+        (["move", "joint_1=5deg", "joint_"], [f"joint_{each}=" for each in (1, 2, 3, 4)]),
+        (["move", "fo"], ["folded"]),
+        (["move", "wid"], ["width="]),
+        (["move", "--robot", "so101", "gri"], ["gripper="]),
+        (["break", "pi"], ["pick/"]),
         (["break", "pick/E"], ["pick/Execute"]),
         (["break", "nothing/E"], []),
         (["run", "--port", "virt"], ["virtual"]),
@@ -165,4 +170,7 @@ def test_in_a_real_shell(shell: Shell) -> None:
     shell.type("echo log=latest:no; armtree log info latest:pi", "latest:pi")
     shell.type("\t", "ck")
     shell.type("\x15armtree run --port virt\t", "ual")
-    shell.type("\x15armtree break pick/E\t", "xecute")
+    shell.type("\x15armtree break pic\t", "k/")
+    shell.type("E\t", "xecute")  # no space is between
+    shell.type("\x15armtree move wid\t", "th=")
+    shell.type("20mm\x01echo \n", "armtree move width=20mm")

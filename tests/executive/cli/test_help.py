@@ -80,6 +80,11 @@ def test_debug_adds_the_traceback_wherever_it_is(words: tuple[str, ...], tmp_pat
     assert debugged.startswith("Traceback")
 
 
+def test_wrong_usage_has_no_traceback(tmp_path: Path) -> None:
+    status, out, error = typed(tmp_path, "--debug", "show")
+    assert (status, out, error.startswith("Error: Missing argument")) == (2, "", True)
+
+
 @pytest.mark.parametrize("words", [("-v", "check"), ("check", "--verbose"), ("-v", "check", "-v")])
 def test_the_log_is_printed_wherever_verbose_is(
     words: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -91,6 +96,11 @@ def test_the_log_is_printed_wherever_verbose_is(
     monkeypatch.setattr("skills.user_skills.load_skills", load_skills)
     assert typed(tmp_path, *words, "no.yaml")[2].count("INFO armtree: a line\n") == 1
     assert "a line" not in typed(tmp_path, "check", "no.yaml")[2]
+
+
+def test_an_unknown_command_with_arguments_is_no_recording(tmp_path: Path) -> None:
+    errors = typed(tmp_path, "log", "rm", "latest")[2]
+    assert errors == "Error: No such command 'rm'; see armtree log --help [usage]\n"
 
 
 @pytest.mark.parametrize(

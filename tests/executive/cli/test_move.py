@@ -33,7 +33,9 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (("--by", "folded"), 4, "folded is a pose, not a change"),
         (("0.1", "0.1"), 4, "such as 0.1 0.1 8cm. Or say what moves: JOINT=VALUE or width=20mm"),
         (("open", "closed"), 4, "open and closed move joint_4 to different positions; give one"),
-        (("9", "9", "9"), 4, "point 9 m is far beyond the reach of this arm, 0.26 m"),
+        (("9", "9", "9m"), 4, "point 9 m is far beyond the reach of this arm, 0.26 m [goal."),
+        (("300", "0", "100"), 4, "of this arm, 0.26 m; did you mean 300mm 0 100mm? [goal."),
+        (("--by", "10", "0", "1cm"), 4, "did you mean 10mm 0 1cm? [goal."),
         pytest.param(("0.5", "0", "0.1"), 5, "The tool cannot reach", marks=pytest.mark.slow),
     ],
 )

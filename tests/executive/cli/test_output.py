@@ -52,7 +52,7 @@ def test_log(recording: Path, tmp_path: Path) -> None:
     assert info == {key: value for key, value in row.items() if key != "pinned"}
     assert (info["task"], info["name"], info["state"]) == (3, "wave", "SUCCEEDED")
     assert len(printed("log_show", "log", "show", recording)) > 5
-    for row in printed("log_export", "log", "export", recording, "-o", tmp_path):
+    for row in printed("log_export", "log", "export", recording, "-o", tmp_path / "a/b"):
         assert Path(row["file"]).is_file()
     for row in printed("log_robot", "log", "robot", recording, "-o", tmp_path):
         assert Path(row["file"]).is_file()

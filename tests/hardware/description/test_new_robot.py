@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from hardware import load_robot
+from hardware import DescriptionError, load_robot
 from hardware.description.new_robot import (
     UrdfUnusable,
     draft_robot,
@@ -113,6 +113,49 @@ def test_names_that_toml_must_quote(tmp_path: Path) -> None:
     assert load_robot(made(path)).actuated[0].name == "the shoulder.1"
 
 
+def test_limits_in_degrees_are_reported(tmp_path: Path) -> None:
+    limit = '<limit lower="{}" upper="{}" velocity="1" effort="1"/>'
+    limits = ("-90", "90"), ("0", "172.5"), ("-6.28318", "6.28318"), ("-1e16", "1e16")
+    joints = [f"{n} -> {n + 1}: revolute j{n} {limit.format(*q)}" for n, q in enumerate(limits)]
+    with pytest.raises(UrdfUnusable) as caught:
+        draft_robot(written(tmp_path, urdf(joints)), LARGEST)
+    said = "joint {}: its limits {} look like degrees, but a URDF has radians; write {}"
+    assert str(caught.value).splitlines()[1:] == [
+        said.format("j0", "-90 and 90", 'lower="-1.5708" upper="1.5708"'),
+        said.format("j1", "0 and 172.5", 'lower="0" upper="3.0107"'),
+    ]
+
+
+def test_origins_in_mm_are_reported(tmp_path: Path) -> None:
+    joints = ['base -> a: revolute j <origin xyz="0 -50 250"/>', "a -> b: revolute k"]
+    said = r'joint j: its origin 0 -50 250 looks like mm, .* write xyz="0 -0.05 0.25"$'
+    with pytest.raises(UrdfUnusable, match=said):
+        draft_robot(written(tmp_path, urdf(joints)), LARGEST)
+
+
+def test_a_name_that_two_joints_have_hides_no_mistake(tmp_path: Path) -> None:
+    joints = ["base -> a: revolute j", "a -> b: revolute j", "b -> b: revolute k"]
+    joints += ['c -> d: revolute j <mimic joint="l"/>', "b -> c: fixed weld"]
+    joints += ['c -> e: revolute j <mimic joint="m"/>', "b -> e: fixed weld"]
+    path = written(tmp_path, urdf(joints))
+    with pytest.raises(UrdfUnusable) as caught:
+        draft_robot(path, LARGEST)
+    words = [line.partition(";")[0] for line in str(caught.value).splitlines()[1:]]
+    assert words == [
+        "two joints are called j",
+        "two joints are called weld",
+        "joint k: its child b is the child of j (2) already",
+        "joint weld (2): its child e is the child of j (4) already",
+        "joint k has the same link as parent and child, b",
+        "joint j mimics l, which does not move by itself",
+        "joint j mimics m, which does not move by itself",
+    ]
+    robot = tmp_path / "arm.toml"
+    robot.write_text(f"name = 'arm'\nurdf = '{path.name}'\n")
+    with pytest.raises(DescriptionError, match=r"5 mistakes\n(.*\n)+joint k has the same link"):
+        load_robot(robot)
+
+
 def test_everything_that_is_wrong_is_reported_at_once(tmp_path: Path) -> None:
     shapes = '<collision><geometry><mesh filename="package://p/m.stl"/></geometry></collision>'
     shapes += '<collision><geometry><box size="0 1 1"/></geometry></collision>'
@@ -133,7 +176,7 @@ def test_everything_that_is_wrong_is_reported_at_once(tmp_path: Path) -> None:
             for what, value in (("rpy of an origin", "'0'"), ("size of the box", "'0 1 1'"))
         ),
         "the mesh package://p/m.stl is not found",
-        "left does not move by itself",
+        "--gripper: left is no joint that moves by itself",
         "there is no link hand for the tool",
     ]
 
@@ -191,9 +234,9 @@ def test_names_that_the_urdf_does_not_have(tmp_path: Path) -> None:
     path = written(tmp_path, urdf(ARM))
     assert draft_robot(path, LARGEST, ["lift"], "a").groups["gripper"] == ("lift",)
     for gripper, tool, why in (
-        (["left"], "a", "left does not move by itself; --gripper is one of shoulder"),
+        (["left"], "a", "--gripper: left is no joint that moves by itself; there are elbow"),
         (["shoulder", "elbow", "lift"], "a", "leave at least one for the arm"),
-        ([], "hand", "there is no link hand for the tool; give base, a, b, c"),
+        ([], "hand", "there is no link hand for the tool; there are a, b, base, c"),
     ):
         with pytest.raises(UrdfUnusable, match=why):
             draft_robot(path, LARGEST, gripper, tool)

@@ -251,6 +251,9 @@ def test_a_urdf_with_thousands_of_links(tmp_path: Path) -> None:
 
 def test_a_robot_file_that_is_not_there(tmp_path: Path) -> None:
     (tmp_path / "z1.toml").touch()
+    make = r"arm\.urdf: is a URDF, not a robot file; make one with `armtree new-arm .*arm\.urdf`"
+    with pytest.raises(DescriptionError, match=make):
+        load_robot(tmp_path / "arm.urdf")
     none = "there is no such file, and no shipped robot of that name; there are arduinobot, so101"
     for name, near in (("none", ""), ("z1", tmp_path / "z1.toml"), ("s101.toml", "so101")):
         wanted = f"{none}; did you mean {near}?" if near else none

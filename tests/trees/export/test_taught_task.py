@@ -79,7 +79,11 @@ def test_what_exists_is_refused(robot: Robot, tmp_path: Path) -> None:
     for number, name, why in (
         (1, "fetch", "task 1 is in .*1_pick.yaml already; give another number, such as 3$"),
         (5, "pick", "task 1 is called pick already"),
-        (5, "a b", "'a b' is not a name"),
+        (
+            5,
+            "a b",
+            "'a b' is not a name; use a letter, then letters, digits, _ or -; did you mean a_b",
+        ),
     ):
         with pytest.raises(FileError, match=why):
             TaughtTask(robot, tmp_path, number, name)

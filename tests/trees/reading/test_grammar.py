@@ -88,7 +88,7 @@ WRONG = [
     (HEAD.replace("3", "'3'"), 1, 7, "task: '3' is a text; leave out the quotes"),
     (HEAD.replace("3", ".inf"), 1, 7, "task: inf is not a number"),
     (HEAD.replace("3", "[3]"), 1, 7, "task: [3] is not a number"),
-    (HEAD.replace("name: x", "name: a b"), 2, 7, "name: 'a b' is not a name"),
+    (HEAD.replace("name: x", "name: a b"), 2, 7, "or -); did you mean a_b?"),
     (HEAD.replace("name: x", "name: a/b"), 2, 7, "is not a name"),
     (HEAD.replace("name: x", "name: off/"), 2, 7, "is not a name"),
     (HEAD.replace("name: x", "name: 1"), 2, 7, "name: 1 is not a name"),

@@ -36,6 +36,13 @@ def pressed(jog: Jog, *keys: str) -> tuple[Jog, object]:
     return jog, action
 
 
+@pytest.mark.parametrize("key", ["x", UP, "+"])
+def test_an_error_is_not_shown_after_the_next_choice(key: str) -> None:
+    jog, _ = pressed(begun(), "9")
+    assert jog.message
+    assert pressed(jog, key)[0].message == ""
+
+
 @pytest.mark.parametrize(
     ("keys", "words", "shown"),
     [
@@ -136,6 +143,8 @@ def test_a_text_that_is_wrong_can_be_corrected() -> None:
     assert action == Call("s", "a b")
     jog = jog.refused(action, "a b cannot be a name")
     assert ("a b cannot be a name; Escape leaves", True) in [*jog.lines(WHERE, 80, 24, "")]
+    left, _ = pressed(jog, ESCAPE)
+    assert (left.message, left.prompt) == ("", "")
     assert pressed(jog, DELETE, DELETE, ENTER)[1] == Call("s", "a")
     assert jog.press(ESCAPE)[0].prompt == ""
     plain = begun().refused(Call("u", ""), "no step")
