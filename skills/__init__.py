@@ -30,6 +30,7 @@ from .errors import (
 from .example_nodes import (
     EXAMPLE_CONDITION as EXAMPLE_CONDITION,
     NODE_FOR as NODE_FOR,
+    compare_node as compare_node,
     wait_node as wait_node,
 )
 from .function import Cancel as Cancel, condition as condition, skill as skill

@@ -31,6 +31,7 @@ class Port(PortInformation):
         most: Largest value.
         count: Number of items of a list; 0 for any number.
         choices: Allowed texts; empty for any.
+        relative: True for positions that are distances: a task cannot give a pose for them.
         like: Port of the same skill that must have the same type; for ports of type `object`.
     """
 
@@ -39,6 +40,7 @@ class Port(PortInformation):
     most: float | None = None
     choices: tuple[str, ...] = ()
     count: int = 0
+    relative: bool = False
     like: str = ""
 
 

@@ -32,7 +32,7 @@ from .errors import FileError, Mistake, Place, TreeError
 from .reading.document import Located, StandIn, nested
 from .reading.grammar import PosesFile
 from .reading.library import Library
-from .reading.lines import added_above
+from .reading.lines import added_above, block
 from .reading.literals import in_other_unit, in_smaller_units
 
 # Role of a file in its library: the number of a task, the name of a subtree, None for poses, or an
@@ -91,13 +91,9 @@ def check(robot: Robot, folder: Path | None, files: Sequence[Path] = ()) -> Find
     findings.mistakes += collisions.mistakes()
     findings.mistakes += [m for tree in collisions.trees for m in tree.hooks.mistakes]
     findings.mistakes += [
-        Mistake(
-            place,
-            f"no node before this adds a body {name}{did_you_mean(near) or _how_to_add(name)}",
-            place.replaced(name, near) or added_above(node, _adding(name)),
-        )
-        for place, (name, near, node) in collisions.absent.items()
-        if not any(_names_body(library, name, place.path) for library in libraries)
+        _absent(place, *absent, collisions.trees)
+        for place, absent in collisions.absent.items()
+        if not any(_names_body(library, absent[0], place.path) for library in libraries)
     ]
     findings.notes += collisions.notes
     findings.notes += [
@@ -128,6 +124,22 @@ def _for_other_robots(
             why = f"names joints that the {robot.name} lacks: {', '.join(sorted(names))}. If it is "
             why += f"for another robot, move it to the subfolder of {path.parent} with the name "
             yield Mistake(Place(path), why + "of that robot")
+
+
+def _absent(
+    place: Place, name: str, near: str, node: Place, trees: Sequence[CompiledTree]
+) -> Mistake:
+    """Return the mistake of a node that uses a body before one is added."""
+    why = f"no node before this adds a body {name}"
+    for tree in trees:
+        for leaf in tree.leaves.values():
+            body = tree.hooks.body(leaf)
+            later = leaf.place.path == place.path and leaf.place.line > place.line
+            if body and body.name == name and later and (lines := block(leaf.place)):
+                why += f", but line {leaf.place.line} adds it later: move that node up"
+                return Mistake(place, why, added_above(node, "\n".join(lines)))
+    right = place.replaced(name, near) or added_above(node, _adding(name))
+    return Mistake(place, why + (did_you_mean(near) or _how_to_add(name)), right)
 
 
 def _how_to_add(name: str) -> str:

@@ -39,6 +39,7 @@ class Declaration:
         most: Largest value, in the first unit of the type.
         choices: Allowed values; empty if all are allowed.
         count: Number of items of a list; 0 for any number.
+        relative: True for positions that are distances. Poses are not accepted for them.
         output: True for a key that is written, False for a value that is read.
         description: Description, in one line.
     """
@@ -50,6 +51,7 @@ class Declaration:
     most: float | None = None
     choices: tuple[str, ...] = ()
     count: int = 0
+    relative: bool = False
     output: bool = False
     description: str = ""
 

@@ -18,7 +18,7 @@ from skills.joint_targets import (
     mimic_errors,
     missing_joint_errors,
 )
-from skills.ports import Positions
+from skills.ports import Port, Positions
 
 _OUTPUTS: dict[str, PortInformation] = {
     "goal": PortInformation(Positions, description="target of every actuated joint, checked [rad]")
@@ -67,9 +67,10 @@ class Shift(Skill):
 
     INPUT_PORTS = {
         "start": _START,
-        "by": PortInformation(
+        "by": Port(
             Positions,
             description="distances of some joints, at most half a turn of a continuous one [rad]",
+            relative=True,
         ),
     }
     OUTPUT_PORTS = _OUTPUTS

@@ -188,7 +188,7 @@ WRONG = [
     ),
     ("{task: 3}", "task 3 would contain itself"),
     ("{task: 99}", "no task 99; there are 0, 1, 2"),
-    ("{task: 1, with: {speed: 1}}", "speed is not a parameter of task 1; there are none"),
+    ("{task: 1, with: {speed: 1}}", "task 1 has no parameters; leave {speed: 1} out"),
     ("{Say: {text: a}, name: a/b}", "has a / or more than 60 characters"),
     (
         "{subtree: reach, with: {gripper: closed,"

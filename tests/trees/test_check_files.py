@@ -52,7 +52,7 @@ OWN_FILES = [
         "1:9 this pose collides",
     ),
     ("poses.yaml", "poses: [a]\n", "1:8 poses: [a] is not a mapping of names"),
-    ("poses.yaml", "poses:\n", "1:1 poses: null is not a mapping of names"),
+    ("poses.yaml", "poses:\n", "1:1 poses: nothing is not a mapping of names"),
     ("poses.yaml", "poses: {x: {}}\n", "1:12 {} names no joint"),
     (
         "poses.yaml",

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from hardware import Robot
+from hardware import Robot, load_robot
 from tests.support.generated import wrong_tasks
 from tests.support.generated.wrong_tasks import TASK, corrected, mistakes_of
 from trees.check import check
@@ -51,7 +51,7 @@ WRONG = [
      "-17.189 deg contradicts joint_4 = -17.189 deg; it follows, as -1 times joint_4: leave "
      "joint_5 out", "      with: {arm: upright, gripper: {joint_4: -0.3}}"),
     ("arm: upright", "arm: open", "7:19 the arm has joint_1, joint_2, joint_3, not "
-     "joint_4", ""),
+     "joint_4; saved poses of it are upright, right, folded", f"      {REACH}"),
     (REACH, "with: {arm: open, gripper: upright}", "7:19 arm and gripper have each other's value: "
      "exchange the two", f"      {REACH}"),
     (REACH, "with:\n        arm: open\n        gripper: upright", "8:14 arm and gripper have each "
@@ -199,7 +199,7 @@ SLIPS = [
     ("subtree: move_joints", "subtree: go", "8:16 joints is not a port of subtree go, but of "
      "subtree move_joints: write subtree: move_joints", "    - subtree: move_joints"),
     (REACH, "with:\n      arm: upright\n      gripper: open", "8:7 `arm` is indented by 6 spaces, "
-     "not 8: it belongs to `with` in line 7; the same in line 9",
+     "not 8: it belongs to `with` in line 7; move the lines below it, too",
      "        arm: upright\n        gripper: open"),
     (MOVE, "joints: {joint_1: 20 deg}", "9:7 write the ports of a subtree below the key `with`",
      f"      {MOVE}"),
@@ -493,3 +493,23 @@ def test_what_a_run_may_do_is_no_mistake(robot: Robot, tmp_path: Path, node: str
 def test_a_subtree_without_ports_needs_no_key_ports(robot: Robot, tmp_path: Path) -> None:
     (tmp_path / "look.yaml").write_text("subtree: look\ndescription: x\ntree: Succeed\n")
     assert not check(robot, tmp_path).mistakes
+
+
+def test_a_gripper_without_widths_takes_an_angle(tmp_path: Path) -> None:
+    node = "    - subtree: reach\n      with: {arm: ready, gripper: 20 mm}\n"
+    (tmp_path / "20_m.yaml").write_text(f"{TASK[: TASK.index('    - ')]}{node}")
+    (mistake,) = check(load_robot(Path("so101")), None, [tmp_path / "20_m.yaml"]).mistakes
+    assert mistake.message == (
+        "gripper: a task gives the angle of the joint of the gripper, not its width, such as "
+        "gripper: 0 rad"
+    )
+    assert _text(mistake) == "      with: {arm: ready, gripper: {gripper: 0 rad}}"
+
+
+def test_a_loop_that_lets_no_task_succeed_is_a_note(robot: Robot, tmp_path: Path) -> None:
+    (tmp_path / "20_m.yaml").write_text(f"{TASK}    - repeat: {{subtree: open_gripper}}\n")
+    found = check(robot, None, [tmp_path / "20_m.yaml"])
+    (note,) = found.notes
+    assert not found.mistakes
+    assert note.message == "without times, repeat runs until its child fails: this never succeeds"
+    assert _text(note) == "      times: 3"

@@ -17,6 +17,8 @@ from trees.compile.leaf import Leaf
 from trees.compile.port_types import known_skills
 from trees.errors import Correction, Mistake, Place
 from trees.nodes.kind import Node, PossibleOutcomes
+from trees.reading.foreign_loops import EXAMPLES
+from trees.reading.lines import added_below
 
 _ROOM = 1.5  # suggested time / least time
 
@@ -43,7 +45,10 @@ def check_outcomes(tree: CompiledTree, times: Mapping[Behaviour, float] | None =
         tree: The tree.
         times: Least times of skills [s], in addition to `Skill.min_duration`.
     """
-    _outcomes(_Node(tree, tree.root, _Times(times or {}), False))
+    root = _Node(tree, tree.root, _Times(times or {}), False)
+    endless = [node for node in root.inside() if node.is_endless()]
+    if not _outcomes(root).succeeds and endless and not tree.mistakes.found:
+        tree.mistakes.notes.append(endless[0].without_limit())
 
 
 def slow_children(
@@ -116,7 +121,10 @@ class _Node:
         used: bool = False,
     ) -> None:
         self.tree, self.behaviour, self.times, self.halted = tree, behaviour, times, halted
-        self.name, self.control = behaviour.name, tree.controls.get(behaviour)
+        self.control = tree.controls.get(behaviour)
+        # The root has the name of the task.
+        root = behaviour is tree.root and self.control is not None
+        self.name = self.control.kind.name if root and self.control else behaviour.name
         self.options = self.control.options if self.control else {}
         place = tree.calls.get(behaviour) if used else None
         self._place = place or tree.places[behaviour]
@@ -162,13 +170,46 @@ class _Node:
         children = self.below()
         for child, on, following in zip(children, continues, children[1:], strict=False):
             if not on:
-                why = f"is never reached: {child.name} before it never {how}"
-                following.wrong(f"{following.name} {why}")
+                why = f"{following.name} is never reached: {child.name} before it never {how}"
+                right = None
+                if child.is_endless():
+                    limit, right = child.limit, child.with_option(child.limit)
+                    why += f", because without {limit} it runs until its child fails"
+                following.report(why, right)
 
-    def wrong(self, message: str, option: str = "") -> None:
-        """Report a mistake of the node, or of one of its options."""
+    def inside(self) -> Iterator["_Node"]:
+        """Return the nodes in it."""
+        for each in self.behaviour.iterate():
+            yield _Node(self.tree, each, self.times, self.halted)
+
+    @property
+    def limit(self) -> str:
+        """The option without which it runs without end; empty if there is none."""
+        return self.control.kind.limit if self.control else ""
+
+    def is_endless(self) -> bool:
+        """Return True if it lacks the option that limits it."""
+        return bool(self.limit) and self.options[self.limit] is None
+
+    def without_limit(self) -> Mistake:
+        """Return the note of a loop without a limit, in a task that cannot succeed."""
+        why = f"without {self.limit}, {self.name} runs until its child fails: this never succeeds"
+        return Mistake(self._place, why, self.with_option(self.limit))
+
+    def with_option(self, option: str) -> Correction | None:
+        """Return the line that adds an option to it."""
+        kind = self.control.kind if self.control else None
+        value = EXAMPLES.get(kind.options[option].type, "…") if kind else ""
+        return added_below(self.tree.places[self.behaviour], f"{option}: {value}")
+
+    def wrong(self, message: str, option: str = "", missing: str = "") -> None:
+        """Report a mistake of the node, of one of its options, or of one that it lacks."""
+        self.report(message, self.with_option(missing) if missing else None, option)
+
+    def report(self, message: str, instead: Correction | None, option: str = "") -> None:
+        """Report a mistake with the correct lines."""
         if not self.times.start:  # the other case was reported with the least times
-            self.tree.mistakes.add_also(self._place_of(option), message)
+            self.tree.mistakes.add_also(self._place_of(option), message, instead)
 
     def too_slow(self, option: str, shortest: float) -> None:
         """Report a child that takes longer than the time of an option [s]."""

@@ -7,7 +7,7 @@ from typing import Any
 from py_trees.behaviour import Behaviour
 from py_trees.behaviours import Dummy
 
-from hardware.spelling import closest, corrections, did_you_mean, there_are
+from hardware.spelling import corrections, did_you_mean
 from skills import Context, Port, Skill
 from trees.declarations import ANY, Declaration, type_fits, words
 from trees.errors import Correction, Mistakes, Place
@@ -23,6 +23,8 @@ from trees.reading.specs import ControlNode, Key, SkillNode, SubtreeNode, TreeNo
 from .arguments import MISSING
 from .data_flow import Keys
 from .leaf import Leaf
+from .move_words import as_positions, instead_of_width
+from .port_names import known_ports
 from .port_types import (
     declaration,
     declarations,
@@ -35,8 +37,15 @@ from .port_types import (
 from .scope import Scope, resolve
 from .skill_hooks import SkillHooks, named_port
 from .sources import Sources
-from .unknown_skill import is_nothing, meant, why_unknown
-from .values_by_port import as_mapping, as_subtree, by_port, with_port
+from .unknown_names import (
+    is_nothing,
+    meant,
+    meant_file,
+    only_taker,
+    why_unknown,
+    without_ports,
+)
+from .values_by_port import as_mapping, as_subtree, by_port, with_more, with_port
 
 MAX_NODES = 10_000
 MAX_SUBTREES = 8  # largest nesting depth
@@ -108,6 +117,7 @@ class TreeCompiler:
         file, tree, namespace = self._task, self._tree, self._tree.namespace
         self._sources.files[file.path.name] = file.text
         self._sources.load_poses(self._mistakes)
+        tree.hooks.saved = self._sources.poses
         inputs = {name: each for name, each in file.parameters.items() if not each.output}
         within = {} if file.number is not None else {file.name: file.tree.place}
         scope = Scope(file, namespace, {}, within, self._stand_ins(inputs, namespace))
@@ -265,15 +275,22 @@ class TreeCompiler:
             right = replaced_block(spec.place, [f"{label}{values}"])
             self._wrong(spec.place, f"{label} is a skill, not a subtree: write {label}", right)
             return self._node(SkillNode(spec.place, label, spec.values, shown), scope)
+        if found := meant_file(spec, self._library):
+            near, why, right = found
+            self._mistakes.add_last(spec.named.place if spec.named else spec.place, why, right)
+            return self._file(replace(spec, source=near, head="subtree"), scope, shown)
         way = {**scope.within, label: spec.place}
         source = self._source(spec, scope, label, way)
         if source is None:
             self._assume_used(spec.values.values(), scope)
             return self._placeholder(label or "subtree", spec.place)
-        if name := self._meant(spec, source):
+        given, known = spec.values.keys() - {""}, source.parameters
+        missed = [port for port, each in known.items() if each.needed and port not in given]
+        strange = given and not given & known.keys() and not corrections(given, known)
+        if len(missed) > 1 and strange and (name := only_taker(spec.values, self._library)):
             first = next(iter(spec.values))
             why = f"{first} is not a port of {what}, but of subtree {name}"
-            place = spec.named or spec.place
+            place = spec.named.place if spec.named else spec.place
             right = place.replaced(source.name, name)
             self._wrong(place, f"{why}: write subtree: {name}", right)
             return self._file(replace(spec, source=name), scope, shown)
@@ -293,22 +310,6 @@ class TreeCompiler:
             if declared.output and isinstance(key, Key):
                 self._check_output(spec.place, what, name, declared, key.name)
         return node
-
-    def _meant(self, spec: SubtreeNode, source: TaskFile) -> str:
-        """Return the name of the only subtree that takes the given ports.
-
-        Returns "" if the ports may be for `source`, or if not exactly one subtree takes them.
-        """
-        given, known = spec.values.keys() - {""}, source.parameters
-        missing = [port for port, each in known.items() if each.needed and port not in given]
-        if len(missing) < 2 or not given or given & known.keys() or corrections(given, known):
-            return ""
-        found = list[str]()
-        for name in self._library.subtrees():
-            ports = self._library.draft(name)[0].parameters
-            needed = {port for port, each in ports.items() if each.needed}
-            found += [name] if needed <= given <= ports.keys() else []
-        return found[0] if len(found) == 1 else ""
 
     def _source(
         self, spec: SubtreeNode, scope: Scope, label: str, way: Mapping[str, Place]
@@ -336,18 +337,23 @@ class TreeCompiler:
         self, spec: SubtreeNode, source: TaskFile, scope: Scope, what: str
     ) -> dict[str, Value]:
         """Return the values and keys at the ports of a subtree, without wrong ones."""
+        if spec.values and not source.parameters and spec.source not in self._sources.uncertain:
+            why, right = without_ports(spec, f"{what} has no {source.port}s", self._context.robot)
+            self._wrong(next(iter(spec.values.values())).place, why, right)
+            self._assume_used(spec.values.values(), scope)
+            return {}
         ports: dict[str, Value] = {}
         named = f"{source.port} of {what}" if spec.source not in self._sources.uncertain else ""
         ported = by_port(spec.values, source.parameters, (what, "with"), self._wrong)
         values = self._known_ports(ported, source.parameters, named, scope)
-        missing = list[str]()
+        missing = dict[str, str]()
         for name, declared in source.parameters.items():
             value = values.get(name)
             if declared.output and self._fixed(value, scope, f"{what}: {name}"):
                 continue
             given = self._given(name, declared, self._resolve(value, scope))
             if given is None:
-                missing.append(f"{name}: {declared.description or declared}")
+                missing[name] = f"{name}: {declared.description or declared}"
             elif isinstance(given, Located) and declared.output:
                 self._unnamed(given, declared.type, f"{what} writes {name}", name, scope)
             else:
@@ -355,12 +361,22 @@ class TreeCompiler:
             reads = declared.type != UNTYPED and not declared.output
             if reads and isinstance(given, Key) and given.name in self._keys.written:
                 self._keys.copy().read(given, declared.type, f"{what}: {name}", self._mistakes)
-        needs = f"needs {', and '.join(missing)}"
+        needs = f"needs {', and '.join(missing.values())}"
         unknown = (value.label for port, value in ported.items() if port not in source.parameters)
         extended = missing and any(self._mistakes.extend(at, f"it {needs}") for at in unknown)
         if missing and not extended:
-            self._wrong(spec.place, f"{what} {needs}")
+            poses = {name: self._pose_of(name) for name in missing}
+            right = with_more(spec.place, spec.values, poses) if all(poses.values()) else None
+            self._wrong(spec.place, f"{what} {needs}", right)
         return ports
+
+    def _pose_of(self, group: str) -> str:
+        """Return the first pose of the joints of a group; empty if there is none."""
+        robot = self._context.robot
+        joints = robot.actuated_in(group) if group in robot.groups else ()
+        wanted = {joint.name for joint in joints}
+        poses = self._sources.poses.items()
+        return next((name for name, pose in poses if wanted and pose.keys() == wanted), "")
 
     def _check_output(
         self, place: Place, what: str, name: str, declared: Declaration, key: str
@@ -376,9 +392,8 @@ class TreeCompiler:
     def _skill(self, spec: SkillNode, scope: Scope, shown: str) -> Behaviour:
         kind = self._skills.get(spec.skill)
         if kind is None:
-            subtrees = self._library.subtrees()
-            poses = self._sources.poses
-            name = meant(spec, self._skills, subtrees, poses) if spec.skill else ""
+            subtrees, poses = self._library.subtrees(), self._sources.poses
+            name = meant(spec, self._skills, self._library, poses) if spec.skill else ""
             if name in subtrees:
                 return self._node(self._as_subtree(spec, name, shown), scope)
             if name in self._skills:
@@ -416,9 +431,16 @@ class TreeCompiler:
         """Report a subtree that is written like a skill. Return it, with its values by port."""
         node = SubtreeNode(spec.place, name, spec.ports, shown)
         source, mistakes = self._sources.get(node, self._mistakes), Mistakes()
-        given = {port: value for port, value in spec.ports.items() if not is_nothing(value)}
+        given: Mapping[str, Value] = {
+            port: value for port, value in spec.ports.items() if not is_nothing(value)
+        }
         if source and not source.parameters:
             given = {}
+        if not given and spec.skill in {*self._sources.poses} and source and source.parameters:
+            given = {"": Located(spec.place, spec.skill, spec.place)}
+        if "" in given:
+            target = as_positions(given[""], self._context.robot)
+            given = nested(target) if isinstance(target, Located) and nested(target) else given
         ports = by_port(given, source.parameters if source else {}, ("", ""), mistakes.add)
         ports = ports if any(mistake.instead for mistake in mistakes.found) else given
         why = f"no skill {spec.skill}, but a subtree {name}: write subtree: {name}"
@@ -427,7 +449,7 @@ class TreeCompiler:
         right = as_subtree(spec.place, spec.skill, name, ports)
         declared = source.parameters.items() if source else ()
         needed = [port for port, each in declared if each.needed and not each.output]
-        if not ports and needed:
+        if needed and (not ports or "" in ports):
             why += f", with: {{{', '.join(f'{port}: …' for port in needed)}}}"
             ports = {port: Located(spec.place, REFUSED, spec.place) for port in needed}
             right = None
@@ -521,6 +543,9 @@ class TreeCompiler:
             # Other uses may report it at the same place.
             self._mistakes.add_last(place, f"{what}: {why}", instead)
 
+        if wanted.type == "positions" and (said := instead_of_width(value, self._context.robot)):
+            wrong(*said)
+            return None
         fitted = fit(value, wanted, self._sources.poses, wrong)
         if note := doubt(value, wanted, what):
             self._mistakes.notes.append(note)
@@ -533,63 +558,11 @@ class TreeCompiler:
     def _known_ports(
         self, given: Mapping[str, Value], known: Mapping[str, Declaration], what: str, scope: Scope
     ) -> dict[str, Value]:
-        """Return the values of known ports. A misspelt port counts as the suggested one.
-
-        Args:
-            given: Values by port, as in the file.
-            known: The ports.
-            what: Word for a port in messages; empty to report nothing.
-            scope: Scope of the values.
-        """
-        given = self._outside(given, known, what) if what else given
-        likely = corrections(given, known)
-        joints = {joint.name for joint in self._context.robot.joints} & given.keys() - known.keys()
-        likely = {port: name for port, name in likely.items() if port not in joints}
-        unknown = given.keys() - known.keys() - likely.keys()
-        missing = [port for port, each in known.items() if each.needed and port not in given]
-        said = None
-        if len(unknown) == len(missing) == 1 and not closest(next(iter(unknown)), known):
-            likely[unknown.pop()] = missing[0]
-            said = missing[0] if known[missing[0]].type == "text" else None
-        for port in given:
-            if port not in known:
-                label, name = given[port].label, likely.get(port, "")
-                there = there_are(port, known, given)
-                if port in joints:
-                    inner = (each for each, kind in known.items() if kind.type == "positions")
-                    there = f"{port} is a joint; write it with its angle within {next(inner, '')}"
-                if what:
-                    instead = label.replaced(port, name)
-                    if name == said and self._edited(label):  # a text with a colon
-                        text = as_mapping({port: given[port]}).as_yaml()[1:-1]
-                        quoted = Located(label, text, label).as_yaml()
-                        instead = label.replaced(text, f"{name}: {quoted}")
-                    self._wrong(label, f"{port} is not a {what}; {there}", instead)
-                if port not in likely:
-                    self._assume_used((given[port],), scope)
-        named = {likely.get(port, port): value for port, value in given.items()}
-        return {port: value for port, value in named.items() if port in known}
-
-    def _outside(
-        self, given: Mapping[str, Value], known: Mapping[str, Declaration], what: str
-    ) -> dict[str, Value]:
-        """Return values by port. Moves ports that are written inside another port out of it."""
-        found = dict(given)
-        for port, value in given.items():
-            if not isinstance(value, Located):
-                continue
-            within = nested(value)
-            for name in (within.keys() & known.keys()) - given.keys():
-                self._wrong(within[name].label, f"{name} is a {what}; write it beside {port}")
-                found[name] = within[name]
-                rest = {each: item for each, item in within.items() if each not in known}
-                found[port] = replace(value, value=rest)
+        """Return the values of known ports. Keys at other ports count as used."""
+        joints = [joint.name for joint in self._context.robot.joints]
+        found, rest = known_ports(given, known, what, joints, self._mistakes)
+        self._assume_used(rest, scope)
         return found
-
-    def _edited(self, place: Place) -> bool:
-        """Return True if the layout of a line was corrected."""
-        found = [each.place for each in self._mistakes.found if each.place.path == place.path]
-        return any(each.line == place.line and each.lines != place.lines for each in found)
 
 
 def _placeholder_value(kind: ControlNodeKind, option: str) -> Any:

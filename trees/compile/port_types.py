@@ -46,7 +46,14 @@ def declaration(port: PortInformation, output: bool = False) -> Declaration:
     )
     if not isinstance(port, Port):
         return plain
-    return replace(plain, least=port.least, most=port.most, choices=port.choices, count=port.count)
+    return replace(
+        plain,
+        least=port.least,
+        most=port.most,
+        choices=port.choices,
+        count=port.count,
+        relative=port.relative,
+    )
 
 
 def _type(kind: Any, unit: str) -> str:

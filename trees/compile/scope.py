@@ -4,7 +4,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
 from hardware.spelling import closest, suggestion
-from trees.errors import Mistakes, Place
+from trees.errors import Correction, Mistakes, Place
 from trees.reading.document import REFUSED, Located, StandIn
 from trees.reading.grammar import TaskFile
 from trees.reading.lines import declared_above
@@ -91,8 +91,16 @@ def _without_names(
         why = f"{inner} has no value before the run; a mapping or a list may contain values, and "
         why += "parameters or ports that have one"
     elif not near:
-        why += f"; declare it above the tree, with {what}s:, or write a value here"
-        line = f"{inner[1:]}: {{type: {kind}, default: 0}}"
-        lines = declared_above(value.place, f"{what}s", line)
+        more, lines = _undeclared(value.place, what, inner, kind)
+        why += more
     mistakes.add_last(value.place, why, lines)
     return replace(value, value=REFUSED)
+
+
+def _undeclared(place: Place, what: str, name: str, kind: str) -> tuple[str, Correction | None]:
+    """Return advice for `$name` without a declaration, and the line that declares it."""
+    if not name[1:].isidentifier():  # a value such as $20 deg
+        return "; leave the $ out", place.replaced(name, name[1:])
+    line = f"{name[1:]}: {{type: {kind}, default: 0}}"
+    advice = f"; declare it above the tree, with {what}s:, or write a value here"
+    return advice, declared_above(place, f"{what}s", line)

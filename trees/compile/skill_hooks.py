@@ -26,16 +26,18 @@ from skills import (
 )
 from skills.motion import Body, MotionError, ToolQuery, shown
 from trees.errors import Correction, Mistake, Place
-from trees.reading.document import Located
+from trees.reading.document import Located, nested
 from trees.reading.lines import left_out
 from trees.reading.literals import in_other_unit, in_smaller_units, near_limit
 
 from .leaf import Leaf
 from .port_types import declaration
+from .values_by_port import with_more
 
 Fault = SkillError | MotionError
 Pose = tuple[float, ...]
 _Answer = TypeVar("_Answer")
+_SHOWN = 5  # largest number of poses in a message
 
 
 @dataclass(frozen=True)
@@ -86,10 +88,12 @@ class SkillHooks:
 
     Attributes:
         doubtful: Wrong nodes. Their effect is unknown.
+        saved: Joint positions [rad] by joint name, by name of the pose. Messages suggest them.
     """
 
     def __init__(self, doubtful: Iterable[Behaviour] = ()) -> None:
         self.doubtful = set(doubtful)
+        self.saved: Mapping[str, Mapping[str, float]] = {}
         self._refused: dict[tuple[Place, str], RefusedInput] = {}
 
     @property
@@ -131,6 +135,10 @@ class SkillHooks:
                 step = fault.location[-1] if isinstance(fault, SkillError) else ""
                 there = place.replaced(str(step), name)
                 instead = there or place.replaced(str(value.value), name)
+            if value and isinstance(fault, BadTarget) and fault.location and not exchanged:
+                instead = self._other_pose(leaf, robot, inputs, fault, value) or instead
+                if len(faults) == 1:
+                    instead = _completed(robot, value, str(fault.location[-1])) or instead
             if value and isinstance(fault, BadTarget) and fault.superfluous:
                 instead = left_out(place)
             if value and (units := _in_smaller_unit(leaf, robot, inputs, fault)):
@@ -141,6 +149,25 @@ class SkillHooks:
                 fault.args = (in_other_unit(words, value, unit, right),)
                 instead = value.place.replaced(old, right)
             self._refuse(RefusedInput(leaf.skill, kind.__name__, fault, place, instead))
+
+    def _other_pose(
+        self, leaf: Leaf, robot: Robot, inputs: Mapping[str, Any], fault: BadTarget, value: Located
+    ) -> Correction | None:
+        """Return the line with a pose that a skill accepts. Add the names of all to the error."""
+        port = str(fault.location[0])
+        if not isinstance(leaf.written[port].value, str) or not isinstance(value.value, str):
+            return None
+        fitting = [
+            name
+            for name, pose in self.saved.items()
+            if _accepts(leaf, robot, {**inputs, port: Positions(pose)}, (port,))
+        ]
+        if fitting:
+            are = "pose of it is" if len(fitting) == 1 else "poses of it are"
+            # The exception may be raised again.
+            words = str(fault).partition("; saved ")[0]
+            fault.args = (f"{words}; saved {are} {', '.join(fitting[:_SHOWN])}",)
+        return value.place.replaced(value.value, fitting[0]) if fitting else None
 
     def min_duration(self, leaf: Leaf) -> float:
         """Return a lower bound of the time of a skill [s]."""
@@ -303,6 +330,15 @@ def _nearest(
             if _accepts(leaf, robot, now, fault.location):
                 return value.place.replaced(str(value.value), text)
     return None
+
+
+def _completed(robot: Robot, value: Located, joint: str) -> Correction | None:
+    """Return joint values with the boot positions of missing joints, of which one is given."""
+    given, group = nested(value), next((g for g in robot.groups if joint in robot.groups[g]), "")
+    if not given or not group or joint in given:
+        return None
+    missing = [each for each in robot.actuated_in(group) if each.name not in given]
+    return with_more(value.place, given, {each.name: f"{each.boot:g}" for each in missing})
 
 
 def _accepts(

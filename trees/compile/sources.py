@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 
-from hardware.spelling import closest, there_are
 from trees.errors import FileError, Mistakes
 from trees.reading.grammar import TaskFile
 from trees.reading.library import Library, poses_of
@@ -69,19 +68,11 @@ class Sources:
         return self._read[spec.source]
 
     def _load(self, spec: SubtreeNode, mistakes: Mistakes) -> TaskFile | None:
-        right, place = None, spec.named or spec.place
-        source, numbers, subtrees = spec.source, self._library.numbers(), self._library.subtrees()
-        if source not in (*numbers, *subtrees):
-            if isinstance(source, str):
-                near = closest(source, subtrees)
-                right = place.replaced(source, near)
-                message = f"no subtree {source}; {there_are(source, subtrees)}"
-                if (number := self._library.names().get(source)) is not None:
-                    message = f"{source} is a task, not a subtree; write task: {number}"
-            else:
-                there = ", ".join(map(str, numbers[:_SHOWN])) + (", …" if numbers[_SHOWN:] else "")
-                message = f"no task {source}; there are {there}"
-            mistakes.add_last(place, message, right)
+        source, numbers = spec.source, self._library.numbers()
+        if isinstance(source, int) and source not in numbers:
+            place = spec.named.place if spec.named else spec.place
+            there = ", ".join(map(str, numbers[:_SHOWN])) + (", …" if numbers[_SHOWN:] else "")
+            mistakes.add_last(place, f"no task {source}; there are {there}")
             return None
         file, wrong = self._library.draft(source)
         if {"", f"{file.port}s"} & {mistake.place.location for mistake in wrong}:

@@ -1,14 +1,14 @@
 """Values of a node that a file writes without the names of the ports."""
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from trees.declarations import LIST, Declaration
 from trees.errors import Correction, Mistakes, Place
-from trees.reading.document import REFUSED, Located, nested
-from trees.reading.lines import block, replaced_block
-from trees.reading.literals import fit
+from trees.reading.document import REFUSED, Located, nested, scalar
+from trees.reading.lines import added_below, block, key_block, replaced_block
+from trees.reading.literals import as_pairs, fit
 from trees.reading.specs import Key, SkillNode, Value
 
 from .arguments import MISSING
@@ -36,44 +36,115 @@ def by_port(
     whole, named_ports = as_mapping(given), declared.keys() & given.keys()
     if [*given] == ["x", "y", "z"]:
         whole = replace(whole, value=[*nested(whole).values()])
-    if "" not in given and (named_ports or len(ports) != 1 or not _fits(whole, declared[ports[0]])):
+    if "" not in given and (named_ports or len(ports) != 1 or not fits(whole, declared[ports[0]])):
         return given
     value = given.get("", whole)
+    found = _from_pairs(value, declared, wrong) or _one_each(value, ports, named, wrong)
+    if found:
+        return found
     text = "" if isinstance(value, Key) else str(value.value)
     if [declared[port].type for port in ports] == ["text"]:
         value = _in_quotes(value)
     nothing = isinstance(value, Located) and value.value is None
     written = f"${short_name(value)}" if isinstance(value, Key) else value.as_yaml()
-    values = ["…" if nothing else written, *["…"] * len(ports)]
-    wanted = "{" + ", ".join(map("{}: {}".format, ports, values)) + "}"
+    texts = ["…" if nothing else written, *["…"] * len(ports)]
+    wanted = "{" + ", ".join(map("{}: {}".format, ports, texts)) + "}"
     names = "name of its port" if len(ports) == 1 else "names of its ports"
     why = f"{what} needs the {names}: write {key}: {wanted}"
     if nothing and not any(declared[port].needed for port in ports):
         why = f"{key} has no value: leave out the colon"
     elif not ports:
         why = f"{what} has no ports: leave {written} out"
+    place, is_list = value.place, not isinstance(value, Key) and isinstance(value.value, list)
     if len(ports) != 1 or nothing:
         alone = nothing and what == key and not any(declared[port].needed for port in ports)
-        wrong(value.place, why, value.place.replaced(f"{key}:", key) if alone else None)
-        return {port: Located(value.place, REFUSED, value.label) for port in ports}
-    place, is_list = value.place, not isinstance(value, Key) and isinstance(value.value, list)
-    pair = re.fullmatch(rf"{ports[0]} ?= ?(.+)", text)
-    if pair and isinstance(value, Located):
-        right = place.replaced(text, f"{{{ports[0]}: {pair[1]}}}")
-        wrong(place, f"a colon separates `{ports[0]}` from its value, not `=`", right)
-        return {ports[0]: replace(value, value=pair[1])}
+        wrong(place, why, place.replaced(f"{key}:", key) if alone else None)
+        return {port: Located(place, REFUSED, value.label) for port in ports}
     if "" in given:
         wrong(place, why, place.replaced(written, wanted) or place.replaced(text, wanted))
         return {ports[0]: value}
-    # Place of the bracket, if there is one.
-    before = replace(value.label, column=value.label.column - 1)
     if lines := block(value.label):  # a mapping over several lines
         below = [f"{ports[0]}:", *(f"  {line}" for line in lines)]
         right = replaced_block(value.label, [f"{ports[0]}: {written}"] if is_list else below)
     else:
-        right = before.replaced(before.brackets, wanted)
+        right = in_braces({"": value}, wanted)
     wrong(value.label, why, right)
     return {ports[0]: value}
+
+
+def _from_pairs(
+    value: Value, declared: Mapping[str, Declaration], wrong: Callable[..., None]
+) -> Mapping[str, Value]:
+    """Report a text such as `arm = upright`. Return its values by port; empty for other values."""
+    text = value.value if isinstance(value, Located) and isinstance(value.value, str) else ""
+    pairs, sign = dict(as_pairs(text)) if "=" in text else {}, "="
+    lines = block(value.place) if text else []
+    rows = [re.fullmatch(r"([A-Za-z]\w*) +([\w.-].*)", line) for line in lines[1:] and lines]
+    if rows and all(rows):
+        pairs, sign = {row[1]: row[2] for row in rows if row}, ""
+    if not pairs or not pairs.keys() <= declared.keys() or isinstance(value, Key):
+        return {}
+    place, written = value.place, ", ".join(f"{port}: {each}" for port, each in pairs.items())
+    right = place.replaced(text, f"{{{written}}}")
+    if lines[1:]:  # one line for each
+        right = replaced_block(place, [f"{port}: {each}" for port, each in pairs.items()])
+    why = f"a colon separates `{next(iter(pairs))}` from its value{', not `=`' if sign else ''}"
+    wrong(place, why, right)
+    return {port: replace(value, value=scalar(each)) for port, each in pairs.items()}
+
+
+def _one_each(
+    value: Value, ports: Sequence[str], named: tuple[str, str], wrong: Callable[..., None]
+) -> Mapping[str, Value]:
+    """Report a list or several words, one for each port. Return them by port, or nothing."""
+    items = _values(value)
+    if len(items) != len(ports) or len(ports) < 2:
+        return {}
+    (what, key), place, given = named, value.place, dict(zip(ports, items, strict=True))
+    wanted = as_mapping(given).as_yaml()
+    old = place.brackets or str(value.value if isinstance(value, Located) else "")
+    why = f"{what} needs the names of its ports: write {key}: {wanted}"
+    wrong(place, why, place.replaced(old, wanted))
+    return given
+
+
+def _values(value: Value) -> list[Located]:
+    """Return the items of a list, or the words and numbers in a text."""
+    if isinstance(value, Key) or not isinstance(value.value, list | str):
+        return []
+    if isinstance(value.value, list):
+        return value.value
+    words = re.split(r"[\s,]+", value.value)
+    return [replace(value, value=scalar(word)) for word in words]
+
+
+def in_braces(given: Mapping[str, Value], written: str) -> Correction | None:
+    """Return the line with a new mapping in place of one in braces, which has the given values."""
+    label = next(iter(given.values())).label
+    bracket = replace(label, column=label.column - 1)
+    return bracket.replaced(bracket.brackets, written)
+
+
+def with_more(
+    place: Place, given: Mapping[str, Value], more: Mapping[str, str]
+) -> Correction | None:
+    """Return the lines of a subtree with more values at its ports.
+
+    Args:
+        place: Place of the node.
+        given: Values by port.
+        more: Further values by port, as YAML.
+    """
+    texts = [f"{port}: {text}" for port, text in more.items()]
+    if not given:
+        return added_below(place, f"with: {{{', '.join(texts)}}}")
+    *_, last = given.values()
+    if lines := key_block(last.label):
+        indent = " " * (last.label.column - 1)
+        text = "\n".join(f"{indent}{each}" for each in texts)
+        return Correction(text, last.label.line + len(lines), 0)
+    old = as_mapping(given).as_yaml()
+    return in_braces(given, f"{old[:-1]}, {', '.join(texts)}}}")
 
 
 def _in_quotes(value: Value) -> Value:
@@ -125,7 +196,7 @@ def with_port(spec: SkillNode, port: str) -> Correction | None:
     return replaced_block(spec.place, [f"{spec.skill}: {{{port}: 1 s}}"]) if alone else None
 
 
-def _fits(value: Located, wanted: Declaration) -> bool:
+def fits(value: Located, wanted: Declaration) -> bool:
     """Return True if a mapping without references fits a declaration."""
     listed = isinstance(value.value, list) and wanted.type.startswith(LIST)
     if not (wanted.type == "positions" or listed) or not value.value:

@@ -34,6 +34,7 @@ _MEMORY = {
 
 
 _IF = "there is no if: a selector runs its nodes until one succeeds; begin it with the "
+_TRY = "there is no try: a selector runs its nodes, begun with a `-`, until one succeeds"
 _ONE_CASE = f"{_IF}inverted condition"
 _TWO_CASES = f"{_IF}sequence of one case, which begins with the condition"
 
@@ -105,7 +106,7 @@ class SequenceKind(_InTurn):
     """Runs its children one after the other, until one fails."""
 
     name = "sequence"
-    synonyms = ("steps", "actions")
+    synonyms = ("steps", "actions", "ReactiveSequence", "SequenceWithMemory")
     with_memory, reactive = composites.Sequence, ReactiveSequence
     groot_tag = "Sequence"
 
@@ -123,8 +124,10 @@ class SelectorKind(_InTurn):
     order = Flow.ALTERNATIVES
     with_memory, reactive = composites.Selector, ReactiveSelector
     groot_tag = "Fallback"
-    synonyms = ("fallback",)
-    keywords = {"else": _TWO_CASES, "if": _ONE_CASE, "then": _ONE_CASE}
+    synonyms = ("fallback", "Fallback", "ReactiveFallback")
+    keywords = {"else": _TWO_CASES, "if": _ONE_CASE, "then": _ONE_CASE} | dict.fromkeys(
+        ("try", "except", "catch"), _TRY
+    )
 
     def possible_outcomes(self, node: Node) -> PossibleOutcomes:
         """Return the possible outcomes, and report children that are never reached."""

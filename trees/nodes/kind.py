@@ -89,8 +89,14 @@ class Node(Protocol):
             how: Word for the end of a child after which the next one runs, for the message.
         """
 
-    def wrong(self, message: str, option: str = "") -> None:
-        """Report a mistake of the node, or of one of its options."""
+    def wrong(self, message: str, option: str = "", missing: str = "") -> None:
+        """Report a mistake of the node.
+
+        Args:
+            message: The mistake.
+            option: The wrong option; empty for the whole node.
+            missing: An option that the node lacks; empty for none.
+        """
 
     def too_slow(self, option: str, shortest: float) -> None:
         """Report that its child takes longer than the time of an option.
@@ -116,6 +122,7 @@ class ControlNodeKind(ABC):
         only_asks: True if its child must be a condition.
         may_halt: True if it may halt running children.
         timed: True if it fails when its child takes too long.
+        limit: Option without which it may run without end; empty if it has none.
         lasting: True if it may take several ticks even if its children end at once.
         order: Order of its children.
         node: Class of its nodes if they have one child. The arguments are name, child, context, and
@@ -134,6 +141,7 @@ class ControlNodeKind(ABC):
     only_asks: ClassVar[bool] = False
     may_halt: ClassVar[bool] = False
     timed: ClassVar[bool] = False
+    limit: ClassVar[str] = ""
     lasting: ClassVar[bool] = False
     order: ClassVar[Flow] = Flow.SEQUENCE
     node: ClassVar[Callable[..., Behaviour]]

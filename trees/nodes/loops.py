@@ -115,6 +115,7 @@ class RetryKind(ControlNodeKind):
         "backoff": duration("pause before the second attempt; it doubles each time", 0.0),
     }
     placeholders = {"attempts": 1}
+    synonyms = ("RetryUntilSuccessful",)
     lasting = True
     node = Retry
 
@@ -169,8 +170,9 @@ class RepeatKind(ControlNodeKind):
     name = "repeat"
     options = {"times": count("number of rounds; no limit without it", optional=True)}
     placeholders = {"times": 1}
-    synonyms = ("loop", "for")
+    synonyms = ("loop", "for", "KeepRunningUntilFailure")
     lasting = True
+    limit = "times"
     node = Repeat
 
     def rounds(self, options: Options) -> int | None:
@@ -188,7 +190,8 @@ class RepeatKind(ControlNodeKind):
         if not child.fails and not node.halted:
             node.wrong(
                 f"{node.name} never ends: its child cannot fail; give times, or put it into a "
-                "timeout or into a parallel with policy any"
+                "timeout or into a parallel with policy any",
+                missing=self.limit,
             )
         return PossibleOutcomes(False, child.fails, 0.0)
 

@@ -98,6 +98,7 @@ class Located:
 
     def __str__(self) -> str:
         text = repr(self.value) if isinstance(self.value, str) else self.as_yaml()
+        text = "nothing" if self.value is None else text
         return text if len(text) <= 60 else f"{text[:57]}..."
 
 
@@ -314,7 +315,7 @@ class _Reader:
             # A key is a text, also one that looks like a number.
             name = written if isinstance(key.value, str | int | float) else None
             if name is None:
-                self._wrong(key.place, f"the key {key} is not a text")
+                self._wrong(key.place, f"the key {key.as_yaml()} is not a text")
             elif name in values:
                 first = values[name].label
                 there = f"line {first.line}, column {first.column}"
@@ -389,6 +390,11 @@ def _empty(event: Event) -> bool:
     if not isinstance(event, ScalarEvent):
         return False
     return not event.value and event.style is None and event.tag is None
+
+
+def scalar(text: str) -> Scalar:
+    """Return the value of a plain text in YAML."""
+    return _core(text)(text)
 
 
 def _core(text: str) -> Callable[[str], Scalar]:

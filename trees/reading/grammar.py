@@ -17,7 +17,7 @@ from trees.errors import Correction, FileError, Mistake, Mistakes
 
 from .document import Located, NotYaml, draft_document, names_within, nested
 from .literals import fit, measured
-from .node_parser import NodeParser, synonyms
+from .node_parser import MAX_NUMBER, NodeParser, begins_node, is_number, synonyms
 from .repairs import repairing
 from .specs import ControlNode, Key, SkillNode, SubtreeNode, TreeNode, Value
 
@@ -214,6 +214,8 @@ class _Parser:
         if not self._values:
             needed = ", ".join(key for key in keys if key not in _OPTIONAL)
             hint = "; `armtree new` writes a task that runs" if keys is _TASK_KEYS else ""
+            if str(self.root.value).startswith("<"):
+                hint = f"; this is XML, and a file is YAML{hint}"
             self._wrong(self.root.place, f"expected the keys {needed}{hint}")
         self._check_kind(path, keys[0])
         self._values = self._corrections(self._with_tree(self._values, keys), keys)
@@ -229,6 +231,8 @@ class _Parser:
             return
         named = self._values[other].value
         name = f"{named}.yaml" if other == "subtree" else f"{named}_{path.stem}.yaml"
+        if other == "task" and not is_number(named):
+            name = f"3_{path.stem}.yaml and says task: 3, a number that no other task has"
         why = f"this is a {other}, whose file is named like {name}; rename this one"
         raise FileError([Mistake(self._values[other].label, why)])
 
@@ -257,14 +261,24 @@ class _Parser:
         value = self._values.get(key)
         if value is None and needed and self._values:
             place = replace(self.root.place, location=key)
-            self._wrong(place, f"the key {key} is missing", self._line_for(key))
+            more = "; below it is the node that runs" if key == "tree" else ""
+            self._wrong(place, f"the key {key} is missing{more}", self._line_for(key))
         return value
+
+    def _named(self) -> dict[str, str]:
+        """Return the values of keys that the name of the file gives, by key."""
+        path = self.root.place.path
+        number, _, name = path.stem.partition("_")
+        return {"task": number if number.isdecimal() else "", "name": name, "subtree": path.stem}
 
     def _line_for(self, key: str) -> Correction | None:
         """Return the line for a missing key, after the key that precedes it."""
-        path = self.root.place.path
-        number, _, name = path.stem.partition("_")
-        texts = {"task": number, "name": name, "subtree": path.stem, "description": "What it does."}
+        texts = {**self._named(), "description": "What it does."}
+        if key == "tree" and not self.root.place.brackets:
+            from skills import wait_node  # slow; only for a mistake
+
+            lines = "\n".join(self.root.place.lines).rstrip().split("\n")
+            return Correction(f"tree:\n  {wait_node('1 s')}", len(lines) + 1, 0)
         earlier = self._keys[: self._keys.index(key)]
         above = [self._values[each].label.line for each in earlier if each in self._values]
         if not texts.get(key) or self.root.place.brackets:
@@ -284,16 +298,19 @@ class _Parser:
         }
         if head in values or not nodes:
             return values
+        likely = corrections(values, known)
         below = {
             key: value
             for key, value in values.items()
-            if self.nodes.is_control(key)
+            if (self.nodes.is_control(key) and key in nodes)
             or _listed_kind(key, value)
             or (head == "poses" and isinstance(value.value, dict) and key not in known)
+            or (head == "tree" and key not in known and _in_node(key, value, likely))
         }
         (first, *_) = below or [""]
         kind = _listed_kind(first, below[first]) if first else ""
-        if not below or (corrections(values, (head,)) and not kind):
+        rest = {key: value for key, value in values.items() if key not in below}
+        if not below or (corrections(rest, (head,)) and not kind):
             return values
         label = below[first].label
         why, right = f"{first} must be below the key {head}", self._below(head, below)
@@ -301,9 +318,9 @@ class _Parser:
             why += f", as {kind}"
             right = right and replace(right, text=right.text.replace(first, kind, 1))
         self._wrong(label, why, right)
-        rest = {key: value for key, value in values.items() if key not in below}
         inner = {kind if kind and key == first else key: each for key, each in below.items()}
-        return {**rest, head: Located(label, inner, label)}
+        place = replace(label, location=head)
+        return {**rest, head: Located(place, inner, place)}
 
     def _below(self, head: str, below: Mapping[str, Located]) -> Correction | None:
         """Return the lines of adjacent keys, indented below another key."""
@@ -344,11 +361,29 @@ class _Parser:
 
     def number(self, key: str) -> int:
         value = self.get(key)
-        return self.nodes.number(value, key) if value else 0
+        if value is None or is_number(value.value) or str(value.value).isdecimal():
+            return self.nodes.number(value, key) if value else 0
+        why = f"{key}: {value} is not a number from 0 to {MAX_NUMBER}"
+        if isinstance(value.value, str):
+            why += "; the key task has its number, and the key name its name"
+        return int(self._as_named(key, value, why) or 0)
 
     def name(self, key: str, needed: bool = True) -> str:
-        value = self.get(key, needed)
-        return self.nodes.name(value, key) if value else ""
+        value, named = self.get(key, needed), self._named().get(key)
+        if value is None or self.nodes.is_name(value.value) or not self.nodes.is_name(named):
+            return self.nodes.name(value, key) if value else ""
+        why = f"{key}: {value} is not a name (a letter, then letters, digits, _ or -)"
+        return self._as_named(key, value, why)
+
+    def _as_named(self, key: str, value: Located, why: str) -> str:
+        """Report a wrong value. Return the one that the name of the file gives, or ""."""
+        named, right = self._named()[key], None
+        if named and re.fullmatch(r"[\w\s.-]*", str(value.value)):
+            why += f"; by the name of the file it is {named}"
+            right = value.place.replaced(str(value.plain()), named)
+            right = right or value.label.replaced(f"{key}:", f"{key}: {named}")
+        self._wrong(value.place, why, right)
+        return named
 
     def line(self, key: str) -> str:
         value = self.get(key)
@@ -508,6 +543,13 @@ def _type_of(value: Located) -> str:
     """Return the type of a number, a quantity or a boolean; else an empty text."""
     kinds = {int: "integer", float: "number", bool: "boolean"}
     return measured(value) or kinds.get(type(value.value), "")
+
+
+def _in_node(key: str, value: Located, likely: Mapping[str, str]) -> bool:
+    """Return True if a key is most likely of a node, not one that `likely` corrects."""
+    if key in ("subtree", "with"):
+        return True
+    return key not in likely and (begins_node(key) or value.value is None)
 
 
 def _listed_kind(key: str, value: Located) -> str:

@@ -19,7 +19,15 @@ from pathlib import Path
 from typing import Protocol
 
 from hardware.spelling import there_are
-from trees.errors import SHIPPED_ROBOT, DuplicateTask, FileError, Mistake, Place, UnknownTask
+from trees.errors import (
+    SHIPPED_ROBOT,
+    Correction,
+    DuplicateTask,
+    FileError,
+    Mistake,
+    Place,
+    UnknownTask,
+)
 
 from .document import read_text
 from .grammar import (
@@ -351,11 +359,11 @@ def poses_of(files: Iterable[PosesFile]) -> dict[str, Mapping[str, float]]:
 
 def _replaced_poses(file: PosesFile, shipped: Mapping[str, object]) -> list[Mistake]:
     """Return mistakes of poses that replace shipped ones."""
-    mistakes = [
-        Mistake(file.labels[name].label, f"pose {name} ships; to replace it, add it to replaces")
-        for name in file.poses
-        if name in shipped and name not in file.replaces
-    ]
+    ships = [name for name in file.poses if name in shipped and name not in file.replaces]
+    line = f"replaces: [{', '.join(ships)}]"
+    right = None if file.replaces else Correction(line, file.text.count("\n") + 1, 0)
+    why = "ships; to replace it, add it to replaces"
+    mistakes = [Mistake(file.labels[name].label, f"pose {name} {why}", right) for name in ships]
     place = _top(file.path, file.text, "replaces")
     mistakes += [
         Mistake(place, f"replaces: no pose {name} ships; {there_are(name, shipped)}")

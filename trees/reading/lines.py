@@ -59,6 +59,11 @@ def in_node(place: Place, head: str) -> Correction | None:
     line, column = place.lines[place.line - 1], place.column - 1
     before, after = line[:column], line[column:]
     if not after.startswith("["):
+        above = re.match(r"[\s-]*", place.lines[place.line - 2])
+        if above and above.end() == column:  # its items are in the column of its key
+            lines, indent = key_block(place), " " * (column + 2)
+            text = "\n".join([f"{indent}{head}:", *(f"{indent}  {each}" for each in lines)])
+            return Correction(text, place.line, len(lines))
         return Correction(f"{' ' * column}{head}:", place.line, 0)
     if found := re.fullmatch(r"( *)[\w-]+: +", before):
         return Correction(f"{before.rstrip()}\n{found[1]}  {head}: {after}", place.line)
@@ -70,7 +75,8 @@ def in_node(place: Place, head: str) -> Correction | None:
 def added_above(place: Place, node: str) -> Correction | None:
     """Return a node above the one at a place, which must begin an item of a list in its line."""
     before = place.lines[place.line - 1][: place.column - 1] if place.lines else ""
-    return Correction(f"{before}{node}", place.line, 0) if before.strip() == "-" else None
+    text = before + node.replace("\n", "\n" + " " * len(before))
+    return Correction(text, place.line, 0) if before.strip() == "-" else None
 
 
 def left_out(place: Place) -> Correction | None:
@@ -104,7 +110,9 @@ def declared_above(place: Place, head: str, line: str) -> Correction | None:
     tops = {line.partition(":")[0]: row for row, line in enumerate(place.lines, 1)}
     if head not in tops:
         return Correction(f"{head}:\n  {line}", tops["tree"], 0) if "tree" in tops else None
-    first = place.lines[tops[head] - 1]
+    first, *below = place.lines[tops[head] - 1 :]
+    if below and below[0][:1] == " " and not re.match(r" +[\w$-]+:", below[0]):
+        return None  # no declarations are there
     if first.split("#")[0].rstrip() == f"{head}:":
         return Correction(f"  {line}", tops[head] + 1, 0)
     inline = re.fullmatch(rf"({head}: \{{.*)\}}\s*", first)

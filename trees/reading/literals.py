@@ -12,13 +12,12 @@ from hardware.spelling import choices, closest, did_you_mean, there_are
 from trees.declarations import ANY, LIST, UNITS, Declaration, type_fits, words
 from trees.errors import Mistake
 
-from .document import REFUSED, Located, StandIn
-from .lines import as_mapping
+from .document import REFUSED, Located, StandIn, nested
+from .lines import as_mapping, block, replaced_block
 
 _NUMBER = r"([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)"
 _PRODUCT = re.compile(rf"([-+]?)(?:{_NUMBER}|pi) ?([*/]) ?(?:{_NUMBER}|pi)( ?[a-z]+)?")
 _QUANTITY = re.compile(rf"{_NUMBER} ?([A-Za-z\xb0]\S*)")
-_WIDTH = re.compile(rf"{_NUMBER} ?(mm|cm|m)")
 _PYTHON: Mapping[str, tuple[type, ...]] = {
     "integer": (int,),
     "boolean": (bool,),
@@ -43,6 +42,7 @@ _FOREIGN_UNITS = {  # factor and unit of task files
     **dict.fromkeys(("turn", "turns", "rev"), (360.0, "deg")),
     "dm": (100.0, "mm"),
     "um": (0.001, "mm"),
+    "m": (1.0, "min"),
     "mrad": (0.001, "rad"),
     "us": (0.001, "ms"),
 }
@@ -150,6 +150,10 @@ def fit(
     if wanted.type.startswith(LIST):
         return _items(value, wanted, poses, wrong)
     if wanted.type == "positions":
+        if wanted.relative and isinstance(value.value, str) and value.value in poses:
+            why = f"{value.value} is a pose, not a distance; to move to it, write subtree: "
+            wrong(value.place, f"{why}move_joints, with: {{joints: {value.value}}}")
+            return None
         return _positions(value, poses, wrong)
     if wanted.type in ("number", *UNITS):
         fitted = _number(value, wanted.type, wrong)
@@ -160,12 +164,12 @@ def fit(
     if fitted is not None and (reason := _violation(fitted, wanted)):
         smaller = list(in_smaller_units(value.value, wanted.unit))
         near = [text for text, factor in smaller if not _violation(fitted * factor, wanted)]
-        if wanted.type == "number" and wanted.most == 1 and 1 < fitted <= 100:  # a percentage
+        if wanted.type == "number" and wanted.most == 1 and 5 <= fitted <= 100:  # a percentage
             near = [f"{fitted / 100:g}"]
         meant = did_you_mean(near[0]) if near else ""
         said = str(value.plain())
         chosen = closest(said, wanted.choices)
-        common = _CHOICES.get(said.removeprefix("success_on_").lower())
+        common = _CHOICES.get(re.sub(r"^success_?on_?|[_ ](than|to)$", "", said.lower()))
         chosen = common if common in wanted.choices else chosen
         right = Located(value.place, chosen, value.label).as_yaml() if chosen else "".join(near[:1])
         meant = did_you_mean(right) if chosen == common else meant
@@ -198,7 +202,11 @@ def _items(
         example = f"[{value.plain()}, 0, 0]" if measured(value) else "[0, 0, 0]"
         if measured(value) and wanted.least and wanted.least > 0.0:  # such as the size of a box
             near = near or f"[{', '.join([str(value.plain())] * wanted.count)}]"
-        form = f"; write {near or example}" if numbers else "; write [a, b]"
+        one = Declaration(wanted.type.removeprefix(LIST))
+        if not numbers and fit(value, one, poses, lambda *_: None) is not None:
+            texts = re.split(r" *[,/|] *", str(value.value)) if one.type == "text" else []
+            near = f"[{', '.join(texts) or value.as_yaml()}]"
+        form = f"; write {near or (example if numbers else '[a, b]')}"
         why = f"{value} is not {words(wanted.type)}{form}"
         wrong(value.place, why, value.place.replaced(old, near))
         return None
@@ -265,6 +273,9 @@ def _not(value: Located, kind: str, near: str, wrong: Wrong, hint: str = "") -> 
         near = near or _COUNTS.get(count, count if count.isdecimal() else "")
     hint = (hint if hint == " in quotes" else "") + did_you_mean(near) or hint
     old = value.value if isinstance(value.value, str) else value.as_yaml()
+    items = value.value if isinstance(value.value, list) else [*nested(value).values()]
+    if len(items) == 1 and (measured(items[0]) == kind or type(items[0].value) in (int, float)):
+        hint, near, old = did_you_mean(items[0].as_yaml()), items[0].as_yaml(), value.place.brackets
     wrong(value.place, f"{value} is not {words(kind)}{hint}", value.place.replaced(old, near))
 
 
@@ -292,7 +303,7 @@ def _number(value: Located, kind: str, wrong: Wrong, finite: bool = True) -> flo
             return None
         number = float(found[1]) * UNITS[kind][found[2]]
     else:
-        near = _computed(str(plain)) or str(plain).translate(_SIGNS)
+        near = _computed(str(plain)) or _total(str(plain), kind) or str(plain).translate(_SIGNS)
         if kind == "number" and (percent := re.fullmatch(rf"{_NUMBER} ?%", near)):
             near = f"{float(percent[1]) / 100:g}"
         amount = re.fullmatch(rf"{_NUMBER}( ?({'|'.join(UNITS.get(kind, ()))}))?", near)
@@ -312,6 +323,15 @@ def _computed(text: str) -> str:
     if found[3] == "/" and not other:
         return ""
     return f"{found[1]}{first * other if found[3] == '*' else first / other:.6g}{found[5] or ''}"
+
+
+def _total(text: str, kind: str) -> str:
+    """Return the total of several quantities, such as `1 min 30 s`; "" for other texts."""
+    units, unit = UNITS.get(kind, {}), next(iter(UNITS.get(kind, {})), "")
+    found = re.findall(rf"{_NUMBER} ?([a-z]+)", text)
+    if len(found) < 2 or any(each not in units for _, each in found):
+        return ""
+    return f"{sum(float(number) * units[each] for number, each in found):g} {unit}"
 
 
 def _converted(number: str, word: str, kind: str) -> str:
@@ -338,8 +358,7 @@ def _positions(
         return _pose(value, value.value, poses, wrong)
     items = value.value if isinstance(value.value, list) else []
     if items and all(str(item.value) in poses for item in items):
-        names = " and ".join(str(item.value) for item in items)
-        wrong(value.place, f"a node moves to one pose; write one node for each of {names}")
+        wrong(value.place, _one_pose([str(item.value) for item in items]))
         return None
     if items and all(isinstance(item.value, dict) for item in items):
         wrong(
@@ -351,7 +370,8 @@ def _positions(
     if not isinstance(value.value, dict):
         near = _by_joint(items, poses)
         right = value.place.replaced(value.place.brackets, near)
-        why = f"{value} is not {words('positions')}; write {near or '{joint_1: 20 deg}'}"
+        why = f"{value} is not {words('positions')}; write "
+        why += near or f"{{{_some_joint(poses)}: 20 deg}}"
         wrong(value.place, why, right)
         return None
     if not value.value:
@@ -363,6 +383,10 @@ def _positions(
         joint: _number(item, "angle", wrong, finite=False) for joint, item in value.value.items()
     }
     return {joint: REFUSED if number is None else number for joint, number in fitted.items()}
+
+
+def _one_pose(names: Sequence[str]) -> str:
+    return f"a node moves to one pose; write one node for each of {' and '.join(names)}"
 
 
 def _by_joint(items: Sequence[Located], poses: Mapping[str, Mapping[str, float]]) -> str:
@@ -381,20 +405,33 @@ def _pose(
         return dict(poses[name]) or None  # an empty pose is wrong and already reported
     near = closest(name, poses)
     there = f"no pose {name}; {there_are(name, poses)}"
-    if width := _WIDTH.fullmatch(name):
-        there = (
-            "a task takes the joint of the gripper, not its width: write the angle that "
-            f"`armtree plan width={width[1]}{width[2]}` prints, such as {{joint_4: -12 deg}}"
-        )
-    # The form of `armtree move`.
-    if pairs := re.findall(r"(\w+) ?[=:] ?([^\s,=:]+)", name):
+    if pairs := as_pairs(name):
         near = f"{{{', '.join(f'{joint}: {position}' for joint, position in pairs)}}}"
-        there = f"joint values are a mapping; write {near}"
+        there, lines = f"joint values are a mapping; write {near}", block(value.place)
+        if lines and f"{value.label.location.rpartition('.')[2]}:" not in lines[0]:
+            rows = [f"{joint}: {position}" for joint, position in pairs]
+            wrong(value.place, there, replaced_block(value.place, rows))
+            return None
+    elif _number(value, "angle", lambda *_: None) is not None:
+        near = f"{{{_some_joint(poses)}: {name}}}"
+        there = f"{name} is an angle without a joint; write {near}"
     instead = value.place.replaced(name, near)
     if name == _HOME:
         there += "; `armtree pose save home` saves the one of `armtree home`"
     wrong(value.place, there, instead)
     return None
+
+
+def as_pairs(text: str) -> list[tuple[str, str]]:
+    """Return the names and values of a text in the form of `armtree move`, such as `joint_1=0`."""
+    pair = r"([A-Za-z]\w*)(?: ?[=:] ?| +(?=[-+]?\d))([^\s,=:][^,=:]*?)"
+    found = re.findall(rf"{pair}(?=[, ] *[A-Za-z]\w* ?[=:]|$)", text)
+    return found if found and text.startswith(found[0][0]) else []
+
+
+def _some_joint(poses: Mapping[str, Mapping[str, float]]) -> str:
+    """Return the name of a joint for examples."""
+    return next((joint for pose in poses.values() for joint in pose), "joint_1")
 
 
 def _no_angles(
@@ -407,6 +444,10 @@ def _no_angles(
     if changes := _changes(joints):
         why = "a += is not for task files: the subtree move_relative changes joints; write it with "
         wrong(value.place, f"{why}by: {{{changes}}}")
+        return True
+    several = [str(item.value) for item in joints.values() if item.value in [*poses]]
+    if len(several) > 1:
+        wrong(value.place, _one_pose(several))
         return True
     for joint, item in joints.items():
         pose = joint if item.value is None else item.value

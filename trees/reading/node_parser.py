@@ -8,18 +8,23 @@ from typing import TYPE_CHECKING, TypeGuard
 from hardware.spelling import corrections, did_you_mean, there_are
 from trees.errors import Correction, Mistakes, Place
 
+from .corrected_nodes import comparison, node_instead
 from .document import Located, names_within, nested
 from .foreign_loops import EXAMPLES, is_amount, read_loop
-from .lines import added_below, as_mapping, block, in_node, key_block, replaced_block
+from .lines import added_below, as_mapping, block, key_block, replaced_block
+from .literals import measured
 from .specs import ControlNode, Key, SkillNode, SubtreeNode, TreeNode, Value
 
 if TYPE_CHECKING:
     from trees.nodes.kind import ControlNodeKind
 
 MAX_NUMBER = 2**31 - 1
+_NODE = "a node"  # its name cannot be a name of a user's own
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
-_WORDS = re.compile(r"[a-z]+( [a-z]+)+")
+_WORDS = re.compile(r"[A-Za-z]+( [A-Za-z]+)+")
+# Words of other programs for the key `with`.
+_WITH = ("args", "arguments", "params", "parameters", "ports", "inputs", "input", "values")
 _FILES = {"subtree": ("with", "name"), "task": ("with", "name")}
 
 
@@ -46,10 +51,14 @@ class NodeParser:
     def node(self, value: Located) -> TreeNode:
         """Return the node that a value describes."""
         if isinstance(value.value, str):
+            if node := comparison(value):
+                why = f"a comparison is a node: write {node}"
+                self._wrong(value.place, why, value.place.replaced(value.value, node))
+                return self._unknown(value)
             # Two words may be parts of one name.
-            words = value.value if _WORDS.fullmatch(value.value) else self.name(value, "a node")
+            words = value.value if _WORDS.fullmatch(value.value) else self.name(value, _NODE)
             return SkillNode(value.place, words, {})
-        keys = nested(value)
+        keys = self._in_lower_case(nested(value))
         heads = [key for key in keys if key in _heads()]
         rest = [key for key in keys if key != "name"]
         whole = len(heads) == 1 and heads[0] in _kinds() and not is_amount(keys[heads[0]])
@@ -69,17 +78,22 @@ class NodeParser:
             instead = label.replaced(word, head)
             self._wrong(value.place, _no_node(value, tuple(keys)), instead)
             return self._headed(value.place, head, _respell(keys, likely))
-        instead = None
-        if isinstance(value.value, list) and value.value:
-            instead = in_node(value.place, _in_turn())
-        elif isinstance(value.value, bool):
-            from skills import NODE_FOR  # slow; only for a mistake
-
-            instead = value.place.replaced(value.as_yaml(), NODE_FOR[value.value])
-        elif {"if", "then"} <= keys.keys() <= {"if", "then", "else"}:
-            instead = replaced_block(value.place, _as_selector(keys))
+        instead = node_instead(value, _in_turn())
         self._wrong(value.place, _no_node(value, tuple(keys)), instead)
         return self._broken(value, keys)
+
+    def _in_lower_case(self, keys: Mapping[str, Located]) -> Mapping[str, Located]:
+        """Report keys such as `Subtree` and `With`. Return the values with the correct keys.
+
+        The name of a control node is corrected if its options are beside it.
+        """
+        known = {*_FILES, *(each for beside in _FILES.values() for each in beside)}
+        known |= {name for name, kind in _kinds().items() if keys.keys() & kind.options.keys()}
+        likely = {key: key.lower() for key in keys if key not in known and key.lower() in known}
+        for key, near in likely.items():
+            label = keys[key].label
+            self._wrong(label, f"no key {key}{did_you_mean(near)}", label.replaced(key, near))
+        return _respell(keys, likely)
 
     def _counted(self, value: Located, keys: Mapping[str, Located]) -> TreeNode | None:
         """Report a number or a switch that is the value of a node: `repeat: 3`, `guard: true`.
@@ -160,13 +174,14 @@ class NodeParser:
         if self.is_name(value.value):
             return value.value
         rule = "a letter, then letters, digits, _ or -"
-        stem = re.split(r"[/\\]", str(value.value))[-1].removesuffix(".yaml").lstrip("$")
-        why, near = f"{what}: {value} is not a name ({rule})", stem if self.is_name(stem) else ""
+        stem = re.split(r"[/\\]", str(value.value or ""))[-1].removesuffix(".yaml").lstrip("$")
+        near = stem if self.is_name(stem) or what == _NODE else joined(stem)
+        why, near = f"{what}: {value} is not a name ({rule})", near if self.is_name(near) else ""
         right = value.place.replaced(str(value.value), near)
-        if what == "name" and not near:
-            near = joined(stem)  # the file must be renamed, too
+        if what == "name" and near != stem:
+            right = None  # the file must be renamed, too
         self._wrong(value.place, f"{why}{did_you_mean(near)}", right)
-        return ""
+        return near
 
     def number(self, value: Located, what: str) -> int:
         """Return a task number, or 0 if the value is not a task number."""
@@ -200,7 +215,7 @@ class NodeParser:
 
     def _skill(self, place: Place, skill: str, keys: Mapping[str, Located]) -> TreeNode:
         inner = keys[skill]
-        if isinstance(inner.value, list):
+        if isinstance(inner.value, list) and self._are_nodes(skill, inner.value):
             lists = [name for name, kind in _kinds().items() if kind.many]
             kind = corrections((skill,), lists).get(skill, "") or synonyms().get(skill, "")
             there = ", ".join(lists) + did_you_mean(kind)
@@ -209,8 +224,16 @@ class NodeParser:
             if not kind and all(isinstance(item.value, str) for item in inner.value):
                 return self._unknown(inner)
             return ControlNode(place, kind, self._items(inner.value))
-        name = self.name(Located(inner.label, skill, inner.label), "a node")
+        # Two words may be parts of one name.
+        label = Located(inner.label, skill, inner.label)
+        name = skill if _WORDS.fullmatch(skill) else self.name(label, _NODE)
         return SkillNode(place, name, self._wiring(inner), self._shown(keys))
+
+    def _are_nodes(self, key: str, items: Sequence[Located]) -> bool:
+        """Return True if a list below a key may have nodes, not values at ports."""
+        named = key[:1].isupper() or _likely((key,)) or key in synonyms()
+        nodes = any(any(map(begins_node, nested(item))) for item in items)
+        return not any(map(is_amount, items)) and bool(named or nodes)
 
     def _control(self, place: Place, kind: str, keys: Mapping[str, Located]) -> ControlNode:
         known = _kinds()[kind]
@@ -242,6 +265,10 @@ class NodeParser:
             if lines and row > 0 and len(key_block(value.label)) == 1:
                 kept = [line for n, line in enumerate(lines) if n != row]
                 right = replaced_block(place, [*kept, f"{key}: {value.as_yaml()}"])
+            elif lines and keys[kind].place.brackets:
+                kept = [f"{kind}: {as_node({k: v for k, v in inner.items() if k not in lost})}"]
+                kept += [f"{name}: {each.as_yaml()}" for name, each in lost.items()]
+                right = replaced_block(place, kept) if len(lines) == 1 else None
             self._wrong(value.label, f"{key} belongs to {kind}: write it in its column", right)
         left = {key: value for key, value in inner.items() if key not in lost}
         return {**keys, **lost, kind: replace(keys[kind], value=left)} if lost else keys
@@ -298,15 +325,31 @@ class NodeParser:
             keys, head = _respell(keys, {head: "task"}), "task"
         if isinstance(items := keys[head].value, list) and items:
             return self._several(place, head, keys, items)
+        keys = self._named(place, head, keys)
         keys = self._beside(head, self._with(head, keys), _FILES[head])
         source: str | int
         if head == "task":
-            number = self.number(keys[head], head)
-            source = number if is_number(keys[head].value) else ""
+            given = keys[head]
+            number = 0 if self.is_name(given.value) else self.number(given, head)
+            source = given.value if self.is_name(given.value) else ""
+            source = number if is_number(given.value) else source
         else:
             source = self.name(keys[head], head)
         values = self._wiring(keys["with"]) if "with" in keys else {}
-        return SubtreeNode(place, source, values, self._shown(keys), keys[head].place)
+        return SubtreeNode(place, source, values, self._shown(keys), keys[head], head)
+
+    def _named(self, place: Place, head: str, keys: Mapping[str, Located]) -> Mapping[str, Located]:
+        """Report a mapping with a name in place of the name. Return corrected values."""
+        inner = nested(keys[head])
+        names = [key for key, each in inner.items() if isinstance(each.value, str)]
+        if len(names) != 1 or not self.is_name(inner[names[0]].value):
+            return keys
+        rest = {key: each for key, each in inner.items() if key != names[0]}
+        values = Located(keys[head].place, rest, keys[head].label)
+        made = {**keys, head: inner[names[0]], **({"with": values} if rest else {})}
+        right = replaced_block(place, [f"{key}: {each.as_yaml()}" for key, each in made.items()])
+        self._wrong(keys[head].place, f"write the name after {head}:, without {names[0]}", right)
+        return made
 
     def _several(
         self, place: Place, head: str, keys: Mapping[str, Located], items: Sequence[Located]
@@ -334,7 +377,16 @@ class NodeParser:
         """Report ports beside a subtree or task. Return the values with the ports below `with`."""
         known = (head, *_FILES[head])
         ports = {key: value for key, value in keys.items() if key not in known}
-        if not ports or corrections(keys, known):
+        likely = corrections(keys, known)
+        if len(ports) == 1 and "with" not in keys:
+            ((key, value),) = ports.items()
+            if key in _WITH and nested(value):
+                why = f"the values at ports are below the key with, not {key}"
+                self._wrong(value.label, why, value.label.replaced(key, "with"))
+                return _respell(keys, {key: "with"})
+        # A number is at a port, such as `width: 20 mm`.
+        likely = {k: near for k, near in likely.items() if near != "with" or not is_amount(keys[k])}
+        if not ports or likely:
             return keys
         if "with" in keys:
             own = [key for key in ports if key not in _beside() and not begins_node(key)]
@@ -373,13 +425,17 @@ class NodeParser:
     ) -> Mapping[str, Located]:
         """Report unknown keys of a node. Return its values with corrected keys."""
         beside = [key for key in keys if key != head]
+        likely = corrections(beside, known)
+        likely |= _other_option(head, _respell(keys, likely))
         for key in beside:
             if key not in known:
                 there, label = there_are(key, known, beside), keys[key].label
-                right = label.replaced(key, corrections(beside, known).get(key, ""))
-                self._wrong(label, f"unknown key {key}; beside {head} {there}", right)
+                if near := likely.get(key, ""):
+                    there = there.partition(";")[0] + did_you_mean(near)
+                why = f"unknown key {key}; beside {head} {there}"
+                self._wrong(label, why, label.replaced(key, near))
                 self.spare |= {*names_within(keys[key])}
-        return _respell(keys, corrections(beside, known))
+        return _respell(keys, likely)
 
     def _shown(self, keys: Mapping[str, Located]) -> str:
         if "name" not in keys:
@@ -401,6 +457,19 @@ class NodeParser:
         if not isinstance(value.value, dict):
             return {"": self.wired(value)}
         return {port: self.wired(item) for port, item in value.value.items()}
+
+
+def _other_option(kind: str, keys: Mapping[str, Located]) -> dict[str, str]:
+    """Return the only option that the only unknown key beside a control node may mean."""
+    options = {} if kind in _FILES else _kinds()[kind].options
+    unknown = [key for key in keys if key not in {kind, "name", *options}]
+    if len(unknown) != 1 or not is_amount(value := keys[unknown[0]]):
+        return {}
+    left = {option: each for option, each in options.items() if option not in keys}
+    typed = measured(value) or ("integer" if isinstance(value.value, int) else "")
+    fitting = [option for option, each in left.items() if each.type == typed]
+    found = [option for option, each in left.items() if each.needed] or fitting
+    return {unknown[0]: found[0]} if len(found) == 1 else {}
 
 
 def _kinds() -> "Mapping[str, ControlNodeKind]":
@@ -433,7 +502,7 @@ def _beside() -> set[str]:
 def _likely(words: Collection[str]) -> dict[str, str]:
     """Return the likely first keys of nodes for unknown words."""
     named = {word: kind for word, kind in synonyms().items() if word in words}
-    own = _beside()
+    own = {*_beside(), *(word for kind in _kinds().values() for word in kind.keywords)}
     lower = [word for word in words if word not in own and _is_lower(word)]
     return named or corrections(lower, _heads())
 
@@ -458,28 +527,6 @@ def is_number(value: object) -> TypeGuard[int]:
     return type(value) is int and 0 <= value <= MAX_NUMBER
 
 
-def _as_selector(keys: Mapping[str, Located]) -> list[str]:
-    """Return the lines of a selector that is equivalent to if, then and else."""
-    from py_trees.ports import get_ports_registry  # slow to load
-
-    condition, ports = keys["if"].as_yaml(), nested(keys["if"]).keys()
-    for name, kind in get_ports_registry().items() if ports else ():
-        if getattr(kind, "condition", False) and kind.input_ports().keys() == ports:
-            condition = f"{{{name}: {condition}}}"  # the text had only the ports
-            break
-    inverted = f"inverter: {condition}"
-    nodes = {
-        word: ("sequence: " if isinstance(keys[word].value, list) else "") + keys[word].as_yaml()
-        for word in ("then", "else")
-        if word in keys
-    }
-    if "else" not in nodes:
-        return ["selector:", f"  - {inverted}", f"  - {nodes['then']}"]
-    one = ["  - sequence:", f"      - {condition}", f"      - {nodes['then']}"]
-    other = ["  - sequence:", f"      - {inverted}", f"      - {nodes['else']}"]
-    return ["selector:", *one, *other]
-
-
 def as_node(keys: Mapping[str, Located]) -> str:
     """Return the values of a node in braces."""
     return "{" + ", ".join(f"{key}: {item.as_yaml()}" for key, item in keys.items()) + "}"
@@ -494,11 +541,12 @@ def _no_node(value: Located, keys: tuple[str, ...]) -> str:
     if isinstance(value.value, list):
         return "a list of nodes needs a node above it, such as sequence:"
     if not keys:
-        what = "nothing" if value.value is None else str(value)
-        return f"a node is a skill, a subtree, or a control node such as sequence, not {what}"
+        return f"a node is a skill, a subtree, or a control node such as sequence, not {value}"
     messages = (item for kind in _kinds().values() for item in kind.keywords.items())
     if other := next((why for word, why in messages if word in keys), ""):
         return other
+    if words := {word: kind for word, kind in synonyms().items() if word in keys}:
+        return " and ".join(f"there is no {word}" + did_you_mean(words[word]) for word in words)
     near = "".join(did_you_mean(head) for head in _likely(keys).values())
     heads = [key for key in keys if key in _heads() or key[:1].isupper()]
     if len(heads) > 1:

@@ -9,10 +9,12 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import wraps
+from itertools import compress, product
 from pathlib import Path
 from typing import TypeVar
 
 from hardware.printable import plural
+from hardware.spelling import closest
 from trees.errors import Correction, FileError, Mistake, Place
 
 from .document import NotYaml, split_lines
@@ -95,10 +97,22 @@ def repairing(draft: Draft[Drafted]) -> Draft[Drafted]:
             if broken or not still or (before >= still and not quoted):
                 return repaired, [*_mistakes(path, text, found.edits), *left]
         if broken:
-            raise broken
+            raise _without_tree(broken) or broken
         return drafted, mistakes
 
     return read
+
+
+def _without_tree(broken: NotYaml) -> FileError | None:
+    """Return the mistake of a list of nodes in the first column; None for other mistakes."""
+    lines, begin = broken.place.lines, broken.place.line - 1
+    listed = broken.place.column == 1 and lines[begin : begin + 1] and lines[begin].startswith("- ")
+    if not listed or any(line.startswith("tree:") for line in lines):
+        return None
+    nodes = "\n".join(lines[begin:]).rstrip().split("\n")
+    text = "\n".join(["tree:", "  sequence:", *(f"    {line}" for line in nodes)])
+    why = "a list of nodes must be below tree: and a node such as sequence:"
+    return FileError([Mistake(broken.place, why, Correction(text, begin + 1, len(nodes)))])
 
 
 def _mistakes(path: Path, text: str, edits: Sequence[_Edit]) -> list[Mistake]:
@@ -170,7 +184,8 @@ class _Search:
             _, mistakes = self._draft(self._path, text)
         except NotYaml as error:
             opened = [_spot(error.opened, lines)] if error.opened else []
-            rank, spots = (1, -error.place.line, 0), [*_spots(error.mistakes, lines), *opened]
+            rank = (1, -error.place.line, -error.place.column)
+            spots = [*_spots(error.mistakes, lines), *opened]
             return _Version(lines, edits, rank, spots)
         except FileError as error:
             mistakes = [*error.mistakes]
@@ -198,19 +213,18 @@ def _edits(version: _Version) -> Iterator[_Edit]:
     """Return the edits that undo a slip near the mistakes of a text."""
     lines, rows = version.lines, dict[int, None]()
     for row, _ in version.spots:
-        rows |= {row: None, _line_before(row, lines): None}
         if _content(lines[row]).endswith(":"):
             below = next((n for n in range(row + 1, len(lines)) if _content(lines[n])), row)
-            same = _columns(lines[below])[0] == _columns(lines[row])[2]
-            rows |= {below: None} if same else {}
+            begin, _, inner, _ = _columns(lines[row])
+            rows |= {below: None} if _columns(lines[below])[0] in (begin, inner) else {}
+        rows |= {row: None, _line_before(row, lines): None}
     yield from _foreign_sign_edits(lines)
     last = max(rows) if version.left is None else 0  # valid YAML has no open brackets
+    yield from _slip_edits(lines, rows)
     for row in rows:
-        content, comment = _split_comment(lines[row])
-        for column, why, line in _slip_edits(content):
-            yield _Edit((row, column), "slip", why, _with_line(lines, row, line + comment))
         yield from _closing_edits(lines, row, last)
     for row, column in version.spots:
+        yield from _comma_edits(lines, row, column)
         for at, why, line in _sign_edits(lines[row], column):
             yield _Edit((row, at), "sign", why, _with_line(lines, row, line))
     for row in rows:
@@ -232,6 +246,11 @@ _FOREIGN = (
     (re.compile("[\u2018\u2019\u201a]"), "'", "write the plain quote '"),
     (re.compile(r"(?<!\S)[\u2013\u2014\u2212](?= \w+:)"), "-", "write the plain dash -"),
     (re.compile(r"^(\s*)-(?=[A-Za-z{\[])"), r"\1- ", "a space is missing after the `-`"),
+    (
+        re.compile(r"^(\s*)([*+\u2022]|\d+[.)])(?= [A-Za-z{])"),
+        r"\1-",
+        "every node of a list begins with a `-`",
+    ),
 )
 
 
@@ -254,8 +273,17 @@ _AMOUNT = r"[-+]?[\d.]+(?: ?[a-z]+)?"
 _CALL = r"the values of `\2` follow a colon, not in parentheses"
 _IN_ONE_LINE = "two keys of a node in one line need braces and a comma"
 
+_NUMBER = r"([-+]?[\d.]+)"
+
 # Patterns of slips (group 2 is the place), replacement and message.
 _SLIPS = (
+    (
+        r"((?:^|[\s{\[,])[\w-]+: +)((?=([a-z]\w*): ))",
+        r"\1{",
+        r"a { is missing before `\3`",
+    ),
+    (r"(: +)((?=[^\[\]{}:,]+(,[^\[\]{}:,]+)*\]))", r"\1[", r"a [ is missing here"),
+    (r"(\{)(\{)(?= *[\w-]+:)", r"\1", r"one { too many"),
     (_KEY + r":(?=[^\s:/\\])", r"\1\2: ", r"a space is missing after the colon of `\2`"),
     (_KEY + r" ?= ?(?=[^\s=])", r"\1\2: ", r"a colon separates `\2` from its value, not `=`"),
     (_KEY + r"$", r"\1\2:", r"a colon is missing after `\2`"),
@@ -269,41 +297,81 @@ _SLIPS = (
     ),
     (r"^(\s*- )(\w+)\((\w+) ?[=:] ?([^()]*)\)$", r"\1\2: {\3: \4}", _CALL),
     (r"^(\s*- )(\w+)\(([^()=:]+)\)$", r"\1\2: \3", _CALL),
-    (r"^(\s*- )(\w+)\(\)$", r"\1\2", r"write `\2`, without parentheses"),
+    (r"((?:- |: ))(\w+)\(\)$", r"\1\2", r"write `\2`, without parentheses"),
+    (
+        r"^(\s*- )((?:subtree|task): [\w-]+) with ([^{}]+)$",
+        r"\1{\2, with: {\3}}",
+        _IN_ONE_LINE,
+    ),
     (r"^(\s*- )((?:subtree|task): [\w-]+),?\s+(with: .*)$", r"\1{\2, \3}", _IN_ONE_LINE),
-    (r"^([\s-]*[\w-]+: )(([a-z]\w*): .*)$", r"\1{\2}", r"`\3` and its value need braces here"),
+    (
+        r"^([\s-]*[\w-]+: )((?=[a-z]|\w+: \{)(\w+): .*)$",
+        r"\1{\2}",
+        r"`\3` and its value need braces here",
+    ),
     (r"(, *)(,)", r"\1", r"one comma too many"),
     (r"^(\s*- )(- )(?=\w)", r"\1", r"one `-` too many"),
+    (r"^(\s*- )(\d+: +)(?=\S)", r"\1", r"leave out the number: the nodes of a list run in order"),
     (
         r"()('([^',{}\[\]]*'[^',{}\[\]]*)')",
         r'"\3"',
         r"put a text that contains ' in double quotes",
+    ),
+    (
+        r"()(\"([^'{}\[\]]*\"[^'{}\[\]]*)\")(?=[,}\]]|$)",
+        r"'\3'",
+        r'put a text that contains " in single quotes',
+    ),
+    (
+        rf"(\[)({_NUMBER}, *{_NUMBER}, *{_NUMBER}\] ?([a-z]+))",
+        r"\1\3 \6, \4 \6, \5 \6]",
+        r"each number of a list has its own unit",
     ),
     (r"()(\()([^()]*)\)", r"{\3}", r"write braces, not parentheses"),
     (r"()(\()([^()]*)\)", r"[\3]", r"write brackets, not parentheses"),
     (r"^(\s*)(//)", r"\1#", r"a comment begins with #, not with //"),
     (r"^(\s*)(/\*+ ?)(.*?)( ?\*/)?$", r"\1# \3", r"a comment begins with #, not with /*"),
     (r"()([;,])$", r"", r"leave out the `\2`"),
+    (r"([{,] *[\w-]+: )(@(\w+))", r"\1$\3", r"write `$\3` for a parameter"),
+    (
+        rf"(\{{)(([A-Za-z_]\w*), *)(?={_AMOUNT}\}})",
+        r"\1\3: ",
+        r"a colon separates `\3` from its value, not a comma",
+    ),
+    (r"(: [\w-]+)(:)$", r"\1", r"leave out the `\2` at the end"),
     (r"()(;)", r",", r"a comma separates values, not `;`"),
     (r"(: *[-+]?\d+)(,)(?=\d)", r"\1.", r"a point begins the decimals, not a comma"),
     (rf"(: )({_AMOUNT}(, *{_AMOUNT})+)(?=[,}}]|$)", r"\1[\2]", r"a list needs brackets"),
     (rf"(: )({_TEXT}(,{_TEXT})+)(?=[,}}])", r'\1"\2"', r"a text with a comma needs quotes"),
-    (rf"(: )([A-Za-z]+: {_TEXT})(?=[,}}])", r'\1"\2"', r"a text with a colon needs quotes"),
+    (
+        rf"(: )([A-Za-z]+: {_TEXT}|[A-Z][\w ]*: [\w .]+)(?=[,}}])",
+        r'\1"\2"',
+        r"a text with a colon needs quotes",
+    ),
 )
 
 
-def _slip_edits(content: str) -> Iterator[_InLine]:
-    """Return edits that undo one slip in a line, or all slips of its kind."""
+def _slip_edits(lines: tuple[str, ...], rows: Iterable[int]) -> Iterator[_Edit]:
+    """Return edits that undo one slip of a line, or all slips of its kind in some lines."""
+    texts = {row: _split_comment(lines[row]) for row in rows}
     for pattern, instead, why in _SLIPS:
-        slips = list(re.finditer(pattern, content))
-        for slip in slips:
-            made = content[: slip.start()] + slip.expand(instead) + content[slip.end() :]
-            yield slip.start(2), slip.expand(why), made
+        found = {row: [*re.finditer(pattern, text)] for row, (text, _) in texts.items()}
+        slips = [(row, slip) for row, each in found.items() for slip in each]
+        for row, slip in slips:
+            text, comment = texts[row]
+            line = text[: slip.start()] + slip.expand(instead) + text[slip.end() :] + comment
+            made = _with_line(lines, row, line)
+            yield _Edit((row, slip.start(2)), why, slip.expand(why), made)
         if len(slips) > 1:
-            yield slips[0].start(2), slips[0].expand(why), re.sub(pattern, instead, content)
+            row, slip = min(slips, key=lambda each: (each[0], each[1].start()))
+            made = lines
+            for each, (text, comment) in texts.items():
+                made = _with_line(made, each, re.sub(pattern, instead, text) + comment)
+            yield _Edit((row, slip.start(2)), why, slip.expand(why), made)
 
 
 _HIDDEN = r": ((?:[^'\"{}\[\],]+ )?#[^'\"{}\[\],]*)(?=[,}\]])"  # a # inside a text
+_QUOTES = ("'", '"')
 _CLOSERS = {"{": "}", "[": "]", "'": "'", '"': '"'}
 
 
@@ -318,11 +386,12 @@ def _closing_edits(lines: tuple[str, ...], row: int, last: int) -> Iterator[_Edi
         column = stack[-1]
         why = f"the {content[column]} of line {row + 1}, column {column + 1} is not closed"
         ends = [found.start() for found in re.finditer(r"[,}\]]", content) if found.end() > column]
-        # The best place is before the next key.
-        ends.sort(key=lambda end: not re.match(r", *[\w-]+:", content[end:]))
         closer = _CLOSERS[content[column]]
         made = [f"{content[:end]}{closer}{content[end:]}" for end in ends]
-        made.append(content + "".join(_CLOSERS[content[column]] for column in reversed(stack)))
+        best = [_begins_other(content, end) for end in ends]
+        whole = content + "".join(_CLOSERS[content[column]] for column in reversed(stack))
+        quoted = closer in _QUOTES
+        made = [*compress(made, best), *(made if quoted else ()), whole, *made]
         for line in made:
             yield _Edit((row, column), "end", why, _with_line(lines, row, line + comment))
         for below in range(row + 1, last + 1):
@@ -330,11 +399,39 @@ def _closing_edits(lines: tuple[str, ...], row: int, last: int) -> Iterator[_Edi
             if text:
                 line = text + closer + comment
                 yield _Edit((below, len(text)), "end", why, _with_line(lines, below, line))
-    if found := re.match(r"(\s*(?:- )?[A-Za-z_][\w-]*: +)([^\s'\"{\[].*)$", content):
+    if found := re.match(
+        r"(\s*(?:- )?(?!(?:with|subtree|task):)[A-Za-z_][\w-]*: +)([^\s'\"{\[].*)$", content
+    ):
         quote = "'" if '"' in found[2] else '"'
         line = f"{found[1]}{quote}{found[2]}{quote}{comment}"
         why = "a text with special characters must be in quotes"
         yield _Edit((row, found.end(1)), "end", why, _with_line(lines, row, line))
+
+
+def _begins_other(content: str, end: int) -> bool:
+    """Return True if the key after a comma looks different from the keys in the bracket before."""
+    key = re.match(r", *([\w-]+): *([^,}\]]*)", content[end:])
+    begin = max(content.rfind("{", 0, end), content.rfind("[", 0, end))
+    within = re.findall(r"([\w-]+): *([^,{}\[\]]*)", content[begin:end])
+    return key is not None and not any(
+        closest(key[1], [name]) or _form(value) == _form(key[2]) for name, value in within
+    )
+
+
+def _form(value: str) -> str:
+    """Return a value with its numbers replaced by 0, and its words by a."""
+    return re.sub(r"[A-Za-z_]+", "a", re.sub(r"[-+]?[\d.]+", "0", value.strip()))
+
+
+def _comma_edits(lines: tuple[str, ...], row: int, column: int) -> Iterator[_Edit]:
+    """Return an edit that separates a line in brackets from the line before it."""
+    above = _line_before(row, lines)
+    content, comment = _split_comment(lines[above])
+    begins = re.fullmatch(r"\s*[\w'\"-]*", lines[row][:column])
+    if above < row and begins and content[-1:] not in ",{[:":
+        why = "a comma is missing at the end of the line"
+        made = _with_line(lines, above, f"{content},{comment}")
+        yield _Edit((above, len(content)), why, why, made)
 
 
 def _sign_edits(line: str, column: int) -> Iterator[_InLine]:
@@ -345,10 +442,12 @@ def _sign_edits(line: str, column: int) -> Iterator[_InLine]:
         yield column, f"this {sign} closes nothing", before + after[1:]
         why = f"{sign} does not close what is open here; write {other}"
         yield column, why, before + other + after[1:]
+    if after.startswith(",") and before.endswith(("}}", "]]")):
+        yield column - 1, f"one {before[-1]} too many", before[:-1] + after
     if word := re.search(r"[\w'\"}\]]\s+([\w'\"$-]+)\s*$", before):
         at = word.start(1)
         yield at, f"a comma is missing before `{word[1]}`", f"{before[:at].rstrip()}, {line[at:]}"
-    if value := re.match(r"[^\s,}\]\[{#'\"][^,}\]#]*(?<!\s)", after):
+    if value := re.match(r"(?!!\w)[^\s,}\]\[{#'\"][^,}\]#]*(?<!\s)", after):
         made = f'{before}"{value[0]}"{after[value.end() :]}'
         yield column, f"{value[0]} must be in quotes", made
 
@@ -356,7 +455,7 @@ def _sign_edits(line: str, column: int) -> Iterator[_InLine]:
 def _dash_edits(lines: tuple[str, ...], row: int) -> Iterator[_Edit]:
     """Return edits that add a `-` to a line, or to every line in the same column."""
     found = re.match(r"(\s*)([A-Za-z_][\w-]*)", lines[row])
-    if not (found and begins_node(found[2])):
+    if not (found and begins_node(found[2])) or (found[2] == "task" and not found[1]):
         return
     margin = found.end(1)
     why = f"a `-` is missing before `{found[2]}`: every node of a list begins with one"
@@ -372,9 +471,9 @@ def _dash_edits(lines: tuple[str, ...], row: int) -> Iterator[_Edit]:
 def _undashed(lines: tuple[str, ...], row: int) -> Iterator[_Edit]:
     """Return an edit that joins a line to the node above it."""
     found = re.match(r"(\s*)- (\w+)", lines[row])
-    if found and not begins_node(found[2]):
+    if found and (not begins_node(found[2]) or found[2] == "task"):
         why = f"leave out the `-` before `{found[2]}`: it begins no item of a list"
-        line = f"{found[1]}  {lines[row][found.start(2) :]}"
+        line = f"{found[1] and f'{found[1]}  '}{lines[row][found.start(2) :]}"
         yield _Edit((row, found.end(1)), "dash", why, _with_line(lines, row, line))
 
 
@@ -399,12 +498,16 @@ def _indent_edits(lines: tuple[str, ...], row: int) -> Iterator[_Edit]:
         columns.setdefault(inner, f"indent it like `{key}` in line {above + 1}")
         columns.setdefault(indent, f"indent it like `{first}` in line {above + 1}")
     tabs = "\t" in lines[row][:now]
-    end = row + 1 if tabs else _end_of_block(lines, row, now)
-    for column in sorted(columns.keys() - {now}, key=lambda column: abs(column - now)):
+    one = row + 1 if tabs else _end_of_block(lines, row, now)
+    ends = dict.fromkeys([one, one if tabs else _end_of_block(lines, row, now - 1)])
+    likely = sorted(columns.keys() - {now}, key=lambda column: abs(column - now))
+    for end, column in product(ends, likely):
         moved = tuple(_indented_by(line, column - now) for line in lines[row:end])
         spaces = plural(now, "space")
         why = f"`{shown}` is indented by {spaces}, not {column}: {columns[column]}"
-        if any(map(_content, lines[row + 1 : end])):
+        if end > one:
+            why += "; move the lines below it, too"
+        elif any(map(_content, lines[row + 1 : end])):
             why += "; move the lines that belong to it, too"
         why = "tabs cannot indent; use spaces" if tabs else why
         yield _Edit((row, now), "indent", why, (*lines[:row], *moved, *lines[end:]))
@@ -444,7 +547,7 @@ def _unclosed(content: str) -> list[int]:
     stack: list[int] = []
     for column, sign in enumerate(content):
         inside = content[stack[-1]] if stack else ""
-        if inside in ("'", '"'):
+        if inside in _QUOTES:
             if sign == inside:
                 stack.pop()
         elif sign in "{[" or (sign in "'\"" and re.search(r"(^|[\s{\[,])$", content[:column])):

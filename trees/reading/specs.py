@@ -72,14 +72,17 @@ class SubtreeNode:
         source: Name of the subtree, or number of the task; empty if the file is wrong here.
         values: Values and references by port or parameter. A value without a name is at "".
         name: Name of the node; empty for the name in the file.
-        named: Place of the source; None if the file writes it like a skill.
+        named: The source in the file, with its key; None if the file writes it like a skill.
+        head: Its key: `subtree` or `task`. A task that has a name in place of its number has a
+            text as its source.
     """
 
     place: Place
     source: str | int
     values: Mapping[str, Value]
     name: str = ""
-    named: Place | None = None
+    named: Located | None = None
+    head: str = "subtree"
 
 
 TreeNode = SkillNode | ControlNode | SubtreeNode

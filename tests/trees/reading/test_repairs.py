@@ -60,6 +60,27 @@ SLIPS = [
     ("One mistake.", "Pick: the cube", "3:14 a text with special characters must be in"),
     ("One mistake.", "@home", "3:14 a text with special characters must be in quotes"),
     ("name: m", "name: \u201cm\u201d", '2:7 write the plain quote "'),
+    ("{arm: upright", "arm: upright", "7:13 a { is missing before `arm`"),
+    ("{joint_1: 20", "joint_1: 20", "9:22 a { is missing before `joint_1`"),
+    ("[1 cm, 1 cm", "1 cm, 1 cm", "10:34 a [ is missing here"),
+    ("{joints: {joint", "{{joints: {joint", "9:14 one { too many"),
+    ("{joint_1: 20 deg}", "joint_1: 20 deg", "9:22 a { is missing before `joint_1`"),
+    ("{joint_1: 20", "{joint_1, 20", "9:23 a colon separates `joint_1` from its value"),
+    ("[1 cm, 1 cm, 1 cm]", "[1, 1, 1] cm", "10:35 each number of a list has its own unit"),
+    ("open}", 'open}\n    - Say: {text: "a "b" c"}', '8:19 put a text that contains " in single'),
+    ("- subtree: reach", "1. subtree: reach", "6:6 every node of a list begins with a `-`"),
+    ("- subtree: reach", "* subtree: reach", "6:5 every node of a list begins with a `-`"),
+    ("- retry: CheckHardware", "- 1: {retry: CheckHardware, attempts: 3}\n    - retry: "
+     "CheckHardware", "11:7 leave out the number: the nodes of a list run in order"),
+    ("subtree: reach", "subtree: reach:", "6:21 leave out the `:` at the end"),
+    ("subtree: reach", "subtree: reach()", "6:16 write `reach`, without parentheses"),
+    ("task: 20", "- task: 20", "1:1 leave out the `-` before `task`"),
+    ("{arm: upright, gripper: open}", "{\n        arm: upright\n        gripper: open}",
+     "8:21 a comma is missing at the end of the line"),
+    ("AddBox: {body: cube, size: [1 cm, 1 cm, 1 cm], position: [20 cm, 0, 5 cm]}",
+     "AddBox:\n      body: cube\n      size: [1 cm, 1 cm, 1 cm]\n      position: [20 cm, 0, 5 cm]",
+     "11:7 `body` is indented by 6 spaces, not 8: it belongs to `AddBox` in line 10; move the "
+     "lines below it, too"),
 ]  # fmt: skip
 
 
@@ -102,6 +123,11 @@ SEVERAL = [
     ),
     (
         "    - subtree: reach\n      with: {arm: upright}\n",
+        "    - subtree reach\n      with {arm: upright}\n",
+        ["6:7 a colon is missing after `subtree`; the same in line 7"],
+    ),
+    (
+        "    - subtree: reach\n      with: {arm: upright}\n",
         "    - subtree: reach\n      wiht: {arm: upright\n",
         ["7:13 the { of line 7, column 13 is not closed",
          "7:7 unknown key wiht; beside subtree there are name, with; did you mean with?"],
@@ -115,6 +141,28 @@ def test_slips_in_several_lines(right: str, wrong: str, said: list[str]) -> None
     assert found(head + right) == []
     mistakes = found(head + wrong)
     assert [f"{m.place.line}:{m.place.column} {m.message}" for m in mistakes] == said
+
+
+def test_a_list_without_a_node_above_it_gets_one() -> None:
+    head = "task: 20\nname: m\ndescription: x\n"
+    (mistake,) = found(f"{head}- subtree: open_gripper\n- Succeed\n")
+    assert mistake.message == "a list of nodes must be below tree: and a node such as sequence:"
+    assert mistake.instead
+    assert found(corrected(f"{head}- subtree: open_gripper\n- Succeed\n", mistake.instead)) == []
+
+
+@pytest.mark.parametrize(
+    ("wrong", "right"),
+    [
+        ("{joint_1: 0, joint_2: 0, gripper: open}", "{joint_1: 0, joint_2: 0}, gripper: open}"),
+        ("{pan: 2 deg, lift: 1 deg, speed: 0.5}", "{pan: 2 deg, lift: 1 deg}, speed: 0.5}"),
+        ("{pan: 0, lift: 1}", "{pan: 0, lift: 1}}"),
+    ],
+)
+def test_a_bracket_ends_before_a_key_of_another_kind(wrong: str, right: str) -> None:
+    (mistake,) = found(f"{TASK}    - subtree: x\n      with: {{arm: {wrong}\n")
+    assert mistake.instead
+    assert mistake.instead.text == f"      with: {{arm: {right}"
 
 
 def test_the_rest_of_a_repaired_file_is_read() -> None:
@@ -133,7 +181,7 @@ def test_poses_have_slips_too() -> None:
 @pytest.mark.parametrize(
     "text",
     [
-        RIGHT.replace("task: 20", "task: x"),
+        RIGHT.replace("One mistake.", "[]"),
         RIGHT.replace("subtree: reach", "subtree: {reach: 1}"),
         RIGHT + "    - {subtree: a, task: 3}\n",
     ],

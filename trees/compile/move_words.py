@@ -1,0 +1,91 @@
+"""Words of `armtree move` in place of joint positions: widths of the gripper, and `joint_1=0`."""
+
+import math
+import re
+from contextlib import suppress
+from dataclasses import replace
+
+from hardware import BadPosition, Robot
+from trees.declarations import UNITS
+from trees.errors import Correction, Place
+from trees.reading.document import Located, nested, scalar
+from trees.reading.literals import as_pairs
+from trees.reading.specs import Value
+
+_WIDTH = re.compile(r"([0-9]*\.?[0-9]+) ?(mm|cm|m)")
+
+
+def is_width(text: str) -> bool:
+    """Return True if a text is a length with its unit."""
+    return _WIDTH.fullmatch(text) is not None
+
+
+def as_positions(value: Value, robot: Robot) -> Value:
+    """Return words of `armtree move` as the mapping that they mean; other values unchanged."""
+    if not isinstance(value, Located) or not isinstance(value.value, str):
+        return value
+    pairs = dict(as_pairs(value.value))
+    with suppress(BadPosition):  # reported for the value
+        if is_width(value.value) and "gripper" in robot.groups:
+            pairs = dict([_at_width(value.value, robot) or _example(robot)])
+    items = {name: replace(value, value=scalar(text)) for name, text in pairs.items()}
+    return replace(value, value=items) if items else value
+
+
+def _at_width(width: str | float, robot: Robot) -> tuple[str, str] | None:
+    """Return the joint of the gripper and its angle at a width, as texts; None if unknown.
+
+    Args:
+        width: The width, as a text or in m.
+        robot: The robot.
+
+    Raises:
+        BadPosition: The gripper cannot reach this width.
+    """
+    if isinstance(width, str) and (found := _WIDTH.fullmatch(width)):
+        width = float(found[1]) * UNITS["length"][found[2]]
+    if isinstance(width, str) or not robot.gripper:
+        return None
+    ((joint, angle),) = robot.at_width(width).items()
+    # Rounding towards 0 does not exceed the limits of a joint.
+    return joint, f"{math.trunc(10 * math.degrees(angle)) / 10:g} deg"
+
+
+def instead_of_width(value: Located, robot: Robot) -> tuple[Place, str, Correction | None] | None:
+    """Return the mistake of a width in place of joint positions, or as the one of the gripper.
+
+    Args:
+        value: Joint positions in a file.
+        robot: The robot. Its gripper may accept no width.
+
+    Returns:
+        The place, the message and the correct line; None if no width is given.
+    """
+    joints = robot.actuated_in("gripper") if "gripper" in robot.groups else ()
+    names = {"gripper", *(joint.name for joint in joints)}
+    items = {value.label: (value, "")} if isinstance(value.value, str) else {}
+    items |= {item.label: (item, name) for name, item in nested(value).items() if name in names}
+    for item, name in items.values() if joints else ():
+        text = str(item.value)
+        if is_width(text):
+            why = "a task gives the angle of the joint of the gripper, not its width"
+            is_so = ", such as"
+            try:
+                if found := _at_width(text, robot):
+                    is_so = f"; {text} is"
+            except BadPosition as error:
+                if error.limit is None:
+                    return item.place, f"{why}; {error}", None
+                found, is_so = _at_width(error.limit, robot), f"; {error}; the nearest is"
+            written = ": ".join(found or _example(robot))
+            right = item.place.replaced(text, f"{{{written}}}")
+            if name:
+                right = item.label.replaced(f"{name}: {text}", written)
+            return item.place, f"{why}{is_so} {written}", right
+    return None
+
+
+def _example(robot: Robot) -> tuple[str, str]:
+    """Return the joint of a gripper without widths and its boot position, as texts."""
+    joint, *_ = robot.actuated_in("gripper")
+    return joint.name, f"{joint.boot:g} rad"

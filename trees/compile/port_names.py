@@ -1,0 +1,107 @@
+"""Names of ports in files: misspelt and unknown ones, and ports in the wrong place."""
+
+from collections.abc import Collection, Mapping
+from dataclasses import replace
+
+from hardware.spelling import closest, corrections, there_are
+from trees.declarations import Declaration
+from trees.errors import Correction, Mistakes, Place
+from trees.reading.document import Located, nested
+from trees.reading.lines import key_block
+from trees.reading.specs import Value
+
+from .values_by_port import as_mapping, in_braces
+
+
+def known_ports(
+    given: Mapping[str, Value],
+    known: Mapping[str, Declaration],
+    what: str,
+    joints: Collection[str],
+    mistakes: Mistakes,
+) -> tuple[dict[str, Value], list[Value]]:
+    """Return the values of known ports, and the other values. A misspelt port counts as known.
+
+    Args:
+        given: Values by port, as in the file.
+        known: The ports.
+        what: Word for a port in messages; empty to report nothing.
+        joints: Names of the joints of the robot.
+        mistakes: Receives mistakes.
+    """
+    if what:
+        given = _outside(_indented(given, known, mistakes), known, what, mistakes)
+    likely = corrections(given, known)
+    joints = {*joints} & given.keys() - known.keys()
+    likely = {port: name for port, name in likely.items() if port not in joints}
+    unknown = given.keys() - known.keys() - likely.keys()
+    missing = [port for port, each in known.items() if each.needed and port not in given]
+    said = None
+    missing = [port for port in missing if port not in likely.values()]
+    if len(unknown) == len(missing) == 1 and not closest(next(iter(unknown)), known):
+        likely[unknown.pop()] = missing[0]
+        said = missing[0] if known[missing[0]].type == "text" else None
+    for port in given if what else ():
+        if port not in known:
+            label, name = given[port].label, likely.get(port, "")
+            there = there_are(port, known, given)
+            if port in joints:
+                inner = (each for each, kind in known.items() if kind.type == "positions")
+                there = f"{port} is a joint; write it with its angle within {next(inner, '')}"
+            instead = label.replaced(port, name)
+            if name == said and _edited(label, mistakes):  # a text with a colon
+                text = as_mapping({port: given[port]}).as_yaml()[1:-1]
+                quoted = Located(label, text, label).as_yaml()
+                instead = label.replaced(text, f"{name}: {quoted}")
+            mistakes.add(label, f"{port} is not a {what}; {there}", instead)
+    named = {likely.get(port, port): value for port, value in given.items()}
+    rest = [value for port, value in named.items() if port not in known]
+    return {port: value for port, value in named.items() if port in known}, rest
+
+
+def _indented(
+    given: Mapping[str, Value], known: Mapping[str, Declaration], mistakes: Mistakes
+) -> Mapping[str, Value]:
+    """Return values by port. Moves keys into the port without a value above them."""
+    found, inside, above = dict[str, Value](), dict[str, dict[str, Value]](), ""
+    misspelt = corrections(given, known)
+    for port, value in given.items():
+        if port in known or port in misspelt:
+            empty = isinstance(value, Located) and value.value is None
+            above = port if empty and port in known and known[port].type == "positions" else ""
+        if above and port != above:
+            inside.setdefault(above, {})[port] = value
+        else:
+            found[port] = value
+    for port, values in inside.items():
+        head, first = given[port].label, next(iter(values.values()))
+        why = f"{', '.join(values)} must be indented below {port}"
+        end = max(each.label.line + len(key_block(each.label)) for each in values.values())
+        lines = [*head.lines[head.line - 1 : end - 1]]
+        lines[1:] = [f"  {line}" if line.strip() else line for line in lines[1:]]
+        right = Correction("\n".join(lines), head.line, len(lines))
+        mistakes.add(first.label, why, right if lines[1:] else None)
+        found[port] = replace(as_mapping(values), label=head)
+    return found
+
+
+def _outside(
+    given: Mapping[str, Value], known: Mapping[str, Declaration], what: str, mistakes: Mistakes
+) -> dict[str, Value]:
+    """Return values by port. Moves ports that are written inside another port out of it."""
+    found = dict(given)
+    for port, value in given.items():
+        within = nested(value) if isinstance(value, Located) else {}
+        for name in (within.keys() & known.keys()) - given.keys():
+            assert isinstance(value, Located)
+            rest = {each: item for each, item in within.items() if each not in known}
+            found[port], found[name] = replace(value, value=rest), within[name]
+            why = f"{name} is a {what}; write it beside {port}"
+            mistakes.add(within[name].label, why, in_braces(given, as_mapping(found).as_yaml()))
+    return found
+
+
+def _edited(place: Place, mistakes: Mistakes) -> bool:
+    """Return True if the layout of a line was corrected."""
+    found = [each.place for each in mistakes.found if each.place.path == place.path]
+    return any(each.line == place.line and each.lines != place.lines for each in found)

@@ -1,0 +1,166 @@
+"""Suggestions for skills, subtrees and tasks that do not exist."""
+
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import suppress
+
+from hardware import Robot
+from hardware.spelling import closest, did_you_mean, there_are
+from skills import Skill
+from trees.errors import Correction, FileError
+from trees.nodes.kind import KINDS
+from trees.reading.document import Located
+from trees.reading.library import Library
+from trees.reading.lines import replaced_block
+from trees.reading.literals import as_pairs
+from trees.reading.node_parser import synonyms
+from trees.reading.specs import SkillNode, SubtreeNode, Value
+
+from .move_words import as_positions, is_width
+from .values_by_port import as_mapping, fits
+
+_TO_POSE = "move_joints"  # shipped subtree that moves to a pose
+
+
+def meant(
+    spec: SkillNode,
+    skills: Mapping[str, type[Skill]],
+    library: Library,
+    poses: Collection[str],
+) -> str:
+    """Return the likely skill, kind of node or subtree for an unknown name; empty if unclear."""
+    value, subtrees = spec.ports.get(""), library.subtrees()
+    begun, poses = _begun(spec.skill, subtrees), {*poses}  # an unreadable file has no known pose
+    if spec.skill in poses and not spec.ports and _TO_POSE in subtrees and not begun:
+        return _TO_POSE
+    text = value.value if isinstance(value, Located) else None
+    if isinstance(text, str):
+        target = text in poses or as_pairs(text) or is_width(text)
+        if target and _TO_POSE in subtrees and (begun or is_width(text) or spec.skill == "pose"):
+            return _TO_POSE
+        if name := closest(f"{text}_{spec.skill}", subtrees, 0.85):
+            return name  # such as `gripper: open`
+        if text in subtrees:
+            return text
+    if begun:
+        return _taking(spec.skill, spec.ports, library) if begun[1:] else begun[0]
+    for name, kind in skills.items():
+        if spec.skill.lower() in kind.synonyms:
+            return name
+    return closest(spec.skill, (*nodes(skills), *subtrees), 0.71)
+
+
+def meant_file(
+    spec: SubtreeNode, library: Library
+) -> tuple[str | int, str, Correction | None] | None:
+    """Return the likely file for an unknown one, the message and the correct line.
+
+    The file is "" if it is unclear. The result is None if there is nothing to report here.
+    """
+    source, tasks, subtrees = spec.source, library.names(), library.subtrees()
+    if not isinstance(source, str) or not source:
+        return None
+    file: str | int = ""
+    if spec.head == "task":
+        near = source if source in tasks else closest(source, tasks)
+        file, why = tasks.get(near, ""), f"no task {source}; {there_are(source, tasks)}"
+        if source in tasks:
+            why = f"a node gives the number of a task, not its name: write task: {file}"
+        elif source in subtrees:
+            file, why = source, f"{source} is a subtree, not a task: write subtree: {source}"
+    elif source in subtrees:
+        return None
+    elif source in tasks:
+        file = tasks[source]
+        why = f"{source} is a task, not a subtree; write task: {file}"
+    else:
+        begun = _begun(source, subtrees)[1:]
+        near = _taking(source, spec.values, library) if begun else closest(source, subtrees)
+        file, why = near, f"no subtree {source}; {there_are(source, subtrees)}"
+        if begun:
+            why = f"no subtree {source}; {_listed(source, subtrees)}{did_you_mean(near)}"
+        elif not near:
+            why += f"; a subtree of your own is a file {source}.yaml"
+    named = spec.named
+    if not named:
+        return file, why, None
+    head = "task" if isinstance(file, int) else "subtree"
+    right = named.label.replaced(f"{spec.head}: {source}", f"{head}: {file}")
+    return file, why, None if file == "" else right
+
+
+def _begun(word: str, subtrees: Collection[str]) -> list[str]:
+    """Return the subtrees whose names begin with a word."""
+    return [name for name in subtrees if word and name.startswith(f"{word.lower()}_")]
+
+
+def _listed(word: str, subtrees: Collection[str]) -> str:
+    return f"there are the subtrees {', '.join(_begun(word, subtrees))}"
+
+
+def _taking(word: str, values: Mapping[str, Value], library: Library) -> str:
+    """Return the subtree that takes the given values, if its name begins with a word.
+
+    If none does, return the only other subtree that takes them; empty if unclear.
+    """
+    names = library.subtrees()
+    found = [*_takers(values, _begun(word, names), library)] or [*_takers(values, names, library)]
+    return _TO_POSE if _TO_POSE in found else found[0] if len(found) == 1 else ""
+
+
+def only_taker(values: Mapping[str, Value], library: Library) -> str:
+    """Return the only subtree that takes the given ports; empty if not exactly one does."""
+    found = [*_takers(values, library.subtrees(), library)]
+    return found[0] if len(found) == 1 else ""
+
+
+def _takers(values: Mapping[str, Value], names: Collection[str], library: Library) -> Iterator[str]:
+    """Return the subtrees that take the given ports, or values without the name of the port."""
+    for name in names:
+        with suppress(FileError):
+            ports = library.draft(name)[0].parameters
+            needed = [port for port, each in ports.items() if each.needed and not each.output]
+            whole = values.get("", as_mapping(values))
+            one = len(needed) == 1 and isinstance(whole, Located) and fits(whole, ports[needed[0]])
+            if values and ({*needed} <= values.keys() <= ports.keys() or one):
+                yield name
+
+
+def without_ports(spec: SubtreeNode, what: str, robot: Robot) -> tuple[str, Correction | None]:
+    """Return the mistake of values for a subtree without ports, and the correct lines.
+
+    A width of the gripper needs another subtree.
+    """
+    given = spec.values.get("", as_mapping(spec.values))
+    written = given.as_yaml() if isinstance(given, Located) else f"${given.name}"
+    why, lines = f"leave {written} out", [f"{spec.head}: {spec.source}"]
+    for value in spec.values.values():
+        if (target := as_positions(value, robot)) is not value and isinstance(target, Located):
+            lines = [f"subtree: {_TO_POSE}", f"with: {{joints: {target.as_yaml()}}}"]
+            why = f"to move the gripper, write {', '.join(lines)}"
+    lines += [f"name: {spec.name}"] if spec.name else []
+    right = replaced_block(spec.place, lines)
+    if spec.place.brackets:
+        right = spec.place.replaced(spec.place.brackets, f"{{{', '.join(lines)}}}")
+    return f"{what}; {why}", right
+
+
+def nodes(skills: Collection[str]) -> tuple[str, ...]:
+    """Return the keys that may begin a node: skills, kinds of nodes, `subtree` and `task`."""
+    return (*skills, *KINDS, "subtree", "task")
+
+
+def why_unknown(skill: str, skills: Collection[str], subtrees: Collection[str]) -> str:
+    """Return the message for an unknown skill, with the names that exist."""
+    if _begun(skill, subtrees):
+        return f"no skill {skill}; {_listed(skill, subtrees)}"
+    if skill.lower() in ("run", "goto", "call", "execute"):
+        return f"no skill {skill}; a task runs another one with task: 1, its number"
+    if near := synonyms().get(skill):
+        return f"no skill {skill}{did_you_mean(near)}"
+    own = "; `armtree skills` lists them, and --skills DIR adds your own"
+    return f"no skill {skill}; {there_are(skill, nodes(skills))}{own}"
+
+
+def is_nothing(value: Value) -> bool:
+    """Return True if nothing is written after a colon."""
+    return isinstance(value, Located) and value.value is None
