@@ -169,7 +169,8 @@ def fit(
         meant = did_you_mean(near[0]) if near else ""
         said = str(value.plain())
         chosen = closest(said, wanted.choices)
-        common = _CHOICES.get(re.sub(r"^success_?on_?|[_ ](than|to)$", "", said.lower()))
+        word = re.sub(r"^success_?on_?|[_ ](than|to)$", "", said.lower())
+        common = _CHOICES.get(word, word)
         chosen = common if common in wanted.choices else chosen
         right = Located(value.place, chosen, value.label).as_yaml() if chosen else "".join(near[:1])
         meant = did_you_mean(right) if chosen == common else meant
