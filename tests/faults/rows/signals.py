@@ -221,6 +221,39 @@ def stop_slow_disk(scene: Scene) -> None:
 
 
 @row(
+    "stop-slow-begin",
+    "a stop while the first write to the recording of a server's goal does not return for 3 s",
+    "the hold frame does not wait for it; the goal is canceled, and the next one is done",
+    limit=50,
+    unit="ms",
+    times=3,
+)
+def stop_slow_begin(scene: Scene) -> None:
+    board = scene.board()
+    calls = WrongCalls(scene.folder, "-20.mcap")
+    server = scene.serve("--activate", board=board, environment=calls.environment)
+    server.result(server.goal(21))
+    moved = len(board.frames())
+    calls.start("delay 3000 once")
+    goal = server.goal(20)
+    until("a spoiled call", calls.calls)
+    time.sleep(scene.random.uniform(0.0, 0.5))  # noqa: TID251, a random moment
+    begin = time.monotonic()
+    server.stop()
+    until("the hold frame", lambda: len(board.frames()) > moved)
+    *_, before, hold = board.frames()
+    scene.check(before.data == hold.data, "the last frame is not a hold")
+    scene.figure(1000 * (hold.time - begin))
+    result = server.result(goal)
+    scene.check(result["code"] == "goal.canceled", f"the goal ends {result}")
+    result = server.result(server.goal(21))
+    scene.check(result["code"] == "ok", f"the next goal ends {result}")
+    server.signal(signal.SIGINT)
+    scene.ended(server, 0)
+    scene.verified()
+
+
+@row(
     "sync",
     "count the syncs (fsync, fdatasync) of the recording of a run; the power is not cut",
     "there is one about every second, so a power failure should not lose more",

@@ -23,6 +23,7 @@ from logs.records.file_format import RECOVERED
 from logs.writing import journal
 from logs.writing.compaction import part_of
 from logs.writing.journal import PieceWriter
+from logs.writing.recorder import _queue
 from logs.writing.retention import Rule, pin, pinned, prune
 from tests.logs.test_run import EPOCH_NS, RUNS, fail, record
 from tests.logs.writing.test_compaction import run_journal
@@ -297,12 +298,25 @@ def test_a_recording_that_is_moved_while_it_is_written_can_be_recovered(tmp_path
 
 def test_a_frame_that_is_not_recorded_in_time_raises(tmp_path: Path) -> None:
     with Recorder(tmp_path / "run.mcap", EPOCH_NS, fail) as recorder:
-        assert recorder.caught_up(0.0)
+        assert recorder.caught_up(5.0)
         blocked = threading.Event()
         recorder._jobs.put(blocked.wait)  # later jobs wait for the thread
         recorder.put(sent(1))
         assert not recorder.caught_up(0.0)
         blocked.set()
+        assert recorder.caught_up(5.0)
+
+
+def test_a_stop_does_not_wait_until_a_slow_disk_has_created_the_file(tmp_path: Path) -> None:
+    created, answers = threading.Event(), list[bool]()
+    _queue("recorder").put(created.wait)
+    with Recorder(tmp_path / "run.mcap", EPOCH_NS, fail) as recorder:
+        stop = threading.Thread(target=lambda: answers.append(recorder.caught_up(0.002)))
+        stop.start()
+        stop.join(5.0)
+        before = list(answers)
+        created.set()
+        assert before == [False]
         assert recorder.caught_up(5.0)
 
 
