@@ -218,7 +218,7 @@ class Recorder:
         with self._syncing:
             if self._ended.is_set():
                 return
-            self._unsynced = False
+            self._unsynced, begin = False, time.monotonic()
             try:
                 os.fsync(self._file)
                 # At the end, the complete recording takes the name of this file.
@@ -226,17 +226,17 @@ class Recorder:
                     raise FileNotFoundError(errno.ENOENT, "it was deleted", str(self.path))
             except OSError as cause:
                 self._fail(cause)
-        self._warn_of(time.monotonic() - due)
+        self._warn_of(time.monotonic() - begin)
 
-    def _warn_of(self, late: float) -> None:
-        """Log once that the disk is slow. A slow disk delays no frame."""
-        if late > FSYNC_S and not self._slow:
+    def _warn_of(self, duration: float) -> None:
+        """Log once that the disk is slow, after a sync of this duration [s]. No frame waits."""
+        if duration > FSYNC_S and not self._slow:
             self._slow = True
             _log.warning(
                 "%s: it took %.1f s to sync the recording to the disk, so a loss of power may "
                 "lose more than %g s; record to a faster disk",
                 self.path,
-                late,
+                duration,
                 FSYNC_S,
             )
 

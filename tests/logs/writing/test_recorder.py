@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from queue import Queue
+from types import SimpleNamespace
 
 import pytest
 
@@ -175,6 +176,20 @@ def test_written_records_are_synced_soon(tmp_path: Path, monkeypatch: pytest.Mon
         for recorder in (first, second, first):
             recorder.put(sent(1))
             assert disk.synced.get(timeout=5) == recorder.path.stat().st_ino
+
+
+def test_a_process_that_was_frozen_does_not_blame_the_disk(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    disk, now = Disk(monkeypatch), [0.0]
+    monkeypatch.setattr(logs.writing.recorder, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    monkeypatch.setattr(logs.writing.recorder, "FSYNC_S", 0.2)
+    with Recorder(tmp_path / "run.mcap", EPOCH_NS, fail) as recorder:
+        recorder.put(sent(1))
+        assert recorder.wait(5)
+        now[0] = 12.0  # while the sync waits for its time
+        assert disk.synced.get(timeout=5) == recorder.path.stat().st_ino
+    assert not caplog.records
 
 
 def test_a_slow_disk_is_logged_once_and_delays_nothing(
@@ -418,6 +433,7 @@ def test_a_failing_on_failure_does_not_stop_the_recorder(
 CHILD = """
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 from logs import Sent
 from logs.records.records import Item
 from logs.writing.journal import Journal
