@@ -31,6 +31,7 @@ class _Snapshot:
         before: The last snapshot. Unchanged files are not read again.
 
     Attributes:
+        own: The user's folder, or None.
         nodes: The table of all nodes of each compiled task, by number.
     """
 
@@ -41,6 +42,7 @@ class _Snapshot:
         robot: str,
         before: "_Snapshot | None" = None,
     ) -> None:
+        self.own = own
         folders = [*shipped, *(with_robot(own, robot) if own else ())]
         self._stamps = {folder: _stamp(folder) for folder in folders}
         self._texts: dict[Path, str | FileError] = {}
@@ -110,21 +112,27 @@ class LiveLibrary:
     Args:
         folder: The user's task files; None for only those that ship.
         robot: The robot. Tasks are checked for it.
-
-    Attributes:
-        folder: The user's folder, or None.
+        default: Folder to use instead of None, as soon as it exists. Default: no folder.
 
     Raises:
         FileError: The folder does not exist or cannot be read.
     """
 
-    def __init__(self, folder: Path | None, robot: Robot) -> None:
+    def __init__(self, folder: Path | None, robot: Robot, default: Path | None = None) -> None:
         library = Library(folder, robot.name)
         self._robot, self._lock = robot, threading.Lock()
-        self.folder = library.folder
-        self._files = library.shipped, library.folder, robot.name
-        self._snapshots = deque([_Snapshot(*self._files)], KEPT)  # newest first
+        self._folder, self._shipped = library.folder, library.shipped
+        self._default = default if folder is None else None
+        first = _Snapshot(self._shipped, self.folder, robot.name)
+        self._snapshots = deque([first], KEPT)  # newest first
         self._rows: tuple[_Snapshot, list[dict[str, Any]]] | None = None
+
+    @property
+    def folder(self) -> Path | None:
+        """The user's folder, or None."""
+        if self._folder is None and self._default and self._default.is_dir():
+            self._folder = self._default
+        return self._folder
 
     def for_task(self, number: int) -> tuple[Library, str]:
         """Return the latest files in which a task is valid. Warn if newer files are invalid.
@@ -188,8 +196,9 @@ class LiveLibrary:
 
     def _updated(self) -> deque[_Snapshot]:
         """Return the snapshots, newest first. Makes a new one if a file has changed."""
-        if not self._snapshots[0].is_current:
-            now = _Snapshot(*self._files, self._snapshots[0])
+        folder, last = self.folder, self._snapshots[0]
+        if folder != last.own or not last.is_current:
+            now = _Snapshot(self._shipped, folder, self._robot.name, last)
             self._snapshots.appendleft(now)
         return self._snapshots
 

@@ -47,3 +47,15 @@ def test_only_a_server_keeps_a_standby_planner(
         while not pool._slots[0].idle:
             nap.wait(0.001)
         assert (pool._standby is None) is single_user
+
+
+def test_a_server_uses_the_default_folder_as_soon_as_it_exists(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with open_executive(Setup(port="virtual", recordings=tmp_path)) as executive:
+        assert "left" not in executive.library.latest.poses()[0]
+        folder = tmp_path / "trees" / "arduinobot"
+        folder.mkdir(parents=True)
+        (folder / "poses.yaml").write_text("poses:\n  left: {joint_1: 60 deg}\n")
+        assert "left" in executive.library.latest.poses()[0]

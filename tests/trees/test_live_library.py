@@ -63,6 +63,17 @@ def test_a_folder_for_the_robot_may_come_later(files: Files, tmp_path: Path) -> 
     assert files.library.latest.names()["hush"] == 8
 
 
+def test_a_default_folder_may_come_later(tmp_path: Path, robot: Robot) -> None:
+    default = tmp_path / "trees"
+    library = LiveLibrary(None, robot, default)
+    assert (library.folder, 8 in library.latest.numbers()) == (None, False)
+    default.mkdir()
+    (default / "8_hush.yaml").write_text("task: 8\nname: hush\ndescription: x\ntree: Succeed\n")
+    assert library.latest.names()["hush"] == 8
+    assert library.folder == default
+    assert 8 not in LiveLibrary(None, robot).latest.numbers()
+
+
 def test_a_change_by_renaming_too(files: Files, tmp_path: Path) -> None:
     assert files.says() == "one"
     other = tmp_path / "new"
