@@ -3,11 +3,13 @@
 import asyncio
 import sys
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from executive.fleet.fleet_client import ArmRow, FleetClient
 from executive.fleet.values import Job, JobRecord, to_json
 from hardware.printable import plural
+
+if TYPE_CHECKING:
+    from executive.fleet.fleet_client import ArmRow, FleetClient
 
 
 def record_row(record: JobRecord) -> dict[str, Any]:
@@ -48,7 +50,7 @@ def record_text(record: JobRecord) -> str:
     return f"{text}\n  recording {result.recording} on {record.url}" if result.recording else text
 
 
-def arms_text(rows: Sequence[ArmRow]) -> str:
+def arms_text(rows: "Sequence[ArmRow]") -> str:
     """Return a table of arms. It shows the first eight digits of the id of a job."""
     if not rows:
         return "no arm has joined; armtree serve --fleet URL --name NAME adds one"
@@ -65,7 +67,7 @@ def arms_text(rows: Sequence[ArmRow]) -> str:
     return "\n".join(lines)
 
 
-async def top(client: FleetClient) -> None:
+async def top(client: "FleetClient") -> None:
     """Show the arms and the queue once a second, until Ctrl-C."""
     from rich.live import Live
     from rich.text import Text

@@ -1,5 +1,7 @@
 """What `armtree fleet` refuses, and how its commands print arms and jobs."""
 
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,6 +12,7 @@ from executive.cli.terminal.fleet_tables import arms_text, job_row, job_text
 from executive.fleet.fleet_client import ArmRow
 from executive.fleet.values import Job, JobRecord, Member, Presence, from_bytes, to_bytes
 from tests.support.command_line.typed import typed
+from tests.support.paths import ROOT
 
 JOB = Job("a" * 32, "bench", "wave", {"swing": "20 deg"}, 1)
 RECORD = JobRecord(JOB, "bench.arm-7", "http://arm:8765", "b" * 32, 2)
@@ -31,6 +34,15 @@ def test_what_is_refused(words: str, status: int, said: str, tmp_path: Path) -> 
     found, _, errors = typed(tmp_path, "fleet", *words.split())
     assert found == status, errors
     assert said in " ".join(errors.split())
+
+
+@pytest.mark.parametrize("command", ["ls", "jobs", "top", "stop"])
+def test_a_library_that_is_missing_is_named(command: str) -> None:
+    code = "import sys; sys.modules['nats'] = None; import armtree; armtree.main()"
+    words = [sys.executable, "-c", code, "fleet", command]
+    found = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert found.returncode == 13
+    assert found.stderr.startswith("Error: nats-py is not installed; type: `make fleet`")
 
 
 @pytest.mark.parametrize("content", [None, "garbage"])
