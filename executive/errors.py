@@ -481,12 +481,14 @@ class ServerSilent(ServerUnreachable):
     Args:
         url: URL of the server.
         seconds: Time without an answer [s].
+        reads: True if the request only reads.
     """
 
-    def __init__(self, url: str, seconds: float) -> None:
+    def __init__(self, url: str, seconds: float, reads: bool) -> None:
         self.hint = "check the arm, and switch off its power if it moves"
         why = f"the server at {url} does not answer: nothing came for {seconds:g} s"
-        Exception.__init__(self, f"{why}. It may execute the request later; {self.hint}")
+        later = "" if reads else ". It may execute the request later"
+        Exception.__init__(self, f"{why}{later}; {self.hint}")
 
 
 class NothingToStop(ServerUnreachable):

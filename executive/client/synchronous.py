@@ -418,7 +418,7 @@ class Client:
         operation = OPERATIONS[name]
         path, query, body = operation.split(arguments)
         timeout = transport.ANSWER_TIMEOUT + extra_time
-        with transport.transport_errors(self.url, timeout):
+        with transport.transport_errors(self.url, timeout, operation.method == "GET"):
             request = self._address.request(operation.method, path, query, body, timeout)
             with self._http.stream(**request) as response:
                 return read(self._read(response, name, timeout))

@@ -115,12 +115,13 @@ def _own_server(url: str) -> token_file.ServerInfo | None:
 
 
 @contextmanager
-def transport_errors(url: str, silence: float) -> Iterator[None]:
+def transport_errors(url: str, silence: float, reads: bool = True) -> Iterator[None]:
     """Convert httpcore's errors inside this context to ServerUnreachable.
 
     Args:
         url: URL of the server.
         silence: Longest silence of the server [s].
+        reads: True if the request only reads.
 
     Raises:
         ServerSilent: The server was silent for longer.
@@ -131,7 +132,7 @@ def transport_errors(url: str, silence: float) -> Iterator[None]:
     try:
         yield
     except httpcore.ReadTimeout as error:
-        raise ServerSilent(url, silence) from error
+        raise ServerSilent(url, silence, reads) from error
     except httpcore.RemoteProtocolError as error:
         words = "the connection ended before the answer did, or another program answers"
         raise ServerUnreachable(url, words) from error

@@ -79,6 +79,26 @@ def test_a_silent_stream_times_out(mute: str, monkeypatch: pytest.MonkeyPatch) -
     asyncio.run(watch())
 
 
+@pytest.mark.parametrize(
+    ("name", "changes"), [("where", False), ("status", False), ("stop", True), ("cancel", True)]
+)
+def test_only_a_request_that_changes_something_may_be_executed_later(
+    mute: str, monkeypatch: pytest.MonkeyPatch, name: str, changes: bool
+) -> None:
+    monkeypatch.setattr(transport, "ANSWER_TIMEOUT", 0.05)
+    with Client(mute, "token") as client, pytest.raises(ServerUnreachable) as silent:
+        getattr(client, name)()
+    assert ("It may execute the request later" in str(silent.value)) is changes
+
+    async def call() -> None:
+        async with AsyncClient(mute, "token") as client:
+            await getattr(client, name)()
+
+    with pytest.raises(ServerUnreachable) as silent:
+        asyncio.run(call())
+    assert ("It may execute the request later" in str(silent.value)) is changes
+
+
 def test_waiting_for_a_goal_times_out_if_the_server_hangs(
     mute: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
