@@ -28,9 +28,11 @@ _SILENT = (
     "The server {} has not answered since {}, so the cancel waits. If the arm moves, switch off its"
     " power. Another Ctrl-C ends this command at once."
 )
+_HANGS = "The server has not answered since {}. If the arm moves, switch off its power."
 _NOT_SENT = "The server {} does not answer yet. Nothing was sent; Ctrl-C ends this command"
 _LATE = 2.0  # time after which a missing answer is shown [s]
 _RETRY = 1.0  # time between two cancels [s]
+_CHECK_PERIOD = 5.0  # time between two checks that the server answers [s]
 
 
 def send_and_wait(
@@ -86,7 +88,8 @@ def send_and_wait(
                     return outcome
                 sent.set()
                 try:
-                    return _show_goal(events, goal_id, view)
+                    with _silence_shown(client, view):
+                        return _show_goal(events, goal_id, view)
                 except ServerUnreachable as error:
                     raise ServerLost from error
 
@@ -193,6 +196,30 @@ def _cancel(
             else:
                 view.put(CANCELING)
             return
+
+
+@contextmanager
+def _silence_shown(client: Client, view: View) -> Iterator[None]:
+    """Show once, during this context, each time that the server stops answering."""
+    ended = threading.Event()
+
+    def check() -> None:
+        answers = True
+        while not ended.wait(_CHECK_PERIOD):
+            show = partial(view.put, _HANGS.format(f"{datetime.now():%H:%M:%S}"))
+            with _if_late(show) if answers else nullcontext():
+                try:
+                    client.status()
+                    answers = True
+                except ClientError as error:
+                    answers = not isinstance(error, ServerUnreachable)
+
+    thread = RealClock().spawn(check, "check")
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join()
 
 
 @contextmanager

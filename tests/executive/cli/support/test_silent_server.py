@@ -1,6 +1,7 @@
 """Commands whose server accepts connections, but does not answer."""
 
 import os
+import re
 import signal
 import subprocess
 from collections.abc import Iterator
@@ -10,7 +11,7 @@ import pytest
 
 from executive.cli.support import server_requests
 from executive.client import transport
-from tests.executive.cli.test_server_commands import Shell, shell
+from tests.executive.cli.test_server_commands import ARMTREE, Shell, shell
 from tests.support.command_line.pseudo_terminal import PseudoTerminal
 from tests.support.command_line.typed import typed
 
@@ -35,6 +36,27 @@ def moving(shell: Shell) -> Iterator[PseudoTerminal]:
 def pause(shell: Shell) -> None:
     shell.server.send_signal(signal.SIGSTOP)
     os.waitid(os.P_PID, shell.server.pid, os.WSTOPPED | os.WNOWAIT)
+
+
+def test_a_move_says_that_its_server_does_not_answer(shell: Shell, moving: PseudoTerminal) -> None:
+    moving.until("has not answered since", "If the arm moves, switch off")
+    shell.server.send_signal(signal.SIGCONT)
+    moving.type("\x03")
+    assert moving.end()[0] == 7
+
+
+def test_so_does_a_move_in_a_pipe(shell: Shell) -> None:
+    shell.serve("--activate")
+    move = [*ARMTREE, "move", "joint_1=80deg", "--speed", "0.05"]
+    with shell.begin(move) as process:
+        assert process.stdout
+        assert any(line.startswith("move joint_1") for line in process.stdout)
+        pause(shell)
+        silent = r"The server has not answered since \d\d:\d\d:\d\d. If the arm moves, "
+        assert any(re.match(silent, line) for line in process.stdout)
+        shell.server.send_signal(signal.SIGCONT)
+        process.send_signal(signal.SIGINT)
+        assert process.wait() == 7
 
 
 def test_a_ctrl_c_waits_for_a_server_that_does_not_answer(
