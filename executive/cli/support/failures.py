@@ -64,7 +64,7 @@ def print_error(error: Exception) -> int:
 
 def _usage_words(error: click.ClickException) -> str:
     """Return the message of a wrong command line, with the command that shows the right one."""
-    words = error.format_message().rstrip(".")
+    words = error.format_message().replace("\n\t", " ").rstrip(".")
     if isinstance(error, click.NoSuchOption):
         near, *_ = error.possibilities or [""]
         words = error.message.rstrip(".") + did_you_mean(near)

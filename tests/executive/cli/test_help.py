@@ -85,6 +85,12 @@ def test_wrong_usage_has_no_traceback(tmp_path: Path) -> None:
     assert (status, out, error.startswith("Error: Missing argument")) == (2, "", True)
 
 
+def test_the_choices_of_a_missing_argument_are_in_one_line(tmp_path: Path) -> None:
+    error = typed(tmp_path, "completion")[2]
+    choices = "Choose from: bash, zsh, fish; see armtree completion --help"
+    assert error == f"Error: Missing argument 'SHELL'. {choices} [usage]\n"
+
+
 @pytest.mark.parametrize("words", [("-v", "check"), ("check", "--verbose"), ("-v", "check", "-v")])
 def test_the_log_is_printed_wherever_verbose_is(
     words: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
