@@ -432,4 +432,6 @@ def _files(folder: Path) -> list[str]:
 
 
 def _no_folder(path: Path, message: str) -> FileError:
-    return FileError([Mistake(Place(path), message)])
+    error = FileError.at(path, message)
+    error.hint = "check the path of the folder"
+    return error

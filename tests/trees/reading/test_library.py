@@ -140,8 +140,9 @@ def test_folders_that_are_none(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     (tmp_path / "loop").symlink_to(tmp_path / "loop")
     for name in ("none", "file", "loop"):
-        with pytest.raises(FileError, match=f"{name}: there is no such folder"):
+        with pytest.raises(FileError, match=f"{name}: there is no such folder") as refused:
             Library(tmp_path / name)
+        assert refused.value.hint == "check the path of the folder"
 
 
 def test_files_that_are_none(tmp_path: Path) -> None:
