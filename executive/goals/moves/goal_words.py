@@ -99,7 +99,7 @@ def read_words(
                 raise BadTarget(f"{why}; give the whole width, such as {WIDTH}=20mm")
             joints |= _at_width(robot, text)
             continue
-        _check_names((joint,), robot)
+        _check_names((joint,), robot, words)
         if joint in once:
             raise BadTarget(f"{joint} is given twice; give it once, with the sum of its changes")
         once.add(joint)
@@ -328,11 +328,20 @@ def _no_pose(
     return f"{word!r} is not a pose; {there}{stop} Or give {instead}"
 
 
-def _check_names(names: Collection[str], robot: Robot) -> None:
+def _instead(name: str, words: Sequence[str], robot: Robot) -> str:
+    """Return what to write instead of words that name the gripper or x, y, z; empty for others."""
+    values = dict(word.split("=", 1) for word in words if "=" in word)
+    if values.keys() == set("xyz") and len(words) == 3:
+        return f"for a point for the tool write {values['x']} {values['y']} {values['z']}"
+    return f"write {WIDTH}=20mm" if name == "gripper" and name in values and robot.gripper else ""
+
+
+def _check_names(names: Collection[str], robot: Robot, words: Sequence[str] = ()) -> None:
     actuated = [joint.name for joint in robot.actuated]
     leaders = {joint.name: joint.mimic.leader for joint in robot.joints if joint.mimic}
     for name in names:
         if leader := leaders.get(name):
             raise BadTarget(f"{name} follows {leader}; name {leader} instead")
         if name not in actuated:
-            raise BadTarget(f"{name} is not an actuated joint; {there_are(name, actuated)}")
+            instead = _instead(name, words, robot) or there_are(name, actuated)
+            raise BadTarget(f"{name} is not an actuated joint; {instead}")

@@ -82,6 +82,9 @@ def test_a_move_is_canceled_like_any_goal(rig: RigMaker, shared_clock: Simulated
     ("words", "relative", "speed", "code", "why"),
     [
         (("joint_9=1",), False, 1.0, "goal.bad_target", "joint_9 is not an actuated joint"),
+        (("gripper=20mm",), False, 1.0, "goal.bad_target", "joint; write width=20mm"),
+        (("x=0.1", "z=8cm", "y=0"), False, 1.0, "goal.bad_target", "tool write 0.1 0 8cm"),
+        (("x=0.1", "y=0.1"), False, 1.0, "goal.bad_target", "x is not an actuated joint; there"),
         (("joint_1=70dg",), False, 1.0, "goal.bad_target", "did you mean 70 deg?"),
         (("joint_1=",), False, 1.0, "goal.bad_target", "joint_1 has no value"),
         (("joint_1=.nan",), False, 1.0, "goal.bad_target", "is not finite"),
