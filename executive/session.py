@@ -16,7 +16,7 @@ from trees.nodes.kind import reserved_names
 
 from .api.events import Event
 from .executive import Executive
-from .setup import OWN_TREES, Setup
+from .setup import Setup
 
 logger = logging.getLogger(__name__)
 
@@ -97,7 +97,7 @@ def _library(setup: Setup, robot: Robot) -> TaskLibrary:
         return Library(setup.trees, robot.name)
     from trees.live_library import LiveLibrary  # slow to import
 
-    return LiveLibrary(setup.trees, robot, OWN_TREES)
+    return LiveLibrary(setup.trees, robot, setup.own_trees)
 
 
 def load_own_skills(folder: Path | None) -> None:

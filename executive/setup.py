@@ -10,12 +10,9 @@ if TYPE_CHECKING:
     from hardware import Robot
 
 
-OWN_TREES = Path("trees")  # default folder for task files of a user
-
-
 def find_own_trees() -> Path | None:
-    """Return `OWN_TREES`, or None if there is no such folder."""
-    return OWN_TREES if OWN_TREES.is_dir() else None
+    """Return `./trees`, or None if there is no such folder."""
+    return own if (own := Setup.own_trees).is_dir() else None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,7 +24,7 @@ class Setup:
         port: Serial port, or `virtual`; empty for no port; None for the port of the robot file.
         trees: Folder with task files of your own; None for the shipped tasks only.
         reload: True if each goal uses the latest valid task files; False if they are read once.
-            If `trees` is None, `./trees` is then used as soon as it exists.
+        own_trees: With `reload`, folder to use if `trees` is None, as soon as it exists.
         recordings: Folder for recordings.
         recording_timeout: Longest time that a frame waits for the recording of the previous frame
             [s]. Then the motion ends.
@@ -50,6 +47,7 @@ class Setup:
     port: str | None = None
     trees: Path | None = None
     reload: bool = True
+    own_trees: Path = Path("trees")
     recordings: Path = Path("recordings")
     recording_timeout: float = 5.0
     keep_days: float | None = None

@@ -6,7 +6,7 @@ import click
 
 from executive.api import ADDRESS, POOL
 
-from .settings import option
+from .settings import configured, option
 from .support.command_group import command
 from .support.options import run_options, source_options
 
@@ -95,4 +95,6 @@ def serve(
         rosbridge=rosbridge,
     )
     fleet = FleetPlace.of(fleet_url, pool, name) if fleet_url else None
-    run_server(Setup(policy=Policy(policy), **options), listen, fleet)
+    later = configured(click.get_current_context()).get("trees")
+    own_trees = later.value if later else Setup.own_trees
+    run_server(Setup(policy=Policy(policy), own_trees=own_trees, **options), listen, fleet)

@@ -10,7 +10,9 @@ from click.testing import CliRunner, Result
 
 from executive.cli import settings
 from executive.cli.main import cli
+from executive.cli.support import run_server
 from executive.errors import BadConfiguration
+from executive.setup import Setup
 
 
 @pytest.fixture
@@ -160,6 +162,18 @@ def test_what_is_wrong_in_a_file_follows_the_table(project: Path) -> None:
     said = str(result.exception).splitlines()
     assert [line.partition(": ")[0].rpartition(":")[2] for line in said] == ["2", "3", "4"]
     assert said[1].endswith("unknown key; did you mean port?")
+
+
+def test_a_server_waits_for_the_folder_of_tasks_that_a_file_names(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    setups = list[Setup]()
+    monkeypatch.setattr(run_server, "serve", lambda setup, *_: setups.append(setup))
+    assert armtree("serve").exit_code == 0
+    configure(project, 'trees = "later"\n')
+    assert armtree("serve").exit_code == 0
+    assert [each.trees for each in setups] == [None, None]
+    assert [each.own_trees for each in setups] == [Path("trees"), project / "later"]
 
 
 def test_a_folder_of_tasks_that_does_not_exist_yet_is_a_note(project: Path) -> None:
