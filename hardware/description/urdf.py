@@ -203,6 +203,8 @@ class Urdf:
         if len(self.links) > _MAX_LINKS:
             yield UrdfError(f"has {len(self.links)} links; the limit is {_MAX_LINKS}")
             return
+        if "name" not in self._root.attrib:
+            yield UrdfError('the robot has no name; write <robot name="my_arm">')
         yield from _name_mistakes("link", self.links)
         yield from _name_mistakes("joint", [joint.get("name", "") for joint in joints])
         known = []

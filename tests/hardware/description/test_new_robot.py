@@ -206,7 +206,10 @@ WRONG = {
         "arm.urdf: is a xacro file",
     ),
     "a loop": (urdf(["a -> b: fixed j", "b -> a: fixed k"]), "joint j is its own ancestor"),
-    "no links": ("<robot/>", "has no links"),
+    "no name, nor links": (
+        "<robot/>",
+        'arm.urdf: 2 mistakes\nthe robot has no name; write <robot name="my_arm">\nhas no links',
+    ),
     "two roots": (urdf([ARM[0], "x -> y: fixed j"]), "links base and x have no parent joint"),
     "follows nothing": (
         urdf([*ARM, 'c -> d: revolute rod <mimic joint="none"/>']),
