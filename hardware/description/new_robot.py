@@ -83,7 +83,7 @@ class UrdfUnusable(DescriptionError):
     """A URDF cannot become a robot file. The message lists all its mistakes."""
 
     def __init__(self, path: Path, mistakes: Sequence[UrdfError]) -> None:
-        error = UrdfError.of(mistakes)
+        error = UrdfError.of(mistakes, path)
         super().__init__(path, error.line, str(error))
 
 
@@ -220,24 +220,24 @@ def _rounded(value: float, lower: float, upper: float) -> float:
 
 def _joint_mistakes(urdf: Urdf) -> Iterator[UrdfError]:
     leaders = [j.name for j in urdf.joints if j.type != "fixed" and j.mimic is None]
-    for joint in urdf.joints:
+    for joint, line in zip(urdf.joints, urdf.joint_lines, strict=True):
         name = joint.name
         if joint.type == "revolute" and _in_degrees(joint.lower, joint.upper):
             right = (
                 f'lower="{math.radians(joint.lower):.5g}" upper="{math.radians(joint.upper):.5g}"'
             )
             why = f"joint {name}: its limits {joint.lower:g} and {joint.upper:g} look like degrees"
-            yield UrdfError(f"{why}, but a URDF has radians; write {right}")
+            yield UrdfError(f"{why}, but a URDF has radians; write {right}", line)
         if max(map(abs, joint.xyz)) > _LONGEST:
             right = " ".join(f"{x / 1e3:g}" for x in joint.xyz)
             why = f"joint {name}: its origin {' '.join(f'{x:g}' for x in joint.xyz)} looks like mm"
-            yield UrdfError(f'{why}, but a URDF has metres; write xyz="{right}"')
+            yield UrdfError(f'{why}, but a URDF has metres; write xyz="{right}"', line)
         if joint.mimic and joint.mimic.leader not in leaders:
             why = f"joint {name} mimics {joint.mimic.leader}, which does not move by itself"
-            yield UrdfError(f"{why}; let it mimic one of {', '.join(leaders) or 'others'}")
+            yield UrdfError(f"{why}; let it mimic one of {', '.join(leaders) or 'others'}", line)
         if joint.mimic and not joint.mimic.multiplier:
             why = f"joint {name} mimics {joint.mimic.leader} with multiplier 0"
-            yield UrdfError(f"{why}; give another multiplier, or the type fixed")
+            yield UrdfError(f"{why}; give another multiplier, or the type fixed", line)
 
 
 def _in_degrees(*limits: float) -> bool:

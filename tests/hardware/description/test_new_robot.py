@@ -26,6 +26,15 @@ def written(folder: Path, text: str) -> Path:
     return path
 
 
+def mistakes(path: Path) -> list[str]:
+    """What is wrong with a URDF, with the lines but without the path, which is asserted here."""
+    with pytest.raises(UrdfUnusable) as caught:
+        draft_robot(path, LARGEST)
+    first, *lines = str(caught.value).splitlines()
+    assert first == f"{path}: {len(lines)} mistakes"
+    return [line.removeprefix(f"{path}:") for line in lines]
+
+
 def made(path: Path) -> Path:
     output = path.with_suffix(".toml")
     output.write_text(robot_text(draft_robot(path, LARGEST), path.parent, {}))
@@ -117,10 +126,8 @@ def test_limits_in_degrees_are_reported(tmp_path: Path) -> None:
     limit = '<limit lower="{}" upper="{}" velocity="1" effort="1"/>'
     limits = ("-90", "90"), ("0", "172.5"), ("-6.28318", "6.28318"), ("-1e16", "1e16")
     joints = [f"{n} -> {n + 1}: revolute j{n} {limit.format(*q)}" for n, q in enumerate(limits)]
-    with pytest.raises(UrdfUnusable) as caught:
-        draft_robot(written(tmp_path, urdf(joints)), LARGEST)
-    said = "joint {}: its limits {} look like degrees, but a URDF has radians; write {}"
-    assert str(caught.value).splitlines()[1:] == [
+    said = "1: joint {}: its limits {} look like degrees, but a URDF has radians; write {}"
+    assert mistakes(written(tmp_path, urdf(joints))) == [
         said.format("j0", "-90 and 90", 'lower="-1.5708" upper="1.5708"'),
         said.format("j1", "0 and 172.5", 'lower="0" upper="3.0107"'),
     ]
@@ -137,22 +144,21 @@ def test_a_name_that_two_joints_have_hides_no_mistake(tmp_path: Path) -> None:
     joints = ["base -> a: revolute j", "a -> b: revolute j", "b -> b: revolute k"]
     joints += ['c -> d: revolute j <mimic joint="l"/>', "b -> c: fixed weld"]
     joints += ['c -> e: revolute j <mimic joint="m"/>', "b -> e: fixed weld"]
-    path = written(tmp_path, urdf(joints))
-    with pytest.raises(UrdfUnusable) as caught:
-        draft_robot(path, LARGEST)
-    words = [line.partition(";")[0] for line in str(caught.value).splitlines()[1:]]
-    assert words == [
-        "two joints are called j",
-        "two joints are called weld",
-        "joint k: its child b is the child of j (2) already",
-        "joint weld (2): its child e is the child of j (4) already",
-        "joint k has the same link as parent and child, b",
-        "joint j mimics l, which does not move by itself",
-        "joint j mimics m, which does not move by itself",
+    path = written(tmp_path, urdf(joints).replace("<joint", "\n<joint"))
+    assert [line.partition(";")[0] for line in mistakes(path)] == [
+        "3: two joints are called j",
+        "8: two joints are called weld",
+        "4: joint k: its child b is the child of j (2) already",
+        "8: joint weld (2): its child e is the child of j (4) already",
+        "4: joint k has the same link as parent and child, b",
+        "5: joint j mimics l, which does not move by itself",
+        "7: joint j mimics m, which does not move by itself",
     ]
     robot = tmp_path / "arm.toml"
     robot.write_text(f"name = 'arm'\nurdf = '{path.name}'\n")
-    with pytest.raises(DescriptionError, match=r"5 mistakes\n(.*\n)+joint k has the same link"):
+    with pytest.raises(
+        DescriptionError, match=rf"5 mistakes\n(.*\n)+{path}:4: joint k has the same link"
+    ):
         load_robot(robot)
 
 
@@ -162,16 +168,19 @@ def test_everything_that_is_wrong_is_reported_at_once(tmp_path: Path) -> None:
     shapes = shapes.replace("<geometry><box", '<origin rpy="0"/><geometry><box')
     limit = '<limit lower="0" velocity="0" effort="1"/><axis xyz="0 0 0"/>'
     joints = [ARM[0].replace("revolute", "screw"), f"a -> b: prismatic lift {limit}"]
+    text = urdf(joints, shapes)
+    for tag in ("<joint", "<limit", "<axis"):
+        text = text.replace(tag, f"\n{tag}")
     with pytest.raises(UrdfUnusable) as caught:
-        draft_robot(written(tmp_path, urdf(joints, shapes)), LARGEST, ["left"], "hand")
+        draft_robot(written(tmp_path, text), LARGEST, ["left"], "hand")
     words = str(caught.value).splitlines()
     assert words[0].endswith("arm.urdf: 12 mistakes")
-    assert [line.partition(";")[0] for line in words[1:]] == [
-        "joint shoulder is screw",
-        "joint lift: the upper of its limit is missing",
-        "joint lift: its axis is '0 0 0'",
+    assert [line.partition(";")[0].removeprefix(f"{tmp_path}/") for line in words[1:]] == [
+        "arm.urdf:2: joint shoulder is screw",
+        "arm.urdf:4: joint lift: the upper of its limit is missing",
+        "arm.urdf:5: joint lift: its axis is '0 0 0'",
         *(
-            f"the {what} of {link} is {value}"
+            f"arm.urdf:1: the {what} of {link} is {value}"
             for link in ("base", "a", "b")
             for what, value in (("rpy of an origin", "'0'"), ("size of the box", "'0 1 1'"))
         ),
@@ -188,6 +197,16 @@ def test_meshes_for_viewers_are_named_beside_a_mistake(tmp_path: Path) -> None:
     path.write_text(path.read_text().replace('<child link="a"/>', '<child link="x"/>'))
     with pytest.raises(UrdfUnusable, match=r"child x is no link[\s\S]*nobot/m\.stl is not found; "):
         draft_robot(path, LARGEST)
+
+
+def test_elements_of_entities_have_a_line(tmp_path: Path) -> None:
+    text = urdf([*ARM, "c -> d: screw j"]).replace("</robot>", "&more;</robot>")
+    types = '<!DOCTYPE robot [<!ENTITY more "<!-- a --><link/><link/>">]>\n'
+    path = written(tmp_path, types + text)
+    assert [line.partition(";")[0] for line in mistakes(path)][:2] == [
+        "2: link 6 of 7 has no name",
+        "2: joint j is screw",
+    ]
 
 
 WRONG = {
@@ -208,7 +227,7 @@ WRONG = {
     "a loop": (urdf(["a -> b: fixed j", "b -> a: fixed k"]), "joint j is its own ancestor"),
     "no name, nor links": (
         "<robot/>",
-        'arm.urdf: 2 mistakes\nthe robot has no name; write <robot name="my_arm">\nhas no links',
+        'arm.urdf:1: the robot has no name; write <robot name="my_arm">\nhas no links',
     ),
     "two roots": (urdf([ARM[0], "x -> y: fixed j"]), "links base and x have no parent joint"),
     "follows nothing": (

@@ -163,7 +163,7 @@ ORIGIN = '<origin xyz="0 0 0.0307" rpy="0 0 0"'
 WRONG_URDF = {
     "no xml": ("<robot", "robot", r"arduinobot.urdf:\d+: is not XML"),
     "no urdf": (URDF, "<html/>", "arduinobot.urdf: is not a URDF: its root element is <html>, not <robot>"),
-    "no name": (' name="arduinobot"', "", 'arduinobot.urdf: the robot has no name; write <robot name="my_arm">'),
+    "no name": (' name="arduinobot"', "", 'arduinobot.urdf:14: the robot has no name; write <robot name="my_arm">'),
     "no links": (URDF, '<robot name="r"/>', "arduinobot.urdf: has no links; give it at least one"),
     "no lower": ('lower="-1.570796326795"', "", r"joint joint_1: the lower of its limit is missing; give a finite number \[rad\]"),
     "no effort": ('effort="30.0"', "", "joint joint_1: the effort of its limit is missing; give a finite number of at least 0"),
