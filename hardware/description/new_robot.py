@@ -25,7 +25,8 @@ _MARGIN = 0.005  # [m]
 _PLAUSIBLE = {"rad": 3.5, "m": 1.0}  # [rad/s], [m/s]
 _CAUTIOUS = {"rad": 1.0, "m": 0.1}  # [rad/s], [m/s]
 _DEGREES = 4 * math.pi, 720.0  # magnitude of limits that are degrees by mistake
-_LONGEST = 20.0  # largest distance of a joint from its parent along an axis [m]
+_LONGEST = 20.0  # largest distance of a joint from its parent along an axis, and size [m]
+_STROKE = 5.0, 1e4  # magnitude of limits that are mm by mistake
 _TIME_TO_SPEED = 0.5  # [s]
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 
@@ -117,6 +118,11 @@ def draft_robot(
     is_tree = not mistakes
     mistakes += _joint_mistakes(urdf)
     mistakes += urdf.shape_mistakes(largest)
+    mistakes += [
+        UrdfError(f"the {key} of {where}, {_words(size)}, {_metres(size, key)}", line)
+        for line, where, key, size in urdf.shape_sizes()
+        if _LONGEST < max(size, default=0.0) <= largest
+    ]
     used = [name for name, collides in urdf.meshes().items() if name and collides]
     mistakes += mesh_mistakes(path, used)
     mistakes += _gripper_mistakes(gripper or (), urdf)
@@ -228,16 +234,29 @@ def _joint_mistakes(urdf: Urdf) -> Iterator[UrdfError]:
             )
             why = f"joint {name}: its limits {joint.lower:g} and {joint.upper:g} look like degrees"
             yield UrdfError(f"{why}, but a URDF has radians; write {right}", line)
+        least, most = _STROKE
+        if joint.type == "prismatic" and least < max(abs(joint.lower), abs(joint.upper)) <= most:
+            why = f"joint {name}: its limits {joint.lower:g} and {joint.upper:g} look like mm"
+            right = f'lower="{joint.lower / 1e3:g}" upper="{joint.upper / 1e3:g}"'
+            yield UrdfError(f"{why}, but a URDF has metres; write {right}", line)
         if max(map(abs, joint.xyz)) > _LONGEST:
-            right = " ".join(f"{x / 1e3:g}" for x in joint.xyz)
-            why = f"joint {name}: its origin {' '.join(f'{x:g}' for x in joint.xyz)} looks like mm"
-            yield UrdfError(f'{why}, but a URDF has metres; write xyz="{right}"', line)
+            why = f"joint {name}: its origin {_words(joint.xyz)} {_metres(joint.xyz, 'xyz')}"
+            yield UrdfError(why, line)
         if joint.mimic and joint.mimic.leader not in leaders:
             why = f"joint {name} mimics {joint.mimic.leader}, which does not move by itself"
             yield UrdfError(f"{why}; let it mimic one of {', '.join(leaders) or 'others'}", line)
         if joint.mimic and not joint.mimic.multiplier:
             why = f"joint {name} mimics {joint.mimic.leader} with multiplier 0"
             yield UrdfError(f"{why}; give another multiplier, or the type fixed", line)
+
+
+def _metres(numbers: Sequence[float], key: str) -> str:
+    right = _words([each / 1e3 for each in numbers])
+    return f'looks like mm, but a URDF has metres; write {key}="{right}"'
+
+
+def _words(numbers: Sequence[float]) -> str:
+    return " ".join(f"{each:g}" for each in numbers)
 
 
 def _in_degrees(*limits: float) -> bool:

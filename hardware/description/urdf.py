@@ -48,12 +48,7 @@ class UrdfError(ValueError):
 
     @classmethod
     def of(cls, mistakes: "Sequence[UrdfError]", path: Path) -> "UrdfError":
-        """Return one error with all mistakes of a URDF, one per line.
-
-        Args:
-            mistakes: The mistakes.
-            path: The URDF file. It is printed before each of several mistakes.
-        """
+        """Return one error with all mistakes of a URDF, one per line with the path of the file."""
         if len(mistakes) == 1:
             return mistakes[0]
         words = [f"{path}:{each.line}: {each}" if each.line else str(each) for each in mistakes]
@@ -264,6 +259,15 @@ class Urdf:
                 wrong = _collision_mistakes(link.get("name", ""), collision, largest)
                 yield from self._errors(wrong)
 
+    def shape_sizes(self) -> Iterator[tuple[int, str, str, list[float]]]:
+        """Yield line, name, key and numbers [m] of each size of a collision or visual shape."""
+        for link in self._root.findall("link"):
+            paths = ("collision/geometry/*", "visual/geometry/*")
+            for shape in (shape for path in paths for shape in link.findall(path)):
+                for key in _SIZES.get(shape.tag, {}):
+                    where = f"the {shape.tag} of {link.get('name', '')}"
+                    yield self._lines[shape], where, key, _numbers(shape.get(key, ""))
+
     def shape_counts(self, kind: str = "collision") -> dict[str, int]:
         """Return the number of `collision` or `visual` shapes of each link."""
         links = self._root.findall("link")
@@ -349,10 +353,9 @@ def _tree_mistakes(joints: list[Element], bodies: list[Element]) -> Iterator[_Mi
                 yield joint, f'joint {name} has no {tag}; write <{tag} link="NAME"/> in it'
             elif link not in links:
                 why = f"joint {name}: its {tag} {link} is no link; {there_are(link, links)}"
-                add = (
-                    "" if why.endswith("?") else f'; name one of them, or add <link name="{link}"/>'
-                )
-                yield joint, why + add
+                if not why.endswith("?"):
+                    why += f'; name one of them, or add <link name="{link}"/>'
+                yield joint, why
         if child in above:
             what = f"its child {child} is the child of {above[child]} already"
             yield joint, f"joint {name}: {what}; let one of the two move another link"
@@ -450,9 +453,8 @@ def _limits(joint: Element, wrong: list[_Mistake]) -> tuple[float, float, float]
     bounded, unit = kind in ("revolute", "prismatic"), _unit(kind)
     if limit is None:
         if bounded:
-            wrong.append(
-                (joint, "it has no limit; give one with its lower, upper, velocity and effort")
-            )
+            add = "give one with its lower, upper, velocity and effort"
+            wrong.append((joint, f"it has no limit; {add}"))
         return -math.inf, math.inf, math.inf
     number, above = "a finite number", "a finite number of at least 0"
     default = None if bounded else "0"
@@ -526,8 +528,7 @@ def _collision_mistakes(link: str, collision: Element, largest: float) -> Iterat
                 yield _mistake(f"an origin of {link}", origin, key, wanted)
     shapes = collision.findall("geometry/*")
     if len(shapes) != 1:
-        why = f"a collision of {link} has {len(shapes)} shapes; give each collision one shape"
-        yield collision, why
+        yield collision, f"a collision of {link} has {len(shapes)} shapes; give each one shape"
     for shape in shapes:
         yield from _shape_mistakes(link, shape, largest)
 

@@ -140,6 +140,30 @@ def test_origins_in_mm_are_reported(tmp_path: Path) -> None:
         draft_robot(written(tmp_path, urdf(joints)), LARGEST)
 
 
+def test_limits_and_shapes_in_mm_are_reported(tmp_path: Path) -> None:
+    limit = '<limit lower="{}" upper="{}" velocity="1" effort="1"/>'
+    limits = ("0", "20"), ("-0.5", "5"), ("-1e16", "1e16")
+    joints = [f"{n} -> {n + 1}: prismatic j{n} {limit.format(*q)}" for n, q in enumerate(limits)]
+    joints += ["3 -> 4: fixed weld"]
+    geometry = "<geometry>{}</geometry>"
+    body = {
+        0: "<collision>{}</collision>\n".format(geometry.format('<box size="100 100 50"/>')),
+        1: "<visual>{}</visual>".format(geometry.format('<sphere radius="60"/>')),
+        2: "<visual>{}</visual>".format(geometry.format('<cylinder radius="2" length="15"/>')),
+    }
+    text = urdf(joints)
+    for link, shapes in body.items():
+        text = text.replace(f'<link name="{link}">', f'<link name="{link}">{shapes}')
+    assert mistakes(written(tmp_path, text)) == [
+        "2: joint j0: its limits 0 and 20 look like mm, but a URDF has metres; "
+        'write lower="0" upper="0.02"',
+        "1: the size of the box of 0, 100 100 50, looks like mm, but a URDF has metres; "
+        'write size="0.1 0.1 0.05"',
+        "2: the radius of the sphere of 1, 60, looks like mm, but a URDF has metres; "
+        'write radius="0.06"',
+    ]
+
+
 def test_a_name_that_two_joints_have_hides_no_mistake(tmp_path: Path) -> None:
     joints = ["base -> a: revolute j", "a -> b: revolute j", "b -> b: revolute k"]
     joints += ['c -> d: revolute j <mimic joint="l"/>', "b -> c: fixed weld"]
