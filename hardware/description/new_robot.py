@@ -12,7 +12,7 @@ from hardware.errors import DescriptionError
 from hardware.files import read_file
 from hardware.joints import Joint
 from hardware.link.link import VIRTUAL
-from hardware.spelling import there_are
+from hardware.spelling import closest, did_you_mean, there_are
 
 from .gripper import closing
 from .groups import Tree, guess_gripper, guess_tool
@@ -228,14 +228,15 @@ def _joint_mistakes(urdf: Urdf) -> Iterator[UrdfError]:
     leaders = [j.name for j in urdf.joints if j.type != "fixed" and j.mimic is None]
     for joint, line in zip(urdf.joints, urdf.joint_lines, strict=True):
         name = joint.name
-        if joint.type == "revolute" and _in_degrees(joint.lower, joint.upper):
-            right = (
-                f'lower="{math.radians(joint.lower):.5g}" upper="{math.radians(joint.upper):.5g}"'
-            )
-            why = f"joint {name}: its limits {joint.lower:g} and {joint.upper:g} look like degrees"
-            yield UrdfError(f"{why}, but a URDF has radians; write {right}", line)
+        limits = joint.lower, joint.upper
+        if joint.type == "revolute" and (odd := _in_degrees(*limits)):
+            lower, upper = (math.radians(q) if q in odd else q for q in limits)
+            what = " and ".join(f"{q:g}" for q in odd)
+            why = f"joint {name}: its limit{f's {what} look' if odd[1:] else f' {what} looks'}"
+            right = f'lower="{lower:.5g}" upper="{upper:.5g}"'
+            yield UrdfError(f"{why} like degrees, but a URDF has radians; write {right}", line)
         least, most = _STROKE
-        if joint.type == "prismatic" and least < max(abs(joint.lower), abs(joint.upper)) <= most:
+        if joint.type == "prismatic" and least < max(map(abs, limits)) <= most:
             why = f"joint {name}: its limits {joint.lower:g} and {joint.upper:g} look like mm"
             right = f'lower="{joint.lower / 1e3:g}" upper="{joint.upper / 1e3:g}"'
             yield UrdfError(f"{why}, but a URDF has metres; write {right}", line)
@@ -259,19 +260,22 @@ def _words(numbers: Sequence[float]) -> str:
     return " ".join(f"{each:g}" for each in numbers)
 
 
-def _in_degrees(*limits: float) -> bool:
-    """Return True if limits are more than two turns in radians, and round numbers in degrees."""
+def _in_degrees(*limits: float) -> list[float]:
+    """Return the limits that look like degrees, if one is more than two turns in radians."""
     least, most = _DEGREES
-    return least < max(map(abs, limits)) <= most and all(round(q, 1) == q for q in limits)
+    large = [q for q in limits if least < abs(q) <= most and round(q, 1) == q]
+    return [q for q in limits if q in large or (large and q and q.is_integer())]
 
 
 def _gripper_mistakes(gripper: Sequence[str], urdf: Urdf) -> Iterator[UrdfError]:
     """Yield the mistakes in a user's names of gripper joints."""
-    independent = [joint.name for joint in urdf.moving.values() if joint.mimic is None]
+    leaders = {j.name: j.mimic.leader if j.mimic else j.name for j in urdf.moving.values()}
+    independent = [name for name, leader in leaders.items() if name == leader]
     for name in gripper if independent else ():
         if name not in independent:
+            near = did_you_mean(leaders.get(closest(name, leaders), ""))
             why = f"--gripper: {name} is no joint that moves by itself"
-            yield UrdfError(f"{why}; {there_are(name, independent)}")
+            yield UrdfError(why + (near or f"; {there_are(name, independent)}"))
     if independent and set(independent) <= set(gripper):
         yield UrdfError("all joints are in the gripper; leave at least one for the arm")
 

@@ -364,7 +364,7 @@ def _tree_mistakes(joints: list[Element], bodies: list[Element]) -> Iterator[_Mi
     roots = [link for link in links if link not in above]
     if not links:
         yield None, "has no links; give it at least one"
-    if len(roots) > 1:
+    if len(roots) > 1 and all(each in links for both in ends.values() for each in both):
         why = f"links {' and '.join(roots)} have no parent joint, which only one link may lack"
         between = f'<parent link="{roots[0]}"/><child link="{roots[1]}"/>'
         fixed = f'<joint name="to_{roots[1]}" type="fixed">{between}</joint>'

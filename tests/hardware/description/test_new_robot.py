@@ -124,12 +124,15 @@ def test_names_that_toml_must_quote(tmp_path: Path) -> None:
 
 def test_limits_in_degrees_are_reported(tmp_path: Path) -> None:
     limit = '<limit lower="{}" upper="{}" velocity="1" effort="1"/>'
-    limits = ("-90", "90"), ("0", "172.5"), ("-6.28318", "6.28318"), ("-1e16", "1e16")
+    limits = [("-90", "90"), ("0", "172.5"), ("-6.28318", "6.28318"), ("-1e16", "1e16")]
+    limits += [("-1.8", "180"), ("-90", "1.8326")]
     joints = [f"{n} -> {n + 1}: revolute j{n} {limit.format(*q)}" for n, q in enumerate(limits)]
-    said = "1: joint {}: its limits {} look like degrees, but a URDF has radians; write {}"
+    said = "1: joint {}: its limit{} like degrees, but a URDF has radians; write {}"
     assert mistakes(written(tmp_path, urdf(joints))) == [
-        said.format("j0", "-90 and 90", 'lower="-1.5708" upper="1.5708"'),
-        said.format("j1", "0 and 172.5", 'lower="0" upper="3.0107"'),
+        said.format("j0", "s -90 and 90 look", 'lower="-1.5708" upper="1.5708"'),
+        said.format("j1", " 172.5 looks", 'lower="0" upper="3.0107"'),
+        said.format("j4", " 180 looks", 'lower="-1.8" upper="3.1416"'),
+        said.format("j5", " -90 looks", 'lower="-1.5708" upper="1.8326"'),
     ]
 
 
@@ -138,6 +141,18 @@ def test_origins_in_mm_are_reported(tmp_path: Path) -> None:
     said = r'joint j: its origin 0 -50 250 looks like mm, .* write xyz="0 -0.05 0.25"$'
     with pytest.raises(UrdfUnusable, match=said):
         draft_robot(written(tmp_path, urdf(joints)), LARGEST)
+
+
+@pytest.mark.parametrize("end", ["child", "parent"])
+def test_a_misspelt_link_of_a_joint_is_one_mistake(tmp_path: Path, end: str) -> None:
+    joints = ["base -> arm: revolute j", "arm -> wrist: revolute k", "wrist -> hand: revolute l"]
+    text = urdf(joints).replace(f'<{end} link="wrist"/>', f'<{end} link="wirst"/>')
+    with pytest.raises(UrdfUnusable) as caught:
+        draft_robot(written(tmp_path, text), LARGEST)
+    names = "there are arm, base, hand, wrist; did you mean wrist?"
+    joint = {"child": "k", "parent": "l"}[end]
+    said = f"arm.urdf:1: joint {joint}: its {end} wirst is no link; {names}"
+    assert str(caught.value).endswith(said)
 
 
 def test_limits_and_shapes_in_mm_are_reported(tmp_path: Path) -> None:
@@ -279,8 +294,12 @@ def test_all_wrong_names_are_reported_at_once(tmp_path: Path) -> None:
 def test_names_that_the_urdf_does_not_have(tmp_path: Path) -> None:
     path = written(tmp_path, urdf(ARM))
     assert draft_robot(path, LARGEST, ["lift"], "a").groups["gripper"] == ("lift",)
+    text = urdf([*ARM, 'c -> d: prismatic right_jaw <mimic joint="lift"/>'])
+    path = written(tmp_path, text)
     for gripper, tool, why in (
-        (["left"], "a", "--gripper: left is no joint that moves by itself; there are elbow"),
+        (["shouldr"], "a", "--gripper: shouldr is no joint that moves by itself; did you mean sho"),
+        (["righ_jaw"], "a", "righ_jaw is no joint that moves by itself; did you mean lift.$"),
+        (["thumb"], "a", "--gripper: thumb is no joint that moves by itself; there are elbow"),
         (["shoulder", "elbow", "lift"], "a", "leave at least one for the arm"),
         ([], "hand", "there is no link hand for the tool; there are a, b, base, c"),
     ):
