@@ -6,6 +6,7 @@ import reprlib
 import sys
 import tomllib
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -40,6 +41,7 @@ class TomlTable:
     def __init__(self, path: Path, lines: dict[str, int], name: str, values: dict[str, Any]):
         self._path, self._lines, self._name, self._values = path, lines, name, values
         self._known: set[str] = set()  # keys that a method has read
+        self.mistakes: list[DescriptionError] = []  # those that `later` keeps, of all tables
 
     @classmethod
     def read(cls, path: Path) -> "TomlTable":
@@ -61,6 +63,22 @@ class TomlTable:
     def fail(self, key: str, message: str) -> NoReturn:
         """Reject the value of a key."""
         raise DescriptionError(self._path, self.line(key), f"{self._full(key)}: {message}")
+
+    @contextmanager
+    def later(self) -> Iterator[None]:
+        """Keep a mistake until `raise_mistakes`, and skip the rest of the block."""
+        try:
+            yield
+        except DescriptionError as error:
+            self.mistakes.append(error)
+
+    def raise_mistakes(self) -> None:
+        """Raise the mistakes that `later` kept, as one error."""
+        if len(self.mistakes) > 1:
+            words = "\n".join(map(str, self.mistakes))
+            raise DescriptionError(self._path, 0, f"{len(self.mistakes)} mistakes\n{words}")
+        for mistake in self.mistakes:
+            raise mistake
 
     def text(self, key: str, default: str | None = None) -> str:
         """Return a text, or the default if the key is absent."""
@@ -143,7 +161,9 @@ class TomlTable:
     def table(self, key: str) -> "TomlTable":
         """Return a table within this one."""
         values = self._value(key, dict)
-        return TomlTable(self._path, self._lines, self._full(key), values)
+        table = TomlTable(self._path, self._lines, self._full(key), values)
+        table.mistakes = self.mistakes
+        return table
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._values)
@@ -181,6 +201,7 @@ class TomlTable:
         """Reject a missing key. The line is that of a misspelling, if there is one."""
         misspelt = closest(key, [given for given in self._values if given not in self._known])
         if misspelt:
+            self._known.add(misspelt)  # `done` need not report it again
             self.fail(misspelt, "unknown key" + did_you_mean(key))
         self.fail(key, "is missing")
 

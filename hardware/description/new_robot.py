@@ -12,7 +12,7 @@ from hardware.errors import DescriptionError
 from hardware.files import read_file
 from hardware.joints import Joint
 from hardware.link.link import VIRTUAL
-from hardware.spelling import there_are
+from hardware.spelling import closest, did_you_mean, there_are
 
 from .gripper import closing
 from .groups import Tree, guess_gripper, guess_tool
@@ -25,7 +25,8 @@ _MARGIN = 0.005  # [m]
 _PLAUSIBLE = {"rad": 3.5, "m": 1.0}  # [rad/s], [m/s]
 _CAUTIOUS = {"rad": 1.0, "m": 0.1}  # [rad/s], [m/s]
 _DEGREES = 4 * math.pi, 720.0  # magnitude of limits that are degrees by mistake
-_LONGEST = 20.0  # largest distance of a joint from its parent along an axis [m]
+_LONGEST = 20.0  # largest distance of a joint from its parent along an axis, and size [m]
+_STROKE = 5.0, 1e4  # magnitude of limits that are mm by mistake
 _TIME_TO_SPEED = 0.5  # [s]
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 
@@ -83,7 +84,7 @@ class UrdfUnusable(DescriptionError):
     """A URDF cannot become a robot file. The message lists all its mistakes."""
 
     def __init__(self, path: Path, mistakes: Sequence[UrdfError]) -> None:
-        error = UrdfError.of(mistakes)
+        error = UrdfError.of(mistakes, path)
         super().__init__(path, error.line, str(error))
 
 
@@ -117,6 +118,11 @@ def draft_robot(
     is_tree = not mistakes
     mistakes += _joint_mistakes(urdf)
     mistakes += urdf.shape_mistakes(largest)
+    mistakes += [
+        UrdfError(f"the {key} of {where}, {_words(size)}, {_metres(size, key)}", line)
+        for line, where, key, size in urdf.shape_sizes()
+        if _LONGEST < max(size, default=0.0) <= largest
+    ]
     used = [name for name, collides in urdf.meshes().items() if name and collides]
     mistakes += mesh_mistakes(path, used)
     mistakes += _gripper_mistakes(gripper or (), urdf)
@@ -220,39 +226,56 @@ def _rounded(value: float, lower: float, upper: float) -> float:
 
 def _joint_mistakes(urdf: Urdf) -> Iterator[UrdfError]:
     leaders = [j.name for j in urdf.joints if j.type != "fixed" and j.mimic is None]
-    for joint in urdf.joints:
+    for joint, line in zip(urdf.joints, urdf.joint_lines, strict=True):
         name = joint.name
-        if joint.type == "revolute" and _in_degrees(joint.lower, joint.upper):
-            right = (
-                f'lower="{math.radians(joint.lower):.5g}" upper="{math.radians(joint.upper):.5g}"'
-            )
-            why = f"joint {name}: its limits {joint.lower:g} and {joint.upper:g} look like degrees"
-            yield UrdfError(f"{why}, but a URDF has radians; write {right}")
+        limits = joint.lower, joint.upper
+        if joint.type == "revolute" and (odd := _in_degrees(*limits)):
+            lower, upper = (math.radians(q) if q in odd else q for q in limits)
+            what = " and ".join(f"{q:g}" for q in odd)
+            why = f"joint {name}: its limit{f's {what} look' if odd[1:] else f' {what} looks'}"
+            right = f'lower="{lower:.5g}" upper="{upper:.5g}"'
+            yield UrdfError(f"{why} like degrees, but a URDF has radians; write {right}", line)
+        least, most = _STROKE
+        if joint.type == "prismatic" and least < max(map(abs, limits)) <= most:
+            why = f"joint {name}: its limits {joint.lower:g} and {joint.upper:g} look like mm"
+            right = f'lower="{joint.lower / 1e3:g}" upper="{joint.upper / 1e3:g}"'
+            yield UrdfError(f"{why}, but a URDF has metres; write {right}", line)
         if max(map(abs, joint.xyz)) > _LONGEST:
-            right = " ".join(f"{x / 1e3:g}" for x in joint.xyz)
-            why = f"joint {name}: its origin {' '.join(f'{x:g}' for x in joint.xyz)} looks like mm"
-            yield UrdfError(f'{why}, but a URDF has metres; write xyz="{right}"')
+            why = f"joint {name}: its origin {_words(joint.xyz)} {_metres(joint.xyz, 'xyz')}"
+            yield UrdfError(why, line)
         if joint.mimic and joint.mimic.leader not in leaders:
             why = f"joint {name} mimics {joint.mimic.leader}, which does not move by itself"
-            yield UrdfError(f"{why}; let it mimic one of {', '.join(leaders) or 'others'}")
+            yield UrdfError(f"{why}; let it mimic one of {', '.join(leaders) or 'others'}", line)
         if joint.mimic and not joint.mimic.multiplier:
             why = f"joint {name} mimics {joint.mimic.leader} with multiplier 0"
-            yield UrdfError(f"{why}; give another multiplier, or the type fixed")
+            yield UrdfError(f"{why}; give another multiplier, or the type fixed", line)
 
 
-def _in_degrees(*limits: float) -> bool:
-    """Return True if limits are more than two turns in radians, and round numbers in degrees."""
+def _metres(numbers: Sequence[float], key: str) -> str:
+    right = _words([each / 1e3 for each in numbers])
+    return f'looks like mm, but a URDF has metres; write {key}="{right}"'
+
+
+def _words(numbers: Sequence[float]) -> str:
+    return " ".join(f"{each:g}" for each in numbers)
+
+
+def _in_degrees(*limits: float) -> list[float]:
+    """Return the limits that look like degrees, if one is more than two turns in radians."""
     least, most = _DEGREES
-    return least < max(map(abs, limits)) <= most and all(round(q, 1) == q for q in limits)
+    large = [q for q in limits if least < abs(q) <= most and round(q, 1) == q]
+    return [q for q in limits if q in large or (large and q and q.is_integer())]
 
 
 def _gripper_mistakes(gripper: Sequence[str], urdf: Urdf) -> Iterator[UrdfError]:
     """Yield the mistakes in a user's names of gripper joints."""
-    independent = [joint.name for joint in urdf.moving.values() if joint.mimic is None]
+    leaders = {j.name: j.mimic.leader if j.mimic else j.name for j in urdf.moving.values()}
+    independent = [name for name, leader in leaders.items() if name == leader]
     for name in gripper if independent else ():
         if name not in independent:
+            near = did_you_mean(leaders.get(closest(name, leaders), ""))
             why = f"--gripper: {name} is no joint that moves by itself"
-            yield UrdfError(f"{why}; {there_are(name, independent)}")
+            yield UrdfError(why + (near or f"; {there_are(name, independent)}"))
     if independent and set(independent) <= set(gripper):
         yield UrdfError("all joints are in the gripper; leave at least one for the arm")
 

@@ -50,9 +50,18 @@ def load_robot(
     driver = load_driver(root) if "driver" in root or "serial" in root else NullDriver(path)
     name, file = root.text("name"), calibration_file(path)
     calibration = read_calibration(file, name) if calibrated else None
-    joints = _joints(root, described, driver, calibration)
+    with root.later():
+        joints = _joints(root, described, driver, calibration)
+    with root.later():
+        root.table("groups")
+    with root.later():
+        serial, firmware = _board(root, driver)
+    with root.later():
+        collision = _collision(root.table("collision"), described.links)
+    with root.later():
+        tool = _tool(root.table("tool"), described.links) if "tool" in root else None
+    root.raise_mistakes()
     groups = _groups(root, joints)
-    serial, firmware = _board(root, driver)
     robot = Robot(
         name=name,
         path=path,
@@ -62,8 +71,8 @@ def load_robot(
         serial=serial,
         driver=driver,
         firmware=firmware,
-        collision=_collision(root.table("collision"), described.links),
-        tool=_tool(root.table("tool"), described.links) if "tool" in root else None,
+        collision=collision,
+        tool=tool,
         gripper=_gripper(root, joints, groups, described) if "gripper" in root else None,
         guards=_guards(root, firmware) if "guards" in root else Guards(),
         links=described.links,
@@ -175,15 +184,17 @@ def _joints(
 ) -> tuple[Joint, ...]:
     """Return the joints of the robot file in its order, then the mimic joints of the URDF."""
     table, moving = root.table("joints"), urdf.moving
+    own, mimics = dict[str, Joint](), []
     for name in table:
-        if name not in moving:
-            table.fail(name, f"the URDF has no such joint; it has {', '.join(moving)}")
-        if moving[name].mimic:
-            table.fail(name, "follows another joint in the URDF and has no servo of its own")
-    own = {
-        name: _joint(name, table.table(name), moving[name], driver, calibration) for name in table
-    }
-    mimics = []
+        with table.later():
+            if name not in moving:
+                table.fail(name, f"the URDF has no such joint; it has {', '.join(moving)}")
+            if moving[name].mimic:
+                table.fail(name, "follows another joint in the URDF and has no servo of its own")
+            if joint := _joint(name, table.table(name), moving[name], driver, calibration):
+                own[name] = joint
+    if table.mistakes:
+        return ()
     for name, described in moving.items():
         if described.mimic and described.mimic.leader in own:
             leader = described.mimic.leader
@@ -202,7 +213,8 @@ def _joint(
     urdf: UrdfJoint,
     driver: Driver,
     calibration: TomlTable | None,
-) -> Joint:
+) -> Joint | None:
+    """Return a joint, or None if it or an earlier one has mistakes, which are kept in the table."""
     lower, upper, wired = urdf.lower, urdf.upper, table
     if calibration and "wire" in table:
         wired = calibration.table(name)
@@ -210,25 +222,43 @@ def _joint(
         upper = min(upper, math.radians(wired.number("upper_deg")))
         if lower >= upper:
             wired.fail("lower_deg", "no position is within this range and the limits of the URDF")
-    boot = table.number("boot")
-    if not urdf.lower <= boot <= urdf.upper:
-        table.fail("boot", f"{boot:g} is outside [{urdf.lower:g}, {urdf.upper:g}]")
-    joint = Joint(
+    with table.later():
+        boot = table.number("boot")
+        if not urdf.lower <= boot <= urdf.upper:
+            outside = f"{boot:g} is outside [{urdf.lower:g}, {urdf.upper:g}]"
+            table.fail("boot", outside + _in_radians(boot, urdf))
+    with table.later():
+        velocity = table.number("velocity", above=0)
+        if velocity > urdf.velocity:
+            most = f"the URDF's limit, {urdf.velocity:g} {urdf.unit}/s"
+            table.fail("velocity", f"{velocity:g} {urdf.unit}/s is more than {most}")
+    with table.later():
+        acceleration = table.number("acceleration", above=0)
+    with table.later():
+        wire = driver.wire(wired, lower, upper)
+    table.done()
+    if table.mistakes:
+        return None
+    return Joint(
         name=name,
         lower=lower,
         upper=upper,
-        velocity=table.number("velocity", above=0),
-        acceleration=table.number("acceleration", above=0),
+        velocity=velocity,
+        acceleration=acceleration,
         boot=min(max(boot, lower), upper),  # a calibrated range may exclude the boot position
         mimic=None,
-        wire=driver.wire(wired, lower, upper),
+        wire=wire,
         unit=urdf.unit,
     )
-    if joint.velocity > urdf.velocity:
-        most = f"the URDF's limit, {urdf.velocity:g} {urdf.unit}/s"
-        table.fail("velocity", f"{joint.velocity:g} {urdf.unit}/s is more than {most}")
-    table.done()
-    return joint
+
+
+def _in_radians(boot: float, urdf: UrdfJoint) -> str:
+    """Return a hint for a position in degrees, or an empty text."""
+    exact = math.radians(boot)
+    right = next((q for q in (round(exact, 4), exact) if urdf.lower <= q <= urdf.upper), None)
+    if urdf.unit != "rad" or abs(boot) <= math.tau or right is None:
+        return ""
+    return f"; {boot:g} degrees are {right} rad"
 
 
 def _mimic_joint(table: TomlTable, urdf: UrdfJoint, leader: Joint) -> Joint:

@@ -8,7 +8,7 @@ import math
 import re
 import reprlib
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,12 +16,14 @@ from pathlib import Path
 from typing import Self
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
+from xml.parsers import expat
 
 from hardware.files import read_file
 from hardware.joints import Joint, Mimic
 from hardware.spelling import there_are
 
 Vector = tuple[float, float, float]
+_Mistake = tuple[Element | None, str]  # the wrong element, or None for the file; the message
 
 MAX_BYTES = 2**20
 _XACRO = re.compile(r"\{[^}]*xacro\}")  # namespace of its elements
@@ -45,12 +47,12 @@ class UrdfError(ValueError):
         super().__init__(message)
 
     @classmethod
-    def of(cls, mistakes: "Sequence[UrdfError]") -> "UrdfError":
-        """Return one error with all mistakes of a URDF, one per line."""
-        words = [str(each) for each in mistakes]
-        if len(words) > 1:
-            words.insert(0, f"{len(words)} mistakes")
-        return cls("\n".join(words), mistakes[0].line)
+    def of(cls, mistakes: "Sequence[UrdfError]", path: Path) -> "UrdfError":
+        """Return one error with all mistakes of a URDF, one per line with the path of the file."""
+        if len(mistakes) == 1:
+            return mistakes[0]
+        words = [f"{path}:{each.line}: {each}" if each.line else str(each) for each in mistakes]
+        return cls("\n".join([f"{len(words)} mistakes", *words]))
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,6 +147,7 @@ class Urdf:
             self._root = ElementTree.fromstring(text)
         except ElementTree.ParseError as error:
             raise UrdfError(f"is not XML: {error}", error.position[0]) from error
+        self._text = text
 
     @classmethod
     def read(cls, path: Path) -> Self:
@@ -156,16 +159,19 @@ class Urdf:
             LookupError: The encoding of the text is unknown.
             ValueError: The path is invalid.
         """
-        return cls(read_file(path, MAX_BYTES)).checked()
+        return cls(read_file(path, MAX_BYTES)).checked(path)
 
-    def checked(self) -> Self:
+    def checked(self, path: Path = Path("URDF")) -> Self:
         """Check its links and joints, and return the URDF itself.
+
+        Args:
+            path: The file, for the message. Default: a text without a file.
 
         Raises:
             UrdfError: The URDF is not a tree of links with valid joints.
         """
         if mistakes := list(self.mistakes()):
-            raise UrdfError.of(mistakes)
+            raise UrdfError.of(mistakes, path)
         return self
 
     @cached_property
@@ -177,6 +183,19 @@ class Urdf:
     def joints(self) -> tuple[UrdfJoint, ...]:
         """All joints, in the order of the file."""
         return tuple(_joint(each, []) for each in self._root.findall("joint"))
+
+    @cached_property
+    def joint_lines(self) -> list[int]:
+        """Line number of each joint, in the order of the file."""
+        return [self._lines[joint] for joint in self._root.findall("joint")]
+
+    @cached_property
+    def _lines(self) -> dict[Element, int]:
+        """Line number of each element. Only mistakes need it, so the text is parsed again."""
+        numbers, parser = list[int](), expat.ParserCreate()
+        parser.StartElementHandler = lambda *_: numbers.append(parser.CurrentLineNumber)
+        parser.Parse(self._text, True)
+        return dict(zip(self._root.iter(), numbers, strict=True))
 
     @cached_property
     def moving(self) -> dict[str, UrdfJoint]:
@@ -193,30 +212,41 @@ class Urdf:
 
     def mistakes(self) -> Iterator[UrdfError]:
         """Yield every mistake of links and joints."""
-        if self._root.tag != "robot":
-            yield UrdfError(f"is not a URDF: its root element is <{self._root.tag}>, not <robot>")
+        yield from self._errors(self._mistakes())
+
+    def _errors(self, mistakes: Iterable[_Mistake]) -> Iterator[UrdfError]:
+        for element, message in mistakes:
+            yield UrdfError(message, 0 if element is None else self._lines[element])
+
+    def _mistakes(self) -> Iterator[_Mistake]:
+        root = self._root
+        if root.tag != "robot":
+            yield None, f"is not a URDF: its root element is <{root.tag}>, not <robot>"
             return
         if self.is_xacro:
-            yield UrdfError("is a xacro file; first run xacro FILE > robot.urdf")
+            yield None, "is a xacro file; first run xacro FILE > robot.urdf"
             return
-        joints = self._root.findall("joint")
+        joints = root.findall("joint")
         if len(self.links) > _MAX_LINKS:
-            yield UrdfError(f"has {len(self.links)} links; the limit is {_MAX_LINKS}")
+            yield None, f"has {len(self.links)} links; the limit is {_MAX_LINKS}"
             return
-        yield from _name_mistakes("link", self.links)
-        yield from _name_mistakes("joint", [joint.get("name", "") for joint in joints])
+        if "name" not in root.attrib:
+            yield root, 'the robot has no name; write <robot name="my_arm">'
+        yield from _name_mistakes("link", root.findall("link"))
+        yield from _name_mistakes("joint", joints)
         known = []
         for joint in joints:
             if joint.get("type") in (*_MOVING, "fixed"):
                 known.append(joint)
             else:
                 why = f"joint {joint.get('name')} is {joint.get('type')}"
-                yield UrdfError(f"{why}; it must be {', '.join(_MOVING)} or fixed")
-        yield from _tree_mistakes(joints, self.links)
+                yield joint, f"{why}; it must be {', '.join(_MOVING)} or fixed"
+        yield from _tree_mistakes(joints, root.findall("link"))
         for joint in known:
-            wrong: list[str] = []
+            wrong = list[_Mistake]()
             _joint(joint, wrong)
-            yield from (UrdfError(f"joint {joint.get('name', '')}: {each}") for each in wrong)
+            name = joint.get("name", "")
+            yield from ((element, f"joint {name}: {message}") for element, message in wrong)
 
     def shape_mistakes(self, largest: float) -> Iterator[UrdfError]:
         """Yield every mistake of collision shapes.
@@ -227,7 +257,16 @@ class Urdf:
         for link in self._root.findall("link"):
             for collision in link.findall("collision"):
                 wrong = _collision_mistakes(link.get("name", ""), collision, largest)
-                yield from map(UrdfError, wrong)
+                yield from self._errors(wrong)
+
+    def shape_sizes(self) -> Iterator[tuple[int, str, str, list[float]]]:
+        """Yield line, name, key and numbers [m] of each size of a collision or visual shape."""
+        for link in self._root.findall("link"):
+            paths = ("collision/geometry/*", "visual/geometry/*")
+            for shape in (shape for path in paths for shape in link.findall(path)):
+                for key in _SIZES.get(shape.tag, {}):
+                    where = f"the {shape.tag} of {link.get('name', '')}"
+                    yield self._lines[shape], where, key, _numbers(shape.get(key, ""))
 
     def shape_counts(self, kind: str = "collision") -> dict[str, int]:
         """Return the number of `collision` or `visual` shapes of each link."""
@@ -284,16 +323,22 @@ class Urdf:
 # Links and joints --------------------------------------------------------------------------------
 
 
-def _name_mistakes(kind: str, names: Sequence[str]) -> Iterator[UrdfError]:
-    if "" in names:
-        yield UrdfError(f"{kind} {names.index('') + 1} of {len(names)} has no name; give it one")
-    for name, count in Counter(names).items():
-        if name and count > 1:
-            yield UrdfError(f"two {kind}s are called {name}; give each a name of its own")
+def _name_mistakes(kind: str, elements: Sequence[Element]) -> Iterator[_Mistake]:
+    by_name = dict[str, list[Element]]()
+    for element in elements:
+        by_name.setdefault(element.get("name", ""), []).append(element)
+    if nameless := by_name.pop("", None):
+        number = f"{kind} {elements.index(nameless[0]) + 1} of {len(elements)}"
+        yield nameless[0], f"{number} has no name; give it one"
+    for name, found in by_name.items():
+        if len(found) > 1:
+            yield found[1], f"two {kind}s are called {name}; give each a name of its own"
 
 
-def _tree_mistakes(joints: list[Element], links: tuple[str, ...]) -> Iterator[UrdfError]:
+def _tree_mistakes(joints: list[Element], bodies: list[Element]) -> Iterator[_Mistake]:
     """Yield the mistakes of joints that do not connect all links to one tree."""
+    links = {link.get("name", ""): link for link in bodies}
+    elements = dict[str, Element]()  # each joint
     ends = dict[str, tuple[str, str]]()  # parent and child of each joint
     above = dict[str, str]()  # the joint above each link
     counts = Counter[str]()  # joints by name
@@ -302,37 +347,37 @@ def _tree_mistakes(joints: list[Element], links: tuple[str, ...]) -> Iterator[Ur
         counts[name] += 1
         if counts[name] > 1:  # a mistake of its own, which must not hide others
             name += f" ({counts[name]})"
-        ends[name] = parent, child
+        ends[name], elements[name] = (parent, child), joint
         for tag, link in (("parent", parent), ("child", child)):
             if not link:
-                yield UrdfError(f'joint {name} has no {tag}; write <{tag} link="NAME"/> in it')
+                yield joint, f'joint {name} has no {tag}; write <{tag} link="NAME"/> in it'
             elif link not in links:
                 why = f"joint {name}: its {tag} {link} is no link; {there_are(link, links)}"
-                add = (
-                    "" if why.endswith("?") else f'; name one of them, or add <link name="{link}"/>'
-                )
-                yield UrdfError(why + add)
+                if not why.endswith("?"):
+                    why += f'; name one of them, or add <link name="{link}"/>'
+                yield joint, why
         if child in above:
             what = f"its child {child} is the child of {above[child]} already"
-            yield UrdfError(f"joint {name}: {what}; let one of the two move another link")
+            yield joint, f"joint {name}: {what}; let one of the two move another link"
         above[child] = name
-    yield from _loop_mistakes(ends, above)
+    yield from _loop_mistakes(elements, ends, above)
     roots = [link for link in links if link not in above]
     if not links:
-        yield UrdfError("has no links; give it at least one")
-    if len(roots) > 1:
+        yield None, "has no links; give it at least one"
+    if len(roots) > 1 and all(each in links for both in ends.values() for each in both):
         why = f"links {' and '.join(roots)} have no parent joint, which only one link may lack"
         between = f'<parent link="{roots[0]}"/><child link="{roots[1]}"/>'
         fixed = f'<joint name="to_{roots[1]}" type="fixed">{between}</joint>'
-        yield UrdfError(f"{why}; give each other one a joint, such as {fixed}")
+        yield links[roots[1]], f"{why}; give each other one a joint, such as {fixed}"
 
 
 def _loop_mistakes(
-    ends: Mapping[str, tuple[str, str]], above: Mapping[str, str]
-) -> Iterator[UrdfError]:
+    joints: Mapping[str, Element], ends: Mapping[str, tuple[str, str]], above: Mapping[str, str]
+) -> Iterator[_Mistake]:
     """Yield a joint that is its own ancestor.
 
     Args:
+        joints: The joints.
         ends: Parent and child of each joint.
         above: The joint above each link.
     """
@@ -346,7 +391,7 @@ def _loop_mistakes(
             why = f"joint {name} has the same link as parent and child, {child}"
             if path:
                 why = f"joint {name} is its own ancestor, through {', '.join(path)}"
-            yield UrdfError(f"{why}; give it another child link")
+            yield joints[name], f"{why}; give it another child link"
             return
         if end in connected or end not in above:
             connected.update((parent, *(ends[each][0] for each in path)))
@@ -357,11 +402,11 @@ def _link(joint: Element, tag: str) -> str:
     return "" if element is None else element.get("link", "")
 
 
-def _joint(element: Element, wrong: list[str]) -> UrdfJoint:
+def _joint(element: Element, wrong: list[_Mistake]) -> UrdfJoint:
     """Return a joint, and append its mistakes. An invalid value becomes 0 or nan."""
     name, kind = element.get("name", ""), element.get("type", "")
     xyz, rpy = _origin(element, wrong)
-    lower, upper, velocity = _limits(kind, element.find("limit"), wrong)
+    lower, upper, velocity = _limits(element, wrong)
     mimic = element.find("mimic")
     return UrdfJoint(
         name=name,
@@ -378,7 +423,7 @@ def _joint(element: Element, wrong: list[str]) -> UrdfJoint:
     )
 
 
-def _origin(joint: Element, wrong: list[str]) -> tuple[Vector, Vector]:
+def _origin(joint: Element, wrong: list[_Mistake]) -> tuple[Vector, Vector]:
     """Return the position [m] and rotation [rad] of a joint in the frame of its parent."""
     found: tuple[Vector, Vector] | None = None
     for origin in joint.findall("origin"):
@@ -390,7 +435,7 @@ def _origin(joint: Element, wrong: list[str]) -> tuple[Vector, Vector]:
     return found or ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
-def _vector(origin: Element, key: str, wanted: str, wrong: list[str]) -> Vector:
+def _vector(origin: Element, key: str, wanted: str, wrong: list[_Mistake]) -> Vector:
     numbers = _numbers(origin.get(key, "0 0 0"))
     if len(numbers) != 3:
         wrong.append(_mistake(f"its {origin.tag}", origin, key, wanted))
@@ -399,15 +444,17 @@ def _vector(origin: Element, key: str, wanted: str, wrong: list[str]) -> Vector:
     return x, y, z
 
 
-def _limits(kind: str, limit: Element | None, wrong: list[str]) -> tuple[float, float, float]:
+def _limits(joint: Element, wrong: list[_Mistake]) -> tuple[float, float, float]:
     """Return lower and upper position, and velocity; infinite if the URDF omits one.
 
     A velocity of 0 is the placeholder of an unknown one, so it is no limit.
     """
+    kind, limit = joint.get("type", ""), joint.find("limit")
     bounded, unit = kind in ("revolute", "prismatic"), _unit(kind)
     if limit is None:
         if bounded:
-            wrong.append("it has no limit; give one with its lower, upper, velocity and effort")
+            add = "give one with its lower, upper, velocity and effort"
+            wrong.append((joint, f"it has no limit; {add}"))
         return -math.inf, math.inf, math.inf
     number, above = "a finite number", "a finite number of at least 0"
     default = None if bounded else "0"
@@ -419,7 +466,7 @@ def _limits(kind: str, limit: Element | None, wrong: list[str]) -> tuple[float, 
         return -math.inf, math.inf, velocity
     if lower > upper:
         right = f'lower="{upper:g}" upper="{lower:g}"'
-        wrong.append(f"lower {lower:g} is above upper {upper:g}; write {right}")
+        wrong.append((limit, f"lower {lower:g} is above upper {upper:g}; write {right}"))
     return lower, upper, velocity
 
 
@@ -427,24 +474,24 @@ def _unit(kind: str) -> str:
     return "m" if kind == "prismatic" else "rad"
 
 
-def _axis(joint: Element, wrong: list[str]) -> Vector:
+def _axis(joint: Element, wrong: list[_Mistake]) -> Vector:
     axis = joint.find("axis")
     text = "1 0 0" if axis is None else axis.get("xyz", "1 0 0")
     numbers = _numbers(text)
     if len(numbers) != 3 or not _SHORTEST_AXIS <= math.hypot(*numbers) <= 1.0 / _SHORTEST_AXIS:
         wanted = "give x, y, z of a vector with a length, such as 0 0 1"
-        wrong.append(f"its axis is {reprlib.repr(text)}; {wanted}")
+        wrong.append((axis, f"its axis is {reprlib.repr(text)}; {wanted}"))
         return 0.0, 0.0, 0.0
     x, y, z = numbers
     return x, y, z
 
 
-def _mimic(name: str, element: Element, wrong: list[str]) -> Mimic:
+def _mimic(name: str, element: Element, wrong: list[_Mistake]) -> Mimic:
     leader = element.get("joint", "")
     if not leader:
         wrong.append(_mistake("its mimic", element, "joint", "the name of the joint to follow"))
     if leader == name:
-        wrong.append("it mimics itself; let it mimic another joint, or none")
+        wrong.append((element, "it mimics itself; let it mimic another joint, or none"))
     multiplier = _number(element, "multiplier", "a finite number", wrong, default="1")
     offset = _number(element, "offset", "a finite number", wrong, default="0")
     return Mimic(leader, multiplier, offset)
@@ -454,7 +501,7 @@ def _number(
     element: Element,
     key: str,
     wanted: str,
-    wrong: list[str],
+    wrong: list[_Mistake],
     least: float = -math.inf,
     default: str | None = None,
 ) -> float:
@@ -472,7 +519,7 @@ _SIZES = {"box": {"size": 3}, "sphere": {"radius": 1}, "cylinder": {"radius": 1,
 _SHAPES = (*_SIZES, "mesh")
 
 
-def _collision_mistakes(link: str, collision: Element, largest: float) -> Iterator[str]:
+def _collision_mistakes(link: str, collision: Element, largest: float) -> Iterator[_Mistake]:
     for origin in collision.findall("origin"):
         for key in ("xyz", "rpy"):
             numbers = _numbers(origin.get(key, "0 0 0"))
@@ -481,15 +528,15 @@ def _collision_mistakes(link: str, collision: Element, largest: float) -> Iterat
                 yield _mistake(f"an origin of {link}", origin, key, wanted)
     shapes = collision.findall("geometry/*")
     if len(shapes) != 1:
-        yield f"a collision of {link} has {len(shapes)} shapes; give each collision one shape"
+        yield collision, f"a collision of {link} has {len(shapes)} shapes; give each one shape"
     for shape in shapes:
         yield from _shape_mistakes(link, shape, largest)
 
 
-def _shape_mistakes(link: str, shape: Element, largest: float) -> Iterator[str]:
+def _shape_mistakes(link: str, shape: Element, largest: float) -> Iterator[_Mistake]:
     where = f"the {shape.tag} of {link}"
     if shape.tag not in _SHAPES:
-        yield f"{link} has a {shape.tag}; give one of {', '.join(_SHAPES)}"
+        yield shape, f"{link} has a {shape.tag}; give one of {', '.join(_SHAPES)}"
     for key, count in _SIZES.get(shape.tag, {}).items():
         numbers = _numbers(shape.get(key, ""))
         if len(numbers) != count or not all(0.0 < number <= largest for number in numbers):
@@ -543,7 +590,7 @@ def _numbers(text: str) -> list[float]:
     return numbers if len(numbers) == len(words) and all(map(math.isfinite, numbers)) else []
 
 
-def _mistake(where: str, element: Element, key: str, wanted: str) -> str:
+def _mistake(where: str, element: Element, key: str, wanted: str) -> _Mistake:
     value = element.get(key)
     what = "is missing" if value is None else f"is {reprlib.repr(value)}"
-    return f"the {key} of {where} {what}; give {wanted}"
+    return element, f"the {key} of {where} {what}; give {wanted}"

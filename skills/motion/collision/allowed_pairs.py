@@ -6,12 +6,16 @@ every configuration, some in none, and some at the start of the arm.
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 
+import coal
 import numpy as np
 
 from hardware import Joint, Robot
 from hardware.description.neighbours import adjacent_links
 from skills.motion.arrays import Array
+from skills.motion.errors import ModelUnusable
+from skills.motion.robot_model.geometry import corners
 from skills.motion.robot_model.robot_model import RobotModel
 
 from .checker import CollisionChecker, Contact
@@ -24,6 +28,7 @@ _ALWAYS = 0.95  # share of samples in contact from which a pair counts as always
 # Hulls that keep the margin plus this distance in all samples never touch [m]. The addition covers
 # configurations between two samples.
 _RESERVE = 0.01
+_LONGEST = 20.0  # largest size of a mesh along an axis [m]
 _SHARES = np.linspace(1.0, 0.0, 41)  # shares of the way from the start to a pose
 NO_POSES: Mapping[str, Mapping[str, float]] = {}
 
@@ -64,11 +69,12 @@ def find_allowed_pairs(
         seed: Seed of the samples.
 
     Raises:
-        ModelUnusable: The robot cannot be loaded.
+        ModelUnusable: The robot cannot be loaded, or a mesh is longer than 20 m.
         BadWorld: There are too many pairs of shapes.
     """
     margin, samples = robot.collision.margin, _random(robot, seed)
     scene = _scene(robot, ())
+    _check_meshes(robot, scene.robot_model)
     names = scene.linked_pairs(scene.hulls)
     adjacent = adjacent_links(robot.description, {link for pair in names for link in pair})
     checker, reasons = CollisionChecker(scene), dict[tuple[str, str], str]()
@@ -92,6 +98,15 @@ def find_allowed_pairs(
         checker = CollisionChecker(_scene(robot, reasons, scene.robot_model))
     free = {name: _free_pose(robot, checker, boot, pose) for name, pose in poses.items()}
     return AllowedPairs(reasons, len(names), boot, checker.nearest(boot), free)
+
+
+def _check_meshes(robot: Robot, model: RobotModel) -> None:
+    for shape in model.exact:
+        longest = np.ptp(corners(shape), axis=0).max()
+        if isinstance(shape.geometry, coal.BVHModelBase) and longest > _LONGEST:
+            why = f"the mesh {Path(shape.meshPath).name} is {longest:.0f} m long, which looks like"
+            scale = " ".join(f"{each / 1e3:g}" for each in shape.meshScale)
+            raise ModelUnusable(str(robot.urdf), f'{why} mm; write scale="{scale}" in its <mesh>')
 
 
 def _scene(

@@ -46,7 +46,7 @@ def test_a_sliding_joint_moves_along_its_turned_axis() -> None:
     joint = '<joint name="a" type="prismatic"><parent link="p"/><child link="c"/>'
     joint += '<origin xyz="1 0 0" rpy="0 0 1.5707963267948966"/><axis xyz="2 0 0"/>'
     joint += '<limit lower="0" upper="1" velocity="1" effort="1"/></joint>'
-    urdf = f'<robot><link name="p"/><link name="c"/>{joint}</robot>'
+    urdf = f'<robot name="r"><link name="p"/><link name="c"/>{joint}</robot>'
     (place,) = ForwardKinematics(Urdf(urdf).checked()).transforms({"a": 0.5})
     assert place.position == pytest.approx((1.0, 0.5, 0.0))
 

@@ -26,6 +26,15 @@ def written(folder: Path, text: str) -> Path:
     return path
 
 
+def mistakes(path: Path) -> list[str]:
+    """What is wrong with a URDF, with the lines but without the path, which is asserted here."""
+    with pytest.raises(UrdfUnusable) as caught:
+        draft_robot(path, LARGEST)
+    first, *lines = str(caught.value).splitlines()
+    assert first == f"{path}: {len(lines)} mistakes"
+    return [line.removeprefix(f"{path}:") for line in lines]
+
+
 def made(path: Path) -> Path:
     output = path.with_suffix(".toml")
     output.write_text(robot_text(draft_robot(path, LARGEST), path.parent, {}))
@@ -115,14 +124,15 @@ def test_names_that_toml_must_quote(tmp_path: Path) -> None:
 
 def test_limits_in_degrees_are_reported(tmp_path: Path) -> None:
     limit = '<limit lower="{}" upper="{}" velocity="1" effort="1"/>'
-    limits = ("-90", "90"), ("0", "172.5"), ("-6.28318", "6.28318"), ("-1e16", "1e16")
+    limits = [("-90", "90"), ("0", "172.5"), ("-6.28318", "6.28318"), ("-1e16", "1e16")]
+    limits += [("-1.8", "180"), ("-90", "1.8326")]
     joints = [f"{n} -> {n + 1}: revolute j{n} {limit.format(*q)}" for n, q in enumerate(limits)]
-    with pytest.raises(UrdfUnusable) as caught:
-        draft_robot(written(tmp_path, urdf(joints)), LARGEST)
-    said = "joint {}: its limits {} look like degrees, but a URDF has radians; write {}"
-    assert str(caught.value).splitlines()[1:] == [
-        said.format("j0", "-90 and 90", 'lower="-1.5708" upper="1.5708"'),
-        said.format("j1", "0 and 172.5", 'lower="0" upper="3.0107"'),
+    said = "1: joint {}: its limit{} like degrees, but a URDF has radians; write {}"
+    assert mistakes(written(tmp_path, urdf(joints))) == [
+        said.format("j0", "s -90 and 90 look", 'lower="-1.5708" upper="1.5708"'),
+        said.format("j1", " 172.5 looks", 'lower="0" upper="3.0107"'),
+        said.format("j4", " 180 looks", 'lower="-1.8" upper="3.1416"'),
+        said.format("j5", " -90 looks", 'lower="-1.5708" upper="1.8326"'),
     ]
 
 
@@ -133,26 +143,61 @@ def test_origins_in_mm_are_reported(tmp_path: Path) -> None:
         draft_robot(written(tmp_path, urdf(joints)), LARGEST)
 
 
+@pytest.mark.parametrize("end", ["child", "parent"])
+def test_a_misspelt_link_of_a_joint_is_one_mistake(tmp_path: Path, end: str) -> None:
+    joints = ["base -> arm: revolute j", "arm -> wrist: revolute k", "wrist -> hand: revolute l"]
+    text = urdf(joints).replace(f'<{end} link="wrist"/>', f'<{end} link="wirst"/>')
+    with pytest.raises(UrdfUnusable) as caught:
+        draft_robot(written(tmp_path, text), LARGEST)
+    names = "there are arm, base, hand, wrist; did you mean wrist?"
+    joint = {"child": "k", "parent": "l"}[end]
+    said = f"arm.urdf:1: joint {joint}: its {end} wirst is no link; {names}"
+    assert str(caught.value).endswith(said)
+
+
+def test_limits_and_shapes_in_mm_are_reported(tmp_path: Path) -> None:
+    limit = '<limit lower="{}" upper="{}" velocity="1" effort="1"/>'
+    limits = ("0", "20"), ("-0.5", "5"), ("-1e16", "1e16")
+    joints = [f"{n} -> {n + 1}: prismatic j{n} {limit.format(*q)}" for n, q in enumerate(limits)]
+    joints += ["3 -> 4: fixed weld"]
+    geometry = "<geometry>{}</geometry>"
+    body = {
+        0: "<collision>{}</collision>\n".format(geometry.format('<box size="100 100 50"/>')),
+        1: "<visual>{}</visual>".format(geometry.format('<sphere radius="60"/>')),
+        2: "<visual>{}</visual>".format(geometry.format('<cylinder radius="2" length="15"/>')),
+    }
+    text = urdf(joints)
+    for link, shapes in body.items():
+        text = text.replace(f'<link name="{link}">', f'<link name="{link}">{shapes}')
+    assert mistakes(written(tmp_path, text)) == [
+        "2: joint j0: its limits 0 and 20 look like mm, but a URDF has metres; "
+        'write lower="0" upper="0.02"',
+        "1: the size of the box of 0, 100 100 50, looks like mm, but a URDF has metres; "
+        'write size="0.1 0.1 0.05"',
+        "2: the radius of the sphere of 1, 60, looks like mm, but a URDF has metres; "
+        'write radius="0.06"',
+    ]
+
+
 def test_a_name_that_two_joints_have_hides_no_mistake(tmp_path: Path) -> None:
     joints = ["base -> a: revolute j", "a -> b: revolute j", "b -> b: revolute k"]
     joints += ['c -> d: revolute j <mimic joint="l"/>', "b -> c: fixed weld"]
     joints += ['c -> e: revolute j <mimic joint="m"/>', "b -> e: fixed weld"]
-    path = written(tmp_path, urdf(joints))
-    with pytest.raises(UrdfUnusable) as caught:
-        draft_robot(path, LARGEST)
-    words = [line.partition(";")[0] for line in str(caught.value).splitlines()[1:]]
-    assert words == [
-        "two joints are called j",
-        "two joints are called weld",
-        "joint k: its child b is the child of j (2) already",
-        "joint weld (2): its child e is the child of j (4) already",
-        "joint k has the same link as parent and child, b",
-        "joint j mimics l, which does not move by itself",
-        "joint j mimics m, which does not move by itself",
+    path = written(tmp_path, urdf(joints).replace("<joint", "\n<joint"))
+    assert [line.partition(";")[0] for line in mistakes(path)] == [
+        "3: two joints are called j",
+        "8: two joints are called weld",
+        "4: joint k: its child b is the child of j (2) already",
+        "8: joint weld (2): its child e is the child of j (4) already",
+        "4: joint k has the same link as parent and child, b",
+        "5: joint j mimics l, which does not move by itself",
+        "7: joint j mimics m, which does not move by itself",
     ]
     robot = tmp_path / "arm.toml"
     robot.write_text(f"name = 'arm'\nurdf = '{path.name}'\n")
-    with pytest.raises(DescriptionError, match=r"5 mistakes\n(.*\n)+joint k has the same link"):
+    with pytest.raises(
+        DescriptionError, match=rf"5 mistakes\n(.*\n)+{path}:4: joint k has the same link"
+    ):
         load_robot(robot)
 
 
@@ -162,16 +207,19 @@ def test_everything_that_is_wrong_is_reported_at_once(tmp_path: Path) -> None:
     shapes = shapes.replace("<geometry><box", '<origin rpy="0"/><geometry><box')
     limit = '<limit lower="0" velocity="0" effort="1"/><axis xyz="0 0 0"/>'
     joints = [ARM[0].replace("revolute", "screw"), f"a -> b: prismatic lift {limit}"]
+    text = urdf(joints, shapes)
+    for tag in ("<joint", "<limit", "<axis"):
+        text = text.replace(tag, f"\n{tag}")
     with pytest.raises(UrdfUnusable) as caught:
-        draft_robot(written(tmp_path, urdf(joints, shapes)), LARGEST, ["left"], "hand")
+        draft_robot(written(tmp_path, text), LARGEST, ["left"], "hand")
     words = str(caught.value).splitlines()
     assert words[0].endswith("arm.urdf: 12 mistakes")
-    assert [line.partition(";")[0] for line in words[1:]] == [
-        "joint shoulder is screw",
-        "joint lift: the upper of its limit is missing",
-        "joint lift: its axis is '0 0 0'",
+    assert [line.partition(";")[0].removeprefix(f"{tmp_path}/") for line in words[1:]] == [
+        "arm.urdf:2: joint shoulder is screw",
+        "arm.urdf:4: joint lift: the upper of its limit is missing",
+        "arm.urdf:5: joint lift: its axis is '0 0 0'",
         *(
-            f"the {what} of {link} is {value}"
+            f"arm.urdf:1: the {what} of {link} is {value}"
             for link in ("base", "a", "b")
             for what, value in (("rpy of an origin", "'0'"), ("size of the box", "'0 1 1'"))
         ),
@@ -190,6 +238,16 @@ def test_meshes_for_viewers_are_named_beside_a_mistake(tmp_path: Path) -> None:
         draft_robot(path, LARGEST)
 
 
+def test_elements_of_entities_have_a_line(tmp_path: Path) -> None:
+    text = urdf([*ARM, "c -> d: screw j"]).replace("</robot>", "&more;</robot>")
+    types = '<!DOCTYPE robot [<!ENTITY more "<!-- a --><link/><link/>">]>\n'
+    path = written(tmp_path, types + text)
+    assert [line.partition(";")[0] for line in mistakes(path)][:2] == [
+        "2: link 6 of 7 has no name",
+        "2: joint j is screw",
+    ]
+
+
 WRONG = {
     "no XML": ("<robot", ":1: is not XML"),
     "other XML": ("<sdf/>", "is not a URDF: its root element is <sdf>"),
@@ -206,7 +264,10 @@ WRONG = {
         "arm.urdf: is a xacro file",
     ),
     "a loop": (urdf(["a -> b: fixed j", "b -> a: fixed k"]), "joint j is its own ancestor"),
-    "no links": ("<robot/>", "has no links"),
+    "no name, nor links": (
+        "<robot/>",
+        'arm.urdf:1: the robot has no name; write <robot name="my_arm">\nhas no links',
+    ),
     "two roots": (urdf([ARM[0], "x -> y: fixed j"]), "links base and x have no parent joint"),
     "follows nothing": (
         urdf([*ARM, 'c -> d: revolute rod <mimic joint="none"/>']),
@@ -233,8 +294,12 @@ def test_all_wrong_names_are_reported_at_once(tmp_path: Path) -> None:
 def test_names_that_the_urdf_does_not_have(tmp_path: Path) -> None:
     path = written(tmp_path, urdf(ARM))
     assert draft_robot(path, LARGEST, ["lift"], "a").groups["gripper"] == ("lift",)
+    text = urdf([*ARM, 'c -> d: prismatic right_jaw <mimic joint="lift"/>'])
+    path = written(tmp_path, text)
     for gripper, tool, why in (
-        (["left"], "a", "--gripper: left is no joint that moves by itself; there are elbow"),
+        (["shouldr"], "a", "--gripper: shouldr is no joint that moves by itself; did you mean sho"),
+        (["righ_jaw"], "a", "righ_jaw is no joint that moves by itself; did you mean lift.$"),
+        (["thumb"], "a", "--gripper: thumb is no joint that moves by itself; there are elbow"),
         (["shoulder", "elbow", "lift"], "a", "leave at least one for the arm"),
         ([], "hand", "there is no link hand for the tool; there are a, b, base, c"),
     ):

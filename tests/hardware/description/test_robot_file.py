@@ -157,13 +157,49 @@ def test_a_wrong_robot_file(tmp_path: Path, old: str, new: str, found: str, why:
     assert re.search(why, said), said
 
 
+def test_all_mistakes_of_joints_and_tables_are_reported_at_once(tmp_path: Path) -> None:
+    slips = {
+        "[groups]": "[group]",
+        "velocity = 1.0": 'velocity = "fast"',
+        "boot = 0.0": "boot = 90",
+        "acceleration = 0.5": "acceleraton = 0.5",
+        'letter = "s"': 'letter = "ss"',
+        "baud = 115200": "baud = 1",
+        "margin_m = 0.005": "margin_m = -1",
+    }
+    toml = TOML
+    for old, new in slips.items():
+        toml = replaced(toml, old, new)
+    path = written(tmp_path, toml)
+    numbered = list(enumerate(toml.splitlines(), 1))
+    line = {new: next(n for n, text in numbered if new in text) for new in slips.values()}
+    first, *lines = refusal(path).splitlines()
+    assert first == f"{path}: 7 mistakes"
+    for said, (new, why) in zip(
+        lines,
+        {
+            "boot = 90": r"boot: 90 is outside \[.*\]; 90 degrees are 1.5707963267948966 rad$",
+            'velocity = "fast"': "velocity: 'fast' is not a number$",
+            "acceleraton = 0.5": "acceleraton: unknown key; did you mean acceleration",
+            'letter = "ss"': "joint_2.wire.letter: 'ss' is not one letter",
+            "[group]": r"group: unknown key; did you mean groups\?$",
+            "baud = 1": "serial.baud: 1 is not from 1200",
+            "margin_m = -1": "collision.margin_m: -1 is not allowed",
+        }.items(),
+        strict=True,
+    ):
+        assert said.startswith(f"{path}:{line[new]}: ")
+        assert re.search(why, said)
+
+
 LIMIT = re.findall("<limit.*?/>", URDF)[0]
 ORIGIN = '<origin xyz="0 0 0.0307" rpy="0 0 0"'
 
 WRONG_URDF = {
     "no xml": ("<robot", "robot", r"arduinobot.urdf:\d+: is not XML"),
     "no urdf": (URDF, "<html/>", "arduinobot.urdf: is not a URDF: its root element is <html>, not <robot>"),
-    "no links": (URDF, "<robot/>", "arduinobot.urdf: has no links; give it at least one"),
+    "no name": (' name="arduinobot"', "", 'arduinobot.urdf:14: the robot has no name; write <robot name="my_arm">'),
+    "no links": (URDF, '<robot name="r"/>', "arduinobot.urdf: has no links; give it at least one"),
     "no lower": ('lower="-1.570796326795"', "", r"joint joint_1: the lower of its limit is missing; give a finite number \[rad\]"),
     "no effort": ('effort="30.0"', "", "joint joint_1: the effort of its limit is missing; give a finite number of at least 0"),
     "no limit": (LIMIT, "", "joint joint_1: it has no limit; give one with its lower, upper, velocity and effort"),

@@ -7,7 +7,9 @@ import pytest
 from hardware import Robot, load_robot
 from hardware.description.new_robot import draft_robot
 from skills.motion.collision.allowed_pairs import AllowedPairs, find_allowed_pairs
+from skills.motion.errors import ModelUnusable
 from tests.support.arms.urdfs import LIMIT
+from tests.support.paths import DATA
 
 
 def link(name: str, size: str, at: str = "0 0 0") -> str:
@@ -50,6 +52,15 @@ def test_neighbours_and_links_that_never_meet(tmp_path: Path) -> None:
         ("base", "lower"): "never",
     }
     assert (found.count, found.boot, found.nearest) == (3, (0.0, 0.0), None)
+
+
+def test_a_mesh_in_mm_is_reported(tmp_path: Path) -> None:
+    mesh = f'<mesh filename="{DATA}/beam.stl" scale="500 500 500"/>'
+    beam = f'<link name="beam"><collision><geometry>{mesh}</geometry></collision></link>'
+    robot = arm(tmp_path, link("base", "1 1 1"), beam, joint("j", "base", "beam", "0 0 2"))
+    said = r'mesh beam.stl is \d+ m long, which looks like mm; write scale="0\.5 0\.5 0\.5" in its'
+    with pytest.raises(ModelUnusable, match=said):
+        find_allowed_pairs(robot)
 
 
 def test_a_pair_that_may_meet_is_checked(tmp_path: Path) -> None:

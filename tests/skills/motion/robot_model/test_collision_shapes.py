@@ -58,7 +58,7 @@ def refusal(robot: Robot) -> str:
         ('<box size="1e-400 1 1"/>', "the size of the box of middle is '1e-400 1 1'"),
         ('<box size="0.1 0.1"/>', "the size of the box of middle is '0.1 0.1'; give three"),
         ('<capsule radius="0.1" length="0.2"/>', "middle has a capsule; give one of box, sphere"),
-        ("", "a collision of middle has 0 shapes; give each collision one shape"),
+        ("", "a collision of middle has 0 shapes; give each one shape"),
         ('<box size="1 1 1"/><sphere radius="1"/>', "a collision of middle has 2 shapes; give"),
         ("<mesh/>", "the filename of the mesh of middle is missing; give the name of a file"),
         ('<mesh filename="a.stl" scale="1 0 1"/>', "the scale of the mesh of middle is '1 0 1'"),
