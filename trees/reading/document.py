@@ -250,7 +250,7 @@ class _Reader:
         self._path, self._lines = path, split_lines(text)
         self._events = _Plain(typ="safe", pure=True).parse(io.StringIO(text))
         self.mistakes: list[Mistake] = []
-        self._anchors: dict[str, Located] = {}
+        self._anchors: dict[str, tuple[Located, str]] = {}  # value and its text
 
     def document(self) -> Located:
         next(self._events)  # the stream begins
@@ -278,16 +278,17 @@ class _Reader:
             word = str(event.anchor)
             why = f"*{word} is an alias of YAML, which is not allowed; write the value itself"
             elsewhere = any(f"&{word}" in line for line in self._lines)
-            known = self._anchors.get(word)
-            text = known.as_yaml() if known else "" if elsewhere else word
+            meant, text = self._anchors.get(word, (None, "" if elsewhere else word))
             self._wrong(place, why, place.replaced(f"*{word}", text))
-            return Located(place, known.value if known else None, label or place)
+            return Located(place, meant.value if meant else None, label or place)
         assert isinstance(event, ScalarEvent | CollectionStartEvent)
         if event.tag is not None:
             self._wrong(place, f"tags are not allowed: {event.tag!r}")
+        known = len(self.mistakes)
         made = Located(place, self._content(event, depth + 1, place), label or place)
-        if event.anchor and len(made.as_yaml()) <= MAX_TEXT:  # aliases of aliases may be huge
-            self._anchors[str(event.anchor)] = made
+        # An alias is a mistake, so no kept value has aliases, whose text grows exponentially.
+        if event.anchor and len(self.mistakes) == known:
+            self._anchors[str(event.anchor)] = made, made.as_yaml()
         return made
 
     def _content(
