@@ -225,11 +225,11 @@ def _items(
 
 
 def _filled(value: Located, wanted: Declaration) -> str:
-    """Return a list of fewer numbers than declared with the missing ones; "" if it has none."""
+    """Return a size with its missing numbers, equal to the last one; "" for other lists."""
     given = [item.as_yaml() for item in value.value] if isinstance(value.value, list) else []
     missing = wanted.count - len(given)
-    more = given[-1:] if wanted.least and wanted.least > 0.0 else ["0"]
-    return f"[{', '.join(given + more * missing)}]" if given and missing > 0 else ""
+    size = given and missing > 0 and wanted.least and wanted.least > 0.0
+    return f"[{', '.join(given + given[-1:] * missing)}]" if size else ""
 
 
 def _as_items(value: Located) -> str:
