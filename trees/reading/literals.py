@@ -372,7 +372,7 @@ def _positions(
         near = _by_joint(items, poses)
         right = value.place.replaced(value.place.brackets, near)
         why = f"{value} is not {words('positions')}; write "
-        why += near or f"{{{_some_joint(poses)}: 20 deg}}"
+        why += near or f"{{{_some_joint(poses)}: …}}"
         wrong(value.place, why, right)
         return None
     if not value.value:

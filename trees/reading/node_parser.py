@@ -67,6 +67,13 @@ class NodeParser:
             return self._headed(value.place, loop.kind, loop.keys)
         if not whole and (counted := self._counted(value, keys)):
             return counted
+        skills = [key for key in rest if key[:1].isupper()]
+        if len(heads) == 1 and heads[0] in _FILES and skills:
+            lines = [f"{_in_turn()}:", *(f"  - {node}" for node in _apart(keys))]
+            alone = not value.place.location.endswith("]")  # in a list, a `-` is missing
+            right = replaced_block(value.place, lines) if alone and heads[0] == rest[0] else None
+            self._wrong(keys[skills[0]].label, _no_node(value, tuple(keys)), right)
+            return self._broken(value, keys)
         if len(heads) == 1:
             return self._headed(value.place, heads[0], keys)
         if not heads and len(rest) == 1 and rest[0] not in _beside():
@@ -530,6 +537,14 @@ def is_number(value: object) -> TypeGuard[int]:
 def as_node(keys: Mapping[str, Located]) -> str:
     """Return the values of a node in braces."""
     return "{" + ", ".join(f"{key}: {item.as_yaml()}" for key, item in keys.items()) + "}"
+
+
+def _apart(keys: Mapping[str, Located]) -> list[str]:
+    """Return the nodes that share a mapping, as YAML. `with` and `name` are of the file's node."""
+    own = {*_FILES, "with", "name"}
+    nodes = [{key: each for key, each in keys.items() if key in own}]
+    nodes += [{key: each} for key, each in keys.items() if key not in own]
+    return [as_node(node)[1:-1] if len(node) == 1 else as_node(node) for node in nodes]
 
 
 def _respell(keys: Mapping[str, Located], likely: Mapping[str, str]) -> dict[str, Located]:
