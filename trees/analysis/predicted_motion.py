@@ -337,6 +337,8 @@ class _Walk:
         place = leaf.written["body"].place if "body" in leaf.written else leaf.place
         if uses and not {name, _UNNAMED} & there:
             near = closest(name, there - {_UNNAMED})
+            if change is WorldChange.REMOVES and len(there) == 1:
+                (near,) = there
             self.found.absent[place] = (name, near, leaf.place)
         loose = any(body.name == name and not body.link for body in now.world.bodies)
         detaches = change is WorldChange.ATTACHES and "link" not in skill.input_ports()

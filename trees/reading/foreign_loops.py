@@ -66,9 +66,9 @@ def read_loop(
         why = f"{kind.name} has its node below it, and its number in a line of its own: "
         why += f"{option}: {amount}"
         more = {**more, option: head} if known else more
-    elif word == kind.condition and more.keys() & {"subtree", "task"}:
-        child, more = Located(place, more, place), {word: head}
-        why = f"{kind.name} has the node below it, and {word} in a line of its own"
+    elif _is_condition(word, head, kind) and more.keys() & {"subtree", "task"}:
+        child, more = Located(place, more, place), {kind.condition: head}
+        why = f"{kind.name} has the node below it, and {kind.condition} in a line of its own"
     elif word not in kind.synonyms or is_amount(head):
         return None
     if not more.keys() <= {*kind.options, kind.condition, "name"}:
@@ -97,6 +97,11 @@ def _loop_word(
         words |= dict.fromkeys([*kind.synonyms, *filter(None, [kind.condition])], kind)
     (word, *others) = [key for key in given if key in words] or [""]
     return word, None if others else words.get(word)
+
+
+def _is_condition(word: str, head: Located, kind: "ControlNodeKind") -> bool:
+    """Return True if the value of a key is the condition of a control node, not its child."""
+    return kind.condition == word or (bool(kind.condition) and isinstance(head.value, str))
 
 
 def _counted(head: Located, kind: "ControlNodeKind") -> tuple[Located, dict[str, Located]]:
