@@ -83,28 +83,28 @@ class Shift(Skill):
 
     @classmethod
     def poses(cls, robot: Robot, inputs: Mapping[str, Any]) -> list[tuple[float, ...]]:
-        """Return the goal if start and distances are known."""
+        """Return the goal if start and distances are known. Refuse one that is out of limits."""
         if "start" not in inputs or "by" not in inputs:
             return []
-        joints = _shifted(inputs["start"], inputs["by"])
-        return [tuple(_goal(robot, inputs["start"], joints, "by").values())]
+        return [tuple(_shifted(robot, inputs["start"], inputs["by"]).values())]
 
     def on_start(self) -> Status:
         """Add the distances and check the result."""
         robot, start, by = self.context.robot, self.get_input("start"), self.get_input("by")
         refuse(distance_errors(robot, by))
         refuse(missing_joint_errors(robot, "start", start))
-        try:
-            self._set_output("goal", _checked_goal(robot, start, _shifted(start, by), "by"))
-        except OutOfBounds as error:
-            begin = robot.joint(error.joint).words(start[error.joint])
-            error.args = (f"{error}; {error.joint} starts at {begin}",)
-            raise
+        self._set_output("goal", _shifted(robot, start, by))
         return Status.SUCCESS
 
 
-def _shifted(start: Positions, by: Positions) -> Positions:
-    return Positions((name, start[name] + distance) for name, distance in by.items())
+def _shifted(robot: Robot, start: Positions, by: Positions) -> Positions:
+    joints = Positions((name, start[name] + distance) for name, distance in by.items())
+    try:
+        return _checked_goal(robot, start, joints, "by")
+    except OutOfBounds as error:
+        begin = robot.joint(error.joint).words(start[error.joint])
+        error.args = (f"{error}; {error.joint} starts at {begin}",)
+        raise
 
 
 def _checked_goal(robot: Robot, start: Positions, joints: Positions, port: str) -> Positions:

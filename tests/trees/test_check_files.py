@@ -223,8 +223,7 @@ ONCE = [
     (
         "",
         "{subtree: reach, with: {arm: uprigth, gripper: open}}",
-        "4:36 arm: no pose uprigth; there are closed, folded, open, right, upright; "
-        "did you mean upright?",
+        "4:36 arm: no pose uprigth; there are folded, right, upright; did you mean upright?",
     ),
     (
         "parameters: {a: {type: number, default: 1}}\n",

@@ -38,7 +38,7 @@ WRONG = [
     ("joint_1: 20 deg", "upright", "9:22 joints: upright is a pose, not a joint: write upright "
      "alone", "      with: {joints: upright}"),
     ("{joint_1: 20 deg}", "5", "9:22 joints: 5 is not a mapping from joint names to angles, or a "
-     "pose; write {joint_1: 20 deg}", ""),
+     "pose; write {joint_1: …}", ""),
     ("{joint_1: 20 deg}", "[20 deg, 0]", "9:22 joints: [20 deg, 0] is not a mapping from joint "
      "names to angles, or a pose; write {joint_1: 20 deg, joint_2: 0}",
      "      with: {joints: {joint_1: 20 deg, joint_2: 0}}"),
@@ -146,8 +146,7 @@ NODES = [
      "in; there are cm, m, mm; did you mean 101.6 mm?",
      "      with: {point: [101.6 mm, 101.6 mm, 76.2 mm]}"),
     ("subtree: move_tool\n      with: {point: [10 cm, 10 cm]}", "11:21 point: [10 cm, 10 cm] has 2 "
-     "items, not 3 (x, y, z); did you mean [10 cm, 10 cm, 0]?",
-     "      with: {point: [10 cm, 10 cm, 0]}"),
+     "items, not 3 (x, y, z)", ""),
     ("repeat: {subtree: open_gripper}\n      times: twice", "11:14 repeat: times: 'twice' is not a "
      "whole number; did you mean 2?", "      times: 2"),
     ("subtree: move_relative\n      with: {by: {joint_1: 20}}",
@@ -169,8 +168,8 @@ SLIPS = [
      "mean -20 deg?", f"      {MOVE.replace('20', '-20')}"),
     ("20 deg", "20 Grad", "9:32 joints: '20 Grad': no unit Grad; there are deg, rad; did you mean "
      "20 deg?", f"      {MOVE}"),
-    ("arm: upright", "arm: Upright", "7:19 arm: no pose Upright; there are closed, folded, open, "
-     "right, upright; did you mean upright?", f"      {REACH}"),
+    ("arm: upright", "arm: Upright", "7:19 arm: no pose Upright; there are folded, right, "
+     "upright; did you mean upright?", f"      {REACH}"),
     ("task: 20", "Task: 20", "1:1 unknown key Task; there are description, grammar, name, "
      "parameters, replaces, retry, task, tree; did you mean task?", "task: 20"),
     ("joint_1: 20 deg", "joint_1: 20 deg, joint_1: 30 deg", "9:40 the key joint_1 is given twice, "

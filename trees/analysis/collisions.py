@@ -42,8 +42,9 @@ class CollisionChecks:
         poses: Configurations to check in an empty world [rad], and their places.
         trees: Compiled tasks and subtrees.
         tasks: The tasks among them.
-        notes: Notes about tasks whose first motion starts in collision, and about timeouts that are
-            too short for their motions. Both assume that the arm is in its start pose.
+        notes: Notes about tasks whose first motion starts in collision, about points out of reach,
+            and about timeouts that are too short for their motions. All assume that the arm is in
+            its start pose.
         absent: Places of bodies that a task uses but does not add, with the name of the body, a
             similar name, and the place of the node.
     """
@@ -132,26 +133,31 @@ class CollisionChecks:
     def _first_worlds(self) -> dict[World, Place]:
         """Return the worlds in which tasks first move the arm, and the places of these motions.
 
-        Also adds a note for each timeout that ends before its motions. A timeout that is too short
-        from any start is a mistake. The message then has the planned time from the start pose.
+        Also adds a note for each point that the tool cannot reach from the start pose, and for each
+        timeout that ends before its motions. A timeout that is too short from any start is a
+        mistake. The message then has the planned time from the start pose.
         """
         worlds, boot = dict[World, Place](), self.robot.boot_pose
         for tree in self.tasks:
             # Refusals for only this start are not mistakes.
             hooks = SkillHooks(tree.hooks.doubtful)
             times = PlannedTimes(tree, self.robot, self.pool.ask)
-            # The time of a motion to a point needs inverse kinematics.
             found = predict_motions(
                 tree,
                 self.robot,
                 self.pool.carry,
                 boot,
                 hooks=hooks,
-                reach=self.pool.reach if times else None,
+                reach=self.pool.reach,
                 duration=times.duration,
             )
+            start, known = self.robot.firmware.words.start_pose, {m.place for m in self._found}
+            self.notes += [
+                replace(each, message=f"from its {start}: {each.message}")
+                for each in dict.fromkeys(found.mistakes)
+                if each.place not in known
+            ]
             if times:
-                start = self.robot.firmware.words.start_pose
                 notes = {note.place: note for note in slow_children(tree, found.times, start)}
                 self._found = [notes.pop(each.place, each) for each in self._found]
                 self.notes += () if tree.mistakes.found else notes.values()

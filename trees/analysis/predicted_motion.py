@@ -14,6 +14,7 @@ from skills.motion import (
     EMPTY,
     Body,
     Carry,
+    GoalInCollision,
     MotionError,
     Query,
     Reached,
@@ -103,7 +104,8 @@ class PredictedMotions:
         unknown: Further nodes that move the arm, and the reason that their target is unknown.
         absent: Places of used bodies that are certainly missing, with the name of the body, a
             similar present name or "", and the place of the node.
-        mistakes: Points that the tool cannot reach, and detached bodies that no link carries.
+        mistakes: Points that the tool cannot reach without a collision, and detached bodies that no
+            link carries.
         times: Lower bound of the time that a node needs to move the arm [s], by node.
     """
 
@@ -291,6 +293,8 @@ class _Walk:
             self._why = str(error)
             if isinstance(error, Unreachable):
                 self.found.mistakes.append(self._unreachable(leaf, query, error))
+            elif isinstance(error, GoalInCollision):
+                self.found.mistakes.append(Mistake(_place_of_point(leaf), str(error)))
             return now
         names = (joint.name for joint in self._robot.actuated_in(query.group))
         target = Positions(zip(names, answer.positions, strict=True))
@@ -301,7 +305,7 @@ class _Walk:
         """Return the mistake of an unreachable point. Suggests a reachable point near it."""
         point = leaf.written.get("point")
         if not point or query.relative or query.direction or not self._reach:
-            return Mistake(point.place if point else leaf.place, str(error))
+            return Mistake(_place_of_point(leaf), str(error))
         pairs = zip(error.nearest, error.point, strict=True)
         inside = [near - _INSIDE * (far - near) / error.distance for near, far in pairs]
         text, (x, y, z) = in_unit_of(point, inside)
@@ -333,6 +337,8 @@ class _Walk:
         place = leaf.written["body"].place if "body" in leaf.written else leaf.place
         if uses and not {name, _UNNAMED} & there:
             near = closest(name, there - {_UNNAMED})
+            if change is WorldChange.REMOVES and len(there) == 1:
+                (near,) = there
             self.found.absent[place] = (name, near, leaf.place)
         loose = any(body.name == name and not body.link for body in now.world.bodies)
         detaches = change is WorldChange.ATTACHES and "link" not in skill.input_ports()
@@ -368,6 +374,11 @@ class _Walk:
             return self._carry(Carry(now.world, known["body"], link, now.pose))
         except MotionError:  # the body is unknown here
             return None
+
+
+def _place_of_point(leaf: Leaf) -> Place:
+    """Return the place of the point of the tool; the place of the skill if it is not written."""
+    return leaf.written["point"].place if "point" in leaf.written else leaf.place
 
 
 def _least_time(joint: Joint, distance: float) -> float:

@@ -546,7 +546,11 @@ class TreeCompiler:
         if wanted.type == "positions" and (said := instead_of_width(value, self._context.robot)):
             wrong(*said)
             return None
-        fitted = fit(value, wanted, self._sources.poses, wrong)
+        poses, port = self._sources.poses, what.rpartition(".")[2]
+        if value.value not in [*poses]:  # messages suggest joints and poses of the group `port`
+            group = {*self._context.robot.groups.get(port, ())}
+            poses = {name: q for name, q in poses.items() if q and {*q} <= group} or poses
+        fitted = fit(value, wanted, poses, wrong)
         if note := doubt(value, wanted, what):
             self._mistakes.notes.append(note)
         if wanted.type.endswith("positions") and fitted is not None:

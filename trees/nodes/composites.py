@@ -34,7 +34,8 @@ _MEMORY = {
 
 
 _IF = "there is no if: a selector runs its nodes until one succeeds; begin it with the "
-_TRY = "there is no try: a selector runs its nodes, begun with a `-`, until one succeeds"
+_UNTIL = "a selector runs its nodes, begun with a `-`, until one succeeds"
+_TRY, _ON_FAILURE = (f"there is no {word}: {_UNTIL}" for word in ("try", "on_failure"))
 _ONE_CASE = f"{_IF}inverted condition"
 _TWO_CASES = f"{_IF}sequence of one case, which begins with the condition"
 
@@ -125,9 +126,12 @@ class SelectorKind(_InTurn):
     with_memory, reactive = composites.Selector, ReactiveSelector
     groot_tag = "Fallback"
     synonyms = ("fallback", "Fallback", "ReactiveFallback")
-    keywords = {"else": _TWO_CASES, "if": _ONE_CASE, "then": _ONE_CASE} | dict.fromkeys(
-        ("try", "except", "catch"), _TRY
-    )
+    keywords = {
+        "else": _TWO_CASES,
+        "if": _ONE_CASE,
+        "then": _ONE_CASE,
+        "on_failure": _ON_FAILURE,
+    } | dict.fromkeys(("try", "except", "catch"), _TRY)
 
     def possible_outcomes(self, node: Node) -> PossibleOutcomes:
         """Return the possible outcomes, and report children that are never reached."""

@@ -264,7 +264,7 @@ class _Reader:
         after = next(self._events)
         if not isinstance(after, StreamEndEvent):
             place = self._place(after, "")
-            self._wrong(place, "a second document begins here; a file holds one")
+            self._end(place, "a second document begins here; a file holds one: leave this line out")
         return root
 
     def _value(

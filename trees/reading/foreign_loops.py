@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from trees.nodes.kind import ControlNodeKind
 
 _DO = "do"
+_COUNT = re.compile("num_.*|max_.*|count")  # names of the number of rounds
 _AMOUNT = re.compile(r"[0-9.]+ ?([a-z]+)?")
 EXAMPLES = {"integer": "3", "duration": "1 s"}  # example values of an option, by type
 
@@ -49,7 +50,8 @@ def read_loop(
     word, kind = _loop_word(given, kinds)
     if kind is None or kind.many:
         return None
-    head, more = given[word], {key: each for key, each in given.items() if key != word}
+    head, more = _counted(given[word], kind) if word in kind.synonyms else (given[word], {})
+    more |= {key: each for key, each in given.items() if key != word}
     in_one = _DO in nested(head)  # such as {times: 3, do: open_gripper}
     more |= nested(head) if in_one else {}
     child = more.pop(_DO, head)
@@ -64,9 +66,9 @@ def read_loop(
         why = f"{kind.name} has its node below it, and its number in a line of its own: "
         why += f"{option}: {amount}"
         more = {**more, option: head} if known else more
-    elif word == kind.condition and more.keys() & {"subtree", "task"}:
-        child, more = Located(place, more, place), {word: head}
-        why = f"{kind.name} has the node below it, and {word} in a line of its own"
+    elif _is_condition(word, head, kind) and more.keys() & {"subtree", "task"}:
+        child, more = Located(place, more, place), {kind.condition: head}
+        why = f"{kind.name} has the node below it, and {kind.condition} in a line of its own"
     elif word not in kind.synonyms or is_amount(head):
         return None
     if not more.keys() <= {*kind.options, kind.condition, "name"}:
@@ -95,6 +97,21 @@ def _loop_word(
         words |= dict.fromkeys([*kind.synonyms, *filter(None, [kind.condition])], kind)
     (word, *others) = [key for key in given if key in words] or [""]
     return word, None if others else words.get(word)
+
+
+def _is_condition(word: str, head: Located, kind: "ControlNodeKind") -> bool:
+    """Return True if the value of a key is the condition of a control node, not its child."""
+    return kind.condition == word or (bool(kind.condition) and isinstance(head.value, str))
+
+
+def _counted(head: Located, kind: "ControlNodeKind") -> tuple[Located, dict[str, Located]]:
+    """Return a node without its number of rounds, and the number by option."""
+    inner, option = dict(nested(head)), next(iter(kind.options), "")
+    counts = [key for key in inner if _COUNT.fullmatch(key)]
+    if len(counts) != 1 or not option or kind.options[option].type != "integer":
+        return head, {}
+    given = {option: inner.pop(counts[0])}
+    return Located(head.place, inner, head.place), given
 
 
 def _below(head: str, child: Located, in_turn: str) -> list[str]:

@@ -459,7 +459,8 @@ class _Parser:
         keys = self._corrections(nested(value), known)
         kind, output = UNTYPED, self._flag(keys.get("output"))
         if "type" in keys:
-            kind = self._type(keys["type"], what, "output" in known)
+            likely = measured(keys["default"]) if "default" in keys else ""
+            kind = self._type(keys["type"], what, "output" in known, likely)
         else:
             kind = _type_of(keys["default"]) if "default" in keys else ""
             old, near = value.place.brackets, f"type: {kind or 'number'}"
@@ -481,13 +482,16 @@ class _Parser:
             description=self.nodes.line(keys["description"], what) if "description" in keys else "",
         )
 
-    def _type(self, value: Located, what: str, opaque: bool) -> str:
-        """Return a type. Only skills can write an opaque type, such as Plan."""
+    def _type(self, value: Located, what: str, opaque: bool, likely: str = "") -> str:
+        """Return a type. Only skills can write an opaque type, such as Plan.
+
+        A message suggests the type `likely` if it is given.
+        """
         kind = value.value
         if isinstance(kind, str) and (kind in TYPES or (opaque and kind[:1].isupper())):
             return kind
         units = (each for each, names in UNITS.items() if kind in names)
-        near = _OTHER_TYPES.get(str(kind)) or next(units, closest(str(kind), TYPES))
+        near = likely or _OTHER_TYPES.get(str(kind)) or next(units, closest(str(kind), TYPES))
         why = f"{what}: no type {kind}; there are {_types()}{did_you_mean(near)}"
         self._wrong(value.place, why, value.place.replaced(str(kind), near))
         return UNTYPED

@@ -59,6 +59,8 @@ def in_node(place: Place, head: str) -> Correction | None:
     line, column = place.lines[place.line - 1], place.column - 1
     before, after = line[:column], line[column:]
     if not after.startswith("["):
+        if before.strip() == "-":
+            return None  # one `-` may be too many
         above = re.match(r"[\s-]*", place.lines[place.line - 2])
         if above and above.end() == column:  # its items are in the column of its key
             lines, indent = key_block(place), " " * (column + 2)

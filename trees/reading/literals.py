@@ -46,6 +46,7 @@ _FOREIGN_UNITS = {  # factor and unit of task files
     "mrad": (0.001, "rad"),
     "us": (0.001, "ms"),
 }
+_ENDLESS = ("infinite", "infinity", "inf", "forever", "endless", "unlimited", "always")
 _COUNTS = {"once": "1", "one": "1", "twice": "2", "two": "2", "thrice": "3"} | {
     "three": "3",
     "four": "4",
@@ -158,7 +159,7 @@ def fit(
     if wanted.type in ("number", *UNITS):
         fitted = _number(value, wanted.type, wrong)
     else:
-        fitted = _plain(value, wanted.type, wrong)
+        fitted = _plain(value, wanted, wrong)
     if isinstance(fitted, StandIn):
         return fitted
     if fitted is not None and (reason := _violation(fitted, wanted)):
@@ -225,11 +226,11 @@ def _items(
 
 
 def _filled(value: Located, wanted: Declaration) -> str:
-    """Return a list of fewer numbers than declared with the missing ones; "" if it has none."""
+    """Return a size with its missing numbers, equal to the last one; "" for other lists."""
     given = [item.as_yaml() for item in value.value] if isinstance(value.value, list) else []
     missing = wanted.count - len(given)
-    more = given[-1:] if wanted.least and wanted.least > 0.0 else ["0"]
-    return f"[{', '.join(given + more * missing)}]" if given and missing > 0 else ""
+    size = given and missing > 0 and wanted.least and wanted.least > 0.0
+    return f"[{', '.join(given + given[-1:] * missing)}]" if size else ""
 
 
 def _as_items(value: Located) -> str:
@@ -246,8 +247,8 @@ def _as_items(value: Located) -> str:
     return f"[{', '.join(f'{number} {unit}'.rstrip() for number, unit in items)}]"
 
 
-def _plain(value: Located, kind: str, wrong: Wrong) -> Any:
-    plain = value.value
+def _plain(value: Located, wanted: Declaration, wrong: Wrong) -> Any:
+    plain, kind = value.value, wanted.type
     if kind == ANY and type(plain) is int:
         return float(plain)
     python = _PYTHON.get(kind)
@@ -259,6 +260,8 @@ def _plain(value: Located, kind: str, wrong: Wrong) -> Any:
     if isinstance(plain, str) and kind in ("boolean", "integer"):  # a text in quotes
         near = near or (plain if re.fullmatch(r"true|false|[0-9]+", plain) else "")
         hint = " in quotes" if near == plain else hint
+    if wanted.optional and str(plain).lower() in _ENDLESS:
+        hint = "; for no limit, leave it out"
     if kind == "text" and isinstance(plain, int | float):
         near = f'"{value.as_yaml()}"'
     _not(value, kind, near, wrong, hint)
@@ -267,8 +270,9 @@ def _plain(value: Located, kind: str, wrong: Wrong) -> Any:
 
 def _not(value: Located, kind: str, near: str, wrong: Wrong, hint: str = "") -> None:
     """Report a value of a wrong type, with its likely meaning."""
-    if template := re.fullmatch(r"(?:\{\{|\$\{|<|%) *(\w+) *(?:\}\}|\}|>|%)", str(value.value)):
-        near = f"${template[1]}"
+    near = _reference(str(value.value)) or near
+    if re.fullmatch(r"-\$\w+", str(value.value)):
+        hint = "; a reference cannot be negated: declare another parameter"
     if kind in ("integer", "number"):
         count = re.sub(r" ?(times|x)$", "", str(value.value).lower())
         near = near or _COUNTS.get(count, count if count.isdecimal() else "")
@@ -278,6 +282,12 @@ def _not(value: Located, kind: str, near: str, wrong: Wrong, hint: str = "") -> 
     if len(items) == 1 and (measured(items[0]) == kind or type(items[0].value) in (int, float)):
         hint, near, old = did_you_mean(items[0].as_yaml()), items[0].as_yaml(), value.place.brackets
     wrong(value.place, f"{value} is not {words(kind)}{hint}", value.place.replaced(old, near))
+
+
+def _reference(text: str) -> str:
+    """Return the reference for a name in the signs of another program; "" for other texts."""
+    template = re.fullmatch(r"(?:\{\{?|\$\{|<|%) *([A-Za-z_]\w*) *(?:\}\}?|>|%)", text)
+    return f"${template[1]}" if template else ""
 
 
 def _known_type(value: Located, stand_in: StandIn, kind: str, wrong: Wrong) -> StandIn | None:
@@ -372,7 +382,7 @@ def _positions(
         near = _by_joint(items, poses)
         right = value.place.replaced(value.place.brackets, near)
         why = f"{value} is not {words('positions')}; write "
-        why += near or f"{{{_some_joint(poses)}: 20 deg}}"
+        why += near or f"{{{_some_joint(poses)}: …}}"
         wrong(value.place, why, right)
         return None
     if not value.value:
@@ -404,8 +414,9 @@ def _pose(
 ) -> dict[str, float | StandIn] | None:
     if name in poses:
         return dict(poses[name]) or None  # an empty pose is wrong and already reported
-    near = closest(name, poses)
-    there = f"no pose {name}; {there_are(name, poses)}"
+    near = _reference(name) or closest(name, poses)
+    there = f"no pose {name}; "
+    there += f"write {near} for a parameter" if _reference(name) else there_are(name, poses)
     if pairs := as_pairs(name):
         near = f"{{{', '.join(f'{joint}: {position}' for joint, position in pairs)}}}"
         there, lines = f"joint values are a mapping; write {near}", block(value.place)

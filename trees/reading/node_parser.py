@@ -67,6 +67,14 @@ class NodeParser:
             return self._headed(value.place, loop.kind, loop.keys)
         if not whole and (counted := self._counted(value, keys)):
             return counted
+        skills = [key for key in rest if key[:1].isupper() or key in _keywords()]
+        if len(heads) == 1 and heads[0] in _FILES and skills:
+            lines = [f"{_in_turn()}:", *(f"  - {node}" for node in _apart(keys))]
+            alone = not value.place.location.endswith("]")  # in a list, a `-` is missing
+            named = heads[0] == rest[0] and skills[0] not in _keywords()
+            right = replaced_block(value.place, lines) if alone and named else None
+            self._wrong(keys[skills[0]].label, _no_node(value, tuple(keys)), right)
+            return self._broken(value, keys)
         if len(heads) == 1:
             return self._headed(value.place, heads[0], keys)
         if not heads and len(rest) == 1 and rest[0] not in _beside():
@@ -144,7 +152,7 @@ class NodeParser:
         """Return a node of unknown kind, with the recognisable nodes in it."""
         items = value.value if isinstance(value.value, list) else ()
         below: list[TreeNode] = [self._unknown(value), *self._items(items)]
-        beside = _beside()
+        beside = {*_beside(), *_keywords()}
         for key, item in keys.items():
             if key in _kinds():
                 below += self._children(key, item)
@@ -502,7 +510,7 @@ def _beside() -> set[str]:
 def _likely(words: Collection[str]) -> dict[str, str]:
     """Return the likely first keys of nodes for unknown words."""
     named = {word: kind for word, kind in synonyms().items() if word in words}
-    own = {*_beside(), *(word for kind in _kinds().values() for word in kind.keywords)}
+    own = {*_beside(), *_keywords()}
     lower = [word for word in words if word not in own and _is_lower(word)]
     return named or corrections(lower, _heads())
 
@@ -515,6 +523,11 @@ def _is_lower(word: str) -> bool:
 def synonyms() -> dict[str, str]:
     """Return the kinds of control nodes by the words of other languages and libraries."""
     return {word: name for name, kind in _kinds().items() for word in kind.synonyms}
+
+
+def _keywords() -> dict[str, str]:
+    """Return the messages for keywords of programming languages, by keyword."""
+    return {word: why for kind in _kinds().values() for word, why in kind.keywords.items()}
 
 
 def _option_kinds() -> dict[str, str]:
@@ -532,6 +545,14 @@ def as_node(keys: Mapping[str, Located]) -> str:
     return "{" + ", ".join(f"{key}: {item.as_yaml()}" for key, item in keys.items()) + "}"
 
 
+def _apart(keys: Mapping[str, Located]) -> list[str]:
+    """Return the nodes that share a mapping, as YAML. `with` and `name` are of the file's node."""
+    own = {*_FILES, "with", "name"}
+    nodes = [{key: each for key, each in keys.items() if key in own}]
+    nodes += [{key: each} for key, each in keys.items() if key not in own]
+    return [as_node(node)[1:-1] if len(node) == 1 else as_node(node) for node in nodes]
+
+
 def _respell(keys: Mapping[str, Located], likely: Mapping[str, str]) -> dict[str, Located]:
     return {likely.get(key, key): item for key, item in keys.items()}
 
@@ -542,8 +563,7 @@ def _no_node(value: Located, keys: tuple[str, ...]) -> str:
         return "a list of nodes needs a node above it, such as sequence:"
     if not keys:
         return f"a node is a skill, a subtree, or a control node such as sequence, not {value}"
-    messages = (item for kind in _kinds().values() for item in kind.keywords.items())
-    if other := next((why for word, why in messages if word in keys), ""):
+    if other := next((why for word, why in _keywords().items() if word in keys), ""):
         return other
     if words := {word: kind for word, kind in synonyms().items() if word in keys}:
         return " and ".join(f"there is no {word}" + did_you_mean(words[word]) for word in words)

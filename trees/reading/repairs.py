@@ -280,6 +280,22 @@ _NUMBER = r"([-+]?[\d.]+)"
 # Patterns of slips (group 2 is the place), replacement and message.
 _SLIPS = (
     (
+        r"((?:text|question): )([\w ]+: [\w .]+)(?=[,}]|$)",
+        r'\1"\2"',
+        r"a text with a colon needs quotes",
+    ),
+    (r"([:,\[] *)(- +)(?=[\d.])", r"\1-", r"no space follows the sign of a number"),
+    (
+        r"([:,\[] *)((['\"])([-+]?[\d.]+)\3)(?= ?[a-z]+ *[,}\]]| ?[a-z]+$)",
+        r"\1\4",
+        r"leave out the quotes of a number with a unit",
+    ),
+    (
+        r"^(\s*- )((?:subtree|task): [\w-]+) (\{.*\})$",
+        r"\1{\2, with: \3}",
+        r"the values at ports are below the key with",
+    ),
+    (
         r"((?:^|[\s{\[,])[\w-]+: +)((?=([a-z]\w*): ))",
         r"\1{",
         r"a { is missing before `\3`",

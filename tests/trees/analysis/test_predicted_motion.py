@@ -177,6 +177,16 @@ def test_check_follows_targets_of_some_joints(robot: Robot, tmp_path: Path) -> N
     assert re.search("this pose collides: .* deep in post", mistake.message)
 
 
+def test_a_point_below_the_floor_is_a_note_if_only_the_start_pose_is_known(
+    robot: Robot, tmp_path: Path
+) -> None:
+    low = "{subtree: move_tool, with: {point: [10 cm, 10 cm, -5 cm]}}"
+    findings = check(robot, None, [written(tmp_path, low)])
+    (note,) = findings.notes
+    assert findings.mistakes == []
+    assert re.match("from its boot pose: At the goal, .* deep in floor", note.message)
+
+
 def test_plan_takes_along_what_the_task_holds(tmp_path: Path) -> None:
     first, second = planned(tmp_path, BALL, LEFT, HOLD, GO)
     assert "Around    ball\n" in first
