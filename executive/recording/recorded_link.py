@@ -74,7 +74,9 @@ class RecordedLink:
         Raises:
             LinkError: The link failed.
         """
-        self._recordings.caught_up(_HOLD_WAITS)
+        # A stop does not wait until a slow disk has created the file, which has no frame yet.
+        if self._recordings.begun:
+            self._recordings.caught_up(_HOLD_WAITS)
         self._link.write(data)
 
     def read(self) -> bytes:

@@ -240,6 +240,12 @@ class Recordings:
         self._watch(record)
         return outcome
 
+    @property
+    def begun(self) -> bool:
+        """True unless the file of the open recording is still being created."""
+        recorder = self._recorder
+        return recorder is None or recorder.begun
+
     def caught_up(self, timeout: float) -> bool:
         """Return True if every recorded frame was written to the operating system.
 

@@ -73,7 +73,7 @@ class Recorder:
         self._closed = False
         self._summary: Summary | None = None
         self._journal: Journal | None = None
-        self._begun, self._ended = False, threading.Event()
+        self._begun, self._ended = threading.Event(), threading.Event()
         self._unsynced, self._syncing = False, threading.Lock()
         self._slow = False  # True if a warning of a slow disk was logged
         stream = _create(path)
@@ -97,19 +97,25 @@ class Recorder:
         """True after an error. What is put later is lost."""
         return self._cause is not None
 
+    @property
+    def begun(self) -> bool:
+        """True if the file was created, or could not be created."""
+        return self._begun.is_set()
+
     def caught_up(self, timeout: float) -> bool:
         """Return True if all frames were written to the operating system.
 
-        Waits for this if necessary, and first for the creation of the file. Returns False after an
-        error.
+        Waits for this if necessary. The first call also waits until the file is created. Returns
+        False after an error.
 
         Args:
             timeout: Longest time to wait [s].
         """
+        begun = self.begun or self._begun.wait(_BEGIN_S)
         if self._cause is not None:
             self._ended.wait(timeout)
             return False
-        written = (self._begun and self._kept == self._sent) or self.wait(timeout)
+        written = (begun and self._kept == self._sent) or self.wait(timeout)
         return written and self._cause is None  # a write may have failed meanwhile
 
     def wait(self, timeout: float = _BEGIN_S) -> bool:
@@ -182,7 +188,7 @@ class Recorder:
         except Exception as cause:
             stream.close()
             self._fail(cause)
-        self._begun = True
+        self._begun.set()
 
     def _take(self, items: tuple[Item, ...]) -> None:
         if self._ended.is_set():

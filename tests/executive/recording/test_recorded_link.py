@@ -20,6 +20,7 @@ class Late:
 
     def __init__(self, rig: Rig, calls: float, write_s: float = 0.0) -> None:
         self._rig, self.calls, self._write_s = rig, calls, write_s
+        self.begun = True
 
     def caught_up(self, timeout: float) -> bool:
         if self.calls <= 0:
@@ -82,6 +83,19 @@ def test_a_stop_waits_only_briefly(rig: RigMaker) -> None:
         before = arm.clock.now()
         link.write(b"b090,s090,e090,g000,")
         assert arm.clock.now() - before == pytest.approx(0.002)
+        link.close()
+
+
+def test_a_stop_does_not_wait_for_a_file_that_is_being_created(rig: RigMaker) -> None:
+    arm = rig()
+    late = Late(arm, float("inf"))
+    late.begun = False
+    link = link_of(arm, late)
+    with arm.clock.working():
+        link.open()
+        before = arm.clock.now()
+        link.write(b"b090,s090,e090,g000,")
+        assert arm.clock.now() == before
         link.close()
 
 
