@@ -136,7 +136,7 @@ def replug_other_name(scene: Scene) -> None:
     scene.check(result["code"] == "hw.port_lost", f"the code is {result['code']}")
     until("the fault is processed", lambda: server.state() == "unconfigured")
     time.sleep(scene.random.uniform(0.2, 1.0))  # noqa: TID251, so long it is unplugged
-    taken = os.openpty()  # so that the kernel gives the board another one
+    taken = ends_up_to(before)  # so that the kernel gives the board another one
     resets = board.ask("replug ttyACM7")["resets"]
     for each in taken:
         os.close(each)
@@ -145,6 +145,17 @@ def replug_other_name(scene: Scene) -> None:
     if link.parent == BY_ID:
         server.until_printed(f"is back as {os.path.realpath(link)}")
     returned(scene, server, board, resets)
+
+
+def ends_up_to(device: str) -> list[int]:
+    """Open pseudo-terminals until this device is taken; return their descriptors.
+
+    The kernel gives the lowest free number.
+    """
+    ends = list[int]()
+    while not ends or int(Path(os.ttyname(ends[-1])).name) < int(Path(device).name):
+        ends += os.openpty()
+    return ends
 
 
 @row(
