@@ -260,7 +260,14 @@ class Peer:
         self.executor = MultiThreadedExecutor(8)
         self.executor.add_node(self.node)
         self.executor.add_node(self.lifecycle_node)
-        threading.Thread(target=self.executor.spin, daemon=True).start()
+        self.spinning = threading.Thread(target=self.executor.spin, daemon=True)
+        self.spinning.start()
+
+    def close(self):
+        """End the threads of the executor, which abort the program if they outlive it."""
+        self.executor.shutdown()
+        self.spinning.join(LONGEST)
+        rclpy.shutdown()
 
     def action(self, name):
         return self.actions.setdefault(name, Action(self.node, name))
@@ -364,6 +371,7 @@ def main():
         name, *arguments = json.loads(line)
         sys.stdout.write(json.dumps(getattr(peer, name)(*arguments)) + "\n")
         sys.stdout.flush()
+    peer.close()
 
 
 if __name__ == "__main__":

@@ -99,4 +99,6 @@ def accepts(port: int) -> bool:
         socket.create_connection(("127.0.0.1", port)).close()
     except ConnectionRefusedError:
         return False
+    except ConnectionResetError:
+        return True  # it is just ending
     return True
