@@ -89,7 +89,7 @@ def meant_file(
 
 
 def _begun(word: str, subtrees: Collection[str]) -> list[str]:
-    """Return the subtrees whose names begin with a word."""
+    """Return the subtrees with a name that begins with a word."""
     return [name for name in subtrees if word and name.startswith(f"{word.lower()}_")]
 
 

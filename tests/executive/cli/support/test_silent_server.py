@@ -1,4 +1,4 @@
-"""Commands whose server accepts connections, but does not answer."""
+"""Commands for a server that accepts connections, but does not answer."""
 
 import os
 import re
