@@ -48,10 +48,12 @@ def test_a_move_says_that_its_server_does_not_answer(shell: Shell, moving: Pseud
 def test_so_does_a_move_in_a_pipe(shell: Shell) -> None:
     shell.serve("--activate")
     move = [*ARMTREE, "move", "joint_1=80deg", "--speed", "0.05"]
-    with shell.begin(move) as process:
+    with shell.begin([*ARMTREE, "watch", "--json"]) as watch, shell.begin(move) as process:
+        assert watch.stdout
         assert process.stdout
-        assert any(line.startswith("move joint_1") for line in process.stdout)
+        assert any('"executing"' in line for line in watch.stdout)
         pause(shell)
+        watch.kill()
         silent = r"The server has not answered since \d\d:\d\d:\d\d. If the arm moves, "
         assert any(re.match(silent, line) for line in process.stdout)
         shell.server.send_signal(signal.SIGCONT)
