@@ -102,6 +102,8 @@ def open_page(browser: Any, page_server: Served) -> Iterator[Open]:
 
     yield open_tab
     page_server.executive.cancel()
+    for path in page_server.executive.status().breakpoints:  # of a test that ended early
+        page_server.executive.break_at(path, False)
     for tab in (tab for context in contexts for tab in context.pages):
         tab.evaluate("0")  # what it reported before has arrived then
     seen = list(problems)  # what a tab still loads fails as it closes
