@@ -134,15 +134,9 @@ class _Part(ABC):
         self, geometry: pin.GeometryModel, data: pin.GeometryData, numbers: NDArray[np.intp]
     ) -> None:
         self._geometry, self._data, self._numbers, self.active = geometry, data, numbers, True
-        repeatable_requests(geometry, data)
         self._ends, size = shape_pairs(geometry), len(geometry.geometryObjects)
         self._margins, self._active = np.zeros((size, size)), np.zeros((size, size), bool)
         self._places = list(range(len(numbers)))  # of the checked pairs
-
-    # Many queries need no results, and in a large world they take milliseconds to list.
-    @cached_property
-    def _results(self) -> list[coal.CollisionResult]:
-        return list(self._data.collisionResults)
 
     def set_margins(self, margins: Array) -> None:
         """Set the margin of each pair of the scene (P,) [m]."""
@@ -156,22 +150,13 @@ class _Part(ABC):
         self.active = bool(self._places)
         self._data.setActiveCollisionPairs(self._geometry, self._active, True)
 
-    def close_pairs_at(self, q: Array) -> list[int]:
-        """Return all checked pairs closer than their margins in one row (1, nq)."""
-        results = [self._results[place] for place in self._places]
-        for result in results:
-            result.clear()  # a check with boxes does not reset the results of distant pairs
-        self._check_all(q)
-        pairs = zip(self._places, results, strict=True)
-        return [int(self._numbers[place]) for place, result in pairs if result.isCollision()]
-
     @abstractmethod
     def collisions(self, q: Array, stop: bool, rows: int, check: Callable[[], None]) -> Mask:
         """Return True for each row in collision. See `collide`."""
 
     @abstractmethod
-    def _check_all(self, q: Array) -> None:
-        """Check all pairs in one row (1, nq), without a stop at the first collision."""
+    def close_pairs_at(self, q: Array) -> list[int]:
+        """Return all checked pairs closer than their margins in one row (1, nq)."""
 
 
 class _AllBoxes(_Part):
@@ -183,12 +168,13 @@ class _AllBoxes(_Part):
         super().__init__(scene.hulls, data, numbers)
         kind = pin.BroadPhaseManager_NaiveCollisionManager
         self._boxes = kind(self._kinematics, scene.hulls, data)
+        self._first = pin.CollisionCallBackDefault(scene.hulls, data, True)
 
     def collisions(self, q: Array, stop: bool, rows: int, check: Callable[[], None]) -> Mask:
         model, joints, boxes = self._kinematics, self._joints, self._boxes
-        hits = np.zeros(len(q), bool)
+        hits, period = np.zeros(len(q), bool), min(rows, _ROWS)
         for i, row in enumerate(q):
-            if not i % min(rows, _ROWS):
+            if not i % period:
                 check()
             if pin.computeCollisions(model, joints, boxes, row, True):
                 hits[i] = True
@@ -196,8 +182,22 @@ class _AllBoxes(_Part):
                     break
         return hits
 
-    def _check_all(self, q: Array) -> None:
-        pin.computeCollisions(self._kinematics, self._joints, self._boxes, q[0], False)
+    def close_pairs_at(self, q: Array) -> list[int]:
+        """Return all checked pairs closer than their margins in one row (1, nq).
+
+        Each check finds one pair. To read the results of all pairs would take longer.
+        """
+        model, joints, boxes, first = self._kinematics, self._joints, self._boxes, self._first
+        places = list[int]()
+        while True:
+            first.init()
+            if not pin.computeCollisions(model, joints, boxes, first, q[0]):
+                break
+            places.append(first.collisionPairIndex)
+            self._data.deactivateCollisionPair(places[-1])
+        for place in places:
+            self._data.activateCollisionPair(place)
+        return [int(self._numbers[place]) for place in places]
 
 
 class _Pool(_Part):
@@ -211,11 +211,21 @@ class _Pool(_Part):
         self._pool = kind(scene.kinematics, geometry, 1)
         super().__init__(geometry, self._pool.getGeometryData(0), numbers)
 
+    # Many queries need no results, and in a large world they take milliseconds to list.
+    @cached_property
+    def _results(self) -> list[coal.CollisionResult]:
+        return list(self._data.collisionResults)
+
     def collisions(self, q: Array, stop: bool, rows: int, check: Callable[[], None]) -> Mask:
         return collide(self._pool, q, stop, rows, check)
 
-    def _check_all(self, q: Array) -> None:
+    def close_pairs_at(self, q: Array) -> list[int]:
+        results = [self._results[place] for place in self._places]
+        for result in results:
+            result.clear()  # a check with boxes does not reset the results of distant pairs
         pin.computeCollisionsInParallel(1, self._pool, q.T, False)
+        pairs = zip(self._places, results, strict=True)
+        return [int(self._numbers[place]) for place, result in pairs if result.isCollision()]
 
 
 def _boxed_pairs(geometry: pin.GeometryModel) -> Mask:
@@ -249,16 +259,3 @@ def collide(
         if stop and hits[part].any():
             break
     return hits
-
-
-def repeatable_requests(
-    geometry: pin.GeometryModel, data: pin.GeometryData
-) -> list[coal.CollisionRequest]:
-    """Return the request of each pair. Its settings make answers independent of earlier checks."""
-    shapes, guess = geometry.geometryObjects, coal.GJKInitialGuess
-    meshed = [isinstance(shape.geometry, coal.BVHModelBase) for shape in shapes]
-    requests = list(data.collisionRequests)
-    for request, pair in zip(requests, geometry.collisionPairs, strict=True):
-        is_mesh = meshed[pair.first] or meshed[pair.second]
-        request.gjk_initial_guess = guess.DefaultGuess if is_mesh else guess.BoundingVolumeGuess
-    return requests

@@ -21,7 +21,7 @@ from skills.motion.errors import NotFinite
 from .broad_phase import BATCH, BroadPhase
 from .containment import ContainmentChecker
 from .distance import SignedDistance
-from .narrow_phase import NarrowPhase, TouchingShapes
+from .narrow_phase import NarrowPhase
 from .planning_scene import PlanningScene
 
 
@@ -70,7 +70,6 @@ class CollisionChecker:
         self.scene = scene
         self._deadline: Deadline | None = None
         self.pairs = frozenset(range(len(scene.hulls.collisionPairs)))
-        self._narrow = dict[int, NarrowPhase]()
         self._data = scene.kinematics.createData()
 
     def prepare(self) -> None:
@@ -100,8 +99,8 @@ class CollisionChecker:
         return SignedDistance(self.scene, self._data, self._placed, self._containment)
 
     @cached_property
-    def _touching(self) -> TouchingShapes:
-        return TouchingShapes(self.scene)
+    def _narrow(self) -> NarrowPhase:
+        return NarrowPhase(self.scene, self._data, self._placed, self._check)
 
     @contextmanager
     def within(self, deadline: Deadline) -> Iterator[None]:
@@ -199,8 +198,8 @@ class CollisionChecker:
             return None
         k, distance = self._distances.nearest(self._coordinates(row)[0])
         pair = geometry.collisionPairs[k]
-        names = [self.scene.link(geometry, i) for i in (pair.first, pair.second)]
-        return Contact(names[0], names[1], distance)
+        links = self.scene.exact_links
+        return Contact(links[pair.first], links[pair.second], distance)
 
     def proximity(
         self,
@@ -239,7 +238,7 @@ class CollisionChecker:
         for k in sorted(broad.close_pairs(q[rows])):
             margin = float(margins[k])
             doubtful = rows[self._hulls_of_pair_near(q[rows], k, margin)]
-            close = doubtful[self._narrow_phase(k).collisions(q[doubtful], margin, stop=False)]
+            close = doubtful[self._narrow.collisions(q[doubtful], k, margin, stop=False)]
             if close.size:
                 near[close] = True
                 found.add(k)
@@ -282,7 +281,7 @@ class CollisionChecker:
         doubtful = first + 1 + broad.collisions(after, stop=False).nonzero()[0]
         for k in sorted(broad.close_pairs(q[doubtful])):
             rows = doubtful[self._hulls_of_pair_near(q[doubtful], k, margin)]
-            hits = self._narrow_phase(k).collisions(q[rows], margin, stop=True)
+            hits = self._narrow.collisions(q[rows], k, margin, stop=True)
             if hits.any():
                 hit = int(rows[hits.argmax()])
                 doubtful = doubtful[doubtful < hit]
@@ -298,14 +297,17 @@ class CollisionChecker:
     def _collides(self, doubt: Array, margin: float, pairs: frozenset[int]) -> bool:
         """Return True if a doubt (nq,) is a collision. The broad phase has the same margin."""
         self._check()
-        every = pairs is self.pairs
-        if every and self._touching.collides(doubt):
-            return True
-        close = self._broad_phase(pairs).close_pairs_at(doubt[None, :])
-        checkers = [self._narrow_phase(k) for k in close]
-        if not every and any(checker.meshes_touch(doubt) for checker in checkers):
-            return True
-        return any(checker.are_close(doubt, margin) for checker in checkers)
+        broad, narrow = self._broad_phase(pairs), self._narrow
+        if pairs is self.pairs:
+            if narrow.touch(doubt):
+                return True
+            close = broad.close_pairs_at(doubt[None, :])
+        else:
+            close = broad.close_pairs_at(doubt[None, :])
+            narrow.place(doubt)
+            if narrow.meshes_touch(close):
+                return True
+        return narrow.are_close(close, margin)
 
     def _hulls_of_pair_near(self, q: Array, pair: int, margin: float) -> Mask:
         self._some_hulls.set_margin(frozenset((pair,)), margin)
@@ -313,13 +315,6 @@ class CollisionChecker:
 
     def _broad_phase(self, pairs: frozenset[int]) -> BroadPhase:
         return self._all_hulls if pairs is self.pairs else self._some_hulls
-
-    def _narrow_phase(self, pair: int) -> NarrowPhase:
-        checker = self._narrow.get(pair)
-        if checker is None:
-            checker = NarrowPhase(self.scene, self.scene.hulls.collisionPairs[pair], self._check)
-            self._narrow[pair] = checker
-        return checker
 
     def _coordinates(self, configurations: Array) -> Array:
         model = self.scene.robot_model

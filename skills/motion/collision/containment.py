@@ -92,7 +92,7 @@ class ContainmentChecker:
     def _contains(self, mesh: int, point: Array) -> bool:
         """Return True if a mesh is solid and contains a point in its frame (3,) [m]."""
         volume = self._scene.volumes[mesh]
-        is_link = not self._scene.is_body(self._scene.exact, mesh)
+        is_link = not self._scene.is_body(self._scene.exact_links[mesh])
         return (is_link or volume.closed) and volume.contains(point)
 
 

@@ -32,7 +32,7 @@ def convex_outlines(scene: PlanningScene, configuration: Array) -> list[tuple[st
             continue
         pose = data.oMi[shape.parentJoint]
         points = _points(shape) @ pose.rotation.T + pose.translation
-        outlines.append((scene.link(scene.exact, index), points))
+        outlines.append((scene.exact_links[index], points))
     return outlines
 
 

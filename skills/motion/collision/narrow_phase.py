@@ -1,6 +1,7 @@
 """Checks of exact shapes: primitives, and the triangles of meshes."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from functools import cached_property
 
 import coal
 import numpy as np
@@ -8,82 +9,111 @@ import pinocchio as pin
 
 from skills.motion.arrays import Array, Mask
 
-from .broad_phase import BATCH, collide, repeatable_requests
-from .planning_scene import PlanningScene
+from .broad_phase import BATCH, collide
+from .planning_scene import PlanningScene, ShapePairs, part_of
 
-
-class TouchingShapes:
-    """Detects contacts of exact shapes. Holds its buffers.
-
-    It is faster than a search for links closer than a margin.
-    """
-
-    def __init__(self, scene: PlanningScene) -> None:
-        self._kinematics, self._data = scene.kinematics, scene.kinematics.createData()
-        self._placed = scene.exact.createData()
-        repeatable_requests(scene.exact, self._placed)
-        kind = pin.BroadPhaseManager_DynamicAABBTreeCollisionManager
-        self._tree = kind(scene.kinematics, scene.exact, self._placed)
-
-    def collides(self, q: Array) -> bool:
-        """Return True if shapes with a bounded box touch in a configuration (nq,)."""
-        return bool(pin.computeCollisions(self._kinematics, self._data, self._tree, q, True))
+_CONTACT = coal.CollisionRequest()
 
 
 class NarrowPhase:
-    """Checks of the exact shapes of two links, with their working memory.
+    """Checks of the exact shapes of links, with their working memory.
 
     Meshes are checked one configuration at a time, because one check may take milliseconds.
     Contacts are checked first: a check of a margin takes up to a thousand times as long. A pool of
     coal would copy the meshes, which takes longer than most checks.
+
+    Args:
+        scene: The scene.
+        joints: Working memory for the scene's kinematics.
+        placed: Working memory for the scene's exact geometry.
+        check: Callback before calls that may take milliseconds. It raises an exception to stop.
     """
 
     def __init__(
-        self, scene: PlanningScene, pair: pin.CollisionPair, check: Callable[[], None]
+        self,
+        scene: PlanningScene,
+        joints: pin.Data,
+        placed: pin.GeometryData,
+        check: Callable[[], None],
     ) -> None:
-        self._kinematics, self._check = scene.kinematics, check
-        self._geometry = scene.exact_pairs_of(pair)
-        shapes = [shape.geometry for shape in self._geometry.geometryObjects]
-        self._meshed = any(isinstance(shape, coal.BVHModelBase) for shape in shapes)
-        if self._meshed:
-            self._data, self._touching = self._kinematics.createData(), self._geometry.createData()
-            self._near = near = self._geometry.createData()
-            repeatable_requests(self._geometry, self._touching)
-        else:
-            self._pool = pin.GeometryPool(self._kinematics, self._geometry, 1)
-            near = self._pool.getGeometryData(0)
-        self._requests, self._margin = repeatable_requests(self._geometry, near), 0.0
+        self._scene, self._joints, self._placed, self._check = scene, joints, placed, check
+        self._shapes = dict[int, ShapePairs]()  # of pairs of hulls
+        self._pools = dict[int, pin.GeometryPool]()
+        self._close = coal.CollisionRequest()
 
-    def collisions(self, q: Array, margin: float, stop: bool) -> Mask:
-        """Return True for each row with shapes closer than a margin [m]. See `BroadPhase`."""
-        if not self._meshed:
-            self._set_margin(margin)
-            return collide(self._pool, q, stop, BATCH, self._check)
+    # Loaded at their first use: large worlds take milliseconds for each of these.
+    @cached_property
+    def _boxes(self) -> pin.BroadPhaseManager_DynamicAABBTreeCollisionManager:
+        kind = pin.BroadPhaseManager_DynamicAABBTreeCollisionManager
+        return kind(self._scene.kinematics, self._scene.exact, self._placed)
+
+    @cached_property
+    def _placed_hulls(self) -> pin.GeometryData:
+        return self._scene.hulls.createData()
+
+    def place(self, q: Array) -> None:
+        """Place the shapes as in a configuration (nq,), for `meshes_touch` and `are_close`."""
+        model, joints, exact = self._scene.kinematics, self._joints, self._scene.exact
+        pin.updateGeometryPlacements(model, joints, exact, self._placed, q)
+
+    def touch(self, q: Array) -> bool:
+        """Place the shapes like `place`. Return True if shapes with a bounded box touch."""
+        model, joints = self._scene.kinematics, self._joints
+        return bool(pin.computeCollisions(model, joints, self._boxes, q, True))
+
+    def meshes_touch(self, pairs: Iterable[int]) -> bool:
+        """Return True if the meshes of a pair of `scene.hulls` touch."""
+        return any(self._of(pair).meshed and self._collide(pair, _CONTACT) for pair in pairs)
+
+    def are_close(self, pairs: Iterable[int], margin: float) -> bool:
+        """Return True if the shapes of a pair are closer than a margin. Slow on contact.
+
+        Args:
+            pairs: Pairs of `scene.hulls`.
+            margin: Distance to keep [m].
+        """
+        self._close.security_margin = margin
+        return any(self._collide(pair, self._close) for pair in pairs)
+
+    def collisions(self, q: Array, pair: int, margin: float, stop: bool) -> Mask:
+        """Return True for each row with shapes closer than a margin. See `BroadPhase`.
+
+        Args:
+            q: Coordinates of pinocchio (N, nq).
+            pair: Pair of `scene.hulls`.
+            margin: Distance to keep [m].
+            stop: True to stop at the first collision.
+        """
+        if not self._of(pair).meshed:
+            return collide(self._pool(pair, margin), q, stop, BATCH, self._check)
         hits = np.zeros(len(q), bool)
         for i, row in enumerate(q):
-            hits[i] = self.meshes_touch(row) or (margin > 0.0 and self.are_close(row, margin))
+            self.place(row)
+            hits[i] = self.meshes_touch([pair]) or (margin > 0.0 and self.are_close([pair], margin))
             if stop and hits[i]:
                 break
         return hits
 
-    def are_close(self, q: Array, margin: float) -> bool:
-        """Return True if shapes are closer than a margin [m] in one row (nq,). Slow on contact."""
-        if not self._meshed:
-            return bool(self.collisions(q[None, :], margin, stop=True)[0])
-        self._set_margin(margin)
-        return self._collides(q, self._near)
+    def _of(self, pair: int) -> ShapePairs:
+        if pair not in self._shapes:
+            self._shapes[pair] = self._scene.exact_pairs_of(pair)
+        return self._shapes[pair]
 
-    def meshes_touch(self, q: Array) -> bool:
-        """Return True if meshes touch in one row (nq,). False if the links have no meshes."""
-        return self._meshed and self._collides(q, self._touching)
-
-    def _set_margin(self, margin: float) -> None:
-        if margin != self._margin:
-            for request in self._requests:
-                request.security_margin = margin
-            self._margin = margin
-
-    def _collides(self, q: Array, placed: pin.GeometryData) -> bool:
+    def _collide(self, pair: int, request: coal.CollisionRequest) -> bool:
         self._check()
-        model, data, geometry = self._kinematics, self._data, self._geometry
-        return bool(pin.computeCollisions(model, data, geometry, placed, q, True))
+        geometry, pairs, _ = self._of(pair)
+        placed = self._placed
+        if geometry is self._scene.hulls:
+            model, placed = self._scene.kinematics, self._placed_hulls
+            pin.updateGeometryPlacements(model, self._joints, geometry, placed)
+        return any(pin.computeCollision(geometry, placed, k, request) for k in pairs)
+
+    def _pool(self, pair: int, margin: float) -> pin.GeometryPool:
+        if pair not in self._pools:
+            geometry, pairs, _ = self._of(pair)
+            self._pools[pair] = pin.GeometryPool(
+                self._scene.kinematics, part_of(geometry, pairs), 1
+            )
+        for request in self._pools[pair].getGeometryData(0).collisionRequests:
+            request.security_margin = margin
+        return self._pools[pair]

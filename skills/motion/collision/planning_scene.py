@@ -6,6 +6,7 @@ It corresponds to MoveIt's PlanningScene: robot model, world, and pairs of shape
 import dataclasses
 from collections.abc import Collection
 from functools import cached_property
+from typing import NamedTuple
 
 import coal
 import numpy as np
@@ -27,6 +28,20 @@ FLOOR = "floor"
 MAX_HULL_PAIRS, MAX_EXACT_PAIRS = 10_000, 40_000
 
 
+class ShapePairs(NamedTuple):
+    """Pairs of shapes of two links.
+
+    Attributes:
+        geometry: The shapes.
+        pairs: Pairs of the geometry.
+        meshed: True if some of them are meshes.
+    """
+
+    geometry: pin.GeometryModel
+    pairs: list[int]
+    meshed: bool
+
+
 class PlanningScene:
     """Collision geometry of a robot in a world.
 
@@ -45,6 +60,8 @@ class PlanningScene:
         kinematics: pinocchio's model of the robot, from `robot_model`.
         exact: Geometry of primitives and meshes.
         hulls: Geometry of convex hulls.
+        exact_links: Link or body of each shape of `exact`, or `floor`.
+        hull_links: Link or body of each hull, or `floor`.
         volumes: Volume inside each mesh of `exact`, by the mesh's index.
         lever_arms: Bounds on the travel of each pair of `hulls` per unit of each actuated joint
             (P, A) [m/rad]; see `lever_arms`.
@@ -73,6 +90,8 @@ class PlanningScene:
         for shape in model.hulls:
             self.hulls.addGeometryObject(shape)
         self._check_names()
+        others = [*self._bodies, *([FLOOR] if robot.collision.floor is not None else ())]
+        self.exact_links, self.hull_links = model.exact_links + others, model.hull_links + others
         volumes, arms = list(model.volumes), list(model.lever_arms)
         meshes = meshes or BodyMeshes()
         self._loaded = list[BodyMesh]()  # later scenes share these as long as this one exists
@@ -83,9 +102,12 @@ class PlanningScene:
             volumes.append(volume)
             arms.append(model.lever_arms_of(hull))
         self.volumes = {i: volume for i, volume in enumerate(volumes) if volume}
-        for geometry, most in (self.exact, MAX_EXACT_PAIRS), (self.hulls, MAX_HULL_PAIRS):
+        for geometry, links, most in (
+            (self.exact, self.exact_links, MAX_EXACT_PAIRS),
+            (self.hulls, self.hull_links, MAX_HULL_PAIRS),
+        ):
             self._add_floor(geometry, robot.collision)
-            self._add_pairs(geometry, robot.collision, most)
+            self._add_pairs(geometry, links, robot.collision, most)
             for shape in geometry.geometryObjects:
                 shape.geometry.computeLocalAABB()  # coal needs the boxes for its first guess
         arms += [model.floor_lever_arms] * (len(self.hulls.geometryObjects) - len(arms))
@@ -95,34 +117,30 @@ class PlanningScene:
         """Return True if no mesh file of the scene's world changed since the scene was built."""
         return self._mesh_stamps == mesh_stamps(world)
 
-    def link(self, geometry: pin.GeometryModel, index: int) -> str:
-        """Return the link or body that a shape belongs to, or `floor`."""
-        shape = geometry.geometryObjects[index]
-        if shape.name == FLOOR or self.is_body(geometry, index):
-            return str(shape.name)
-        return str(self.kinematics.frames[shape.parentFrame].name)
-
     def linked_pairs(self, geometry: pin.GeometryModel) -> list[tuple[str, str]]:
         """Return the two links of each pair of a geometry."""
-        links = [self.link(geometry, index) for index in range(len(geometry.geometryObjects))]
+        links = self.exact_links if geometry is self.exact else self.hull_links
         return [(links[pair.first], links[pair.second]) for pair in geometry.collisionPairs]
 
-    def is_body(self, geometry: pin.GeometryModel, index: int) -> bool:
-        """Return True if a shape is a body of the world, and False if it is part of the robot."""
-        return geometry.geometryObjects[index].name in self._bodies
+    def is_body(self, name: str) -> bool:
+        """Return True for the name of a body of the world, and False for that of a link."""
+        return name in self._bodies
 
-    def exact_pairs_of(self, pair: pin.CollisionPair) -> pin.GeometryModel:
-        """Return the exact shapes of the links of a pair of `hulls`, and the pairs of them.
+    def exact_pairs_of(self, pair: int) -> ShapePairs:
+        """Return the pairs of exact shapes of the links of a pair of `hulls`.
 
         A mesh touches the floor exactly if its hull touches it. coal checks a hull a hundred times
         faster.
         """
-        links = frozenset(self.link(self.hulls, index) for index in (pair.first, pair.second))
-        pairs = [self.exact.collisionPairs[k] for k in self._exact_pairs[links]]
-        shapes = {index for each in pairs for index in (each.first, each.second)}
-        if FLOOR in links and len(self.volumes.keys() & shapes) == len(shapes) - 1:
-            return part_of(self.hulls, [self.hulls.findCollisionPair(pair)])
-        return part_of(self.exact, self._exact_pairs[links])
+        hulls = self.hulls.collisionPairs[pair]
+        links = frozenset((self.hull_links[hulls.first], self.hull_links[hulls.second]))
+        pairs = self._exact_pairs[links]
+        ends = [self.exact.collisionPairs[k] for k in pairs]
+        shapes = {index for each in ends for index in (each.first, each.second)}
+        meshes = self.volumes.keys() & shapes
+        if FLOOR in links and len(meshes) == len(shapes) - 1:
+            return ShapePairs(self.hulls, [pair], False)
+        return ShapePairs(self.exact, pairs, bool(meshes))
 
     @cached_property
     def _exact_pairs(self) -> dict[frozenset[str], list[int]]:
@@ -174,10 +192,8 @@ class PlanningScene:
         return exact, exact, None
 
     def _check_names(self) -> None:
-        frames = self.kinematics.frames
-        links = {frame.name for frame in frames if frame.type == pin.FrameType.BODY} | {FLOOR}
-        shapes = {shape.name for shape in self.exact.geometryObjects}
-        taken = {frame.name for frame in frames} | links | shapes
+        links = self.robot_model.links.keys() | {FLOOR}
+        taken = self.robot_model.names | links
         for name, body in self._bodies.items():
             if name in taken:
                 raise BadWorld(f"The robot already has a {name}; rename the body")
@@ -191,8 +207,10 @@ class PlanningScene:
             half = coal.Halfspace(np.array([0.0, 0.0, 1.0]), rules.floor)
             geometry.addGeometryObject(pin.GeometryObject(FLOOR, 0, 0, pin.SE3.Identity(), half))
 
-    def _add_pairs(self, geometry: pin.GeometryModel, rules: CollisionRules, most: int) -> None:
-        checked = self._checked_pairs(geometry, rules)
+    def _add_pairs(
+        self, geometry: pin.GeometryModel, links: list[str], rules: CollisionRules, most: int
+    ) -> None:
+        checked = self._checked_pairs(geometry, links, rules)
         if np.count_nonzero(checked) > most:
             parts = len(geometry.geometryObjects) - len(self._bodies)
             raise BadWorld(
@@ -202,10 +220,11 @@ class PlanningScene:
             )
         geometry.setCollisionPairs(checked, True)
 
-    def _checked_pairs(self, geometry: pin.GeometryModel, rules: CollisionRules) -> Mask:
+    def _checked_pairs(
+        self, geometry: pin.GeometryModel, links: list[str], rules: CollisionRules
+    ) -> Mask:
         """Return True for each two shapes that must not touch, above the diagonal (G, G)."""
         joints = np.array([shape.parentJoint for shape in geometry.geometryObjects], dtype=np.intp)
-        links = [self.link(geometry, i) for i in range(len(joints))]
         numbers = {link: number for number, link in enumerate(dict.fromkeys(links))}
         may_touch = np.zeros((len(numbers), len(numbers)), bool)
         touches = [(body.name, link) for body in self._bodies.values() for link in body.touches]

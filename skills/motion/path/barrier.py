@@ -65,6 +65,6 @@ def _barrier(
     scene, mover = checker.scene, np.argmax(validator.lever_arms[pair])
     joint = int(validator.group.columns[mover])
     ends = scene.hulls.collisionPairs[pair]
-    links = [scene.link(scene.hulls, i) for i in (ends.first, ends.second)]
+    links = scene.hull_links[ends.first], scene.hull_links[ends.second]
     model = scene.robot_model
     return Barred(model.joints[joint], float(row[0, joint]), model.units[joint], *links)

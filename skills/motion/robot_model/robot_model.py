@@ -36,6 +36,10 @@ class RobotModel:
             joint has its angle as its coordinate.
         exact: Collision shapes of the URDF: primitives and meshes.
         hulls: Convex hull of each link's shapes.
+        exact_links: Link of each of `exact`.
+        hull_links: Link of each of `hulls`.
+        links: Index of the frame of each link.
+        names: Names of all frames and shapes.
         volumes: Volume inside each shape of `exact`; None for a primitive.
         lever_arms: Lever arms of each of `hulls`.
         floor_lever_arms: Lever arms of the floor.
@@ -76,6 +80,11 @@ class RobotModel:
             self.hulls = self._link_hulls()
         except (OSError, RuntimeError, ValueError) as error:
             raise ModelUnusable(urdf, _cause(error)) from error
+        frames = self.kinematics.frames
+        self.links = {f.name: i for i, f in enumerate(frames) if f.type == pin.FrameType.BODY}
+        self.names = {frame.name for frame in frames} | {shape.name for shape in self.exact}
+        self.exact_links = [frames[shape.parentFrame].name for shape in self.exact]
+        self.hull_links = [frames[shape.parentFrame].name for shape in self.hulls]
         self.volumes = [EnclosedVolume.of(shape.geometry) for shape in self.exact]
         self._axes = joint_axes(self._free)
         self.floor_lever_arms = floor_lever_arms(self._free)
@@ -102,11 +111,9 @@ class RobotModel:
             raise BadWorld(f"The link is {shown(link)}; give the name of a link, or omit it")
         if not link:
             return 0
-        frames = self.kinematics.frames
-        links = [frame.name for frame in frames if frame.type == pin.FrameType.BODY]
-        if link not in links:
-            raise BadWorld(f"There is no link {link}; the links are {', '.join(links)}")
-        return int(self.kinematics.getFrameId(link, pin.FrameType.BODY))
+        if link not in self.links:
+            raise BadWorld(f"There is no link {link}; the links are {', '.join(self.links)}")
+        return self.links[link]
 
     def lever_arms_of(self, shape: pin.GeometryObject) -> LeverArms:
         """Return the lever arms of a shape on one of the joints."""
