@@ -318,7 +318,7 @@ def test_two_trees_do_not_meet(shop: Shop) -> None:
 
 @pytest.mark.slow
 @settings(
-    max_examples=75, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 @given(
     st.lists(

@@ -67,8 +67,11 @@ def run(setup: Setup, task: int, width: float, most: int = 1000) -> Recording:
 @pytest.mark.parametrize(
     ("width", "most", "push"),
     [
-        *((width, most, SOFT) for width in (25.0, 6.0, 1.0) for most in (1000, 500)),
-        *((25.0, 1000, HARD), (6.0, 500, HARD), (1.0, 1000, HARD)),
+        (25.0, 1000, SOFT),
+        (6.0, 500, SOFT),
+        (1.0, 1000, SOFT),
+        (25.0, 500, HARD),
+        (1.0, 1000, HARD),
     ],
 )
 def test_a_pick_holds_the_object_and_overloads_no_servo(
