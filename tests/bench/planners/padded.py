@@ -121,7 +121,7 @@ def _add(root: Xml.Element, body: Body, grow: float) -> None:
 
 def _checked(model: PlanningScene) -> Iterator[frozenset[str]]:
     for pair in model.hulls.collisionPairs:
-        yield frozenset(model.link(model.hulls, index) for index in (pair.first, pair.second))
+        yield frozenset((model.hull_links[pair.first], model.hull_links[pair.second]))
 
 
 def _srdf(root: Xml.Element, arm: tuple[str, ...], checked: frozenset[frozenset[str]]) -> str:
