@@ -1,6 +1,8 @@
 """drake: its checker and its TOPP-RA; as it has no planner in Python, an RRT-Connect here."""
 
 import logging
+import tempfile
+from pathlib import Path
 
 import numpy as np
 from common import TICK, serve
@@ -17,7 +19,9 @@ logging.getLogger("drake").setLevel(logging.ERROR)
 
 def make(problem):
     builder = RobotDiagramBuilder(time_step=0.0)
-    (arm,) = builder.parser().AddModelsFromString(problem["urdf"], "urdf")
+    urdf = Path(tempfile.mkdtemp()) / "arm.urdf"  # it reads meshes of a file only
+    urdf.write_text(problem["urdf"])
+    (arm,) = builder.parser().AddModels(urdf)
     plant = builder.plant()
     root = plant.get_body(plant.GetBodyIndices(arm)[0])
     if root.name() != "world" and not plant.GetBodiesWeldedTo(plant.world_body())[1:]:

@@ -1,5 +1,6 @@
 """mplib: OMPL's RRTConnect over FCL, simplified, timed by toppra."""
 
+import re
 import tempfile
 from pathlib import Path
 
@@ -11,7 +12,9 @@ from mplib import Planner
 def make(problem):
     folder = Path(tempfile.mkdtemp())
     urdf, srdf = folder / "arm.urdf", folder / "arm.srdf"
-    urdf.write_text(problem["urdf"])
+    urdf.write_text(
+        re.sub('filename="(.*?)"', lambda m: f'filename="{kept(m[1], folder)}"', problem["urdf"])
+    )
     srdf.write_text(problem["srdf"])
     planner = Planner(
         urdf,
@@ -42,6 +45,14 @@ def make(problem):
         return spline(np.minimum(ticks, found["time"][-1]))
 
     return solve, sample
+
+
+def kept(mesh, folder):
+    """Copy a mesh beside the URDF, where it is looked for, without lines, which it cannot read."""
+    lines = Path(mesh).read_text().splitlines()
+    copy = folder / Path(mesh).name
+    copy.write_text("\n".join(line for line in lines if not line.startswith("l ")))
+    return copy.name
 
 
 serve("mplib", make)
