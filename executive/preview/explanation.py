@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from hardware import RealClock, Robot
+from hardware import DISPLAY_UNITS, RealClock, Robot
 from skills.motion import EMPTY, BadWorld, Plan, World
 from skills.motion.deadline import Stopwatch
 from skills.motion.planner import Planner
@@ -182,18 +182,20 @@ def _draw(robot: Robot, world: World, plan: Plan, output: Path) -> None:
     columns = [names.index(name) for name in plan.joints]
     rows = np.tile(np.array(plan.start), (POSES, 1))
     rows[:, columns] = plan.sample(np.linspace(0.0, plan.duration, POSES))
+    shown = [DISPLAY_UNITS[robot.joint(name).unit] for name in plan.joints]
+    scales = np.array([scale for scale, _ in shown])
     draw_plan(
         PlanDrawing(
             title=f"{robot.name}: {plan.group}, {plan.duration:.2f} s",
             joints=plan.joints,
-            units=[robot.joint(name).unit for name in plan.joints],
+            units=[unit for _, unit in shown],
             times=times.tolist(),
-            positions=plan.sample(times).tolist(),
-            speeds=plan.velocities(times).tolist(),
-            accelerations=plan.accelerations(times).tolist(),
-            waypoints=plan.waypoints.tolist(),
-            speed_limits=plan.velocity.tolist(),
-            acceleration_limits=plan.acceleration.tolist(),
+            positions=(scales * plan.sample(times)).tolist(),
+            speeds=(scales * plan.velocities(times)).tolist(),
+            accelerations=(scales * plan.accelerations(times)).tolist(),
+            waypoints=(scales * plan.waypoints).tolist(),
+            speed_limits=(scales * plan.velocity).tolist(),
+            acceleration_limits=(scales * plan.acceleration).tolist(),
             motion=motion_drawing(robot, world, rows),
         ),
         output,

@@ -25,7 +25,7 @@ class PlanDrawing:
     Attributes:
         title: Title of the figure.
         joints: Names of the joints, (J,).
-        units: Unit of each joint, rad or m, (J,).
+        units: Unit of each joint, deg or mm, (J,).
         times: Time of each sample [s], (N,).
         positions: Positions, (N, J).
         speeds: Speeds, (N, J).

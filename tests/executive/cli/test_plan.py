@@ -55,6 +55,15 @@ def test_the_suffix_says_how_it_is_drawn(tmp_path: Path, name: str, begin: bytes
     assert output.read_bytes().startswith(begin)
 
 
+def test_it_is_drawn_in_degrees(tmp_path: Path) -> None:
+    output = tmp_path / "p.svg"
+    CliRunner().invoke(cli, ["plan", "joint_1=70deg", "joint_2=0.5", "-o", str(output)])
+    drawn = output.read_text()
+    assert "<!-- position [deg] -->" in drawn
+    assert "<!-- 60 -->" in drawn  # on an axis
+    assert "<!-- speed [deg/s] -->" in drawn
+
+
 def test_what_is_no_drawing_is_refused_at_once(tmp_path: Path) -> None:
     result = CliRunner().invoke(cli, ["plan", "right", "-o", str(tmp_path / "plan.jpg")])
     assert result.exit_code == 2
