@@ -388,7 +388,15 @@ SERIES = answer(
     velocity_limits=_BY_JOINT,
     events=described(array({"type": "object"}), "Progress, and lines of the log."),
 )
-_VERDICT = _object({"question": TEXT, "holds": BOOLEAN, "words": TEXT, "source": TEXT})
+_VERDICT = _object(
+    {
+        "question": TEXT,
+        "holds": BOOLEAN,
+        "words": TEXT,
+        "source": TEXT,
+        "empty": described(BOOLEAN, "True if there was nothing to compare."),
+    }
+)
 VERIFICATION = answer(
     "Verification", holds=BOOLEAN, error=TEXT, code=TEXT, verdicts=array(_VERDICT)
 )
