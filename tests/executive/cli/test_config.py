@@ -150,6 +150,15 @@ def test_without_a_file(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert armtree("config").exit_code == 0
 
 
+def test_an_unknown_variable_that_resembles_a_setting_is_reported_once(project: Path) -> None:
+    others = {"ARMTREE_FLEET_CA": "x", "ARMTREE_TOKEN": "x", "ARMTREE_FUZZ_SEED": "1"}
+    assert armtree("tasks", ARMTREE_SEED="3", **others).stderr == ""
+    assert armtree("tasks", ARMTREE_SEDE="3", ARMTREE_RECORDING="x", **others).stderr == (
+        "note: ARMTREE_RECORDING is not known; did you mean ARMTREE_RECORDINGS?\n"
+        "note: ARMTREE_SEDE is not known; did you mean ARMTREE_SEED?\n"
+    )
+
+
 def test_what_is_wrong_in_a_file_follows_the_table(project: Path) -> None:
     configure(project, 'workers = 3\nseed = "x"\nprot = "virtual"\ntrace = 1\n')
     result = armtree("config")
