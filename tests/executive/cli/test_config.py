@@ -57,6 +57,15 @@ def test_the_nearest_source_counts(project: Path) -> None:
     assert set(found) == set(settings.SETTINGS)
 
 
+def test_the_rows_of_named_settings_are_shown(project: Path) -> None:
+    configure(project, "seed = 3\n")
+    result = armtree("config", "workers", "seed")
+    assert result.exit_code == 0
+    words = [line.split()[:2] for line in result.output.splitlines()[::2]]
+    assert words == [["workers", "1"], ["seed", "3"]]
+    assert "'sede' is not one of " in armtree("config", "sede").output
+
+
 def test_every_setting_can_be_given_in_every_way(project: Path) -> None:
     values = {
         "port": "virtual",
