@@ -280,6 +280,7 @@ WHERE = answer(
     turns=described(
         array(TEXT), "Turns that the arm can make with its tool in place: `roll`, `pitch`, `yaw`."
     ),
+    gripper=described(BOOLEAN, "True if the arm has a gripper."),
     commanded=described(
         _or_null(_BY_JOINT), "Commanded position by joint; null if the arm is not active."
     ),
