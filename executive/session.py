@@ -6,7 +6,7 @@ from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 
 import logs
-from hardware import VIRTUAL, Clock, Link, RealClock, Robot, utc_ns
+from hardware import VIRTUAL, Clock, Link, LinkError, RealClock, Robot, utc_ns
 from logs.writing.retention import Rule, prune
 from skills import Leader, Operator
 from skills.motion import Pool
@@ -45,7 +45,8 @@ def open_executive(
         operator: Answers the questions of tasks. Default: no operator.
         leader: Hand-guided arm, for tasks that follow it. Default: none.
         subscriber: Callback for every event, from any thread.
-        report: Callback for a line about each recovered or deleted recording.
+        report: Callback for a line about each recovered or deleted recording, and about the port of
+            a server if it cannot be opened yet.
 
     Raises:
         HardwareError: The robot file is wrong or names no driver, or the start pose is not
@@ -75,12 +76,23 @@ def open_executive(
         with closing(executive):
             if setup.single_user or setup.activate or setup.pose:
                 executive.start_pose.find()  # checked before the port is opened
-            if setup.single_user and port != VIRTUAL:
-                from hardware import SerialLink  # slow to import
-
-                if isinstance(link, SerialLink):
-                    link.check()
+            if port != VIRTUAL and (setup.single_user or not setup.activate):
+                _check_port(setup, link, report)
             yield executive
+
+
+def _check_port(setup: Setup, link: Link | None, report: Callable[[str], None]) -> None:
+    """Check the port of a link. For a server, its error is only a report."""
+    from hardware import SerialLink  # slow to import
+
+    if not isinstance(link, SerialLink):
+        return
+    try:
+        link.check()
+    except LinkError as error:
+        if setup.single_user:
+            raise
+        report(str(error))
 
 
 def _switch_on(link: Link, stack: ExitStack) -> None:

@@ -157,6 +157,7 @@ class Where:
         width: Distance between the fingers at the commanded position [m]; None if the arm is not
             active, or its robot file has no `pads`.
         turns: Turns that the arm can make with its tool in place: of `roll`, `pitch` and `yaw`.
+        gripper: True if the arm has a gripper.
         measured: Measured position by joint [rad]; None if the arm is not active, or its board
             measures none. The next six are None in the same cases.
         measured_velocity: Measured velocity by joint [rad/s].
@@ -175,6 +176,7 @@ class Where:
     tool: tuple[float, float, float] | None = None
     width: float | None = None
     turns: tuple[str, ...] = ()
+    gripper: bool = False
     measured: Mapping[str, float] | None = None
     measured_velocity: Mapping[str, float] | None = None
     measured_effort: Mapping[str, float] | None = None
@@ -209,6 +211,7 @@ class Where:
             robot.tool_position(commanded) if commanded else None,
             robot.width(commanded) if commanded else None,
             robot.turns(),
+            bool(robot.groups["gripper"]),
             *(robot.by_joint(each) if each else None for each in values),
         )
 

@@ -280,6 +280,7 @@ WHERE = answer(
     turns=described(
         array(TEXT), "Turns that the arm can make with its tool in place: `roll`, `pitch`, `yaw`."
     ),
+    gripper=described(BOOLEAN, "True if the arm has a gripper."),
     commanded=described(
         _or_null(_BY_JOINT), "Commanded position by joint; null if the arm is not active."
     ),
@@ -388,7 +389,15 @@ SERIES = answer(
     velocity_limits=_BY_JOINT,
     events=described(array({"type": "object"}), "Progress, and lines of the log."),
 )
-_VERDICT = _object({"question": TEXT, "holds": BOOLEAN, "words": TEXT, "source": TEXT})
+_VERDICT = _object(
+    {
+        "question": TEXT,
+        "holds": BOOLEAN,
+        "words": TEXT,
+        "source": TEXT,
+        "empty": described(BOOLEAN, "True if there was nothing to compare."),
+    }
+)
 VERIFICATION = answer(
     "Verification", holds=BOOLEAN, error=TEXT, code=TEXT, verdicts=array(_VERDICT)
 )

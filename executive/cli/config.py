@@ -18,10 +18,11 @@ from .terminal.streams import echo
 
 
 @command()
+@click.argument("names", metavar="[NAME]...", nargs=-1, type=click.Choice(list(SETTINGS)))
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object per setting.")
 @click.pass_context
-def config(context: click.Context, as_json: bool) -> None:
-    """Show each setting, its value, and where the value comes from.
+def config(context: click.Context, names: tuple[str, ...], as_json: bool) -> None:
+    """Show each setting, its value, and where the value comes from. With NAME, only that setting.
 
     A setting is an option of a command, such as --recording-timeout, an environment variable, such
     as ARMTREE_RECORDING_TIMEOUT, or a key of a file, such as recording_timeout. Precedence: option,
@@ -39,7 +40,7 @@ def config(context: click.Context, as_json: bool) -> None:
     """  # noqa: D301
     _, wrong = read_files(context)
     context.resilient_parsing = True  # mistakes are reported after the table
-    rows = {name: find_setting(context, name) for name in SETTINGS}
+    rows = {name: find_setting(context, name) for name in names or SETTINGS}
     for name, (value, source) in rows.items():
         shown = value if value is None or isinstance(value, int | float) else str(value)
         if as_json:

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from logs.views.narrative import Overview
     from logs.views.run_figure import MotionScene
 
+_TITLE = 24  # columns of a title in a list
+
 _FILE = click.argument("recording", type=RECORDING)
 _FILES = click.argument(
     "recordings", metavar="RECORDING...", nargs=-1, required=True, type=RECORDING
@@ -75,9 +77,10 @@ def ls(folder: Path, as_json: bool) -> None:
         marks = ("pinned" if pinned(path) else "", end, queued)
         task = goal_title(found.goal.task, found.goal.name) if found.goal else "-"
         task = task.removeprefix("task ")
+        task = task if len(task) <= _TITLE else f"{task[: _TITLE - 1]}…"
         spent = f"{found.result.duration:.2f} s" if found.result else "-"
         frames = f"{found.frames:>6} {'frame' if found.frames == 1 else 'frames'}"
-        line = f"{path.name:<{width}}{task:<18} {found.outcome:<11}{spent:>9}{frames:<13}"
+        line = f"{path.name:<{width}}{task:<{_TITLE}} {found.outcome:<11}{spent:>9}{frames:<13}"
         line = f"{line}{found.bytes / 1e3:>9.1f} kB  {' '.join(filter(None, marks))}".rstrip()
         echo_result(as_json, {**found.to_json(), "pinned": pinned(path)}, line)
 

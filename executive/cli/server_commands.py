@@ -22,7 +22,15 @@ if TYPE_CHECKING:
     from executive.client.synchronous import Client
 
 
-_goal_argument = click.argument("goal_id", metavar="[GOAL]", default="", callback=check_goal_id)
+def _check_goal(context: click.Context, parameter: click.Parameter, value: str) -> str:
+    """Return the id of a goal. Raise a usage error for any other text."""
+    if value.partition(":")[0] == "latest":
+        alone = f"`{context.command_path}` alone is for the goal under way"
+        raise click.BadParameter(f"{value!r} names a recording, not a goal; {alone}")
+    return check_goal_id(context, parameter, value)
+
+
+_goal_argument = click.argument("goal_id", metavar="[GOAL]", default="", callback=_check_goal)
 
 
 def _with_client(function: Callable[..., None]) -> Callable[..., None]:

@@ -43,6 +43,7 @@ from .verify_plans import plans_difference
 
 _PLAN = "/plan/"
 _FRAMES, _PLANS = "plan -> frames", "goal -> plan"
+_NOTHING = "nothing to verify: "
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,12 +55,14 @@ class Check:
         holds: True if the recording equals the repeated result.
         words: The compared things, or the first difference.
         source: Source of the difference; empty if there is none.
+        empty: True if there was nothing to compare.
     """
 
     question: str
     holds: bool
     words: str
     source: str = ""
+    empty: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,10 +92,12 @@ class Verification:
         """Return the result in lines for people."""
         lines = [str(self.path)]
         for check in self.checks:
-            lines.append(f"  {check.question:<16}{'holds' if check.holds else 'DIFFERS':<9}")
-            lines[-1] += check.words
+            verdict = "-" if check.empty else "holds" if check.holds else "DIFFERS"
+            lines.append(f"  {check.question:<16}{verdict:<9}{check.words}")
             if check.source:
                 lines.append(f"{'':<18}comes from {check.source}")
+        if not self.error and all(check.empty for check in self.checks):
+            lines.append("  the file is complete and unchanged, and its messages agree")
         if self.error:
             lines.append(f"  {self.error.removeprefix(f'{self.path}: ')}")
         return "\n".join(lines)
@@ -157,8 +162,9 @@ def _without_ctrl_c(pool: ProcessPoolExecutor, paths: Sequence[Path]) -> Iterato
 def _checks(recording: Recording, records: tuple[Record, ...]) -> tuple[Check, ...]:
     topic, wrong = inconsistency(recording)
     if not records and not recording.whole:  # the recording may lack its robot
-        words = wrong or "the file was cut before the first record"
-        return tuple(Check(question, not wrong, words) for question in (_FRAMES, _PLANS))
+        words = wrong or f"{_NOTHING}the file was cut before the first record"
+        checks = (_FRAMES, _PLANS)
+        return tuple(Check(question, not wrong, words, empty=not wrong) for question in checks)
     run = RecordedRun(recording, records, restore_robot(recording))
     planned = topic.startswith(_PLAN)
     conflict = contradiction(run)
@@ -170,13 +176,17 @@ def _checks(recording: Recording, records: tuple[Record, ...]) -> tuple[Check, .
     if frames:
         first = Check(_FRAMES, False, frames, conflict or source(recording, ("frames",)))
     else:
+        empty = not count[Sent] and not count[Schedule]
         words = f"{plural(count[Sent], 'frame')} of {plural(count[Schedule], 'schedule')}"
-        first = Check(_FRAMES, True, words)
+        words = f"{_NOTHING}the recording has no frame" if empty else words
+        first = Check(_FRAMES, True, words, empty=empty)
     if plans:
         return first, Check(_PLANS, False, plans, conflict or source(recording, PLANNING))
     if conflict:
         words = "the plans are the same, but their inputs differ"
         return first, Check(_PLANS, False, words, conflict)
+    if not count[Plan]:
+        return first, Check(_PLANS, True, f"{_NOTHING}the recording has no plan", empty=True)
     new = changes(recording, PLANNING)
     also = f", also with {new}" if new else ""
     return first, Check(_PLANS, True, plural(count[Plan], "plan") + also)

@@ -9,6 +9,7 @@ import pytest
 from executive.session import open_executive
 from executive.setup import Setup
 from hardware.drivers.virtual.board_process import BoardProcess, VirtualLink
+from hardware.errors import PortMissing
 from skills.motion import Verify
 
 
@@ -47,6 +48,19 @@ def test_only_a_server_keeps_a_standby_planner(
         while not pool._slots[0].idle:
             nap.wait(0.001)
         assert (pool._standby is None) is single_user
+
+
+def test_a_server_reports_a_missing_port_and_starts(tmp_path: Path) -> None:
+    port, said = str(tmp_path / "nope"), list[str]()
+    with open_executive(Setup(port=port, recordings=tmp_path), report=said.append):
+        assert [each.partition(";")[0] for each in said] == [f"There is no serial port {port}"]
+    with (
+        pytest.raises(PortMissing),
+        open_executive(Setup(port=port, recordings=tmp_path, single_user=True), report=said.append),
+    ):
+        pass
+    with open_executive(Setup(port=port, recordings=tmp_path, activate=True), report=said.append):
+        assert len(said) == 1  # the activation reports it
 
 
 def test_a_server_uses_the_default_folder_as_soon_as_it_exists(

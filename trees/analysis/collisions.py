@@ -133,8 +133,9 @@ class CollisionChecks:
     def _first_worlds(self) -> dict[World, Place]:
         """Return the worlds in which tasks first move the arm, and the places of these motions.
 
-        Also adds a note for each point that the tool cannot reach from the start pose, and for each
-        timeout that ends before its motions. A timeout that is too short from any start is a
+        Also adds a note for each point that the tool cannot reach from the start pose, for each
+        move by a distance that leaves the limits of a joint from there, and for each timeout that
+        ends before its motions. A timeout that is too short from any start is a
         mistake. The message then has the planned time from the start pose.
         """
         worlds, boot = dict[World, Place](), self.robot.boot_pose
@@ -154,7 +155,7 @@ class CollisionChecks:
             start, known = self.robot.firmware.words.start_pose, {m.place for m in self._found}
             self.notes += [
                 replace(each, message=f"from its {start}: {each.message}")
-                for each in dict.fromkeys(found.mistakes)
+                for each in dict.fromkeys((*found.mistakes, *hooks.mistakes))
                 if each.place not in known
             ]
             if times:

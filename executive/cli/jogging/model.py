@@ -136,6 +136,7 @@ class Jog:
         axes: Axes that can be moved.
         commands: Further commands, by key.
         speed: Share of the robot's speed.
+        gripper: True if the arm has a gripper.
         selected: Index of the axis that the arrows move.
         step: Index of the size of a step in `STEPS`.
         moving: The move under way, or None.
@@ -155,6 +156,7 @@ class Jog:
     axes: Sequence[Axis]
     commands: Mapping[str, KeyCommand]
     speed: float = 1.0
+    gripper: bool = True
     selected: int = 0
     step: int = 3
     moving: Go | None = None
@@ -183,7 +185,7 @@ class Jog:
         joints = [Axis(name, unit) for name, unit in where.units.items()]
         tool = (Axis(f"tool {name}", "m", column) for column, name in enumerate(_TOOL))
         turns = (Axis(f"tool {word}", "rad", turn=word) for word in where.turns)
-        return cls((*joints, *tool, *turns), commands, speed, message=message)
+        return cls((*joints, *tool, *turns), commands, speed, where.gripper, message=message)
 
     @property
     def axis(self) -> Axis:
@@ -361,9 +363,8 @@ class Jog:
         count = min(self._joints, 9)
         more = (f"{key} {each.title}" for key, each in self.commands.items())
         keys = ("<- -> move", f"up down 1-{count} x y z choose", "+ - step", "space stop")
-        words = [
-            each.replace(" ", _HARD) for each in (*keys, "h home", "o c gripper", *more, "q leave")
-        ]
+        poses = ("h home", "o c gripper") if self.gripper else ("h home",)
+        words = [each.replace(" ", _HARD) for each in (*keys, *poses, *more, "q leave")]
         return [line.replace(_HARD, " ") for line in wrap("   ".join(words), width)]
 
     @property

@@ -1,4 +1,7 @@
-"""Reads the settings in files: the nearest `armtree.toml`, and the user's own."""
+"""Reads the settings in files: the nearest `armtree.toml`, and the user's own.
+
+Also finds misspelt environment variables.
+"""
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
@@ -8,11 +11,16 @@ from typing import Any
 
 import click
 
+from executive.cli.terminal.streams import echo
 from hardware.files import user_folder
+from hardware.spelling import closest, did_you_mean
 
-from .rows import SETTINGS
+from .rows import SETTINGS, environment_name
 
 FILE = "armtree.toml"
+_PREFIX = environment_name("")
+_NO_SETTINGS = ("token", "fleet_ca", "fleet_nkey", "fleet_token")  # further variables
+_NEAR = 0.7  # smallest similarity to suggest a variable
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,8 +51,12 @@ def configured(ctx: click.Context) -> Mapping[str, Configured]:
 
 
 def read_files(ctx: click.Context) -> tuple[Mapping[str, Configured], Sequence[str]]:
-    """Return the values of the files by name of the setting, and the mistakes in the files."""
+    """Return the values of the files by name of the setting, and the mistakes in the files.
+
+    The first call also prints a note for each unknown environment variable that resembles one.
+    """
     if __name__ not in ctx.meta:
+        _note_misspelt()
         values, wrong = dict[str, Configured](), list[str]()
         for path in reversed(files()):
             found, mistakes = _read(path)
@@ -53,6 +65,16 @@ def read_files(ctx: click.Context) -> tuple[Mapping[str, Configured], Sequence[s
         ctx.meta[__name__] = values, wrong
     read: tuple[Mapping[str, Configured], Sequence[str]] = ctx.meta[__name__]
     return read
+
+
+def _note_misspelt() -> None:
+    known = (*SETTINGS, *_NO_SETTINGS)
+    for variable in sorted(os.environ):
+        name = variable.removeprefix(_PREFIX).lower()
+        if not variable.startswith(_PREFIX) or name in known:
+            continue
+        if near := closest(name, known, _NEAR):
+            echo(f"note: {variable} is not known{did_you_mean(environment_name(near))}", err=True)
 
 
 def files() -> list[Path]:

@@ -138,7 +138,11 @@ def watch(client: Client, as_json: bool, verbose: bool) -> None:
         ClientError: The server cannot be reached.
         ServerClosing: The server has ended.
     """
-    with view_for(as_json, verbose) as view, client.events() as events:
+    with (
+        view_for(as_json, verbose) as view,
+        client.events() as events,
+        _silence_shown(client, view),
+    ):
         view.put(client.where())
         for event in events:
             if not isinstance(event, GoalStatus):
@@ -219,7 +223,7 @@ def _silence_shown(client: Client, view: View) -> Iterator[None]:
         yield
     finally:
         ended.set()
-        thread.join()
+        thread.join(_LATE)  # a check of a silent server takes longer
 
 
 @contextmanager

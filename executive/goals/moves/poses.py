@@ -8,8 +8,8 @@ from executive.api.move import HOME
 from hardware import NotActive, Robot
 from hardware.spelling import choices
 from skills import BadTarget
-from trees import FileError, Library
-from trees.export.saved_poses import remove_pose, save_pose
+from trees import Library
+from trees.export.saved_poses import save_pose
 
 from .move_task import poses_with_home
 
@@ -31,14 +31,14 @@ def listed_poses(robot: Robot, library: Library) -> Iterator[tuple[str, Mapping[
 
 
 def save_where(
-    robot: Robot, where: Where, folder: Path | None, name: str, group: str, replace: bool
+    robot: Robot, where: Where, folder: Path, name: str, group: str, replace: bool
 ) -> tuple[Path, dict[str, float]]:
     """Save the commanded position of a group as a pose.
 
     Args:
         robot: The robot.
         where: Position of the arm.
-        folder: Folder of the user's files, or None.
+        folder: Folder of the user's files. It is created if it does not exist.
         name: Name of the pose.
         group: A group of the robot, or `all`.
         replace: True to replace a pose of that name.
@@ -49,35 +49,13 @@ def save_where(
     Raises:
         BadTarget: The robot has no such group.
         NotActive: The position of the arm is unknown.
-        FileError: There is no folder, the name is in use or invalid, or the file cannot be written.
+        FileError: The name is in use or invalid, or the file cannot be written.
     """
     if group not in (*robot.groups, ALL):
         known = choices(group, (*robot.groups, ALL))
         raise BadTarget(f"the robot has no group {group}; there are {known}")
     if where.commanded is None:
         raise NotActive("The pose of an inactive arm is not known; activate it, or move it first")
-    own = _own(folder)
     joints = robot.actuated if group == ALL else robot.actuated_in(group)
     positions = {joint.name: where.commanded[joint.name] for joint in joints}
-    return save_pose(robot, own, name, positions, replace), positions
-
-
-def remove_own(robot: Robot, folder: Path | None, name: str) -> Path:
-    """Remove a pose from the user's files. Return the file.
-
-    Args:
-        robot: The robot.
-        folder: Folder of the user's files, or None.
-        name: Name of the pose.
-
-    Raises:
-        FileError: There is no folder, no file in it has the pose, or the file cannot be written.
-    """
-    return remove_pose(robot, _own(folder), name)
-
-
-def _own(folder: Path | None) -> Path:
-    if folder is None:
-        why = "the server has no folder of yours; start it with --trees DIR to change poses"
-        raise FileError.at(Path("trees"), why)
-    return folder
+    return save_pose(robot, folder, name, positions, replace), positions

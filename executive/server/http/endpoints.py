@@ -3,6 +3,7 @@
 import asyncio
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from json import dumps
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
@@ -16,7 +17,7 @@ from executive.api.schemas import MAX_LISTED
 from executive.errors import BadRequest, NotFound, NotHeld, ResultTimeout, TooMuch
 from executive.executive import Executive
 from executive.goals.breakpoints import check_node
-from executive.goals.moves.poses import listed_poses, remove_own, save_where
+from executive.goals.moves.poses import listed_poses, save_where
 from executive.goals.questions import Questions
 from executive.server.errors import refusal
 from executive.server.event_hub import EventHub
@@ -26,6 +27,7 @@ from executive.server.page.robot_shapes import RobotScene
 from executive.server.security import is_authenticated
 from executive.server.sign_in import SignIn
 from hardware import utc_ns
+from trees.export.saved_poses import remove_pose
 from trees.live_library import LiveLibrary
 
 from .recording_endpoints import RecordingEndpoints
@@ -108,16 +110,20 @@ class Endpoints(RecordingEndpoints):
         return {"poses": [{"pose": n, "positions": p, "source": s} for n, p, s in found]}
 
     async def save_pose(self, name: str, group: str = "arm", replace: bool = False) -> Json:
-        executive, folder = self._executive, self._library.folder
+        executive = self._executive
         path, positions = await asyncio.to_thread(
-            save_where, executive.robot, executive.where(), folder, name, group, replace
+            save_where, executive.robot, executive.where(), self._own_folder, name, group, replace
         )
         return {"pose": name, "positions": positions, "source": str(path)}
 
     async def remove_pose(self, name: str) -> Json:
-        robot, folder = self._executive.robot, self._library.folder
-        path = await asyncio.to_thread(remove_own, robot, folder, name)
+        path = await asyncio.to_thread(remove_pose, self._executive.robot, self._own_folder, name)
         return {"pose": name, "source": str(path)}
+
+    @property
+    def _own_folder(self) -> Path:
+        """The user's folder, or the one that the first saved pose creates."""
+        return self._library.folder or self._executive.setup.own_trees
 
     async def goals(self, limit: int | None = None, before: int | None = None) -> Json:
         newest = MAX_LISTED if limit is None else limit

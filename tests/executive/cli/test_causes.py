@@ -110,6 +110,12 @@ def test_an_address_that_is_no_url_is_a_mistake_of_usage(
         Client(url).status()
 
 
+@pytest.mark.parametrize("command", ["cancel", "pause"])
+def test_a_recording_is_not_a_goal(typed: tuple[Served, Typed], command: str) -> None:
+    words = f"'latest' names a recording, not a goal; `armtree {command}` alone is for the goal"
+    assert words in typed[1](command, "latest")[2]
+
+
 def test_the_ways_to_a_server_elsewhere_are_named(
     typed: tuple[Served, Typed], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -57,6 +57,15 @@ def test_the_nearest_source_counts(project: Path) -> None:
     assert set(found) == set(settings.SETTINGS)
 
 
+def test_the_rows_of_named_settings_are_shown(project: Path) -> None:
+    configure(project, "seed = 3\n")
+    result = armtree("config", "workers", "seed")
+    assert result.exit_code == 0
+    words = [line.split()[:2] for line in result.output.splitlines()[::2]]
+    assert words == [["workers", "1"], ["seed", "3"]]
+    assert "'sede' is not one of " in armtree("config", "sede").output
+
+
 def test_every_setting_can_be_given_in_every_way(project: Path) -> None:
     values = {
         "port": "virtual",
@@ -148,6 +157,15 @@ def test_without_a_file(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(gone)
     gone.rmdir()
     assert armtree("config").exit_code == 0
+
+
+def test_an_unknown_variable_that_resembles_a_setting_is_reported_once(project: Path) -> None:
+    others = {"ARMTREE_FLEET_CA": "x", "ARMTREE_TOKEN": "x", "ARMTREE_FUZZ_SEED": "1"}
+    assert armtree("tasks", ARMTREE_SEED="3", **others).stderr == ""
+    assert armtree("tasks", ARMTREE_SEDE="3", ARMTREE_RECORDING="x", **others).stderr == (
+        "note: ARMTREE_RECORDING is not known; did you mean ARMTREE_RECORDINGS?\n"
+        "note: ARMTREE_SEDE is not known; did you mean ARMTREE_SEED?\n"
+    )
 
 
 def test_what_is_wrong_in_a_file_follows_the_table(project: Path) -> None:

@@ -6,6 +6,8 @@ import pytest
 from click.testing import CliRunner
 
 from executive.cli.main import cli
+from logs import Goal
+from tests.logs.test_run import record
 from tests.logs.writing.test_compaction import run_journal
 
 
@@ -25,6 +27,19 @@ def test_ls_lists_the_folder_in_which_it_is_typed_or_says_where_it_looked(
     assert CliRunner().invoke(cli, ["log", "ls"]).output == above
     assert "20261123T151517.770Z-1.mcap " in above
     assert CliRunner().invoke(cli, ["log", "show", "latest"]).exit_code == 0
+
+
+def test_ls_shortens_a_long_title_so_that_the_columns_stay_aligned(tmp_path: Path) -> None:
+    title = "move joint_1=10deg joint_2=-80deg joint_3=80deg"
+    for name, goal in (
+        ("a", Goal(0.0, "0" * 32, -1, title, 1)),
+        ("b", Goal(0.0, "1" * 32, 7, "pick", 1)),
+    ):
+        record(tmp_path / f"{name}.mcap", [goal])
+    long, short = CliRunner().invoke(cli, ["log", "ls", str(tmp_path)]).output.splitlines()
+    assert long.index("0 frames") == short.index("0 frames")
+    assert "  move joint_1=10deg join… NO END" in long
+    assert title in CliRunner().invoke(cli, ["log", "ls", str(tmp_path), "--json"]).output
 
 
 @pytest.mark.slow

@@ -1,12 +1,17 @@
 """Dry runs and poses over HTTP: what a page asks before it moves the arm."""
 
+from functools import partial
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 import logs
 from executive.api.events import Event
+from executive.setup import Setup
+from tests.support.servers import serving
 from tests.support.servers.serving import Serve, Served
+from trees.live_library import LiveLibrary
 
 pytestmark = pytest.mark.slow
 
@@ -90,3 +95,16 @@ def test_poses_are_listed_saved_and_recalled(serve: Serve) -> None:
     commanded = served.executive.where().commanded
     assert commanded
     assert commanded["joint_1"] == pytest.approx(saved["positions"]["joint_1"], abs=0.01)
+
+
+def test_a_server_without_a_folder_makes_the_one_of_pose_save(
+    serve: Serve, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    own = partial(LiveLibrary, default=Setup.own_trees)
+    monkeypatch.setattr(serving, "LiveLibrary", lambda _, robot: own(None, robot))
+    served = serve()
+    assert served.ask("POST", "/api/poses/remove", {"name": "left"})[0] == 404
+    source = served.ask("POST", "/api/poses", {"name": "left"})[1]["source"]
+    assert source == "trees/arduinobot/poses.yaml"
+    assert "left" in [each["pose"] for each in served.ask("GET", "/api/poses")[1]["poses"]]

@@ -82,6 +82,24 @@ def test_a_file_cut_before_its_first_record_is_cut_and_not_changed(rig: RigMaker
     logs.recover(path)
     verification = verify(path)
     assert (checks(verification), verification.code) == ([True, True], "log.cut")
+    assert "holds" not in verification.text()
+    assert "nothing to verify: the file was cut before the first record" in verification.text()
+    assert "complete" not in verification.text()
+
+
+def test_a_run_without_a_motion_has_nothing_to_verify(rig: RigMaker, tmp_path: Path) -> None:
+    task = "task: 9\nname: no\ndescription: Nothing moves.\ntree:\n  Fail: {reason: no}\n"
+    (tmp_path / "tasks").mkdir()
+    (tmp_path / "tasks" / "9_no.yaml").write_text(task)
+    (outcome,) = rig(tmp_path / "tasks").run(9)
+    assert not outcome.success
+    verification = verify(Path(outcome.recording))
+    assert verification.holds
+    assert verification.text().splitlines()[1:] == [
+        "  plan -> frames  -        nothing to verify: the recording has no frame",
+        "  goal -> plan    -        nothing to verify: the recording has no plan",
+        "  the file is complete and unchanged, and its messages agree",
+    ]
 
 
 def test_a_run_that_found_no_plan_holds(rig: RigMaker, tmp_path: Path) -> None:

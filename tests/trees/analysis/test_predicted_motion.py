@@ -187,6 +187,19 @@ def test_a_point_below_the_floor_is_a_note_if_only_the_start_pose_is_known(
     assert re.match("from its boot pose: At the goal, .* deep in floor", note.message)
 
 
+def test_a_distance_out_of_limits_is_a_note_if_only_the_start_pose_is_known(
+    robot: Robot, tmp_path: Path
+) -> None:
+    far = FURTHER.replace("-10 deg", "100 deg")
+    findings = check(robot, None, [written(tmp_path, far)])
+    (note,) = findings.notes
+    assert findings.mistakes == []
+    assert note.message.startswith("from its boot pose: joint_1 = 100 deg is outside its limits")
+    assert check(robot, None, [written(tmp_path, FURTHER)]).notes == []
+    findings = check(robot, None, [written(tmp_path, COME, far, far)])
+    assert ([*map(str, findings.notes)], len(findings.mistakes)) == ([], 1)
+
+
 def test_plan_takes_along_what_the_task_holds(tmp_path: Path) -> None:
     first, second = planned(tmp_path, BALL, LEFT, HOLD, GO)
     assert "Around    ball\n" in first

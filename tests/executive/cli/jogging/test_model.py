@@ -8,7 +8,7 @@ from executive.api.events import Where
 from executive.api.move import Move
 from executive.cli.jogging.model import STEPS, Call, Go, Jog, KeyCommand, Leave, Stop, Yes
 from executive.cli.terminal.keyboard import DELETE, DOWN, ENTER, ESCAPE, LEFT, RIGHT, UP
-from hardware import State
+from hardware import State, load_robot
 
 WHERE = Where(
     arm=State.ACTIVE,
@@ -16,6 +16,7 @@ WHERE = Where(
     commanded={"base": 0.5, "lift": 0.02, "finger": -0.1},
     measured=None,
     tool=(0.1, 0.0, 0.2),
+    gripper=True,
 )
 
 
@@ -64,6 +65,16 @@ def test_an_arrow_moves_what_is_chosen(
     jog, action = pressed(begun(0.3), *keys)
     assert action == jog.moving == Go(Move(words, relative=True, speed=0.3), shown)
     assert f"moving {shown}" in drawn(jog)
+
+
+@pytest.mark.parametrize("gripper", [False, True])
+def test_only_an_arm_with_a_gripper_lists_its_keys(gripper: bool) -> None:
+    robot = load_robot()
+    groups = {**robot.groups, **({} if gripper else {"gripper": ()})}
+    where = Where.of(replace(robot, groups=groups), State.INACTIVE, None)
+    jog = Jog.start(where, {}, 1.0, "")
+    lines = [line for line, _ in jog.lines(where, 80, 24, "armtree jog")]
+    assert ("o c gripper" in " ".join(lines)) is gripper
 
 
 def test_an_arm_that_turns_its_tool_has_axes_for_it() -> None:

@@ -4,6 +4,7 @@ import os
 import re
 import signal
 import subprocess
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -59,6 +60,23 @@ def test_so_does_a_move_in_a_pipe(shell: Shell) -> None:
         shell.server.send_signal(signal.SIGCONT)
         process.send_signal(signal.SIGINT)
         assert process.wait() == 7
+
+
+def test_so_does_watch_which_soon_ends_at_a_ctrl_c(shell: Shell) -> None:
+    shell.serve("--activate")
+    environment = {"ARMTREE_TCP_PORT": shell.environment["ARMTREE_TCP_PORT"]}
+    assert shell.type("send", "10").returncode == 0
+    with PseudoTerminal(shell.folder, "watch", environment=environment) as terminal:
+        terminal.until("arm active")
+        pause(shell)
+        terminal.until("has not answered since", "If the arm moves, switch off")
+        terminal.type("\x03")
+        began = time.monotonic()
+        status, _ = terminal.end()
+        spent = time.monotonic() - began
+    shell.server.send_signal(signal.SIGCONT)
+    assert status == 130
+    assert spent < transport.ANSWER_TIMEOUT / 2
 
 
 def test_a_ctrl_c_waits_for_a_server_that_does_not_answer(

@@ -142,7 +142,7 @@ export class Player extends EventTarget {
       element(
         "li",
         { class: each.holds ? "" : "failed" },
-        `${each.question} ${each.holds ? "holds" : "differs"}: ${each.words}`,
+        `${each.question}${each.empty ? "" : each.holds ? " holds" : " differs"}: ${each.words}`,
         ...(each.source ? [`, because of ${each.source}`] : []),
       ),
     );
