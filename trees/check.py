@@ -304,7 +304,7 @@ class _Checker:
         unit = robot.joint(joint).unit
         for text, factor in in_smaller_units(item.value, unit):
             if not joint_errors(robot, Positions({joint: known[joint] * factor})):
-                instead = item.place.replaced(str(item.value), text)
+                instead = item.instead(text)
                 words = in_other_unit(f"{name}: {error}", item, unit, text)
                 return Mistake(item.label, words, instead)
         return Mistake(item.label, f"{name}: {error}")

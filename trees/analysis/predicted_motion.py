@@ -309,7 +309,7 @@ class _Walk:
         pairs = zip(error.nearest, error.point, strict=True)
         inside = [near - _INSIDE * (far - near) / error.distance for near, far in pairs]
         text, (x, y, z) = in_unit_of(point, inside)
-        instead = point.place.replaced(point.place.brackets, text)
+        instead = point.instead(text)
         try:
             self._reach(replace(query, point=(x, y, z)))
         except MotionError as again:

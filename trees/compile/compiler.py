@@ -514,7 +514,7 @@ class TreeCompiler:
         Treat a name without $ as written.
         """
         text = value.value if isinstance(value.value, str) else ""
-        instead = value.place.replaced(text, f"${text}") if text.isidentifier() else None
+        instead = value.instead(f"${text}") if text.isidentifier() else None
         self._wrong(
             value.place, f"{what}; name a key such as ${text if instead else port}", instead
         )

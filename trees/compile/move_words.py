@@ -78,7 +78,7 @@ def instead_of_width(value: Located, robot: Robot) -> tuple[Place, str, Correcti
                     return item.place, f"{why}; {error}", None
                 found, is_so = _at_width(error.limit, robot), f"; {error}; the nearest is"
             written = ": ".join(found or _example(robot))
-            right = item.place.replaced(text, f"{{{written}}}")
+            right = item.instead(f"{{{written}}}")
             if name:
                 right = item.label.replaced(f"{name}: {text}", written)
             return item.place, f"{why}{is_so} {written}", right

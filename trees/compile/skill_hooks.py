@@ -127,8 +127,7 @@ class SkillHooks:
             if value and exchanged and isinstance(fault, SkillError):
                 one, other = sorted(exchanged)
                 fault.args = (f"{one} and {other} have each other's value: exchange the two",)
-                old = value.place.brackets or str(value.value)
-                instead = value.place.replaced(old, exchanged[str(fault.location[0])].as_yaml())
+                instead = value.instead(exchanged[str(fault.location[0])].as_yaml())
             elif value and isinstance(fault, OutOfBounds | BadTarget):
                 instead = _nearest(leaf, robot, inputs, fault)
             if value and (name := suggested(str(fault))):
@@ -143,11 +142,11 @@ class SkillHooks:
                 instead = left_out(place)
             if value and (units := _in_smaller_unit(leaf, robot, inputs, fault)):
                 unit, near = units
-                old, right = value.place.brackets or str(value.value), _with_unit(value, near)
+                right = _with_unit(value, near)
                 words = str(fault).removesuffix(did_you_mean(right))
                 # The exception may be raised again.
                 fault.args = (in_other_unit(words, value, unit, right),)
-                instead = value.place.replaced(old, right)
+                instead = value.instead(right)
             self._refuse(RefusedInput(leaf.skill, kind.__name__, fault, place, instead))
 
     def _other_pose(
@@ -167,7 +166,7 @@ class SkillHooks:
             # The exception may be raised again.
             words = str(fault).partition("; saved ")[0]
             fault.args = (f"{words}; saved {are} {', '.join(fitting[:_SHOWN])}",)
-        return value.place.replaced(value.value, fitting[0]) if fitting else None
+        return value.instead(fitting[0]) if fitting else None
 
     def min_duration(self, leaf: Leaf) -> float:
         """Return a lower bound of the time of a skill [s]."""
@@ -328,7 +327,7 @@ def _nearest(
         for text, position in near_limit(value, fault.limit):
             now = {**inputs, port: Positions({**given, joint: position})}
             if _accepts(leaf, robot, now, fault.location):
-                return value.place.replaced(str(value.value), text)
+                return value.instead(text)
     return None
 
 

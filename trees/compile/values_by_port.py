@@ -85,7 +85,7 @@ def _from_pairs(
     if not pairs or not pairs.keys() <= declared.keys() or isinstance(value, Key):
         return {}
     place, written = value.place, ", ".join(f"{port}: {each}" for port, each in pairs.items())
-    right = place.replaced(text, f"{{{written}}}")
+    right = value.instead(f"{{{written}}}")
     if lines[1:]:  # one line for each
         right = replaced_block(place, [f"{port}: {each}" for port, each in pairs.items()])
     why = f"a colon separates `{next(iter(pairs))}` from its value{', not `=`' if sign else ''}"

@@ -26,7 +26,7 @@ def node_instead(value: Located, in_turn: str) -> Correction | None:
     if isinstance(value.value, bool):
         from skills import NODE_FOR  # slow; only for a mistake
 
-        return value.place.replaced(value.as_yaml(), NODE_FOR[value.value])
+        return value.instead(NODE_FOR[value.value])
     if {"if", "then"} <= keys.keys() <= {"if", "then", "else"}:
         return replaced_block(value.place, _as_selector(keys))
     return None

@@ -96,6 +96,11 @@ class Located:
         """Return the value as YAML, in one line."""
         return _written(self.plain())
 
+    def instead(self, text: str) -> Correction | None:
+        """Return its line with a text in place of the value; None if it is not in one line."""
+        written = self.value if isinstance(self.value, str) else self.as_yaml()
+        return self.place.replaced(self.place.brackets or written, text)
+
     def __str__(self) -> str:
         text = repr(self.value) if isinstance(self.value, str) else self.as_yaml()
         text = "nothing" if self.value is None else text

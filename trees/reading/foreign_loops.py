@@ -83,8 +83,8 @@ def read_loop(
         child = Located(child.place, {in_turn: child}, child.label)
     keys = {kind.name: child, **more}
     right = replaced_block(place, lines)
-    if brackets := place.brackets:
-        right = place.replaced(brackets, Located(place, keys, place).as_yaml())
+    if place.brackets:
+        right = place.replaced(place.brackets, Located(place, keys, place).as_yaml())
     return ForeignLoop(kind.name, why, keys, right if known else None)
 
 

@@ -380,8 +380,7 @@ class _Parser:
         named, right = self._named()[key], None
         if named and re.fullmatch(r"[\w\s.-]*", str(value.value)):
             why += f"; by the name of the file it is {named}"
-            right = value.place.replaced(str(value.plain()), named)
-            right = right or value.label.replaced(f"{key}:", f"{key}: {named}")
+            right = value.instead(named) or value.label.replaced(f"{key}:", f"{key}: {named}")
         self._wrong(value.place, why, right)
         return named
 
@@ -432,7 +431,7 @@ class _Parser:
             if name not in names and name in texts:
                 text = texts[name]
                 why = f"{text} is a text; the value of the {key[:-1]} {name} is ${name}"
-                right = text.place.replaced(str(text.value), f"${name}")
+                right = text.instead(f"${name}")
                 if str(text.value).startswith("-"):
                     right, why = None, f"{why}; it cannot be negated: declare another {key[:-1]}"
                 self.mistakes.add_last(text.place, why, right)
@@ -452,7 +451,7 @@ class _Parser:
         if kind := _type_of(value):
             typed = f"{{type: {kind}, default: {value.as_yaml()}}}"
             why = f"{what} needs a type, and {value} is a value: write {typed}"
-            self._wrong(value.place, why, value.place.replaced(value.as_yaml(), typed))
+            self._wrong(value.place, why, value.instead(typed))
             return Declaration(kind, default=value)
         if isinstance(value.value, str):
             return Declaration(self._type(value, what, "output" in known))
@@ -493,7 +492,7 @@ class _Parser:
         units = (each for each, names in UNITS.items() if kind in names)
         near = likely or _OTHER_TYPES.get(str(kind)) or next(units, closest(str(kind), TYPES))
         why = f"{what}: no type {kind}; there are {_types()}{did_you_mean(near)}"
-        self._wrong(value.place, why, value.place.replaced(str(kind), near))
+        self._wrong(value.place, why, value.instead(near))
         return UNTYPED
 
     def _default(self, value: Located | None, what: str) -> Located | None:

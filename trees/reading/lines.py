@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 
 from trees.errors import Correction, Place
 
@@ -98,8 +99,8 @@ def as_mapping(value: Located) -> Correction | None:
     """Return a list of mappings as one mapping."""
     items = value.value if isinstance(value.value, list) else []
     given = {key: each for item in items for key, each in nested(item).items()}
-    if brackets := value.place.brackets:
-        return value.place.replaced(brackets, Located(value.place, given, value.label).as_yaml())
+    if value.place.brackets:
+        return value.instead(replace(value, value=given).as_yaml())
     lines, rows = [*value.place.lines], [item.place.line - 1 for item in items]
     for row in rows:
         lines[row] = re.sub(r"^(\s*)-( +)", r"\1 \2", lines[row])

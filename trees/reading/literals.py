@@ -125,7 +125,7 @@ def doubt(value: Located, wanted: Declaration, what: str) -> Mistake | None:
     near = f"{number:g} ms"
     long = f"{number / 60:.3g} min" if number < 3600 else f"{number / 3600:.3g} h"
     why = f"{number:g} without a unit is {number:g} s, or {long}{did_you_mean(near)}"
-    return Mistake(value.place, f"{what}: {why}", value.place.replaced(str(number), near))
+    return Mistake(value.place, f"{what}: {why}", value.instead(near))
 
 
 def fit(
@@ -176,9 +176,8 @@ def fit(
         right = Located(value.place, chosen, value.label).as_yaml() if chosen else "".join(near[:1])
         meant = did_you_mean(right) if chosen == common else meant
         right = right or _within_bounds(fitted, value, wanted)
-        instead = value.place.replaced(str(value.plain()), right)
         shown = f"{value} {wanted.unit if smaller else ''}".rstrip()
-        wrong(value.place, f"{shown} {reason}{meant}", instead)
+        wrong(value.place, f"{shown} {reason}{meant}", value.instead(right))
         return None
     return fitted
 
@@ -199,7 +198,6 @@ def _items(
 ) -> list[Any] | None:
     numbers = wanted.type.removeprefix(LIST) in ("number", "integer", *UNITS)
     near = _as_items(value) if numbers else ""
-    old = value.place.brackets or str(value.plain())
     if not isinstance(value.value, list):
         example = f"[{value.plain()}, 0, 0]" if measured(value) else "[0, 0, 0]"
         if measured(value) and wanted.least and wanted.least > 0.0:  # such as the size of a box
@@ -209,8 +207,7 @@ def _items(
             texts = re.split(r" *[,/|] *", str(value.value)) if one.type == "text" else []
             near = f"[{', '.join(texts) or value.as_yaml()}]"
         form = f"; write {near or (example if numbers else '[a, b]')}"
-        why = f"{value} is not {words(wanted.type)}{form}"
-        wrong(value.place, why, value.place.replaced(old, near))
+        wrong(value.place, f"{value} is not {words(wanted.type)}{form}", value.instead(near))
         return None
     if wanted.count and len(value.value) != wanted.count and value.value != wanted.default:
         why = f"{value} has {plural(len(value.value), 'item')}, not {wanted.count}"
@@ -218,7 +215,7 @@ def _items(
             why = f"commas are missing in {value.as_yaml()}"
         elif numbers and wanted.count == 3:
             why, near = f"{why} (x, y, z)", _filled(value, wanted)
-        wrong(value.place, why + did_you_mean(near), value.place.replaced(old, near))
+        wrong(value.place, why + did_you_mean(near), value.instead(near))
         return None
     each = replace(wanted, type=wanted.type.removeprefix(LIST))
     fitted = [fit(item, each, poses, wrong) for item in value.value]
@@ -277,11 +274,11 @@ def _not(value: Located, kind: str, near: str, wrong: Wrong, hint: str = "") -> 
         count = re.sub(r" ?(times|x)$", "", str(value.value).lower())
         near = near or _COUNTS.get(count, count if count.isdecimal() else "")
     hint = (hint if hint == " in quotes" else "") + did_you_mean(near) or hint
-    old = value.value if isinstance(value.value, str) else value.as_yaml()
     items = value.value if isinstance(value.value, list) else [*nested(value).values()]
     if len(items) == 1 and (measured(items[0]) == kind or type(items[0].value) in (int, float)):
-        hint, near, old = did_you_mean(items[0].as_yaml()), items[0].as_yaml(), value.place.brackets
-    wrong(value.place, f"{value} is not {words(kind)}{hint}", value.place.replaced(old, near))
+        near = items[0].as_yaml()
+        hint = did_you_mean(near)
+    wrong(value.place, f"{value} is not {words(kind)}{hint}", value.instead(near))
 
 
 def _reference(text: str) -> str:
@@ -308,9 +305,8 @@ def _number(value: Located, kind: str, wrong: Wrong, finite: bool = True) -> flo
     elif isinstance(plain, str) and kind in UNITS and (found := _QUANTITY.fullmatch(plain)):
         if found[2] not in UNITS[kind]:
             there, right = ", ".join(sorted(UNITS[kind])), _converted(found[1], found[2], kind)
-            instead = value.place.replaced(plain, right)
             why = f"{value}: no unit {found[2]}; there are {there}{did_you_mean(right)}"
-            wrong(value.place, why, instead)
+            wrong(value.place, why, value.instead(right))
             return None
         number = float(found[1]) * UNITS[kind][found[2]]
     else:
@@ -372,18 +368,13 @@ def _positions(
         wrong(value.place, _one_pose([str(item.value) for item in items]))
         return None
     if items and all(isinstance(item.value, dict) for item in items):
-        wrong(
-            value.place,
-            "joint values are a mapping, not a list",
-            as_mapping(value),
-        )
+        wrong(value.place, "joint values are a mapping, not a list", as_mapping(value))
         return None
     if not isinstance(value.value, dict):
         near = _by_joint(items, poses)
-        right = value.place.replaced(value.place.brackets, near)
-        why = f"{value} is not {words('positions')}; write "
-        why += near or f"{{{_some_joint(poses)}: …}}"
-        wrong(value.place, why, right)
+        how = near or f"{{{_some_joint(poses)}: …}}"
+        why = f"{value} is not {words('positions')}; write {how}"
+        wrong(value.place, why, value.instead(near))
         return None
     if not value.value:
         wrong(value.place, f"{value} names no joint")
@@ -427,10 +418,9 @@ def _pose(
     elif _number(value, "angle", lambda *_: None) is not None:
         near = f"{{{_some_joint(poses)}: {name}}}"
         there = f"{name} is an angle without a joint; write {near}"
-    instead = value.place.replaced(name, near)
     if name == _HOME:
         there += "; `armtree pose save home` saves the one of `armtree home`"
-    wrong(value.place, there, instead)
+    wrong(value.place, there, value.instead(near))
     return None
 
 
@@ -464,10 +454,9 @@ def _no_angles(
     for joint, item in joints.items():
         pose = joint if item.value is None else item.value
         if isinstance(pose, str) and pose in poses:
-            why = (
-                f"{pose} is a pose, not {'a joint' if pose == joint else 'an angle'}: write {pose}"
-            )
-            wrong(value.place, f"{why} alone", value.place.replaced(value.place.brackets, pose))
+            what = "a joint" if pose == joint else "an angle"
+            why = f"{pose} is a pose, not {what}: write {pose} alone"
+            wrong(value.place, why, value.instead(pose))
             return True
     return False
 

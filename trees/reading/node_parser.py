@@ -53,7 +53,7 @@ class NodeParser:
         if isinstance(value.value, str):
             if node := comparison(value):
                 why = f"a comparison is a node: write {node}"
-                self._wrong(value.place, why, value.place.replaced(value.value, node))
+                self._wrong(value.place, why, value.instead(node))
                 return self._unknown(value)
             # Two words may be parts of one name.
             words = value.value if _WORDS.fullmatch(value.value) else self.name(value, _NODE)
@@ -82,8 +82,7 @@ class NodeParser:
         likely = {} if heads else _likely(rest)
         if len(likely) == 1:
             ((word, head),) = likely.items()
-            label = keys[word].label
-            instead = label.replaced(word, head)
+            instead = keys[word].label.replaced(word, head)
             self._wrong(value.place, _no_node(value, tuple(keys)), instead)
             return self._headed(value.place, head, _respell(keys, likely))
         instead = node_instead(value, _in_turn())
@@ -185,7 +184,7 @@ class NodeParser:
         stem = re.split(r"[/\\]", str(value.value or ""))[-1].removesuffix(".yaml").lstrip("$")
         near = stem if self.is_name(stem) or what == _NODE else joined(stem)
         why, near = f"{what}: {value} is not a name ({rule})", near if self.is_name(near) else ""
-        right = value.place.replaced(str(value.value), near)
+        right = value.instead(near)
         if what == "name" and near != stem:
             right = None  # the file must be renamed, too
         self._wrong(value.place, f"{why}{did_you_mean(near)}", right)
@@ -201,7 +200,7 @@ class NodeParser:
             why = f"{what}: {value} is a text; leave out the quotes"
         elif self.is_name(value.value):
             why += "; write the number of its file, such as 1 for 1_pick.yaml"
-        self._wrong(value.place, why, value.place.replaced(plain, plain))
+        self._wrong(value.place, why, value.instead(plain))
         return int(plain) if plain and is_number(int(plain)) else 0
 
     def line(self, value: Located, what: str) -> str:
@@ -303,8 +302,8 @@ class NodeParser:
                 right = replaced_block(inner.place, [f"- {node}" for node in nodes])
                 self._wrong(inner.place, why, right)
                 return self._items(keys.values())
-            brackets = inner.place.brackets if one else ""
-            self._wrong(inner.place, why, inner.place.replaced(brackets, f"[{brackets}]"))
+            right = inner.instead(f"[{inner.place.brackets}]") if one else None
+            self._wrong(inner.place, why, right)
             return (self.node(inner) if one else self._broken(inner, keys),)
         return self._items(inner.value)
 
@@ -321,7 +320,7 @@ class NodeParser:
 
         right, why = added_below(place, f"{key}: {EXAMPLE_CONDITION}"), "the condition"
         if given:
-            right = given.place.replaced(given.as_yaml(), EXAMPLE_CONDITION)
+            right = given.instead(EXAMPLE_CONDITION)
             why += f", not {given}"
         self._wrong(given.place if given else place, f"{kind} needs {key}: {why}", right)
         return ()
@@ -363,10 +362,10 @@ class NodeParser:
         self, place: Place, head: str, keys: Mapping[str, Located], items: Sequence[Located]
     ) -> TreeNode:
         """Report several files in one node. Return a node with one node for each."""
-        nodes, place_of_list = [{**keys, head: item} for item in items], keys[head].place
+        nodes, files = [{**keys, head: item} for item in items], keys[head]
         if len(nodes) == 1:
-            right = place_of_list.replaced(place_of_list.brackets, items[0].as_yaml())
-            self._wrong(place_of_list, f"{head}: write the name without brackets", right)
+            right = files.instead(items[0].as_yaml())
+            self._wrong(files.place, f"{head}: write the name without brackets", right)
             return self._file(place, head, nodes[0])
         head_of_all = _in_turn()
         right = replaced_block(
@@ -376,7 +375,7 @@ class NodeParser:
             inner = ", ".join(map(as_node, nodes))
             right = place.replaced(brackets, f"{{{head_of_all}: [{inner}]}}")
         why = f"a node runs one {head}; write one for each, below {head_of_all}:"
-        self._wrong(place_of_list, why, right)
+        self._wrong(files.place, why, right)
         return ControlNode(
             place, head_of_all, tuple(self._file(place, head, each) for each in nodes)
         )
