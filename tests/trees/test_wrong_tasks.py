@@ -220,7 +220,7 @@ SLIPS_OF_NODES = [
      "parallel", ""),
     ("while: CheckHardware\n      subtree: open_gripper", "10:7 guard has the node below it, and "
      "while in a line of its own",
-     "    - guard: {subtree: open_gripper}\n      while: CheckHardware"),
+     "    - guard:\n        subtree: open_gripper\n      while: CheckHardware"),
     ("Wait: {within: 2 s}", "10:14 within is not a port of Wait; there is only duration",
      "    - Wait: {duration: 2 s}"),
     ("Say: {text: item #1}", "10:19 a # after a space begins a comment; put the text in quotes",

@@ -12,7 +12,7 @@ from trees.reading.document import Located
 from trees.reading.library import Library
 from trees.reading.lines import replaced_block
 from trees.reading.literals import as_pairs
-from trees.reading.node_parser import synonyms
+from trees.reading.node_words import synonyms
 from trees.reading.specs import SkillNode, SubtreeNode, Value
 
 from .move_words import as_positions, is_width

@@ -1,7 +1,10 @@
-"""Loops as programming languages write them, such as `for: 3` with `do:`, and their correction."""
+"""Loops as programming languages write them, such as `for: 3` with `do:`, and their correction.
+
+A control node with its child beside it, such as `repeat: 3` with `subtree:`, is one of them.
+"""
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -10,6 +13,7 @@ from trees.errors import Correction, Place
 
 from .document import Located, nested
 from .lines import key_block, replaced_block
+from .node_words import begins_node, in_turn, kinds
 
 if TYPE_CHECKING:
     from trees.nodes.kind import ControlNodeKind
@@ -25,86 +29,125 @@ class ForeignLoop:
     """A loop of another language.
 
     Attributes:
+        place: Place of the word for the loop.
         kind: Name of the control node for it.
         why: Message for the user.
         keys: Values of the control node.
-        right: The control node in lines of a task file; None if unknown.
+        right: The control node in lines of a task file; None if its number is unknown.
     """
 
+    place: Place
     kind: str
     why: str
     keys: Mapping[str, Located]
     right: Correction | None
 
 
-def read_loop(
-    place: Place, given: Mapping[str, Located], kinds: "Mapping[str, ControlNodeKind]"
-) -> ForeignLoop | None:
+def read_loop(place: Place, given: Mapping[str, Located]) -> ForeignLoop | None:
     """Return a loop of another language, or None if the keys of a node are not one.
 
     Args:
         place: Begin of the node.
         given: Values of the node.
-        kinds: Kinds of control nodes, by name.
     """
-    word, kind = _loop_word(given, kinds)
-    if kind is None or kind.many:
-        return None
-    head, more = _counted(given[word], kind) if word in kind.synonyms else (given[word], {})
-    more |= {key: each for key, each in given.items() if key != word}
-    in_one = _DO in nested(head)  # such as {times: 3, do: open_gripper}
-    more |= nested(head) if in_one else {}
-    child = more.pop(_DO, head)
-    why, known = f"there is no {word}{did_you_mean(kind.name)}", True
-    if word == kind.condition and child is not head:
-        more, why = {**more, word: head}, kind.keywords[_DO]
-    elif child is not head and not in_one:
-        if kind.only_asks or not kind.options:
+    loops = (_read(place, given, word, kind) for word, kind in _loop_words(given))
+    return next(filter(None, loops), None)
+
+
+def _loop_words(given: Mapping[str, Located]) -> Iterator[tuple[str, "ControlNodeKind"]]:
+    """Return the keys that may mean a control node with one child, each with its kind.
+
+    These are names, synonyms, and, without a name, a condition or the first option.
+    """
+    for word in given:
+        for kind in kinds().values():
+            named = given.keys() & {kind.name, *kind.synonyms}
+            option = word in [*kind.options][:1] and not given.keys() & kinds().keys()
+            unnamed = not named and (option or word == kind.condition)
+            if not kind.many and (word in named or unnamed):
+                yield word, kind
+
+
+def _read(
+    place: Place, given: Mapping[str, Located], word: str, kind: "ControlNodeKind"
+) -> ForeignLoop | None:
+    """Return the loop that a word means, or None if it means none."""
+    head, rest = given[word], {key: each for key, each in given.items() if key != word}
+    if word in kind.synonyms:
+        head, counted = _without_count(head, kind)
+        rest |= counted
+    known, in_one = True, _DO in nested(head)  # such as {times: 3, do: open_gripper}
+    rest |= nested(head) if in_one else {}
+    options = {key: each for key, each in rest.items() if key in (*kind.options, kind.condition)}
+    rest = {key: each for key, each in rest.items() if key not in options}
+    if in_one:
+        child, why = rest.pop(_DO), f"there is no {word}{did_you_mean(kind.name)}"
+    elif (_DO in rest and not kind.only_asks) or sum(map(begins_node, rest)) == 1:
+        why, option = _beside_child(word, head, kind, _DO in rest)
+        if not why or options.keys() & option.keys():
             return None
-        option, known = next(iter(kind.options)), is_amount(head)
-        amount = head.as_yaml() if known else EXAMPLES[kind.options[option].type]
-        why = f"{kind.name} has its node below it, and its number in a line of its own: "
-        why += f"{option}: {amount}"
-        more = {**more, option: head} if known else more
-    elif _is_condition(word, head, kind) and more.keys() & {"subtree", "task"}:
-        child, more = Located(place, more, place), {kind.condition: head}
-        why = f"{kind.name} has the node below it, and {kind.condition} in a line of its own"
-    elif word not in kind.synonyms or is_amount(head):
+        options = option | options
+        known = bool(option) or isinstance(head.value, bool)
+        child = rest.pop(_DO) if _DO in rest else Located(place, rest, place)
+    elif word in kind.synonyms and not is_amount(head):
+        child, why = head, f"there is no {word}{did_you_mean(kind.name)}"
+    else:
         return None
-    if not more.keys() <= {*kind.options, kind.condition, "name"}:
+    lines = _lines_below(child)
+    if child.value is rest:
+        lines, rest = [line for each in rest.values() for line in key_block(each.label)], {}
+    if rest.keys() - {"name"}:
         return None
-    options = {key: each.as_yaml() for key, each in more.items()}
-    in_turn = next(name for name, each in kinds.items() if each.many)
-    lines = [
-        *_below(kind.name, child, in_turn),
-        *(f"{key}: {text}" for key, text in options.items()),
-    ]
     if isinstance(child.value, list):
-        child = Located(child.place, {in_turn: child}, child.label)
-    keys = {kind.name: child, **more}
-    right = replaced_block(place, lines)
+        child = Located(child.place, {in_turn(): child}, child.label)
+        lines = _below(in_turn(), lines) if lines else []
+    options |= rest
+    keys = {kind.name: child, **options}
     if place.brackets:
         right = place.replaced(place.brackets, Located(place, keys, place).as_yaml())
-    return ForeignLoop(kind.name, why, keys, right if known else None)
+    else:
+        node = _below(kind.name, lines) if lines else [f"{kind.name}: {child.as_yaml()}"]
+        beside = (f"{key}: {each.as_yaml()}" for key, each in options.items())
+        right = replaced_block(place, [*node, *beside])
+    return ForeignLoop(given[word].label, kind.name, why, keys, right if known else None)
 
 
-def _loop_word(
-    given: Iterable[str], kinds: "Mapping[str, ControlNodeKind]"
-) -> "tuple[str, ControlNodeKind | None]":
-    """Return the only key that means a control node, and its kind; None if there is none."""
-    words = dict(kinds)
-    for kind in kinds.values():
-        words |= dict.fromkeys([*kind.synonyms, *filter(None, [kind.condition])], kind)
-    (word, *others) = [key for key in given if key in words] or [""]
-    return word, None if others else words.get(word)
+def _beside_child(
+    word: str, head: Located, kind: "ControlNodeKind", with_do: bool
+) -> tuple[str, dict[str, Located]]:
+    """Return what a value means that has the child of its node beside it.
+
+    Args:
+        word: Key of the value.
+        head: The value.
+        kind: The control node.
+        with_do: True if the child is below the key `do`.
+
+    Returns:
+        The message, or "" if the value may be the child; and the value by its correct key.
+    """
+    option, condition = next(iter(kind.options), ""), kind.condition
+    why = f"{kind.name} has its node below it"
+    if is_amount(head) and option:
+        written = f"{option}: {head.as_yaml()}"
+        return f"{why}, and its number in a line of its own: {written}", {option: head}
+    if isinstance(head.value, bool) and not condition:
+        return f"{why}, not beside", {}
+    if isinstance(head.value, bool):
+        from skills import EXAMPLE_CONDITION  # slow; only for a mistake
+
+        example = Located(head.place, EXAMPLE_CONDITION, head.place)
+        return f"{why}, not beside, and needs {condition}: the condition", {condition: example}
+    if word == condition or (condition and isinstance(head.value, str)):
+        why = f"{kind.name} has the node below it, and {condition} in a line of its own"
+        return kind.keywords[_DO] if with_do else why, {condition: head}
+    if with_do and option:
+        written = f"{option}: {EXAMPLES[kind.options[option].type]}"
+        return f"{why}, and its number in a line of its own: {written}", {}
+    return "", {}
 
 
-def _is_condition(word: str, head: Located, kind: "ControlNodeKind") -> bool:
-    """Return True if the value of a key is the condition of a control node, not its child."""
-    return kind.condition == word or (bool(kind.condition) and isinstance(head.value, str))
-
-
-def _counted(head: Located, kind: "ControlNodeKind") -> tuple[Located, dict[str, Located]]:
+def _without_count(head: Located, kind: "ControlNodeKind") -> tuple[Located, dict[str, Located]]:
     """Return a node without its number of rounds, and the number by option."""
     inner, option = dict(nested(head)), next(iter(kind.options), "")
     counts = [key for key in inner if _COUNT.fullmatch(key)]
@@ -114,16 +157,18 @@ def _counted(head: Located, kind: "ControlNodeKind") -> tuple[Located, dict[str,
     return Located(head.place, inner, head.place), given
 
 
-def _below(head: str, child: Located, in_turn: str) -> list[str]:
-    """Return the lines of a node with a child. Several nodes are put into one that runs them."""
+def _lines_below(child: Located) -> list[str]:
+    """Return the lines below the key of a child, not indented; empty if it is in one line."""
     begin, *inner = key_block(child.label) or [""]
-    several = isinstance(child.value, list)
-    if not inner or begin.partition(":")[2].split("#")[0].strip():
-        text = child.as_yaml()
-        return [f"{head}: {{{in_turn}: {text}}}" if several else f"{head}: {text}"]
-    margin = min(len(line) - len(line.lstrip()) for line in inner if line.strip())
-    indent, between = ("    ", [f"  {in_turn}:"]) if several else ("  ", [])
-    return [f"{head}:", *between, *(f"{indent}{line[margin:]}".rstrip() for line in inner)]
+    if begin.partition(":")[2].split("#")[0].strip():
+        return []
+    margin = min((len(line) - len(line.lstrip()) for line in inner if line.strip()), default=0)
+    return [line[margin:].rstrip() for line in inner]
+
+
+def _below(head: str, lines: Sequence[str]) -> list[str]:
+    """Return lines indented below a key."""
+    return [f"{head}:", *(f"  {line}".rstrip() for line in lines)]
 
 
 def is_amount(value: Located) -> bool:

@@ -17,7 +17,8 @@ from trees.errors import Correction, FileError, Mistake, Mistakes
 
 from .document import Located, NotYaml, draft_document, names_within, nested
 from .literals import fit, measured
-from .node_parser import MAX_NUMBER, NodeParser, begins_node, is_number, synonyms
+from .node_parser import MAX_NUMBER, NodeParser, is_number
+from .node_words import begins_node, synonyms
 from .repairs import repairing
 from .specs import ControlNode, Key, SkillNode, SubtreeNode, TreeNode, Value
 

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, TypeGuard
+from typing import TypeGuard
 
 from hardware.spelling import corrections, did_you_mean, there_are
 from trees.errors import Correction, Mistakes, Place
@@ -13,10 +13,18 @@ from .document import Located, names_within, nested
 from .foreign_loops import EXAMPLES, is_amount, read_loop
 from .lines import added_below, as_mapping, block, key_block, replaced_block
 from .literals import measured
+from .node_words import (
+    FILES,
+    begins_node,
+    beside_keys,
+    heads,
+    in_turn,
+    keywords,
+    kinds,
+    likely_heads,
+    synonyms,
+)
 from .specs import ControlNode, Key, SkillNode, SubtreeNode, TreeNode, Value
-
-if TYPE_CHECKING:
-    from trees.nodes.kind import ControlNodeKind
 
 MAX_NUMBER = 2**31 - 1
 _NODE = "a node"  # its name cannot be a name of a user's own
@@ -25,7 +33,6 @@ NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 _WORDS = re.compile(r"[A-Za-z]+( [A-Za-z]+)+")
 # Words of other programs for the key `with`.
 _WITH = ("args", "arguments", "params", "parameters", "ports", "inputs", "input", "values")
-_FILES = {"subtree": ("with", "name"), "task": ("with", "name")}
 
 
 def joined(words: str) -> str:
@@ -59,33 +66,30 @@ class NodeParser:
             words = value.value if _WORDS.fullmatch(value.value) else self.name(value, _NODE)
             return SkillNode(value.place, words, {})
         keys = self._in_lower_case(nested(value))
-        heads = [key for key in keys if key in _heads()]
+        begun = [key for key in keys if key in heads()]
         rest = [key for key in keys if key != "name"]
-        whole = len(heads) == 1 and heads[0] in _kinds() and not is_amount(keys[heads[0]])
-        if keys and (loop := read_loop(value.place, keys, _kinds())):
-            self._wrong(value.place, loop.why, loop.right)
+        if loop := read_loop(value.place, keys):
+            self._wrong(loop.place, loop.why, loop.right)
             return self._headed(value.place, loop.kind, loop.keys)
-        if not whole and (counted := self._counted(value, keys)):
-            return counted
-        skills = [key for key in rest if key[:1].isupper() or key in _keywords()]
-        if len(heads) == 1 and heads[0] in _FILES and skills:
-            lines = [f"{_in_turn()}:", *(f"  - {node}" for node in _apart(keys))]
+        skills = [key for key in rest if key[:1].isupper() or key in keywords()]
+        if len(begun) == 1 and begun[0] in FILES and skills:
+            lines = [f"{in_turn()}:", *(f"  - {node}" for node in _apart(keys))]
             alone = not value.place.location.endswith("]")  # in a list, a `-` is missing
-            named = heads[0] == rest[0] and skills[0] not in _keywords()
+            named = begun[0] == rest[0] and skills[0] not in keywords()
             right = replaced_block(value.place, lines) if alone and named else None
             self._wrong(keys[skills[0]].label, _no_node(value, tuple(keys)), right)
             return self._broken(value, keys)
-        if len(heads) == 1:
-            return self._headed(value.place, heads[0], keys)
-        if not heads and len(rest) == 1 and rest[0] not in _beside():
+        if len(begun) == 1:
+            return self._headed(value.place, begun[0], keys)
+        if not begun and len(rest) == 1 and rest[0] not in beside_keys():
             return self._skill(value.place, rest[0], keys)
-        likely = {} if heads else _likely(rest)
+        likely = {} if begun else likely_heads(rest)
         if len(likely) == 1:
             ((word, head),) = likely.items()
             instead = keys[word].label.replaced(word, head)
             self._wrong(value.place, _no_node(value, tuple(keys)), instead)
             return self._headed(value.place, head, _respell(keys, likely))
-        instead = node_instead(value, _in_turn())
+        instead = node_instead(value, in_turn())
         self._wrong(value.place, _no_node(value, tuple(keys)), instead)
         return self._broken(value, keys)
 
@@ -94,69 +98,28 @@ class NodeParser:
 
         The name of a control node is corrected if its options are beside it.
         """
-        known = {*_FILES, *(each for beside in _FILES.values() for each in beside)}
-        known |= {name for name, kind in _kinds().items() if keys.keys() & kind.options.keys()}
+        known = {*FILES, *(each for beside in FILES.values() for each in beside)}
+        known |= {name for name, kind in kinds().items() if keys.keys() & kind.options.keys()}
         likely = {key: key.lower() for key in keys if key not in known and key.lower() in known}
         for key, near in likely.items():
             label = keys[key].label
             self._wrong(label, f"no key {key}{did_you_mean(near)}", label.replaced(key, near))
         return _respell(keys, likely)
 
-    def _counted(self, value: Located, keys: Mapping[str, Located]) -> TreeNode | None:
-        """Report a number or a switch that is the value of a node: `repeat: 3`, `guard: true`.
-
-        Returns the corrected node, or None if this is not the mistake.
-        """
-        words = {**{kind: kind for kind in _kinds()}, **synonyms(), **_option_kinds()}
-        for word, item in keys.items():
-            kind = words.get(word, "")
-            switch = isinstance(item.value, bool)
-            if not kind or _kinds()[kind].many or not (switch or is_amount(item)):
-                continue
-            option, *options = _kinds()[kind].options
-            condition = _kinds()[kind].condition
-            own = {option, condition} if switch else {condition}
-            beside = {key: each for key, each in keys.items() if key in {*options, *own}}
-            below = {key: each for key, each in keys.items() if key not in {word, *beside}}
-            if len([key for key in below if key in _heads() or key[:1].isupper()]) != 1:
-                continue
-            rows = {each.label.line - value.place.line for each in (item, *beside.values())}
-            lines = block(value.place)
-            amount = [] if switch else [f"{option}: {item.as_yaml()}"]
-            kept = [f"  {line}" for row, line in enumerate(lines) if row not in rows]
-            moved = [line for row, line in enumerate(lines) if row in rows]
-            moved = [line for line in moved if not line.startswith(f"{word}:")]
-            why = f"{kind} has its node below it"
-            why += (
-                f", and its number in a line of its own: {amount[0]}" if amount else ", not beside"
-            )
-            given = {} if switch else {option: item}
-            if switch and condition and condition not in keys:
-                from skills import EXAMPLE_CONDITION  # slow; only for a mistake
-
-                why += f", and needs {condition}: the condition"
-                moved += [f"{condition}: {EXAMPLE_CONDITION}"]
-                given = {condition: Located(value.place, EXAMPLE_CONDITION, value.place)}
-            right = replaced_block(value.place, [f"{kind}:", *kept, *amount, *moved])
-            self._wrong(item.label, why, right if lines else None)
-            child = Located(value.place, below, value.label)
-            return self._headed(value.place, kind, {kind: child, **given, **beside})
-        return None
-
     def _headed(self, place: Place, head: str, keys: Mapping[str, Located]) -> TreeNode:
-        made = self._file if head in _FILES else self._control
+        made = self._file if head in FILES else self._control
         return made(place, head, keys)
 
     def _broken(self, value: Located, keys: Mapping[str, Located]) -> TreeNode:
         """Return a node of unknown kind, with the recognisable nodes in it."""
         items = value.value if isinstance(value.value, list) else ()
         below: list[TreeNode] = [self._unknown(value), *self._items(items)]
-        beside = {*_beside(), *_keywords()}
+        beside = {*beside_keys(), *keywords()}
         for key, item in keys.items():
-            if key in _kinds():
+            if key in kinds():
                 below += self._children(key, item)
-            elif key in _FILES:
-                own = {key, "with"} if len(_FILES.keys() & keys.keys()) == 1 else {key}
+            elif key in FILES:
+                own = {key, "with"} if len(FILES.keys() & keys.keys()) == 1 else {key}
                 mine = {name: each for name, each in keys.items() if name in own}
                 below.append(self._file(value.place, key, mine))
             elif key not in beside and isinstance(item.value, dict):
@@ -170,7 +133,7 @@ class NodeParser:
 
     def is_control(self, key: str) -> bool:
         """Return True if a key begins a control node."""
-        return key in _kinds()
+        return key in kinds()
 
     def is_name(self, value: object) -> TypeGuard[str]:
         """Return True if a value is a name."""
@@ -223,7 +186,7 @@ class NodeParser:
     def _skill(self, place: Place, skill: str, keys: Mapping[str, Located]) -> TreeNode:
         inner = keys[skill]
         if isinstance(inner.value, list) and self._are_nodes(skill, inner.value):
-            lists = [name for name, kind in _kinds().items() if kind.many]
+            lists = [name for name, kind in kinds().items() if kind.many]
             kind = corrections((skill,), lists).get(skill, "") or synonyms().get(skill, "")
             there = ", ".join(lists) + did_you_mean(kind)
             why = f"{skill} takes no list of nodes; these do: {there}"
@@ -238,12 +201,12 @@ class NodeParser:
 
     def _are_nodes(self, key: str, items: Sequence[Located]) -> bool:
         """Return True if a list below a key may have nodes, not values at ports."""
-        named = key[:1].isupper() or _likely((key,)) or key in synonyms()
+        named = key[:1].isupper() or likely_heads((key,)) or key in synonyms()
         nodes = any(any(map(begins_node, nested(item))) for item in items)
         return not any(map(is_amount, items)) and bool(named or nodes)
 
     def _control(self, place: Place, kind: str, keys: Mapping[str, Located]) -> ControlNode:
-        known = _kinds()[kind]
+        known = kinds()[kind]
         beside = (*known.options, *filter(None, (known.condition,)), "name")
         keys = self._beside(kind, self._raised(place, kind, keys, beside), beside)
         children = self._children(kind, keys[kind])
@@ -263,8 +226,8 @@ class NodeParser:
     ) -> Mapping[str, Located]:
         """Report options that are below a node instead of beside it. Return corrected values."""
         inner = nested(keys[kind])
-        heads = [key for key in inner if key in _kinds()]
-        theirs = {"name", *(option for head in heads for option in _kinds()[head].options)}
+        inside = [key for key in inner if key in kinds()]
+        theirs = {"name", *(option for head in inside for option in kinds()[head].options)}
         lost = {key: inner[key] for key in inner if key in own and key not in {*theirs, *keys}}
         for key, value in lost.items():
             row, lines = value.label.line - place.line, block(place)
@@ -281,7 +244,7 @@ class NodeParser:
         return {**keys, **lost, kind: replace(keys[kind], value=left)} if lost else keys
 
     def _children(self, kind: str, inner: Located) -> tuple[TreeNode, ...]:
-        if _kinds()[kind].only_asks and is_amount(inner):
+        if kinds()[kind].only_asks and is_amount(inner):
             from skills import wait_node  # slow; only for a mistake
 
             wait = wait_node(inner.as_yaml())
@@ -289,13 +252,13 @@ class NodeParser:
             right = inner.label.replaced(f"{kind}: {inner.as_yaml()}", wait)
             self._wrong(inner.place, why, right)
             return (SkillNode(inner.place, "", {}),)
-        if not _kinds()[kind].many:
+        if not kinds()[kind].many:
             return (self.node(inner),)
         if not isinstance(inner.value, list) or not inner.value:
             given = "" if inner.value is None or inner.value == [] else f", not {inner}"
             why = f"{kind} needs a list of nodes{given}: begin each with a `-`, below {kind}:"
             keys = nested(inner)
-            one = len(keys.keys() & {*_heads()} or keys.keys() - {"name"}) == 1
+            one = len(keys.keys() & {*heads()} or keys.keys() - {"name"}) == 1
             named = bool(keys) and not any(map(begins_node, keys))
             if named and all(any(map(begins_node, nested(each))) for each in keys.values()):
                 nodes = [each.as_yaml() for each in keys.values()]
@@ -333,7 +296,7 @@ class NodeParser:
         if isinstance(items := keys[head].value, list) and items:
             return self._several(place, head, keys, items)
         keys = self._named(place, head, keys)
-        keys = self._beside(head, self._with(head, keys), _FILES[head])
+        keys = self._beside(head, self._with(head, keys), FILES[head])
         source: str | int
         if head == "task":
             given = keys[head]
@@ -367,7 +330,7 @@ class NodeParser:
             right = files.instead(items[0].as_yaml())
             self._wrong(files.place, f"{head}: write the name without brackets", right)
             return self._file(place, head, nodes[0])
-        head_of_all = _in_turn()
+        head_of_all = in_turn()
         right = replaced_block(
             place, [f"{head_of_all}:", *(f"  - {as_node(each)}" for each in nodes)]
         )
@@ -382,7 +345,7 @@ class NodeParser:
 
     def _with(self, head: str, keys: Mapping[str, Located]) -> Mapping[str, Located]:
         """Report ports beside a subtree or task. Return the values with the ports below `with`."""
-        known = (head, *_FILES[head])
+        known = (head, *FILES[head])
         ports = {key: value for key, value in keys.items() if key not in known}
         likely = corrections(keys, known)
         if len(ports) == 1 and "with" not in keys:
@@ -396,7 +359,7 @@ class NodeParser:
         if not ports or likely:
             return keys
         if "with" in keys:
-            own = [key for key in ports if key not in _beside() and not begins_node(key)]
+            own = [key for key in ports if key not in beside_keys() and not begins_node(key)]
             return self._below_with(keys, {key: ports[key] for key in own})
         first = next(iter(ports.values()))
         inner = Located(first.label, ports, first.label)
@@ -468,7 +431,7 @@ class NodeParser:
 
 def _other_option(kind: str, keys: Mapping[str, Located]) -> dict[str, str]:
     """Return the only option that the only unknown key beside a control node may mean."""
-    options = {} if kind in _FILES else _kinds()[kind].options
+    options = {} if kind in FILES else kinds()[kind].options
     unknown = [key for key in keys if key not in {kind, "name", *options}]
     if len(unknown) != 1 or not is_amount(value := keys[unknown[0]]):
         return {}
@@ -477,61 +440,6 @@ def _other_option(kind: str, keys: Mapping[str, Located]) -> dict[str, str]:
     fitting = [option for option, each in left.items() if each.type == typed]
     found = [option for option, each in left.items() if each.needed] or fitting
     return {unknown[0]: found[0]} if len(found) == 1 else {}
-
-
-def _kinds() -> "Mapping[str, ControlNodeKind]":
-    from trees.nodes.kind import KINDS  # the import takes 0.3 s; a list of tasks does not need it
-
-    return KINDS
-
-
-def _in_turn() -> str:
-    """Return the kind of control node that runs a list of nodes, one after the other."""
-    return next(name for name, kind in _kinds().items() if kind.many)
-
-
-def begins_node(key: str) -> bool:
-    """Return True if a key begins a node, or looks like the name of a skill."""
-    return key in _heads() or key[:1].isupper()
-
-
-def _heads() -> tuple[str, ...]:
-    """Return the keys that begin a node, except for the names of skills."""
-    return (*_kinds(), *_FILES)
-
-
-def _beside() -> set[str]:
-    """Return the keys that may be beside the first key of a node."""
-    kinds = _kinds().values()
-    return {"with", "name", *(key for kind in kinds for key in (*kind.options, kind.condition))}
-
-
-def _likely(words: Collection[str]) -> dict[str, str]:
-    """Return the likely first keys of nodes for unknown words."""
-    named = {word: kind for word, kind in synonyms().items() if word in words}
-    own = {*_beside(), *_keywords()}
-    lower = [word for word in words if word not in own and _is_lower(word)]
-    return named or corrections(lower, _heads())
-
-
-def _is_lower(word: str) -> bool:
-    """Return True if a word is no name of a skill."""
-    return not word[:1].isupper() or word.lower() in _heads()
-
-
-def synonyms() -> dict[str, str]:
-    """Return the kinds of control nodes by the words of other languages and libraries."""
-    return {word: name for name, kind in _kinds().items() for word in kind.synonyms}
-
-
-def _keywords() -> dict[str, str]:
-    """Return the messages for keywords of programming languages, by keyword."""
-    return {word: why for kind in _kinds().values() for word, why in kind.keywords.items()}
-
-
-def _option_kinds() -> dict[str, str]:
-    """Return the kinds of control nodes by their first option."""
-    return {next(iter(kind.options)): name for name, kind in _kinds().items() if kind.options}
 
 
 def is_number(value: object) -> TypeGuard[int]:
@@ -546,7 +454,7 @@ def as_node(keys: Mapping[str, Located]) -> str:
 
 def _apart(keys: Mapping[str, Located]) -> list[str]:
     """Return the nodes that share a mapping, as YAML. `with` and `name` are of the file's node."""
-    own = {*_FILES, "with", "name"}
+    own = {*FILES, "with", "name"}
     nodes = [{key: each for key, each in keys.items() if key in own}]
     nodes += [{key: each} for key, each in keys.items() if key not in own]
     return [as_node(node)[1:-1] if len(node) == 1 else as_node(node) for node in nodes]
@@ -562,12 +470,12 @@ def _no_node(value: Located, keys: tuple[str, ...]) -> str:
         return "a list of nodes needs a node above it, such as sequence:"
     if not keys:
         return f"a node is a skill, a subtree, or a control node such as sequence, not {value}"
-    if other := next((why for word, why in _keywords().items() if word in keys), ""):
+    if other := next((why for word, why in keywords().items() if word in keys), ""):
         return other
     if words := {word: kind for word, kind in synonyms().items() if word in keys}:
         return " and ".join(f"there is no {word}" + did_you_mean(words[word]) for word in words)
-    near = "".join(did_you_mean(head) for head in _likely(keys).values())
-    heads = [key for key in keys if key in _heads() or key[:1].isupper()]
-    if len(heads) > 1:
-        return f"{' and '.join(heads)} are several nodes; begin each node of a list with a -"
+    near = "".join(did_you_mean(head) for head in likely_heads(keys).values())
+    begun = [key for key in keys if key in heads() or key[:1].isupper()]
+    if len(begun) > 1:
+        return f"{' and '.join(begun)} are several nodes; begin each node of a list with a -"
     return f"one of {', '.join(keys)} must be a node, such as sequence, subtree or a skill{near}"

@@ -18,7 +18,7 @@ from hardware.spelling import closest
 from trees.errors import Correction, FileError, Mistake, Place
 
 from .document import NotYaml, split_lines
-from .node_parser import begins_node
+from .node_words import begins_node
 
 _MAX_EDITS = 4
 _KEPT = 10  # number of best texts that are edited further
