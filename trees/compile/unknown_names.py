@@ -1,5 +1,6 @@
 """Suggestions for skills, subtrees and tasks that do not exist."""
 
+import re
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import suppress
 
@@ -10,7 +11,7 @@ from trees.errors import Correction, FileError
 from trees.nodes.kind import KINDS
 from trees.reading.document import Located
 from trees.reading.library import Library
-from trees.reading.lines import replaced_block
+from trees.reading.lines import rewritten
 from trees.reading.literals import as_pairs
 from trees.reading.node_words import synonyms
 from trees.reading.specs import SkillNode, SubtreeNode, Value
@@ -46,7 +47,8 @@ def meant(
     for name, kind in skills.items():
         if spec.skill.lower() in kind.synonyms:
             return name
-    return closest(spec.skill, (*nodes(skills), *subtrees), 0.71)
+    near = closest(spec.skill, (*nodes(skills), *subtrees), 0.71)
+    return near or (_taking(_first(spec.skill), spec.ports, library) if spec.ports else "")
 
 
 def meant_file(
@@ -73,11 +75,13 @@ def meant_file(
         file = tasks[source]
         why = f"{source} is a task, not a subtree; write task: {file}"
     else:
-        begun = _begun(source, subtrees)[1:]
-        near = _taking(source, spec.values, library) if begun else closest(source, subtrees)
+        begun = _begun(source, subtrees)
+        several = len(begun) > 1
+        near = _taking(source, spec.values, library) if several else closest(source, subtrees)
         file, why = near, f"no subtree {source}; {there_are(source, subtrees)}"
-        if begun:
-            why = f"no subtree {source}; {_listed(source, subtrees)}{did_you_mean(near)}"
+        if several:
+            there = f"there are the subtrees {', '.join(begun)}"
+            why = f"no subtree {source}; {there}{did_you_mean(near)}"
         elif not near:
             why += f"; a subtree of your own is a file {source}.yaml"
     named = spec.named
@@ -93,8 +97,9 @@ def _begun(word: str, subtrees: Collection[str]) -> list[str]:
     return [name for name in subtrees if word and name.startswith(f"{word.lower()}_")]
 
 
-def _listed(word: str, subtrees: Collection[str]) -> str:
-    return f"there are the subtrees {', '.join(_begun(word, subtrees))}"
+def _first(skill: str) -> str:
+    """Return the first word of a name such as MoveGroup."""
+    return re.split(r"(?<=[a-z])(?=[A-Z])|_", skill)[0]
 
 
 def _taking(word: str, values: Mapping[str, Value], library: Library) -> str:
@@ -132,16 +137,13 @@ def without_ports(spec: SubtreeNode, what: str, robot: Robot) -> tuple[str, Corr
     """
     given = spec.values.get("", as_mapping(spec.values))
     written = given.as_yaml() if isinstance(given, Located) else f"${given.name}"
-    why, lines = f"leave {written} out", [f"{spec.head}: {spec.source}"]
+    why, node = f"leave {written} out", {spec.head: str(spec.source)}
     for value in spec.values.values():
         if (target := as_positions(value, robot)) is not value and isinstance(target, Located):
-            lines = [f"subtree: {_TO_POSE}", f"with: {{joints: {target.as_yaml()}}}"]
-            why = f"to move the gripper, write {', '.join(lines)}"
-    lines += [f"name: {spec.name}"] if spec.name else []
-    right = replaced_block(spec.place, lines)
-    if spec.place.brackets:
-        right = spec.place.replaced(spec.place.brackets, f"{{{', '.join(lines)}}}")
-    return f"{what}; {why}", right
+            node = {"subtree": _TO_POSE, "with": f"{{joints: {target.as_yaml()}}}"}
+            why = f"to move the gripper, write subtree: {_TO_POSE}, with: {node['with']}"
+    node |= {"name": spec.name} if spec.name else {}
+    return f"{what}; {why}", rewritten(spec.place, node)
 
 
 def nodes(skills: Collection[str]) -> tuple[str, ...]:
@@ -151,8 +153,8 @@ def nodes(skills: Collection[str]) -> tuple[str, ...]:
 
 def why_unknown(skill: str, skills: Collection[str], subtrees: Collection[str]) -> str:
     """Return the message for an unknown skill, with the names that exist."""
-    if _begun(skill, subtrees):
-        return f"no skill {skill}; {_listed(skill, subtrees)}"
+    if begun := _begun(skill, subtrees) or _begun(_first(skill), subtrees):
+        return f"no skill {skill}; there are the subtrees {', '.join(begun)}"
     if skill.lower() in ("run", "goto", "call", "execute"):
         return f"no skill {skill}; a task runs another one with task: 1, its number"
     if near := synonyms().get(skill):

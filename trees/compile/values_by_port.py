@@ -7,7 +7,7 @@ from dataclasses import replace
 from trees.declarations import LIST, Declaration
 from trees.errors import Correction, Mistakes, Place
 from trees.reading.document import REFUSED, Located, nested, scalar
-from trees.reading.lines import added_below, block, key_block, replaced_block
+from trees.reading.lines import added_below, block, key_block, replaced_block, rewritten
 from trees.reading.literals import as_pairs, fit
 from trees.reading.specs import Key, SkillNode, Value
 
@@ -175,19 +175,14 @@ def as_subtree(
         subtree: Name of the subtree.
         ports: Values by port.
     """
-    lines = [f"subtree: {subtree}"]
-    if ports:
-        lines.append(f"with: {as_mapping(ports).as_yaml()}")
-    in_braces = "{" + ", ".join(lines) + "}"
-    old = block(place)
+    node = {"subtree": subtree} | ({"with": as_mapping(ports).as_yaml()} if ports else {})
+    lines, old = [f"{key}: {text}" for key, text in node.items()], block(place)
     if old and old[0].startswith(skill):
         name = old[0].rstrip().endswith(f"{skill}:") or old[0].startswith(f"{skill}: ")
         rest = old[1:] if name else []
         beside = [line for line in rest if re.match(r"\w", line)]
         return replaced_block(place, [*lines, *beside])
-    if place.brackets:
-        return place.replaced(place.brackets, in_braces)
-    return place.replaced(skill, in_braces)
+    return rewritten(place, node) or place.replaced(skill, f"{{{', '.join(lines)}}}")
 
 
 def with_port(spec: SkillNode, port: str) -> Correction | None:

@@ -11,13 +11,13 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar
 
-from hardware.spelling import closest, corrections, did_you_mean, there_are
+from hardware.spelling import closest, corrections, did_you_mean
 from trees.declarations import LIST, TYPES, UNITS, Declaration
 from trees.errors import Correction, FileError, Mistake, Mistakes
 
 from .document import Located, NotYaml, draft_document, names_within, nested
 from .literals import fit, measured
-from .node_parser import MAX_NUMBER, NodeParser, is_number
+from .node_parser import MAX_NUMBER, NodeParser, is_number, respell
 from .node_words import begins_node, synonyms
 from .repairs import repairing
 from .specs import ControlNode, Key, SkillNode, SubtreeNode, TreeNode, Value
@@ -218,24 +218,11 @@ class _Parser:
             if str(self.root.value).startswith("<"):
                 hint = f"; this is XML, and a file is YAML{hint}"
             self._wrong(self.root.place, f"expected the keys {needed}{hint}")
-        self._check_kind(path, keys[0])
         self._values = self._corrections(self._with_tree(self._values, keys), keys)
         version = self.get("grammar", needed=False)
         if version and (type(version.value) is not int or version.value != VERSION):
             here = f"this armtree reads grammar {VERSION}"
             self._wrong(version.place, f"grammar: {version} is not supported; {here}")
-
-    def _check_kind(self, path: Path, wanted: str) -> None:
-        """Raise a FileError if the content and the name of a file disagree: task or subtree."""
-        other = {"task": "subtree", "subtree": "task"}.get(wanted, "")
-        if wanted in self._values or other not in self._values:
-            return
-        named = self._values[other].value
-        name = f"{named}.yaml" if other == "subtree" else f"{named}_{path.stem}.yaml"
-        if other == "task" and not is_number(named):
-            name = f"3_{path.stem}.yaml and says task: 3, a number that no other task has"
-        why = f"this is a {other}, whose file is named like {name}; rename this one"
-        raise FileError([Mistake(self._values[other].label, why)])
 
     def head(self) -> TaskFile:
         """Return the task or subtree without its tree."""
@@ -341,24 +328,17 @@ class _Parser:
         self, values: Mapping[str, Located], known: tuple[str, ...]
     ) -> Mapping[str, Located]:
         """Report unknown keys. Return the values with corrected keys."""
+        for key, other in (("ports", "parameters"), ("parameters", "ports")):
+            if key in values and other in known and other not in values:
+                why = f"a task has parameters, a subtree has ports: write {other}"
+                self._wrong(values[key].label, why, values[key].label.replaced(key, other))
+                values = respell(values, {key: other})
         likely = corrections(values, known)
         unknown = [key for key in values if key not in {*known, *likely}]
         needed = [key for key in known if key not in {*_OPTIONAL, *values, *likely.values()}]
         if "tree" in known and len(unknown) == len(needed) == 1:
             likely[unknown[0]] = needed[0]
-        for key, value in values.items():
-            other = {"ports": "parameters", "parameters": "ports"}.get(key)
-            if key not in known and other in known and other not in values:
-                likely[key] = other
-                there = f"a task has parameters, a subtree has ports: write {other}"
-                self._wrong(value.label, there, value.label.replaced(key, other))
-            elif key not in known:
-                there = there_are(key, known, values)
-                if key in likely:
-                    there = there.partition(";")[0] + did_you_mean(likely[key])
-                instead = value.label.replaced(key, likely.get(key, ""))
-                self._wrong(value.label, f"unknown key {key}; {there}", instead)
-        return {likely.get(key, key): value for key, value in values.items()}
+        return self.nodes.known_keys(values, known, likely)
 
     def number(self, key: str) -> int:
         value = self.get(key)

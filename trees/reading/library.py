@@ -38,12 +38,12 @@ from .grammar import (
     draft_subtree,
     draft_task,
     parse_head,
-    parse_task,
 )
 
 _TASK = re.compile(r"([0-9]+)_.+\.yaml")
 _SUBTREE = re.compile(r"(?!poses)[A-Za-z].*\.yaml")
-_ALMOST_TASK = re.compile(r"[0-9].*\.ya?ml")
+_ALMOST_TASK = re.compile(r"([0-9]+)[\W_]*(.*)\.ya?ml")
+_HEAD = re.compile(r"^[\"']?(task|subtree)[\"']?: *(\w*)", re.MULTILINE)
 POSES = "poses.yaml"
 
 
@@ -143,9 +143,10 @@ class Library:
             self._leave(path)
         elif named := _TASK.fullmatch(name):
             self._claim(int(named[1]), path)
-        elif _ALMOST_TASK.fullmatch(name):
+        elif almost := _ALMOST_TASK.fullmatch(name):
             place = _top(path, self._text(path), "task")
-            wrong = "a task's file is named like 3_wave.yaml; rename this one"
+            like = f"{self._free_number(int(almost[1]))}_{almost[2] or 'wave'}.yaml"
+            wrong = f"a task's file is named like {like}; rename this one"
             raise FileError([Mistake(place, wrong)])
         elif name == POSES and _is_for(path, self.robot):
             self._poses.append(path)
@@ -173,7 +174,7 @@ class Library:
         if not name and there.parent in self.shipped:
             name = _name(there)
         try:
-            if name and _draft(source, path, self.read(path))[0].replaces == name:
+            if name and self._draft(source, path)[0].replaces == name:
                 self._paths[source], self._replaced[path] = path, there
                 return
             self._seconds[path] = source
@@ -192,6 +193,29 @@ class Library:
         names = (_TASK.fullmatch(name) for folder in self.folders for name in _files(folder))
         taken = {int(named[1]) for named in names if named}
         return next(n for n in count(number) if n not in taken)
+
+    def _draft(self, source: int | str, path: Path) -> Draft:
+        return (draft_subtree if isinstance(source, str) else draft_task)(
+            path, self._text_of(source, path)
+        )
+
+    def _text_of(self, source: int | str, path: Path) -> str:
+        """Return the text of a task or subtree.
+
+        Raises:
+            FileError: The file cannot be read, or has the name of the other kind.
+        """
+        text = self.read(path)
+        kinds = {head[1]: head[2] for head in _HEAD.finditer(text)}
+        if kinds and _what(source) not in kinds:
+            ((other, named),) = kinds.items()
+            like, free = f"{named}.yaml", self._free_number(int(named) if named.isdecimal() else 1)
+            if other == "task":
+                like = f"{free}_{path.stem}.yaml"
+                like += "" if named == str(free) else f" and says task: {free}"
+            why = f"this is a {other}, whose file is named like {like}; rename this one"
+            raise FileError([Mistake(_top(path, text, other), why)])
+        return text
 
     def _text(self, path: Path) -> str:
         """Return the text of a file for messages; empty if it cannot be read."""
@@ -263,8 +287,10 @@ class Library:
             UnknownTask: No file has that number.
             FileError: The file has mistakes.
         """
-        path = self.path(number)
-        return _as_named(parse_task(path, self.read(path)))
+        task, mistakes = self.draft(number)
+        if mistakes:
+            raise FileError(mistakes)
+        return task
 
     def head(self, number: int) -> TaskFile:
         """Read a task without its tree, for lists.
@@ -274,7 +300,10 @@ class Library:
             FileError: The part before the tree has mistakes.
         """
         path = self.path(number)
-        return _as_named(parse_head(path, self.read(path)))
+        task = parse_head(path, self._text_of(number, path))
+        if wrong := _misnaming(task):
+            raise FileError(wrong)
+        return task
 
     def files(self) -> Iterator[tuple[Path, int | str | None]]:
         """Return each file with its number or name; None for poses.
@@ -301,7 +330,7 @@ class Library:
         return self._drafted(source, path or self.path(source))
 
     def _drafted(self, source: int | str, path: Path) -> Draft:
-        file, mistakes = _draft(source, path, self.read(path))
+        file, mistakes = self._draft(source, path)
         reported = {mistake.place.location for mistake in mistakes}
         named = [m for m in _misnaming(file) if not {"", m.place.location} & reported]
         return file, [*mistakes, *named, *self._replacing(file, source)]
@@ -387,10 +416,6 @@ def _name(path: Path) -> str:
     return path.stem.partition("_")[2]
 
 
-def _draft(source: int | str, path: Path, text: str) -> Draft:
-    return (draft_subtree if isinstance(source, str) else draft_task)(path, text)
-
-
 def _misnaming(file: TaskFile) -> list[Mistake]:
     """Return mistakes if a file contradicts its name."""
     key, name, wrong = "subtree", file.path.stem, list[Mistake]()
@@ -409,12 +434,6 @@ def _renaming(file: TaskFile, why: str, key: str, old: object, new: object) -> M
     place = _top(file.path, file.text, key)
     right = place.replaced(f"{key}: {old}", f"{key}: {new}")
     return Mistake(place, f"{why}; rename the file, or change the line", right)
-
-
-def _as_named(task: TaskFile) -> TaskFile:
-    if wrong := _misnaming(task):
-        raise FileError(wrong)
-    return task
 
 
 def _top(path: Path, text: str, key: str) -> Place:

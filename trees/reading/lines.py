@@ -1,7 +1,7 @@
 """Corrections of several lines: a node with its lines."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from trees.errors import Correction, Place
@@ -46,6 +46,24 @@ def replaced_block(place: Place, lines: Sequence[str]) -> Correction | None:
     indent = " " * (place.column - 1)
     rest = [f"{indent}{line}" if line.strip() else line for line in lines[1:]]
     return Correction("\n".join([first, *rest]), place.line, len(old))
+
+
+def rewritten(place: Place, node: Mapping[str, str | Sequence[str]]) -> Correction | None:
+    """Return the correction that writes other keys in place of a node, in braces or over lines.
+
+    Args:
+        place: Place of the node.
+        node: Values of the keys as YAML. A list of nodes has one text for each.
+    """
+    if place.brackets:
+        texts = {k: v if isinstance(v, str) else f"[{', '.join(v)}]" for k, v in node.items()}
+        braces = ", ".join(f"{key}: {text}" for key, text in texts.items())
+        return place.replaced(place.brackets, f"{{{braces}}}")
+    lines = list[str]()
+    for key, text in node.items():
+        one = isinstance(text, str)
+        lines += [f"{key}: {text}"] if one else [f"{key}:", *(f"  - {item}" for item in text)]
+    return replaced_block(place, lines)
 
 
 def added_below(place: Place, line: str) -> Correction | None:

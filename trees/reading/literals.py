@@ -311,6 +311,7 @@ def _number(value: Located, kind: str, wrong: Wrong, finite: bool = True) -> flo
         number = float(found[1]) * UNITS[kind][found[2]]
     else:
         near = _computed(str(plain)) or _total(str(plain), kind) or str(plain).translate(_SIGNS)
+        near = re.sub(rf"^{_NUMBER} ?\.\.+ ?{_NUMBER}", r"\1", near)  # a range has no value
         if kind == "number" and (percent := re.fullmatch(rf"{_NUMBER} ?%", near)):
             near = f"{float(percent[1]) / 100:g}"
         amount = re.fullmatch(rf"{_NUMBER}( ?({'|'.join(UNITS.get(kind, ()))}))?", near)

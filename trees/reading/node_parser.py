@@ -11,7 +11,7 @@ from trees.errors import Correction, Mistakes, Place
 from .corrected_nodes import comparison, node_instead
 from .document import Located, names_within, nested
 from .foreign_loops import EXAMPLES, is_amount, read_loop
-from .lines import added_below, as_mapping, block, key_block, replaced_block
+from .lines import added_below, as_mapping, block, key_block, replaced_block, rewritten
 from .literals import measured
 from .node_words import (
     FILES,
@@ -73,10 +73,10 @@ class NodeParser:
             return self._headed(value.place, loop.kind, loop.keys)
         skills = [key for key in rest if key[:1].isupper() or key in keywords()]
         if len(begun) == 1 and begun[0] in FILES and skills:
-            lines = [f"{in_turn()}:", *(f"  - {node}" for node in _apart(keys))]
+            nodes = {in_turn(): [*map(_as_item, _apart(keys))]}
             alone = not value.place.location.endswith("]")  # in a list, a `-` is missing
             named = begun[0] == rest[0] and skills[0] not in keywords()
-            right = replaced_block(value.place, lines) if alone and named else None
+            right = rewritten(value.place, nodes) if alone and named else None
             self._wrong(keys[skills[0]].label, _no_node(value, tuple(keys)), right)
             return self._broken(value, keys)
         if len(begun) == 1:
@@ -88,7 +88,7 @@ class NodeParser:
             ((word, head),) = likely.items()
             instead = keys[word].label.replaced(word, head)
             self._wrong(value.place, _no_node(value, tuple(keys)), instead)
-            return self._headed(value.place, head, _respell(keys, likely))
+            return self._headed(value.place, head, respell(keys, likely))
         instead = node_instead(value, in_turn())
         self._wrong(value.place, _no_node(value, tuple(keys)), instead)
         return self._broken(value, keys)
@@ -104,7 +104,7 @@ class NodeParser:
         for key, near in likely.items():
             label = keys[key].label
             self._wrong(label, f"no key {key}{did_you_mean(near)}", label.replaced(key, near))
-        return _respell(keys, likely)
+        return respell(keys, likely)
 
     def _headed(self, place: Place, head: str, keys: Mapping[str, Located]) -> TreeNode:
         made = self._file if head in FILES else self._control
@@ -254,21 +254,22 @@ class NodeParser:
             return (SkillNode(inner.place, "", {}),)
         if not kinds()[kind].many:
             return (self.node(inner),)
-        if not isinstance(inner.value, list) or not inner.value:
-            given = "" if inner.value is None or inner.value == [] else f", not {inner}"
-            why = f"{kind} needs a list of nodes{given}: begin each with a `-`, below {kind}:"
-            keys = nested(inner)
-            one = len(keys.keys() & {*heads()} or keys.keys() - {"name"}) == 1
-            named = bool(keys) and not any(map(begins_node, keys))
-            if named and all(any(map(begins_node, nested(each))) for each in keys.values()):
-                nodes = [each.as_yaml() for each in keys.values()]
-                right = replaced_block(inner.place, [f"- {node}" for node in nodes])
-                self._wrong(inner.place, why, right)
-                return self._items(keys.values())
-            right = inner.instead(f"[{inner.place.brackets}]") if one else None
-            self._wrong(inner.place, why, right)
-            return (self.node(inner) if one else self._broken(inner, keys),)
-        return self._items(inner.value)
+        if isinstance(inner.value, list) and inner.value:
+            return self._items(inner.value)
+        given = "" if inner.value is None or inner.value == [] else f", not {inner}"
+        why = f"{kind} needs a list of nodes{given}: begin each with a `-`, below {kind}:"
+        parts, right = _apart(nested(inner)), None
+        nodes = [_named_node(part) or (part if len(parts) == 1 else {}) for part in parts]
+        if len(parts) == 1 and inner.place.brackets:
+            right = inner.instead(f"[{inner.place.brackets}]")
+        elif parts and all(nodes) and inner.place.brackets:
+            right = inner.instead(f"[{', '.join(map(as_node, nodes))}]")
+        elif all(nodes) and nodes != parts:  # else, the lines lack a `-`
+            right = replaced_block(inner.place, [f"- {_as_item(node)}" for node in nodes])
+        self._wrong(inner.place, why, right)
+        if not nodes or not all(nodes):
+            return (self._broken(inner, nested(inner)),)
+        return self._items([Located(inner.place, node, inner.label) for node in nodes])
 
     def _items(self, items: Iterable[Located]) -> tuple[TreeNode, ...]:
         return tuple(self.node(item) for item in items)
@@ -292,7 +293,7 @@ class NodeParser:
         if head == "subtree" and is_number(number := keys[head].value):
             why = f"a subtree has a name; a task has a number: write task: {number}"
             self._wrong(keys[head].label, why, keys[head].label.replaced(head, "task"))
-            keys, head = _respell(keys, {head: "task"}), "task"
+            keys, head = respell(keys, {head: "task"}), "task"
         if isinstance(items := keys[head].value, list) and items:
             return self._several(place, head, keys, items)
         keys = self._named(place, head, keys)
@@ -317,7 +318,7 @@ class NodeParser:
         rest = {key: each for key, each in inner.items() if key != names[0]}
         values = Located(keys[head].place, rest, keys[head].label)
         made = {**keys, head: inner[names[0]], **({"with": values} if rest else {})}
-        right = replaced_block(place, [f"{key}: {each.as_yaml()}" for key, each in made.items()])
+        right = rewritten(place, {key: each.as_yaml() for key, each in made.items()})
         self._wrong(keys[head].place, f"write the name after {head}:, without {names[0]}", right)
         return made
 
@@ -330,18 +331,9 @@ class NodeParser:
             right = files.instead(items[0].as_yaml())
             self._wrong(files.place, f"{head}: write the name without brackets", right)
             return self._file(place, head, nodes[0])
-        head_of_all = in_turn()
-        right = replaced_block(
-            place, [f"{head_of_all}:", *(f"  - {as_node(each)}" for each in nodes)]
-        )
-        if brackets := place.brackets:
-            inner = ", ".join(map(as_node, nodes))
-            right = place.replaced(brackets, f"{{{head_of_all}: [{inner}]}}")
-        why = f"a node runs one {head}; write one for each, below {head_of_all}:"
-        self._wrong(files.place, why, right)
-        return ControlNode(
-            place, head_of_all, tuple(self._file(place, head, each) for each in nodes)
-        )
+        why = f"a node runs one {head}; write one for each, below {in_turn()}:"
+        self._wrong(files.place, why, rewritten(place, {in_turn(): [*map(as_node, nodes)]}))
+        return ControlNode(place, in_turn(), tuple(self._file(place, head, n) for n in nodes))
 
     def _with(self, head: str, keys: Mapping[str, Located]) -> Mapping[str, Located]:
         """Report ports beside a subtree or task. Return the values with the ports below `with`."""
@@ -353,7 +345,7 @@ class NodeParser:
             if key in _WITH and nested(value):
                 why = f"the values at ports are below the key with, not {key}"
                 self._wrong(value.label, why, value.label.replaced(key, "with"))
-                return _respell(keys, {key: "with"})
+                return respell(keys, {key: "with"})
         # A number is at a port, such as `width: 20 mm`.
         likely = {k: near for k, near in likely.items() if near != "with" or not is_amount(keys[k])}
         if not ports or likely:
@@ -394,18 +386,27 @@ class NodeParser:
         self, head: str, keys: Mapping[str, Located], known: tuple[str, ...]
     ) -> Mapping[str, Located]:
         """Report unknown keys of a node. Return its values with corrected keys."""
-        beside = [key for key in keys if key != head]
+        beside = {key: each for key, each in keys.items() if key != head}
         likely = corrections(beside, known)
-        likely |= _other_option(head, _respell(keys, likely))
-        for key in beside:
-            if key not in known:
-                there, label = there_are(key, known, beside), keys[key].label
-                if near := likely.get(key, ""):
-                    there = there.partition(";")[0] + did_you_mean(near)
-                why = f"unknown key {key}; beside {head} {there}"
-                self._wrong(label, why, label.replaced(key, near))
-                self.spare |= {*names_within(keys[key])}
-        return _respell(keys, likely)
+        likely |= _other_option(head, respell(keys, likely))
+        return {head: keys[head], **self.known_keys(beside, known, likely, f"beside {head} ")}
+
+    def known_keys(
+        self,
+        keys: Mapping[str, Located],
+        known: Collection[str],
+        likely: Mapping[str, str],
+        where: str = "",
+    ) -> dict[str, Located]:
+        """Report unknown keys. Return the values with the likely keys."""
+        for key in (key for key in keys if key not in known):
+            there, label = there_are(key, known, keys), keys[key].label
+            if near := likely.get(key, ""):
+                there = there.partition(";")[0] + did_you_mean(near)
+            why = f"unknown key {key}; {where}{there}"
+            self._wrong(label, why, label.replaced(key, near))
+            self.spare |= {*names_within(keys[key])}
+        return respell(keys, likely)
 
     def _shown(self, keys: Mapping[str, Located]) -> str:
         if "name" not in keys:
@@ -452,15 +453,34 @@ def as_node(keys: Mapping[str, Located]) -> str:
     return "{" + ", ".join(f"{key}: {item.as_yaml()}" for key, item in keys.items()) + "}"
 
 
-def _apart(keys: Mapping[str, Located]) -> list[str]:
-    """Return the nodes that share a mapping, as YAML. `with` and `name` are of the file's node."""
-    own = {*FILES, "with", "name"}
-    nodes = [{key: each for key, each in keys.items() if key in own}]
-    nodes += [{key: each} for key, each in keys.items() if key not in own]
-    return [as_node(node)[1:-1] if len(node) == 1 else as_node(node) for node in nodes]
+def _as_item(node: Mapping[str, Located]) -> str:
+    """Return a node as an item of a list, in braces if it has several keys."""
+    return as_node(node)[1:-1] if len(node) == 1 else as_node(node)
 
 
-def _respell(keys: Mapping[str, Located], likely: Mapping[str, str]) -> dict[str, Located]:
+def _apart(keys: Mapping[str, Located]) -> list[dict[str, Located]]:
+    """Return the nodes that share a mapping. `with` is of the subtree or task."""
+    nodes = list[dict[str, Located]]()
+    for key, each in keys.items():
+        files = [node for node in nodes if node.keys() & FILES.keys()]
+        if key == "with" and files:
+            files[-1][key] = each
+        elif nodes and (key in beside_keys() or not nodes[-1].keys() - beside_keys()):
+            nodes[-1][key] = each
+        else:
+            nodes.append({key: each})
+    return nodes
+
+
+def _named_node(keys: dict[str, Located]) -> dict[str, Located]:
+    """Return a node, or the node below its name; empty if no key begins a node."""
+    inner = dict(nested(next(iter(keys.values()))))
+    found = [node for node in (keys, inner) if any(map(begins_node, node))]
+    return found[0] if found else {}
+
+
+def respell(keys: Mapping[str, Located], likely: Mapping[str, str]) -> dict[str, Located]:
+    """Return values with other keys."""
     return {likely.get(key, key): item for key, item in keys.items()}
 
 

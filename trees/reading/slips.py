@@ -131,7 +131,6 @@ _SLIPS = (
     (r"^([\s-]*[\w-]+: )((?=[a-z]|\w+: \{)(\w+): .*)$", r"\1{\2}",
      r"`\3` and its value need braces here"),
     (r"(, *)(,)", r"\1", "one comma too many"),
-    (rf"{_ITEM}(- )(?=\w)", r"\1", "one `-` too many"),
     (rf"{_ITEM}(\d+: +)(?=\S)", r"\1", "leave out the number: the nodes of a list run in order"),
     (r"()('([^',{}\[\]]*'[^',{}\[\]]*)')", r'"\3"',
      "put a text that contains ' in double quotes"),
@@ -270,7 +269,13 @@ def _dash_edits(lines: tuple[str, ...], row: int) -> Iterator[Edit]:
 
 
 def _undashed(lines: tuple[str, ...], row: int) -> Iterator[Edit]:
-    """Return an edit that joins a line to the node above it."""
+    """Return an edit that joins a line to the node above it, or leaves out one `-` of two."""
+    if two := re.match(r"(\s*- )- (?=\w)", lines[row]):
+        end = _end_of_block(lines, row, two.end(1))
+        moved = [_indented_by(line, -2) for line in lines[row + 1 : end]]
+        first = lines[row][: two.end(1)] + lines[row][two.end() :]
+        made = (*lines[:row], first, *moved, *lines[end:])
+        yield Edit((row, two.end(1)), "dash", "one `-` too many", made)
     found = re.match(r"(\s*)- (\w+)", lines[row])
     if found and (not begins_node(found[2]) or found[2] == "task"):
         why = f"leave out the `-` before `{found[2]}`: it begins no item of a list"
