@@ -339,48 +339,38 @@ class NodeParser:
         """Report ports beside a subtree or task. Return the values with the ports below `with`."""
         known = (head, *FILES[head])
         ports = {key: value for key, value in keys.items() if key not in known}
-        likely = corrections(keys, known)
-        if len(ports) == 1 and "with" not in keys:
-            ((key, value),) = ports.items()
-            if key in _WITH and nested(value):
-                why = f"the values at ports are below the key with, not {key}"
-                self._wrong(value.label, why, value.label.replaced(key, "with"))
-                return respell(keys, {key: "with"})
+        given = [keys["with"]] if "with" in keys else []
+        words = [key for key in ports if key in _WITH and nested(ports[key])]
+        if len(ports) == 1 and words and not given:
+            label = ports[words[0]].label
+            why = f"the values at ports are below the key with, not {words[0]}"
+            self._wrong(label, why, label.replaced(words[0], "with"))
+            return respell(keys, {words[0]: "with"})
         # A number is at a port, such as `width: 20 mm`.
-        likely = {k: near for k, near in likely.items() if near != "with" or not is_amount(keys[k])}
-        if not ports or likely:
+        likely = corrections(keys, known).items()
+        if any(near != "with" or not is_amount(keys[key]) for key, near in likely):
             return keys
-        if "with" in keys:
-            own = [key for key in ports if key not in beside_keys() and not begins_node(key)]
-            return self._below_with(keys, {key: ports[key] for key in own})
-        first = next(iter(ports.values()))
-        inner = Located(first.label, ports, first.label)
-        instead = None
-        if all(each.label.column == first.label.column for each in ports.values()):
-            count = sum(len(key_block(each.label)) for each in ports.values())
-            line = f"{' ' * (first.label.column - 1)}with: {inner.as_yaml()}"
-            instead = Correction(line, first.label.line, count) if count else None
+        other = {key for key in ports if given and (key in beside_keys() or begins_node(key))}
+        ports = {key: each for key, each in ports.items() if key not in other}
+        if not ports or not all(isinstance(each.value, dict) for each in given):
+            return keys
         what = "parameters of a task" if head == "task" else "ports of a subtree"
-        self._wrong(first.label, f"write the {what} below the key `with`", instead)
-        return {**{key: value for key, value in keys.items() if key in known}, "with": inner}
-
-    def _below_with(
-        self, keys: Mapping[str, Located], ports: Mapping[str, Located]
-    ) -> Mapping[str, Located]:
-        """Report ports beside `with`. Return its values with these ports added."""
-        given, rows = keys["with"], [each.label.line for each in ports.values()]
-        if not ports or not isinstance(given.value, dict):
-            return keys
-        inner, right = replace(given, value={**nested(given), **ports}), None
-        *_, last = ports.values()
-        if [given.label.line, *rows] == [*range(given.label.line, last.label.line + 1)]:
-            line = f"{' ' * (given.label.column - 1)}with: {inner.as_yaml()}"
-            count = len(rows) + len(key_block(last.label))
-            right = Correction(line, given.label.line, count)
-        why = f"{', '.join(ports)} must be below the key with, like the other ports"
+        why = f"write the {what} below the key `with`"
+        if given:
+            why = f"{', '.join(ports)} must be below the key with, like the other ports"
+        inside = {key: each for values in map(nested, given) for key, each in values.items()}
+        moved = [*given, *ports.values()]
+        first = moved[0].label
+        inner = Located(given[0].place if given else first, {**inside, **ports}, first)
+        ends = [each.label.line + len(key_block(each.label)) for each in moved]
+        adjacent = [each.label.line for each in moved[1:]] == ends[:-1] and ends[-1] > first.line
+        right = None
+        if adjacent and (not given or ends[0] == first.line + 1):  # else, a line is not indented
+            begin = first.lines[first.line - 1][: first.column - 1]
+            line = f"{begin}with: {inner.as_yaml()}"
+            right = Correction(line, first.line, ends[-1] - first.line)
         self._wrong(next(iter(ports.values())).label, why, right)
-        rest = {key: each for key, each in keys.items() if key not in ports}
-        return {**rest, "with": inner}
+        return {**{key: each for key, each in keys.items() if key not in ports}, "with": inner}
 
     def _beside(
         self, head: str, keys: Mapping[str, Located], known: tuple[str, ...]
