@@ -17,7 +17,7 @@ from trees.errors import Correction, FileError, Mistake, Mistakes
 
 from .document import Located, NotYaml, draft_document, names_within, nested
 from .literals import fit, measured
-from .node_parser import MAX_NUMBER, NodeParser, is_number, respell
+from .node_parser import NodeParser, respell
 from .node_words import begins_node, synonyms
 from .repairs import repairing
 from .specs import ControlNode, Key, SkillNode, SubtreeNode, TreeNode, Value
@@ -279,26 +279,20 @@ class _Parser:
     ) -> Mapping[str, Located]:
         """Report nodes outside the key `tree`, or poses outside `poses`. Move them to that key."""
         head = "poses" if "poses" in known else "tree"
-        nodes = {
-            key
-            for key, value in values.items()
-            if key not in known or (isinstance(value.value, dict) and self.nodes.is_control(key))
-        }
-        if head in values or not nodes:
-            return values
         likely = corrections(values, known)
-        below = {
-            key: value
-            for key, value in values.items()
-            if (self.nodes.is_control(key) and key in nodes)
-            or _listed_kind(key, value)
-            or (head == "poses" and isinstance(value.value, dict) and key not in known)
-            or (head == "tree" and key not in known and _in_node(key, value, likely))
-        }
-        (first, *_) = below or [""]
-        kind = _listed_kind(first, below[first]) if first else ""
+
+        def is_below(key: str, value: Located) -> bool:
+            if key in known or head == "poses":
+                inside = key not in known or self.nodes.is_control(key)
+                return inside and isinstance(value.value, dict)
+            listed = self.nodes.is_control(key) or _listed_kind(key, value)
+            return bool(listed) or _in_node(key, value, likely)
+
+        below = {key: value for key, value in values.items() if is_below(key, value)}
         rest = {key: value for key, value in values.items() if key not in below}
-        if not below or (corrections(rest, (head,)) and not kind):
+        first = next(iter(below), "")
+        kind = _listed_kind(first, below[first]) if first else ""
+        if head in values or not below or (corrections(rest, (head,)) and not kind):
             return values
         label = below[first].label
         why, right = f"{first} must be below the key {head}", self._below(head, below)
@@ -342,28 +336,11 @@ class _Parser:
 
     def number(self, key: str) -> int:
         value = self.get(key)
-        if value is None or is_number(value.value) or str(value.value).isdecimal():
-            return self.nodes.number(value, key) if value else 0
-        why = f"{key}: {value} is not a number from 0 to {MAX_NUMBER}"
-        if isinstance(value.value, str):
-            why += "; the key task has its number, and the key name its name"
-        return int(self._as_named(key, value, why) or 0)
+        return self.nodes.number(value, key, self._named()[key]) if value else 0
 
     def name(self, key: str, needed: bool = True) -> str:
-        value, named = self.get(key, needed), self._named().get(key)
-        if value is None or self.nodes.is_name(value.value) or not self.nodes.is_name(named):
-            return self.nodes.name(value, key) if value else ""
-        why = f"{key}: {value} is not a name (a letter, then letters, digits, _ or -)"
-        return self._as_named(key, value, why)
-
-    def _as_named(self, key: str, value: Located, why: str) -> str:
-        """Report a wrong value. Return the one that the name of the file gives, or ""."""
-        named, right = self._named()[key], None
-        if named and re.fullmatch(r"[\w\s.-]*", str(value.value)):
-            why += f"; by the name of the file it is {named}"
-            right = value.instead(named) or value.label.replaced(f"{key}:", f"{key}: {named}")
-        self._wrong(value.place, why, right)
-        return named
+        value = self.get(key, needed)
+        return self.nodes.name(value, key, self._named().get(key, "")) if value else ""
 
     def line(self, key: str) -> str:
         value = self.get(key)

@@ -27,13 +27,13 @@ _PYTHON: Mapping[str, tuple[type, ...]] = {
 
 # Words of other programs, languages and libraries, and the words for them here.
 _SWITCHES = {"yes": "true", "on": "true", "no": "false", "off": "false", "1": "true", "0": "false"}
-_CHOICES = {"equals": "==", "equal": "==", "is": "==", "not": "!=", "less": "<"} | {
-    "greater": ">",
-    "more": ">",
-    "one": "any",
-    "first": "any",
-    "every": "all",
-    "both": "all",
+_CHOICES = {
+    **dict.fromkeys(("equals", "equal", "is"), "=="),
+    **dict.fromkeys(("greater", "more"), ">"),
+    **dict.fromkeys(("one", "first"), "any"),
+    **dict.fromkeys(("every", "both"), "all"),
+    "not": "!=",
+    "less": "<",
 }
 _SIGNS = str.maketrans({",": ".", "\u2212": "-", "\u2013": "-"})
 _FOREIGN_UNITS = {  # factor and unit of task files
@@ -47,11 +47,11 @@ _FOREIGN_UNITS = {  # factor and unit of task files
     "us": (0.001, "ms"),
 }
 _ENDLESS = ("infinite", "infinity", "inf", "forever", "endless", "unlimited", "always")
-_COUNTS = {"once": "1", "one": "1", "twice": "2", "two": "2", "thrice": "3"} | {
-    "three": "3",
-    "four": "4",
-    "five": "5",
-    "ten": "10",
+_COUNTS = {
+    **dict.fromkeys(("once", "one"), "1"),
+    **dict.fromkeys(("twice", "two"), "2"),
+    **dict.fromkeys(("thrice", "three"), "3"),
+    **{"four": "4", "five": "5", "ten": "10"},
 }
 _UNIT_NAMES = {"grad": "deg", "\xb0": "deg", "milli": "m", "centi": "c", "zenti": "c"}
 

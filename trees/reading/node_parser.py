@@ -139,32 +139,48 @@ class NodeParser:
         """Return True if a value is a name."""
         return isinstance(value, str) and NAME.fullmatch(value) is not None
 
-    def name(self, value: Located, what: str) -> str:
-        """Return a name, or an empty text if the value is not a name."""
+    def name(self, value: Located, what: str, named: str = "") -> str:
+        """Return a name; for another value, what the name of the file gives, or a likely name."""
         if self.is_name(value.value):
             return value.value
-        rule = "a letter, then letters, digits, _ or -"
+        why = f"{what}: {value} is not a name (a letter, then letters, digits, _ or -)"
+        if self.is_name(named):
+            return self._as_named(value, what, why, named)
         stem = re.split(r"[/\\]", str(value.value or ""))[-1].removesuffix(".yaml").lstrip("$")
         near = stem if self.is_name(stem) or what == _NODE else joined(stem)
-        why, near = f"{what}: {value} is not a name ({rule})", near if self.is_name(near) else ""
+        near = near if self.is_name(near) else ""
         right = value.instead(near)
         if what == "name" and near != stem:
             right = None  # the file must be renamed, too
         self._wrong(value.place, f"{why}{did_you_mean(near)}", right)
         return near
 
-    def number(self, value: Located, what: str) -> int:
-        """Return a task number, or 0 if the value is not a task number."""
+    def number(self, value: Located, what: str, named: str = "") -> int:
+        """Return a task number; for another value, what the name of the file gives, or 0."""
         if is_number(value.value):
             return value.value
-        plain = value.value if isinstance(value.value, str) and value.value.isdecimal() else ""
+        text = value.value if isinstance(value.value, str) else ""
         why = f"{what}: {value} is not a number from 0 to {MAX_NUMBER}"
-        if plain:
+        if text.isdecimal():
             why = f"{what}: {value} is a text; leave out the quotes"
-        elif self.is_name(value.value):
+            self._wrong(value.place, why, value.instead(text))
+            return int(text) if is_number(int(text)) else 0
+        if named:
+            why += "; the key task has its number, and the key name its name" if text else ""
+            return int(self._as_named(value, what, why, named))
+        if self.is_name(text):
             why += "; write the number of its file, such as 1 for 1_pick.yaml"
-        self._wrong(value.place, why, value.instead(plain))
-        return int(plain) if plain and is_number(int(plain)) else 0
+        self._wrong(value.place, why)
+        return 0
+
+    def _as_named(self, value: Located, key: str, why: str, named: str) -> str:
+        """Report a wrong value. Return the one that the name of the file gives."""
+        right = None
+        if re.fullmatch(r"[\w\s.-]*", str(value.value)):
+            why += f"; by the name of the file it is {named}"
+            right = value.instead(named) or value.label.replaced(f"{key}:", f"{key}: {named}")
+        self._wrong(value.place, why, right)
+        return named
 
     def line(self, value: Located, what: str) -> str:
         """Return a text as one line; empty if the value is not a text."""
@@ -229,19 +245,18 @@ class NodeParser:
         inside = [key for key in inner if key in kinds()]
         theirs = {"name", *(option for head in inside for option in kinds()[head].options)}
         lost = {key: inner[key] for key in inner if key in own and key not in {*theirs, *keys}}
+        left = {key: value for key, value in inner.items() if key not in lost}
+        made = {**keys, kind: replace(keys[kind], value=left), **lost}
         for key, value in lost.items():
             row, lines = value.label.line - place.line, block(place)
             right = None
-            if lines and row > 0 and len(key_block(value.label)) == 1:
-                kept = [line for n, line in enumerate(lines) if n != row]
+            if keys[kind].place.brackets:
+                right = rewritten(place, {name: each.as_yaml() for name, each in made.items()})
+            elif row > 0 and len(key_block(value.label)) == 1:
+                kept = [*lines[:row], *lines[row + 1 :]]
                 right = replaced_block(place, [*kept, f"{key}: {value.as_yaml()}"])
-            elif lines and keys[kind].place.brackets:
-                kept = [f"{kind}: {as_node({k: v for k, v in inner.items() if k not in lost})}"]
-                kept += [f"{name}: {each.as_yaml()}" for name, each in lost.items()]
-                right = replaced_block(place, kept) if len(lines) == 1 else None
             self._wrong(value.label, f"{key} belongs to {kind}: write it in its column", right)
-        left = {key: value for key, value in inner.items() if key not in lost}
-        return {**keys, **lost, kind: replace(keys[kind], value=left)} if lost else keys
+        return made if lost else keys
 
     def _children(self, kind: str, inner: Located) -> tuple[TreeNode, ...]:
         if kinds()[kind].only_asks and is_amount(inner):
