@@ -51,7 +51,9 @@ _COUNTS = {
     **dict.fromkeys(("once", "one"), "1"),
     **dict.fromkeys(("twice", "two"), "2"),
     **dict.fromkeys(("thrice", "three"), "3"),
-    **{"four": "4", "five": "5", "ten": "10"},
+    "four": "4",
+    "five": "5",
+    "ten": "10",
 }
 _UNIT_NAMES = {"grad": "deg", "\xb0": "deg", "milli": "m", "centi": "c", "zenti": "c"}
 
