@@ -153,14 +153,18 @@ def nodes(skills: Collection[str]) -> tuple[str, ...]:
 
 def why_unknown(skill: str, skills: Collection[str], subtrees: Collection[str]) -> str:
     """Return the message for an unknown skill, with the names that exist."""
-    if begun := _begun(skill, subtrees) or _begun(_first(skill), subtrees):
+    if begun := _begun(skill, subtrees):
         return f"no skill {skill}; there are the subtrees {', '.join(begun)}"
     if skill.lower() in ("run", "goto", "call", "execute"):
         return f"no skill {skill}; a task runs another one with task: 1, its number"
     if near := synonyms().get(skill):
         return f"no skill {skill}{did_you_mean(near)}"
-    own = "; `armtree skills` lists them, and --skills DIR adds your own"
-    return f"no skill {skill}; {there_are(skill, nodes(skills))}{own}"
+    there, the_skills = there_are(skill, nodes(skills)), "them"
+    if begun := _begun(_first(skill), subtrees):
+        are = "are the subtrees" if begun[1:] else "is the subtree"
+        there, the_skills = f"there {are} {', '.join(begun)}", "the skills"
+    own = f"`armtree skills` lists {the_skills}, and --skills DIR adds your own"
+    return f"no skill {skill}; {there}; {own}"
 
 
 def is_nothing(value: Value) -> bool:

@@ -283,8 +283,8 @@ class _Parser:
 
         def is_below(key: str, value: Located) -> bool:
             if key in known or head == "poses":
-                inside = key not in known or self.nodes.is_control(key)
-                return inside and isinstance(value.value, dict)
+                inside = isinstance(value.value, dict)
+                return inside and (key not in known or self.nodes.is_control(key))
             listed = self.nodes.is_control(key) or _listed_kind(key, value)
             return bool(listed) or _in_node(key, value, likely)
 

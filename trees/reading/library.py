@@ -145,7 +145,7 @@ class Library:
             self._claim(int(named[1]), path)
         elif almost := _ALMOST_TASK.fullmatch(name):
             place = _top(path, self._text(path), "task")
-            like = f"{self._free_number(int(almost[1]))}_{almost[2] or 'wave'}.yaml"
+            like = self._free_file(almost[1], re.sub(r"\W+", "_", almost[2]) or "wave")
             wrong = f"a task's file is named like {like}; rename this one"
             raise FileError([Mistake(place, wrong)])
         elif name == POSES and _is_for(path, self.robot):
@@ -188,6 +188,11 @@ class Library:
             self._claimed[source] = error
             raise
 
+    def _free_file(self, number: str, name: str) -> str:
+        """Return the name of a file for a task, and its number if the given one is not free."""
+        free = self._free_number(int(number) if number.isdecimal() else 1)
+        return f"{free}_{name}.yaml" + ("" if number == str(free) else f" and says task: {free}")
+
     def _free_number(self, number: int) -> int:
         """Return the next number that no file has."""
         names = (_TASK.fullmatch(name) for folder in self.folders for name in _files(folder))
@@ -209,10 +214,7 @@ class Library:
         kinds = {head[1]: head[2] for head in _HEAD.finditer(text)}
         if kinds and _what(source) not in kinds:
             ((other, named),) = kinds.items()
-            like, free = f"{named}.yaml", self._free_number(int(named) if named.isdecimal() else 1)
-            if other == "task":
-                like = f"{free}_{path.stem}.yaml"
-                like += "" if named == str(free) else f" and says task: {free}"
+            like = f"{named}.yaml" if other == "subtree" else self._free_file(named, path.stem)
             why = f"this is a {other}, whose file is named like {like}; rename this one"
             raise FileError([Mistake(_top(path, text, other), why)])
         return text
