@@ -4,7 +4,7 @@ A control node with its child beside it, such as `repeat: 3` with `subtree:`, is
 """
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -82,9 +82,10 @@ def _read(
     rest = {key: each for key, each in rest.items() if key not in options}
     if in_one:
         child, why = rest.pop(_DO), f"there is no {word}{did_you_mean(kind.name)}"
+        why = kind.keywords[_DO] if word == kind.condition else why
     elif (_DO in rest and not kind.only_asks) or sum(map(begins_node, rest)) == 1:
-        why, option = _beside_child(word, head, kind, _DO in rest)
-        if not why or options.keys() & option.keys():
+        why, option = _beside_child(word, head, kind, {*given})
+        if not why:
             return None
         options = option | options
         known = bool(option) or isinstance(head.value, bool)
@@ -113,7 +114,7 @@ def _read(
 
 
 def _beside_child(
-    word: str, head: Located, kind: "ControlNodeKind", with_do: bool
+    word: str, head: Located, kind: "ControlNodeKind", given: Collection[str]
 ) -> tuple[str, dict[str, Located]]:
     """Return what a value means that has the child of its node beside it.
 
@@ -121,7 +122,7 @@ def _beside_child(
         word: Key of the value.
         head: The value.
         kind: The control node.
-        with_do: True if the child is below the key `do`.
+        given: All keys of the node.
 
     Returns:
         The message, or "" if the value may be the child; and the value by its correct key.
@@ -131,18 +132,20 @@ def _beside_child(
     if is_amount(head) and option:
         written = f"{option}: {head.as_yaml()}"
         return f"{why}, and its number in a line of its own: {written}", {option: head}
-    if isinstance(head.value, bool) and not condition:
+    if isinstance(head.value, bool) and (not condition or condition in given):
         return f"{why}, not beside", {}
     if isinstance(head.value, bool):
         from skills import EXAMPLE_CONDITION  # slow; only for a mistake
 
-        example = Located(head.place, EXAMPLE_CONDITION, head.place)
-        return f"{why}, not beside, and needs {condition}: the condition", {condition: example}
-    if word == condition or (condition and isinstance(head.value, str)):
+        asked = Located(head.place, EXAMPLE_CONDITION, head.place)
+        return f"{why}, not beside, and needs {condition}: the condition", {condition: asked}
+    named = isinstance(head.value, str) and condition and condition not in given
+    if word == condition or named:
         why = f"{kind.name} has the node below it, and {condition} in a line of its own"
-        return kind.keywords[_DO] if with_do else why, {condition: head}
-    if with_do and option:
-        written = f"{option}: {EXAMPLES[kind.options[option].type]}"
+        return kind.keywords[_DO] if _DO in given else why, {condition: head}
+    example = EXAMPLES.get(kind.options[option].type) if option else None
+    if _DO in given and example:
+        written = f"{option}: {example}"
         return f"{why}, and its number in a line of its own: {written}", {}
     return "", {}
 

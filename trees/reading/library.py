@@ -43,7 +43,7 @@ from .grammar import (
 _TASK = re.compile(r"([0-9]+)_.+\.yaml")
 _SUBTREE = re.compile(r"(?!poses)[A-Za-z].*\.yaml")
 _ALMOST_TASK = re.compile(r"([0-9]+)[\W_]*(.*)\.ya?ml")
-_HEAD = re.compile(r"^[\"']?(task|subtree)[\"']?: *(\w*)", re.MULTILINE)
+_HEAD = re.compile(r"^[\"']?(task|subtree)[\"']?: *(\w{0,99})", re.MULTILINE)
 POSES = "poses.yaml"
 
 

@@ -274,8 +274,10 @@ class NodeParser:
         given = "" if inner.value is None or inner.value == [] else f", not {inner}"
         why = f"{kind} needs a list of nodes{given}: begin each with a `-`, below {kind}:"
         parts, right = _apart(nested(inner)), None
-        nodes = [_named_node(part) or (part if len(parts) == 1 else {}) for part in parts]
-        if len(parts) == 1 and inner.place.brackets:
+        nodes = [*map(_named_node, parts)]
+        if len(parts) == 1 and parts[0].keys() - beside_keys():
+            nodes = [nodes[0] or parts[0]]  # its name is misspelt
+        if len(parts) == 1 and all(nodes) and inner.place.brackets:
             right = inner.instead(f"[{inner.place.brackets}]")
         elif parts and all(nodes) and inner.place.brackets:
             right = inner.instead(f"[{', '.join(map(as_node, nodes))}]")
