@@ -38,6 +38,17 @@ class RecordingExists(LogError, FileExistsError):
         super().__init__(path, "exists and is kept; record under a name 1 ms later")
 
 
+class FileKept(LogError):
+    """A file of that name exists with another content, and is not overwritten."""
+
+    code = "log.file_kept"
+    exit_status = 3
+    hint = "write to another folder with `-o FOLDER`"
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path, f"exists with another content and is kept; {self.hint}")
+
+
 class RecordingNotCreated(LogError):
     """The operating system refused to create the folder or file of a recording."""
 
@@ -97,7 +108,7 @@ class RecordingIncomplete(LogError):
     ) -> None:
         self.lost, self.cause, self.finished = lost, cause, finished
         counted = "" if lost is None else f", {lost} records lost"
-        repair = "" if finished else "; `armtree log recover` finishes it"
+        repair = "" if finished else "; `armtree log recover FILE` finishes it"
         words = (
             f"recording incomplete{counted} ({cause}); what was written before is "
             f"kept and valid{repair}. Make room or repair the cause, then run the task again"
@@ -108,7 +119,7 @@ class RecordingIncomplete(LogError):
         elif not path.exists():
             words = (
                 "was moved or deleted while it was written; if it was moved, "
-                "`armtree log recover` finishes it"
+                "`armtree log recover FILE` finishes it"
             )
         super().__init__(path, words)
 
@@ -156,14 +167,14 @@ class RecordingTruncated(RecordingError):
 
     code = "log.truncated"
     exit_status = 10
-    hint = "`armtree log recover`"
+    hint = "`armtree log recover latest` makes a complete file"
 
     def __init__(self, path: Path, messages: int) -> None:
         self.messages = messages
         super().__init__(
             path,
             f"cut off or damaged after {messages} valid messages; "
-            "`armtree log recover` makes a complete file of these",
+            "`armtree log recover FILE` makes a complete file of these",
         )
 
 

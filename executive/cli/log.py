@@ -114,7 +114,7 @@ def _facts(found: "Overview") -> list[tuple[str, str]]:
     from logs import goal_title
     from logs.records.file_format import RECOVERED
 
-    end = "complete" if found.complete else "cut off or damaged: armtree log recover"
+    end = "complete" if found.complete else f"cut off or damaged: armtree log recover {found.path}"
     end = "being written" if found.written else end
     facts = [("file", f"{found.path}, {found.bytes} bytes, {found.messages} messages, {end}")]
     if torn := found.notes.get(RECOVERED, {}).get("torn_bytes"):

@@ -20,6 +20,7 @@ from hardware import Robot, load_robot, read_file
 from hardware.description.meshes import MAX_MESH_BYTES
 from hardware.description.urdf import UrdfError
 from logs import Attachment, Recording, RecordingError, pack
+from logs.errors import FileKept
 from skills.motion import World
 
 _NOTE = "robot"
@@ -112,28 +113,32 @@ def restore_robot(recording: Recording) -> Robot:
 def extract_robot(recording: Recording, folder: Path) -> list[Path]:
     """Write the robot file, URDF and meshes of a recording to a folder. Return the files.
 
-    The URDF names the meshes beside it, so viewers find them.
+    The URDF names the meshes beside it, so viewers find them. If a file of the folder has one of
+    the names but another content, nothing is written.
 
     Raises:
         RecordingError: The recording does not contain the robot.
+        FileKept: A file exists with another content.
         OSError: A file cannot be written.
     """
     robot, meshes = restore_robot(recording), _attached_meshes(recording)
-    folder.mkdir(parents=True, exist_ok=True)
-    file, urdf = folder / robot.path.name, folder / robot.urdf.name
     text = robot.path.read_text()
-    file.write_text(re.sub(r"(?m)^urdf\s*=.*$", lambda _: f"urdf = {json.dumps(urdf.name)}", text))
+    text = re.sub(r"(?m)^urdf\s*=.*$", lambda _: f"urdf = {json.dumps(robot.urdf.name)}", text)
     kinds = ("collision", "visual")
-    text = robot.description.text_with_meshes(lambda name: meshes.get(name, name), kinds)
-    urdf.write_text(text)
-    written = {name: folder / name for name in set(meshes.values()) & recording.files.keys()}
-    for name, path in written.items():
-        path.write_bytes(recording.files[name])
+    urdf = robot.description.text_with_meshes(lambda name: meshes.get(name, name), kinds)
+    contents = {robot.path.name: text.encode(), robot.urdf.name: urdf.encode()}
     if robot.calibration:
-        calibration = folder / robot.calibration.name
-        calibration.write_bytes(robot.calibration.read_bytes())
-        return [file, urdf, calibration, *sorted(written.values())]
-    return [file, urdf, *sorted(written.values())]
+        contents[robot.calibration.name] = robot.calibration.read_bytes()
+    for name in sorted(set(meshes.values()) & recording.files.keys()):
+        contents[name] = recording.files[name]
+    files = {folder / name: content for name, content in contents.items()}
+    for path, content in files.items():
+        if path.exists() and (not path.is_file() or path.read_bytes() != content):
+            raise FileKept(path)
+    folder.mkdir(parents=True, exist_ok=True)
+    for path, content in files.items():
+        path.write_bytes(content)
+    return list(files)
 
 
 def _attached_meshes(recording: Recording) -> dict[str, str]:

@@ -130,7 +130,7 @@ class IndexedRecording(Recording):
         try:
             yield
         except damage(OSError) as cause:
-            what = f"is damaged ({cause}); type armtree log recover"
+            what = f"is damaged ({cause}); type armtree log recover FILE"
             raise RecordingError(self.path, what) from cause
 
     def _decoded(self, offsets: Collection[int], opcode: int) -> Iterator[Any]:
@@ -151,7 +151,7 @@ class IndexedRecording(Recording):
         except damage(OSError):
             summary = None
         if summary is None or not summary.chunk_indexes:
-            raise RecordingError(self.path, "has no index; type armtree log recover")
+            raise RecordingError(self.path, "has no index; type armtree log recover FILE")
         offsets = [each.chunk_start_offset for each in summary.chunk_indexes]
         if len(set(offsets)) < len(offsets):
             raise RecordingError(self.path, "has an invalid index; another program wrote the file")

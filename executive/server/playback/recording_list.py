@@ -241,7 +241,9 @@ class RecordingFolder:
         if self._indexed.get(_version(path), lambda: _has_index(path)):
             return path
         if path.stat().st_size > MAX_COPY:
-            raise logs.RecordingError(path, "is large and has no index; type armtree log recover")
+            raise logs.RecordingError(
+                path, "is large and has no index; type armtree log recover FILE"
+            )
         with self._copying, _changing(copy := self._copies / path.name):
             age = path.stat().st_mtime - copy.stat().st_mtime if copy.exists() else COPY_AGE
             if age >= COPY_AGE:

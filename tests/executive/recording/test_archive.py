@@ -14,7 +14,7 @@ from executive.recording.archive import extract_robot
 from executive.replay.verification import verify
 from executive.testing import SimulatedArm
 from hardware import Robot, load_robot
-from logs import Recording, RecordingError
+from logs import LogError, Recording, RecordingError
 from skills.motion.robot_model.robot_model import RobotModel
 from tests.hardware.description.test_calibration import calibrate
 from tests.support.arms.bus_arms import bus_arm
@@ -90,6 +90,18 @@ def test_its_robot_is_written_for_viewers_and_commands(site: Path, tmp_path: Pat
     assert sorted(names) == ["beam.stl", "shell.stl"]
     assert all(f'"{path.name}"' in files[1].read_text() for path in files[2:])
     assert RobotModel(load_robot(files[0])).exact
+
+
+def test_a_file_with_another_content_is_not_overwritten(site: Path, tmp_path: Path) -> None:
+    recording, out = Recording(recorded(site, 8)), tmp_path / "out"
+    file, urdf = extract_robot(recording, out)
+    assert extract_robot(recording, out) == [file, urdf]
+    urdf.write_text("mine")
+    file.unlink()
+    with pytest.raises(LogError, match=r"six_axes\.urdf: exists .* kept; .*`-o FOLDER`"):
+        extract_robot(recording, out)
+    assert urdf.read_text() == "mine"
+    assert not file.exists()
 
 
 @pytest.mark.slow

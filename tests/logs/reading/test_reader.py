@@ -67,7 +67,9 @@ def test_a_cut_file_yields_the_valid_messages_then_raises(tmp_path: Path) -> Non
     messages = read(path)
     found = list(islice(messages, whole.messages))
     assert found[0].topic == "/goal"
-    with pytest.raises(RecordingTruncated, match="`armtree log recover` makes a complete file"):
+    with pytest.raises(
+        RecordingTruncated, match="`armtree log recover FILE` makes a complete file"
+    ):
         next(messages)
 
 

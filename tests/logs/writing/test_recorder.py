@@ -402,7 +402,7 @@ def test_if_compaction_fails_the_error_names_recover(
     monkeypatch.setattr("logs.writing.recorder.rewrite", refuse)
     recorder = Recorder(tmp_path / "run.mcap", EPOCH_NS, fail)
     recorder.put(sent(1))
-    with pytest.raises(RecordingIncomplete, match=r"0 records lost .*`armtree log recover`"):
+    with pytest.raises(RecordingIncomplete, match=r"0 records lost .*`armtree log recover FILE`"):
         recorder.close()
     monkeypatch.undo()
     assert recover(recorder.path)

@@ -289,7 +289,7 @@ def test_a_recording_that_is_moved_while_it_is_written_can_be_recovered(tmp_path
         recorder.close()
     assert str(raised.value) == (
         f"{path}: was moved or deleted while it was written; if it was moved, "
-        "`armtree log recover` finishes it"
+        "`armtree log recover FILE` finishes it"
     )
     made = recover(moved)
     assert made is not None

@@ -130,7 +130,7 @@ def test_samples_cover_the_whole_recording(run: Path, timeline: Timeline) -> Non
 def test_what_cannot_be_read_by_its_index_says_so(run: Path, tmp_path: Path) -> None:
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(run.read_bytes()[:-100])
-    with pytest.raises(logs.RecordingError, match="has no index; type armtree log recover"):
+    with pytest.raises(logs.RecordingError, match="has no index; type armtree log recover FILE"):
         Timeline(cut)
     damaged = tmp_path / "damaged.mcap"
     data = bytearray(run.read_bytes())
