@@ -46,6 +46,7 @@ _RANKED = {
     "troubleshooting/messages.md": 2,
     "reference/tasks.md": 2,
     "reference/command_line.md": 0.3,
+    "reference/python.md": 0.3,
     "reference/exit_codes.md": 0.3,
 }
 _WIDTH = 80  # longest line of a signature, if its parameters fit
@@ -72,7 +73,8 @@ _ITEM = re.compile(r"^(\w+): ")
 
 def command_line() -> Iterator[str]:
     """Yield the help of every command, by section."""
-    context = click.Context(cli, info_name="armtree", terminal_width=80, max_content_width=80)
+    shown: Any = {"info_name": "armtree", "terminal_width": 80, "max_content_width": 80}
+    context = click.Context(cli, **shown, **cli.context_settings)
     for title, places in SECTIONS.items():
         yield f"## {title}"
         for place in places.split():
@@ -218,7 +220,7 @@ def _text(docstring: str) -> str:
         lines = inspect.cleandoc(found[2])
         items = [re.sub(r"\s+", " ", each) for each in re.split(r"\n(?=\S)", lines)]
         rows = [f"- {_ITEM.sub(_NAMED, each)}" for each in items]
-        return f"**{found[1]}**\n\n" + "\n".join(rows) + "\n"
+        return f"**{found[1]}**\n\n" + "\n".join(rows) + "\n\n"
 
     return _SECTION.sub(section, f"{docstring}\n")
 

@@ -135,8 +135,8 @@ class Arm:
             joints: Targets of joints, such as `joint_1="70 deg"`, or a number [rad].
 
         Raises:
-            GoalFailed: The move failed, was canceled or was rejected. KeyboardInterrupt: Ctrl-C was
-                pressed.
+            GoalFailed: The move failed, was canceled or was rejected.
+            KeyboardInterrupt: Ctrl-C was pressed. The goal has ended, and the arm has stopped.
         """
         return self.run(Move.of(to, joints, relative, speed))
 

@@ -95,7 +95,7 @@ def test_a_page_loads_nothing_from_elsewhere(site: Path) -> None:
 def test_everything_that_is_generated_is_there(site: Path) -> None:
     assert "<!-- generated" not in "".join(page.read_text() for page in site.rglob("*.html"))
     for page, words in (
-        ("reference/command_line", ("armtree log prune", "--recording-timeout")),
+        ("reference/command_line", ("armtree log prune", "--recording-timeout", "-h, --help")),
         ("reference/python", ("armtree.Arm", "armtree.Client", "Client.run")),
         ("reference/skills", ("FollowLeader", "PlanArm")),
         ("reference/http", ("/api/stop",)),
@@ -104,6 +104,16 @@ def test_everything_that_is_generated_is_there(site: Path) -> None:
     ):
         text = (site / f"{page}.html").read_text()
         assert [word for word in words if word not in text] == []
+
+
+def test_the_parts_of_a_docstring_are_paragraphs_and_lists(site: Path) -> None:
+    text = (site / "reference" / "python.html").read_text()
+    parts = re.findall(
+        r"(.{3})<strong>(?:Args|Attributes|Raises|Returns)</strong>", text, re.DOTALL
+    )
+    assert len(parts) > 50
+    assert set(parts) == {"<p>"}
+    assert "<li><code>KeyboardInterrupt</code>: Ctrl-C was pressed. The goal has ended" in text
 
 
 @pytest.fixture
