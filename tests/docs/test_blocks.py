@@ -38,15 +38,15 @@ SERVED = {"how_to/move.md", "how_to/server.md"}
 SIDE_BY_SIDE = {"how_to/fleet.md", "how_to/language_models.md", "how_to/ros2.md"}
 # Other tests run these: the tour, and that of a driver with its package.
 ELSEWHERE = {"start.md", "install.md", "how_to/own_driver.md", *SIDE_BY_SIDE}
-# Commands that install or never end.
-NOT_TYPED = ("make ", "armtree serve", "armtree jog")
+# Commands that install or never end, and those of another test.
+NOT_TYPED = ("make ", "armtree serve", "curl ")
 # How many blocks of a page are `text`: no test types their lines from the page.
 TEXT = {
     "how_to/own_driver.md": 1,  # it installs; tests/hardware/drivers/test_driver.py
     "how_to/real_arduino.md": 1,  # avrdude writes into a board
     "how_to/ros2.md": 1,  # colcon; tests/executive/ros2 types what colcon does
     "how_to/service.md": 4,  # they change the system; tests/executive/cli/test_service.py
-    "install.md": 3,  # they install; tests/end_to_end/test_wheel.py
+    "install.md": 4,  # they install; tests/end_to_end/test_wheel.py
 }
 
 
@@ -60,6 +60,7 @@ LIFT = urdf(
     [f"base -> column: continuous turn {_JOINT}", f"column -> carriage: prismatic lift {_JOINT}"],
     _SHAPE,
 )
+TASK = "task: {0}\nname: {1}\ndescription: A task.\ntree:\n  Succeed: {{}}\n"
 
 
 class Block(NamedTuple):
@@ -193,6 +194,27 @@ def test_the_commands_for_a_server(
 
 
 @pytest.mark.slow
+def test_a_task_over_http(serve: Serve) -> None:
+    if not shutil.which("curl"):
+        pytest.skip("curl is not installed")
+    served = serve()
+    page = "".join(block.text for block in BLOCKS if block[:2] == ("how_to/server.md", "sh"))
+    answer: dict[str, Any] = {}
+    for line in re.findall(r"^curl .+$", page, re.MULTILINE):
+        for words, actual in (
+            ("TOKEN", served.server.token),
+            ("GOAL_ID", answer.get("goal_id", "")),
+            ("localhost:8765", f"localhost:{served.server.port}"),
+        ):
+            line = line.replace(words, actual)  # noqa: PLW2901
+        done = subprocess.run(
+            [*shlex.split(line), "--silent"], check=True, capture_output=True, text=True, timeout=60
+        )
+        answer = json.loads(done.stdout)
+    assert (answer["task"], answer["state"]) == (1, "SUCCEEDED")
+
+
+@pytest.mark.slow
 def test_the_programs_of_the_python_pages(quick: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """In one process."""
     arm = partial(armtree.Arm, robot=Path(os.environ["ARMTREE_ROBOT"]))
@@ -204,6 +226,24 @@ def test_the_programs_of_the_python_pages(quick: Path, monkeypatch: pytest.Monke
                 exec(compile(block.text, page, "exec"), names)
     assert {"time_ns", "joint_1"} <= {*names["joints"].columns}
     assert len(names["joints"]) > 10
+
+
+def test_the_hook_checks_every_task_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (hook,) = YAML(typ="safe").load((ROOT / ".pre-commit-hooks.yaml").read_text())
+    monkeypatch.chdir(tmp_path)
+    for name, text in (
+        ("3_wave.yaml", TASK.format(3, "wave")),
+        ("arduinobot/4_greet.yaml", TASK.format(4, "greet")),
+        ("arduinobot/poses.yaml", "poses: {low: {joint_1: 1}}\n"),
+    ):
+        path = Path("trees", name)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+    found = [path for path in Path().rglob("*.yaml") if re.search(hook["files"], str(path))]
+    assert len(found) == 3
+    assert not re.search(hook["files"], "street/trees.yaml")
+    status, out, err = typed(tmp_path, *hook["entry"].split()[1:], *map(str, found))
+    assert status == 0, out + err
 
 
 def test_the_service_is_accepted_by_systemd(tmp_path: Path) -> None:

@@ -58,18 +58,11 @@ def test_the_operator_answers_by_heart(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_the_class_of_the_page_and_its_test(tmp_path: Path) -> None:
     page = (ROOT / "docs/pages/how_to/own_skill.md").read_text()
-    blocks = re.findall(r"```python\n# ([\w/.]+)[^\n]*\n(.*?)```", page, re.DOTALL)
-    for name, text in blocks:
+    files = re.findall(r"```python\n# ([\w/.]+)\n(.*?)```", page, re.DOTALL)
+    files += re.findall(r'```yaml title="([\w/.]+)"\n(.*?)```', page, re.DOTALL)
+    for name, text in files:
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(text)
-    (tmp_path / "trees").mkdir()
-    (tmp_path / "trees" / "3_water.yaml").write_text(
-        "task: 3\nname: water\ndescription: Water.\nparameters: {litres: number}\ntree:\n"
-        "  sequence:\n    - Pump: {litres: $litres, spent: $t}\n"
-        "    - Say: {text: 'pumped for [s]', value: $t}\n    - Wait: {duration: $t}\n"
-        "    - wait_for: door_closed\n    - hold: {samples: 3, result: $share}\n"
-        "    - Compare: {left: $share, is: '==', right: 1.0}\n"
-    )
     pytest_ = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_pump.py"]
     done = subprocess.run(pytest_, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert "1 passed" in done.stdout, done.stdout
