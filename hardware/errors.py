@@ -101,7 +101,7 @@ class NotAble(HardwareError):
     def __init__(self, robot: str, firmware: str, ability: str) -> None:
         super().__init__(
             f"The board of {robot}, with the firmware {firmware}, cannot {ability}. Use an arm "
-            "whose board can; the page *Your own driver* lists the boards"
+            "whose board can, such as one of the page *Bus servos by Feetech*"
         )
 
 
