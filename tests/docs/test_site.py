@@ -58,6 +58,22 @@ SEARCHED = {
     "behaviour tree": "concepts/index.html",
     "claude": "how_to/language_models.html",
     "delete recordings": "how_to/recordings.html",
+    "license": "index.html",
+    "aarch64": "install.html",
+    "arm64": "install.html",
+    "raspberry pi": "install.html",
+    "joystick": "how_to/move.html",
+    "gamepad": "how_to/move.html",
+    "esp32": "how_to/own_driver.html",
+    "pca9685": "how_to/own_driver.html",
+    "ch340": "how_to/real_arduino.html",
+    "password": "how_to/page.html",
+    "backup": "install.html",
+    "weight": "safety.html",
+    "config file": "reference/settings.html",
+    "arm jumps": "troubleshooting/index.html",
+    "cancel": "concepts/goals.html",
+    "exit status 12": "reference/exit_codes.html",
 }
 
 _META = "document.querySelector('.md-search-result__meta').textContent"
