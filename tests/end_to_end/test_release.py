@@ -71,3 +71,18 @@ def test_a_work_tree_with_changes_is_refused(clone: Path) -> None:
     (clone / "README.md").write_text("changed")
     said = call(clone, clone / ".ci" / "release", VERSION, status=1)
     assert said == "release: the work tree has changes: commit them first\n"
+
+
+def test_a_release_without_notes_is_refused_before_its_tests(clone: Path, tmp_path: Path) -> None:
+    """A `make` that only makes a file takes the place of the tests."""
+    changes = clone / "CHANGELOG.md"
+    changes.write_text(changes.read_text().replace(f"## {VERSION}", "## Unreleased"))
+    call(clone, "git", "commit", "--quiet", "--all", "--message", "No release")
+    tested = tmp_path / "tested"
+    (tmp_path / "make").write_text(f"#!/bin/sh\ntouch {tested}\n")
+    (tmp_path / "make").chmod(0o755)
+    path = f"PATH={tmp_path}:{os.environ['PATH']}"
+    command = ("env", "ARMTREE_UNTESTED=", path, clone / ".ci" / "release", VERSION)
+    said = call(clone, *command, status=1)
+    assert said == f"release: CHANGELOG.md has no section '## {VERSION}'\n"
+    assert not tested.exists()
