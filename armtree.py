@@ -23,8 +23,9 @@ for _room in ("executive", "hardware", "logs", "skills", "trees"):
     )
     if os.path.join(_FOLDER, _room) not in _places:
         raise ImportError(
-            f"Another package named {_room} hides that of armtree: {_places[0]}. Install armtree "
-            "into an environment of its own: pipx install, or uv tool install"
+            f"Another package named {_room} hides that of armtree: {_places[0]}. If it is yours, "
+            "rename it. If not, install armtree into an environment of its own: pipx install, or "
+            "uv tool install"
         )
 
 from hardware.lazy_exports import lazy_exports, public_names  # noqa: E402, after the path is known

@@ -37,14 +37,19 @@ def tracked() -> list[str]:
     return call("git", "ls-files", *ROOMS, folder=ROOT).split()
 
 
+def copy_sources(tracked: list[str], folder: Path) -> None:
+    """Copy what a wheel is built from."""
+    for name in (*tracked, *BESIDE):
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes((ROOT / name).read_bytes())
+
+
 @pytest.fixture(scope="module")
 def wheel(tracked: list[str], tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A wheel, built from the source archive that was built from the files that git knows."""
     folder = tmp_path_factory.mktemp("wheel")
     source = folder / "source"
-    for name in (*tracked, *BESIDE):
-        (source / name).parent.mkdir(parents=True, exist_ok=True)
-        (source / name).write_bytes((ROOT / name).read_bytes())
+    copy_sources(tracked, source)
     build = "import sys; sys.path.insert(0, '.ci'); import build_backend as b; b.build_{}('{}')"
     call(sys.executable, "-c", build.format("sdist", folder), folder=source)
     (archive,) = folder.glob("*.tar.gz")
@@ -107,9 +112,22 @@ def test_another_package_keeps_its_name(environment: Path, tmp_path: Path) -> No
         python, named = environment / "bin" / "python", "import logs; print(logs.NAME)"
         assert call(python, "-c", named, folder=tmp_path) == "other\n"
         said = call(environment / "bin" / "armtree", "tasks", folder=tmp_path, status=1)
-        assert f"Another package named logs hides that of armtree: {other}" in said
+        assert (
+            f"Another package named logs hides that of armtree: {other}. If it is yours, rename it"
+            in said
+        )
     finally:
         other.unlink()
+
+
+def test_the_page_builds_it(tracked: list[str], wheel: Path, tmp_path: Path) -> None:
+    """The page lets pip fetch what builds; here it is installed."""
+    copy_sources(tracked, tmp_path)
+    (line,) = re.findall(
+        r"^pip wheel .*$", (ROOT / "docs/pages/install.md").read_text(), re.MULTILINE
+    )
+    call(sys.executable, "-m", *line.split(), "--no-build-isolation", folder=tmp_path)
+    assert [each.name for each in (tmp_path / "dist").iterdir()] == [wheel.name]
 
 
 @pytest.mark.parametrize("tool", ["pipx", "uv", "uvx"])
@@ -119,7 +137,8 @@ def test_a_tool_installs_it_as_the_page_says(tool: str, wheel: Path, tmp_path: P
         pytest.skip(f"{tool} is not installed, so its line in install.md was not tried")
     page = (ROOT / "docs" / "pages" / "install.md").read_text()
     (line,) = re.findall(rf"^{tool} .*\.whl.*$", page, re.MULTILINE)
-    shutil.copy(wheel, tmp_path)
+    (tmp_path / "dist").mkdir()
+    shutil.copy(wheel, tmp_path / "dist")
     home, old = tmp_path / "home", Path.home()
     own = {
         "HOME": home,
