@@ -1,6 +1,7 @@
 """`armtree log`: list, show, export, compare, draw, recover and delete recordings."""
 
 import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,6 +15,7 @@ from .support.options import drawing_option
 from .terminal.streams import echo, echo_result
 
 if TYPE_CHECKING:
+    from hardware.joints import Joint
     from logs.views.narrative import Overview
     from logs.views.run_figure import MotionScene
 
@@ -197,13 +199,19 @@ def diff(one: Path, other: Path, output: Path | None, as_json: bool) -> None:
     The exit status is 12 if the frames differ.
     """
     from executive.errors import ReplayDiffers
+    from executive.recording.archive import restore_robot
+    from hardware.errors import DescriptionError
+    from logs import Recording, RecordingError
     from logs.views.comparison import compare
 
-    both = compare(one, other)
+    both, known = compare(one, other), dict[str, "Joint"]()
+    with suppress(RecordingError, DescriptionError):  # of another program: without its robot
+        known = {joint.name: joint for joint in restore_robot(Recording(one)).joints}
     lines = [both.first or f"all {len(both.runs[0].frames)} frames are the same"]
     joints = {}
     for joint, (distance, time) in both.joints.items():
-        lines.append(f"{joint:<12}differs by at most {distance:.4f} rad, at {time:.3f} s")
+        words = known[joint].words(distance) if joint in known else f"{distance:.4f} rad"
+        lines.append(f"{joint:<12}differs by at most {words}, at {time:.3f} s")
         joints[joint] = {"distance": distance, "time_s": time}
     if output:
         from logs.views.comparison_figure import draw_comparison

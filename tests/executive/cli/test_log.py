@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+from armtree import EXAMPLES
 from executive.cli.main import cli
 from logs import Goal
 from tests.logs.test_run import record
@@ -40,6 +41,18 @@ def test_ls_shortens_a_long_title_so_that_the_columns_stay_aligned(tmp_path: Pat
     assert long.index("0 frames") == short.index("0 frames")
     assert "  move joint_1=10deg join… NO END" in long
     assert title in CliRunner().invoke(cli, ["log", "ls", str(tmp_path), "--json"]).output
+
+
+def test_diff_prints_degrees_if_the_recording_has_the_robot(tmp_path: Path) -> None:
+    wave, round_ = (EXAMPLES / "recordings" / name for name in ("3_wave.mcap", "8_round.mcap"))
+    said = CliRunner().invoke(cli, ["log", "diff", str(wave), str(round_)]).output
+    assert "joint_3     differs by at most 51.566 deg, at 8.370 s\n" in said
+    run_journal(tmp_path / "foreign.mcap")
+    foreign = str(tmp_path / "foreign.mcap")
+    assert (
+        "at most 0.0000 rad, at"
+        in CliRunner().invoke(cli, ["log", "diff", foreign, foreign]).output
+    )
 
 
 @pytest.mark.slow
