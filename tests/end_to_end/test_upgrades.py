@@ -5,6 +5,7 @@ adds a folder. `docs/pages/concepts/formats.md` says what may change.
 """
 
 import json
+import math
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,6 +14,7 @@ import pytest
 
 import logs
 from executive.testing import SimulatedArm
+from hardware import load_robot
 from tests.support.command_line.typed import typed
 from tests.support.paths import DATA
 
@@ -45,6 +47,12 @@ def test_task_files_are_right(earlier: Path) -> None:
     assert "are right" in out
 
 
+def test_a_calibration_is_read(earlier: Path) -> None:
+    first = load_robot(earlier / "calibrated" / "arm.toml").actuated[0]
+    assert math.degrees(first.lower) == pytest.approx(-50)
+    assert math.degrees(first.upper) == pytest.approx(40)
+
+
 @pytest.mark.slow
 def test_a_task_with_everything_runs_on_the_robot_file(earlier: Path) -> None:
     robot = earlier / "arduinobot.toml"
@@ -74,3 +82,22 @@ def test_recordings_are_read_and_their_frames_follow_from_their_plans(earlier: P
             assert status == 0, out + err
         _, out, err = typed(earlier / "recordings", "replay", str(file), "--verify")
         assert "plan -> frames  holds" in out, out + err
+
+
+def test_the_recording_of_a_server_is_read(earlier: Path) -> None:
+    (file,) = (earlier / "served").glob("*-server.mcap")
+    records = list(logs.Recording(file).records())
+    assert [each.task for each in records if isinstance(each, logs.Goal)] == [1, 2]
+    status, out, err = typed(earlier / "recordings", "log", "show", str(file))
+    assert status == 0, out + err
+
+
+def test_the_journal_of_a_run_that_was_killed_is_recovered(earlier: Path) -> None:
+    (file,) = (earlier / "served").glob("*-1.mcap")
+    recording = logs.Recording(file)
+    frames = len(list(recording.frames()))
+    assert frames > 5
+    assert not recording.complete
+    status, out, err = typed(earlier / "recordings", "log", "recover", str(file))
+    assert status in (0, 10), out + err
+    assert len(logs.table(file, "/joint_states")["joint_1"]) == frames
