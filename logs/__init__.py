@@ -10,6 +10,7 @@ from hardware.lazy_exports import lazy_exports
 if typing.TYPE_CHECKING:
     from .errors import (
         DiskFull as DiskFull,
+        FileKept as FileKept,
         LogError as LogError,
         NoSpace as NoSpace,
         NoSuchRecording as NoSuchRecording,

@@ -15,7 +15,7 @@ from .support.options import drawing_option
 from .terminal.streams import echo, echo_result
 
 if TYPE_CHECKING:
-    from hardware.joints import Joint
+    from hardware import Joint
     from logs.views.narrative import Overview
     from logs.views.run_figure import MotionScene
 
@@ -200,7 +200,7 @@ def diff(one: Path, other: Path, output: Path | None, as_json: bool) -> None:
     """
     from executive.errors import ReplayDiffers
     from executive.recording.archive import restore_robot
-    from hardware.errors import DescriptionError
+    from hardware import DescriptionError
     from logs import Recording, RecordingError
     from logs.views.comparison import compare
 

@@ -19,8 +19,7 @@ from typing import Any
 from hardware import Robot, load_robot, read_file
 from hardware.description.meshes import MAX_MESH_BYTES
 from hardware.description.urdf import UrdfError
-from logs import Attachment, Recording, RecordingError, pack
-from logs.errors import FileKept
+from logs import Attachment, FileKept, Recording, RecordingError, pack
 from skills.motion import World
 
 _NOTE = "robot"
