@@ -84,7 +84,7 @@ def calibrate(
         return
     with arm.servo_bus(line, arm.serial.baud, RealClock()) as bus:
         calibrator = Calibrator(arm, bus, answering(arm, bus, line))
-        before = _before(arm, calibrator) if restore else {}
+        before = calibrator.before() if restore else {}
         kept = read_lerobot(imported, arm.actuated, arm.servos) if imported else {}
         # Values that move the zero of a servo would move an arm with torque.
         _confirm("The torque goes off, and gravity moves the arm. Do you hold it?")
@@ -170,6 +170,8 @@ def _finish(
     joints, changes = calibrator.joints(kept), calibrator.changes(kept)
     _show(changes)
     replaces = ", which is replaced" if calibrator.path.exists() else ""
+    if error := calibrator.difference:
+        echo(f"\n{error}. Copy the file first if --restore shall work for that arm")
     file = f"the file {calibrator.path}{replaces}"
     with _leavable():
         _confirm(f"Write {_values(changes)} to the servos, and {file}?")
@@ -178,16 +180,6 @@ def _finish(
     write_calibration(calibrator.path, arm.name, made, joints)
     calibrator.write(changes)
     echo(f"{calibrator.path} is written; the servos hold the same values, as read back")
-
-
-def _before(arm: "Robot", calibrator: "Calibrator") -> dict[str, dict[str, int]]:
-    """Return the values of each servo before the first calibration."""
-    from hardware import DescriptionError
-    from hardware.description.calibration import values_before
-
-    if before := values_before(calibrator.path, arm.name):
-        return before
-    raise DescriptionError(calibrator.path, 0, "is not there, so there is nothing to restore")
 
 
 def _restore(calibrator: "Calibrator", before: Mapping[str, Mapping[str, int]]) -> None:

@@ -68,18 +68,26 @@ def read_calibration(path: Path, robot: str) -> TomlTable | None:
     return joints
 
 
-def values_before(path: Path, robot: str) -> dict[str, dict[str, int]]:
-    """Return the values of each servo before the first calibration; empty if there is no file.
+def earlier_values(path: Path, robot: str) -> dict[str, dict[str, tuple[int, int]]]:
+    """Return the values of each joint's servo in a calibration file; empty if there is no file.
+
+    Returns:
+        For each joint and each value, by its name in `ServoReport`: the value before the first
+        calibration, and the value of the last calibration.
 
     Raises:
         DescriptionError: The file is wrong, or it calibrates another robot.
     """
     joints = read_calibration(path, robot)
-    found = dict[str, dict[str, int]]()
+    found = dict[str, dict[str, tuple[int, int]]]()
     for name in joints or ():
         assert joints
-        before = joints.table(name).table("before")
-        found[name] = {key: before.integer(key, choices=range(-4095, 4096)) for key in before}
+        before, wire = (joints.table(name).table(key) for key in ("before", "wire"))
+        allowed = range(-4095, 4096)
+        found[name] = {
+            key: (before.integer(key, choices=allowed), wire.integer(key, choices=allowed))
+            for key in before
+        }
     return found
 
 

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -25,13 +26,14 @@ ENDS = {1: (1000, 3100), 2: (1100, 2900), 3: (1010, 3000), 4: (1200, 2100)}
 class Arm:
     """A robot file and a bus behind a port."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, homing: int = 0) -> None:
         self.folder, self.file = folder, bus_arm(folder)
         robot = load_robot(self.file)
         model = robot.model()
         assert isinstance(model, Bus)
         for servo in model.servos:
             servo.put("torque_enable", 1)  # from an earlier run
+            servo.put("offset", homing)
         self.board = BoardProcess(model, robot.serial.baud)
         self.board.state()  # it has started
 
@@ -229,6 +231,27 @@ def test_a_calibration_by_lerobot_is_taken_and_restored_without_torque(
     assert arm.kept() == [(0, 0, 4095)] * 4
     assert not any(arm.board.state().torque.values())
     assert arm.physical() == before
+
+
+def test_the_file_of_another_arm_is_named_before_it_is_replaced(arm: Arm, tmp_path: Path) -> None:
+    other, file = Arm(tmp_path, homing=-88), calibration_file(arm.file)
+    imported = "--import", str(lerobot(tmp_path / "arm.json"))
+    with closing(other.board):
+        with arm.calibrate(*imported) as terminal:
+            arm.hold(terminal)
+            assert "another arm" not in terminal.until("and the file")
+            terminal.type("y\r")
+            assert terminal.end()[0] == 0
+        with other.calibrate(*imported) as terminal:
+            other.hold(terminal)
+            terminal.until("keeps homing = -88; the calibration file has 10", "Copy the file first")
+            terminal.type("n\r")
+            assert terminal.end()[0] == 130
+        with other.calibrate("--restore") as terminal:
+            status, printed = terminal.end()
+            assert (status, "hw.calibration_differs" in printed) == (6, True)
+        assert other.kept() == [(0, 0, 4095)] * 4
+    assert file.exists()
 
 
 @pytest.mark.parametrize("options", [(), ("--import", "arm.json")])

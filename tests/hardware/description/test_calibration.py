@@ -9,8 +9,8 @@ from hardware import SimulatedClock, load_robot, shipped_robots
 from hardware.description.calibration import (
     CalibratedJoint,
     calibration_file,
+    earlier_values,
     is_robot_file,
-    values_before,
     write_calibration,
 )
 from hardware.drivers.feetech.virtual.bus import Bus
@@ -46,7 +46,7 @@ def test_a_calibration_takes_precedence_over_the_robot_file(tmp_path: Path) -> N
     moved = robot.wire_format.encode(start).servos[0] - before.wire_format.encode(start).servos[0]
     assert moved == round(5 * 4096 / 360)
     assert load_robot(file, calibrated=False).actuated == before.actuated
-    assert values_before(path, robot.name)["joint_2"] == {"homing": 0}
+    assert earlier_values(path, robot.name)["joint_2"] == {"homing": (0, 12)}
 
 
 def test_a_position_outside_the_calibrated_range_is_refused(tmp_path: Path) -> None:
