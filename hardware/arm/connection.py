@@ -8,7 +8,7 @@ from hardware.clock import Clock
 from hardware.description.guards import TORQUE_OFF
 from hardware.description.robot import Robot
 from hardware.drivers.firmware_profile import Ability
-from hardware.errors import HardwareError, LinkError, NotActive
+from hardware.errors import HardwareError, LinkError, NotActive, PoseOutsideLimits
 from hardware.link.link import Link
 from hardware.link.timed_link import TimedLink
 
@@ -135,7 +135,7 @@ class Connection:
         try:
             commands = self.session.torque_commands(on)
             if on:
-                self.guard.start_from(self._held_pose())
+                self._start_from_held_pose()
             for command in commands:
                 while not self.guard.send_torque_command(command):
                     self._pause(self.session.free_at)
@@ -145,6 +145,18 @@ class Connection:
             with self._waiting:
                 self._switching = False
                 self._waiting.notify()
+
+    def _start_from_held_pose(self) -> None:
+        """Start from the pose that the board reports, before its torque is switched on.
+
+        Raises:
+            PoseOutsideLimits: The arm is outside its limits. The torque stays off.
+        """
+        try:
+            self.guard.start_from(self._held_pose())
+        except PoseOutsideLimits:
+            self.session.torque_commands(False)  # not sent: it ends the expectation of torque
+            raise
 
     def _pause(self, until: float) -> None:
         with self._waiting:

@@ -80,7 +80,8 @@ class BoardProtocol:
 
         The arm sends one command in each period of frames, so that the torque may rise slowly. The
         servos then hold their measured positions. The arm switches the torque on when it becomes
-        active. A deactivation does not switch it off.
+        active. A deactivation does not switch it off. If the arm is outside its limits, the arm
+        drops the commands that switch it on, calls this again with False, and sends nothing.
 
         Args:
             on: True to hold the joints; False to release them.

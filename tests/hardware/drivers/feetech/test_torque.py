@@ -150,6 +150,11 @@ def test_torque_stays_off_outside_the_limits(tmp_path: Path) -> None:
         with pytest.raises(PoseOutsideLimits):
             made.arm.switch_torque(True)
         assert not made.bus.servos[0].get("torque_enable")
+        made.bus.servos[0].push(2048)
+        made.wait(4.0)
+        assert not made.faults
+        made.arm.switch_torque(True)
+        assert made.arm.torque
         assert made.arm.state is State.ACTIVE
 
 
