@@ -248,11 +248,11 @@ class PoseOutsideLimits(BoardError):
     code = "hw.pose_outside"
     hint = "move the joint inside its limits, as the message says"
 
-    def __init__(self, joint: str, angle: int, nearest: int, unit: str, advice: str) -> None:
+    def __init__(self, joint: str, place: str, limit: str, advice: str) -> None:
         super().__init__(
-            f"The board holds the servo of {joint} at {angle} {unit}. The limits of the joint end "
-            f"at {nearest} {unit}, and the first frame would make it jump there. To move it, "
-            f"{advice}; or widen the limits in the URDF"
+            f"The servo of {joint} is at {place}. The limits of the joint end at {limit}, and the "
+            f"first frame would make it jump there. To move it, {advice}; or widen the limits in "
+            "the URDF"
         )
 
 

@@ -139,7 +139,9 @@ def _calibration(robot: Robot, found: Found, port: str) -> Check:
 def _pose(robot: Robot, servos: list[ServoReport]) -> Check:
     """Check that every joint is within its limits, so that the arm may be activated."""
     try:
-        pose = robot.pose_of(robot.wire_format.frame([each.position for each in servos]))
+        frame = robot.wire_format.frame([each.position for each in servos])
+        pose = robot.unlimited.decode(frame)
+        robot.within_limits(pose)
     except PoseOutsideLimits as error:
         return Check("measured", False, str(error), code=error.code)
     return Check("measured", True, robot.words(robot.by_joint(pose)))

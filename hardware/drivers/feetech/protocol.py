@@ -99,29 +99,30 @@ class BusProtocol(BoardProtocol):
     def torque_commands(self, on: bool) -> Sequence[bytes]:
         """Return the commands that release the servos, or hold them at their positions.
 
-        The goal comes before the torque. The largest torque rises slowly from its present value, if
-        the series can limit it.
+        The goal comes before the torque. It is the limit of a joint that is a little outside. The
+        largest torque rises slowly from its present value, if the series can limit it.
         """
         self._holds = on
         if not on:
             return [self._enable(0)]
         self.boot_frame = self._wires.frame(self._values("position"))
+        goal = self._wires.encode(self._wires.decode(self.boot_frame)).data
         most, holding = self._values("max_torque"), self._values("torque_enable")
         enable = self._enable(1)
         if "torque_limit" not in self._series.registers:
-            return [self.boot_frame.data, enable]
+            return [goal, enable]
         # A program that ended while the torque rose has left a small limit.
         present = self._values("torque_limit")
         lows = [low if holds else 0 for low, holds in zip(present, holding, strict=True)]
         if lows == most:
-            return [self.boot_frame.data, enable]
+            return [goal, enable]
         steps = round(_RAMP * self._rate)
         limits = [
             [low + (top - low) * part // steps for low, top in zip(lows, most, strict=True)]
             for part in range(1, steps + 1)
         ]
         ramp = [self._wires.command("torque_limit", each) for each in limits]
-        return [ramp[0], self.boot_frame.data, enable, *ramp[1:]]
+        return [ramp[0], goal, enable, *ramp[1:]]
 
     def _enable(self, on: int) -> bytes:
         """Return the command that switches the torque of all servos."""

@@ -125,10 +125,34 @@ def test_nothing_is_written_before_the_arm_is_active_but_requests(tmp_path: Path
 
 def test_a_pose_outside_the_limits_is_refused(tmp_path: Path) -> None:
     with rig(tmp_path) as made:
-        made.bus.servos[0].push(4000)
-        why = "servo of joint_1 at 4000 ticks.* end at 3072 ticks.*switch the power off and move"
+        made.bus.servos[0].push(3072 + 35)  # 3.1 deg; settle_deg is 3
+        why = r"servo of joint_1 is at 93\.1 deg.* end at 90\.0 deg.*To move it, turn it inwards by"
         with pytest.raises(PoseOutsideLimits, match=why):
             made.arm.activate()
+        assert not made.bus.servos[0].get("torque_enable")
+
+
+@pytest.mark.parametrize("holds", [False, True])
+@pytest.mark.parametrize(("at", "limit"), [(3072 + 34, 3072), (1024 - 34, 1024), (3073, 3072)])
+def test_an_arm_that_rests_on_a_stop_starts_at_the_limit(
+    tmp_path: Path, at: int, limit: int, holds: bool
+) -> None:
+    """A stop is a little outside: the limits end before it, and gears have play."""
+    with rig(tmp_path) as made:
+        servo = made.bus.servos[0]
+        servo.push(at)
+        servo.put("goal_position", at)
+        servo.put("torque_enable", holds)
+        made.arm.activate()
+        joint = made.robot.actuated[0]
+        assert made.arm.commanded[0] == (joint.upper if at > limit else joint.lower)
+        assert made.arm.commanded[1:] == HOME[1:]
+        made.wait(0.5)
+        assert servo.get("goal_position") == limit
+        assert abs(servo.position - limit) <= 1
+        assert made.play(HOME, 4.0) is None
+        assert made.bus.state(made.clock.now()).positions[1] == pytest.approx(2048, abs=2)
+        assert not made.faults
 
 
 @pytest.mark.slow
