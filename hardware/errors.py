@@ -250,9 +250,9 @@ class PoseOutsideLimits(BoardError):
 
     def __init__(self, joint: str, place: str, limit: str, advice: str) -> None:
         super().__init__(
-            f"The servo of {joint} is at {place}. The limits of the joint end at {limit}, and the "
-            f"first frame would make it jump there. To move it, {advice}; or widen the limits in "
-            "the URDF"
+            f"The servo of {joint} is at {place}. The limits of the joint end at {limit}: a motion "
+            f"from there would begin with a jump. To move it, {advice}; or widen the limits in the "
+            "URDF"
         )
 
 
