@@ -167,6 +167,7 @@ def _finish(
     """Show the changes and ask. Then write the file, and after it the servos."""
     from hardware.description.calibration import write_calibration
 
+    kept = calibrator.in_position_mode(kept)
     joints, changes = calibrator.joints(kept), calibrator.changes(kept)
     _show(changes)
     replaces = ", which is replaced" if calibrator.path.exists() else ""

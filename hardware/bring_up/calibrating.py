@@ -9,7 +9,7 @@ from typing import Any
 
 from hardware.description.calibration import CalibratedJoint, calibration_file, earlier_values
 from hardware.description.robot import Robot
-from hardware.drivers.servo_bus import ServoBus, ServoReport
+from hardware.drivers.servo_bus import POSITION_MODE, ServoBus, ServoReport
 from hardware.drivers.servo_errors import CalibrationDiffers, SeamInside
 from hardware.errors import DescriptionError
 from hardware.files import read_file
@@ -123,6 +123,12 @@ class Calibrator:
             swept = self._sweep.servos[self._servos[joint]]
             found[joint] = swept.kept(report.kept.get("homing"), centre and can_centre)
         return found
+
+    def in_position_mode(self, kept: Mapping[str, Mapping[str, int]]) -> dict[str, dict[str, int]]:
+        """Return values to store, with the mode of each servo whose series has modes."""
+        reports = self._reports.items()
+        modes = {joint: {"mode": POSITION_MODE} for joint, each in reports if "mode" in each.kept}
+        return {joint: {**values, **modes.get(joint, {})} for joint, values in kept.items()}
 
     def changes(self, kept: Mapping[str, Mapping[str, int]]) -> list[Change]:
         """Return the stored values of servos that differ from given values."""

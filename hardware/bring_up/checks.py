@@ -6,7 +6,7 @@ from dataclasses import asdict
 
 from hardware.clock import RealClock
 from hardware.description.robot import Robot
-from hardware.drivers.servo_bus import Found, ServoReport
+from hardware.drivers.servo_bus import POSITION_MODE, Found, ServoReport
 from hardware.drivers.servo_errors import (
     CalibrationDiffers,
     CalibrationMissing,
@@ -14,6 +14,7 @@ from hardware.drivers.servo_errors import (
     ServoFault,
     ServoMissing,
     ServoTwice,
+    WrongMode,
 )
 from hardware.errors import HardwareError, PoseOutsideLimits, SupplyTooLow
 from hardware.link.link import VIRTUAL
@@ -102,7 +103,7 @@ def _plain(found: Found) -> list[dict[str, object]]:
 
 
 def _health(robot: Robot, servos: list[ServoReport]) -> Iterator[Check]:
-    """Check the firmware, the supply and the errors of all servos."""
+    """Check the firmware, the supply, the errors and the modes of all servos."""
     versions = sorted({each.firmware for each in servos})
     models = ", ".join(sorted({str(each.model) for each in servos}))
     same = len(versions) == 1
@@ -119,6 +120,10 @@ def _health(robot: Robot, servos: list[ServoReport]) -> Iterator[Check]:
             what = f"servo {each.servo} reports {' and '.join(each.errors)}"
             remedy = "free its joint, let it cool down, and switch the power off and on"
             yield Check("error", False, what, remedy, ServoFault.code)
+    for joint, each in zip(robot.servos, servos, strict=True):
+        if (mode := each.kept.get("mode", POSITION_MODE)) != POSITION_MODE:
+            error = WrongMode(each.servo, joint, mode)
+            yield Check("mode", False, str(error), code=error.code)
 
 
 def _calibration(robot: Robot, found: Found, port: str) -> Check:

@@ -35,7 +35,7 @@ _WORDS = Words(
 )
 
 
-_KEPT = ("homing", "least", "most")  # keys of a joint's wire
+_KEPT = ("homing", "least", "most", "mode")  # keys of a joint's wire
 _SERIES = {series.name: series for series in (STS, SCS)}
 FIRMWARES = {
     name: Firmware(

@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Sequence
 
 from hardware.drivers.board_protocol import BoardProtocol
+from hardware.drivers.servo_bus import POSITION_MODE
 from hardware.drivers.servo_errors import (
     CalibrationDiffers,
     NoServos,
@@ -17,11 +18,12 @@ from hardware.drivers.servo_errors import (
     ServoMissing,
     ServoSilent,
     TorqueLost,
+    WrongMode,
 )
 from hardware.drivers.wire_format import Frame
 
 from .packets import Packet, sync_read, take_packets
-from .registers import ERRORS, KEPT, MEMORY
+from .registers import ERRORS, KEPT, MEMORY, SETTINGS
 from .wire_format import ServoFormat
 
 # Six answers take 1 ms on the line. A USB adapter may delay them by another 16 ms. Answers come one
@@ -77,7 +79,7 @@ class BusProtocol(BoardProtocol):
         self.next_poll = -math.inf  # request the positions at once
 
     def check_booted(self, port: str, waited: float) -> None:
-        """Check that all servos answered, and that their stored values match the calibration."""
+        """Check that all servos answered, their modes, and their values of the calibration."""
         if not self._heard and self._noise:
             raise NoServos(port, waited, self._noise)
         if not self.boot_frame:
@@ -85,6 +87,12 @@ class BusProtocol(BoardProtocol):
             missing = [f"{servo} ({self._joints[servo]})" for servo in sorted(waiting)]
             twice = [servo for servo, times in self._twice.items() if 2 * times > self._requests]
             raise ServoMissing(port, waited, missing, len(self._heard), twice, self._noise)
+        if "mode" in self._series.registers:
+            for (servo, joint), mode in zip(
+                self._joints.items(), self._values("mode"), strict=True
+            ):
+                if mode != POSITION_MODE:
+                    raise WrongMode(servo, joint, mode)
         for joint, name, expected in self._wires.kept:
             servo = self._wires.servos[joint]
             if (kept := self._series.unpack(KEPT[name], self._memories[servo])) != expected:
@@ -100,7 +108,8 @@ class BusProtocol(BoardProtocol):
         """Return the commands that release the servos, or hold them at their positions.
 
         The goal comes before the torque. It is the limit of a joint that is a little outside. The
-        largest torque rises slowly from its present value, if the series can limit it.
+        settings of other programs come after the goal, because a servo may be on its way to another
+        one. The largest torque rises slowly from its present value, if the series can limit it.
         """
         self._holds = on
         if not on:
@@ -108,7 +117,7 @@ class BusProtocol(BoardProtocol):
         self.boot_frame = self._wires.frame(self._values("position"))
         goal = self._wires.encode(self._wires.decode(self.boot_frame)).data
         most, holding = self._values("max_torque"), self._values("torque_enable")
-        enable = self._enable(1)
+        enable = self._settings + self._enable(1)
         if "torque_limit" not in self._series.registers:
             return [goal, enable]
         # A program that ended while the torque rose has left a small limit.
@@ -123,6 +132,14 @@ class BusProtocol(BoardProtocol):
         ]
         ramp = [self._wires.command("torque_limit", each) for each in limits]
         return [ramp[0], goal, enable, *ramp[1:]]
+
+    @property
+    def _settings(self) -> bytes:
+        """Commands that reset settings of other programs."""
+        registers = self._series.registers.items()
+        initial = {name: register.initial for name, register in registers if name in SETTINGS}
+        commands = (self._wires.command(n, [v] * len(self._joints)) for n, v in initial.items())
+        return b"".join(commands)
 
     def _enable(self, on: int) -> bytes:
         """Return the command that switches the torque of all servos."""

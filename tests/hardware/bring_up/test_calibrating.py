@@ -33,13 +33,14 @@ class Bench:
 
     def calibrate(self, arm: Bus, servos: Mapping[int, object] | None = None) -> None:
         """Calibrates an arm. Only some servos are written if the command is interrupted."""
-        kept = dict.fromkeys(self.robot.servos, SWEPT)
+        kept: Mapping[str, Mapping[str, int]] = dict.fromkeys(self.robot.servos, SWEPT)
         clock = SimulatedClock()
         with (
             clock.working(),
             self.robot.servos_on(BoardLink(arm, clock), clock) as bus,
         ):
             calibrator = Calibrator(self.robot, bus, answering(self.robot, bus, "test"))
+            kept = calibrator.in_position_mode(kept)
             changes = calibrator.changes(kept)
             joints = calibrator.joints(kept)
             write_calibration(calibrator.path, self.robot.name, "by a test", joints)
@@ -100,3 +101,14 @@ def test_the_values_of_one_arm_are_not_written_to_another(bench: Bench) -> None:
     with pytest.raises(CalibrationDiffers, match=why):
         bench.restore(two)
     assert kept(two) == [(-88, 0, 4095)] * 4
+
+
+def test_a_calibration_sets_the_mode_for_positions_and_gives_the_other_one_back(
+    bench: Bench,
+) -> None:
+    arm = bench.arm(mode=1)
+    bench.calibrate(arm)
+    assert [servo.get("mode") for servo in arm.servos] == [0] * 4
+    assert load_robot(bench.robot.path).kept["joint_1"] == {**SWEPT, "mode": 0}
+    bench.restore(arm)
+    assert [servo.get("mode") for servo in arm.servos] == [1] * 4
