@@ -96,12 +96,12 @@ class NotAble(HardwareError):
 
     code = "hw.not_able"
     exit_status = 3
-    hint = "use an arm with another board"
+    hint = "use an arm with another board: `--robot`"
 
     def __init__(self, robot: str, firmware: str, ability: str) -> None:
         super().__init__(
-            f"The board of {robot}, with the firmware {firmware}, cannot {ability}. Use an arm "
-            "whose board can; the page *Your own driver* lists the boards"
+            f"The board of {robot}, with the firmware {firmware}, cannot {ability}. Name an arm "
+            "whose board can, such as `--robot so101`; the page *Your own driver* lists the boards"
         )
 
 

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from dataclasses import asdict
 
 from hardware.clock import RealClock
+from hardware.description.calibration import calibrate_command
 from hardware.description.robot import Robot
 from hardware.drivers.servo_bus import POSITION_MODE, Found, ServoReport
 from hardware.drivers.servo_errors import (
@@ -131,7 +132,8 @@ def _calibration(robot: Robot, found: Found, port: str) -> Check:
         needed = robot.needs_calibration and port != VIRTUAL
         what = "there is none" + ("" if needed else "; the offsets are those of the robot file")
         code = CalibrationMissing.code if needed else ""
-        return Check("calibration", not needed and None, what, "type armtree calibrate", code)
+        remedy = f"type {calibrate_command(robot.path, port)}"
+        return Check("calibration", not needed and None, what, remedy, code)
     for joint, values in robot.kept.items():
         servo = robot.servos[joint]
         for name, value in values.items():

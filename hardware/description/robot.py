@@ -21,7 +21,7 @@ from hardware.errors import NotAble, PoseOutsideLimits
 from hardware.joints import Joint, joint_words, rounded
 from hardware.link.link import VIRTUAL, Link
 
-from .calibration import CalibratedJoint, calibration_file
+from .calibration import CalibratedJoint, calibrate_command, calibration_file
 from .forward_kinematics import ForwardKinematics, reach
 from .gripper import Gripper, closing
 from .guards import OPENING, Guards
@@ -284,7 +284,8 @@ class Robot:
         baud = self.serial.baud
         if port != VIRTUAL:
             if self.needs_calibration and not self.calibration:
-                raise CalibrationMissing(self.path, calibration_file(self.path))
+                command = calibrate_command(self.path, port)
+                raise CalibrationMissing(self.path, calibration_file(self.path), command)
             return self.driver.link(self.actuated, self.firmware, baud, port)
         from hardware.drivers.virtual.board_process import VirtualLink  # slow to import
 

@@ -181,13 +181,12 @@ class CalibrationMissing(HardwareError):
 
     code = "hw.not_calibrated"
     exit_status = 3
-    hint = "`armtree calibrate`"
+    hint = "`armtree calibrate --robot ROBOT --port PORT`, as the message says"
 
-    def __init__(self, path: Path, expected: Path) -> None:
+    def __init__(self, path: Path, expected: Path, command: str) -> None:
         super().__init__(
-            f"{path} needs a calibration, and {expected} does not exist. Write it with `armtree "
-            "calibrate --port PORT`; `--import FILE` imports one of LeRobot. The port virtual "
-            "needs none"
+            f"{path} needs a calibration, and {expected} does not exist. Write it with `{command}`;"
+            " `--import FILE` imports one of LeRobot. The port virtual needs none"
         )
 
 

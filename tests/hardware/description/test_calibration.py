@@ -103,7 +103,8 @@ def test_an_arm_that_needs_a_calibration_has_no_real_port_without_it(tmp_path: P
     file.write_text(f"needs_calibration = true\n{file.read_text()}")
     robot = load_robot(file)
     assert robot.simulated_link(SimulatedClock())
-    why = r"needs a calibration, and .*arm\.calibration\.toml does not exist"
+    why = r"needs a calibration, and .*arm\.calibration\.toml does not exist\. Write it with "
+    why += rf"`armtree calibrate --robot {file} --port /dev/ttyACM0`"
     with pytest.raises(CalibrationMissing, match=why):
         robot.link("/dev/ttyACM0")
     calibrate(file)
@@ -126,7 +127,8 @@ def test_the_calibration_of_a_robot_that_ships_is_in_the_folder_of_the_user(
     path = calibration_file(shipped.path)
     assert path == tmp_path / "armtree" / "so101.calibration.toml"
     assert shipped.calibration is None
-    with pytest.raises(CalibrationMissing, match=str(path)):
+    why = f"{path} does not exist. Write it with `armtree calibrate --robot so101 --port"
+    with pytest.raises(CalibrationMissing, match=why):
         shipped.link("/dev/ttyACM0")
     joints = {
         joint.name: CalibratedJoint(-20.0, 20.0, f"{{ id = {id_}, sign = 1, offset_deg = 0 }}", {})
