@@ -192,6 +192,32 @@ def test_servos_get_their_ids_one_by_one(arm: Arm) -> None:
     assert [each["id"] for each in arm.board.call("kept")] == [1, 2, 3, 4]
 
 
+def test_servos_get_their_earlier_ids_back(arm: Arm) -> None:
+    arm.board.call("connect", [2])
+    for given in (True, False):  # the second time, the servo has its id already
+        with arm.calibrate("--ids") as terminal:
+            terminal.until("Connect only the servo of joint_1 (id 1)")
+            terminal.type("\r")
+            if given:
+                terminal.until("Write the id 1 to the servo, which has 3?")
+                terminal.type("y\r")
+                terminal.until("The servo reads back the id 1. It had 3; --ids --restore")
+            terminal.until("Connect only the servo of joint_2 (id 2)")
+            terminal.type("\x03")
+            terminal.end()
+    with arm.calibrate("--ids", "--restore") as terminal:
+        terminal.until("Connect only the servo of joint_1 (id 3)")
+        terminal.type("\r")
+        terminal.until("Write the id 3 to the servo, which has 1?")
+        terminal.type("y\r")
+        assert terminal.end()[0] == 0
+    arm.board.call("connect")
+    assert [each["id"] for each in arm.board.call("kept")] == [1, 2, 3, 4]
+    with arm.calibrate("--ids", "--restore") as terminal:
+        status, printed = terminal.end()
+        assert (status, "nothing to restore" in " ".join(printed.split())) == (3, True)
+
+
 def lerobot(path: Path, **changes: object) -> Path:
     values = {
         f"joint_{k}": {
