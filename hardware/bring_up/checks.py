@@ -148,7 +148,7 @@ def _pose(robot: Robot, servos: list[ServoReport]) -> Check:
     try:
         frame = robot.wire_format.frame([each.position for each in servos])
         pose = robot.unlimited.decode(frame)
-        robot.within_limits(pose)
+        robot.within_limits(pose, resting=True)
     except PoseOutsideLimits as error:
         return Check("measured", False, str(error), code=error.code)
     return Check("measured", True, robot.words(robot.by_joint(pose)))

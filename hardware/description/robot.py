@@ -200,7 +200,7 @@ class Robot:
     def pose_of(self, frame: Frame) -> tuple[float, ...]:
         """Return the pose in a frame that the board reports, one position per actuated joint [rad].
 
-        Measured positions are moved within the limits, as by `within_limits`.
+        Measured positions are moved within the limits, as `within_limits` does for a resting arm.
 
         Raises:
             PoseOutsideLimits: A servo is outside the limits of its joint.
@@ -210,7 +210,7 @@ class Robot:
         if frame.servos == nearest:
             return pose
         if self.can(Ability.MEASURE):
-            return self.within_limits(self.unlimited.decode(frame))
+            return self.within_limits(self.unlimited.decode(frame), resting=True)
         words, pairs = self.firmware.words, zip(frame.servos, nearest, strict=True)
         outside, (angle, near) = next(
             (joint, pair)
@@ -226,22 +226,26 @@ class Robot:
         free = [replace(joint, lower=-math.inf, upper=math.inf) for joint in self.actuated]
         return self.driver.wire_format(free, self.firmware)
 
-    def within_limits(self, measured: Sequence[float]) -> tuple[float, ...]:
+    def within_limits(self, measured: Sequence[float], resting: bool = False) -> tuple[float, ...]:
         """Return measured positions, moved within the limits of their joints [rad].
 
-        A joint that rests on a stop, or at the end of a motion to a limit, is a little outside.
-        `settle_deg` is accepted there, as at the end of a motion.
+        A joint at the end of a motion to a limit is a little outside. `settle_deg` is accepted
+        there, as at the end of any motion.
 
         Args:
             measured: One position per actuated joint [rad].
+            resting: True to accept `settle_deg` outside the calibrated range. A joint that rests on
+                a stop is at the end of this range, which may exceed the limits of the URDF.
 
         Raises:
-            PoseOutsideLimits: A joint is farther outside its limits.
+            PoseOutsideLimits: A joint is farther outside.
         """
-        within, most = list[float](), math.radians(self.guards.settle_deg)
+        within, allowed = list[float](), math.radians(self.guards.settle_deg)
         for joint, q in zip(self.actuated, measured, strict=True):
             near = min(max(q, joint.lower), joint.upper)
-            if abs(q - near) > (most if joint.unit == "rad" else 0.0):
+            least, most = (resting and joint.swept) or (near, near)
+            outside = max(min(least, near) - q, q - max(most, near))
+            if outside > (allowed if joint.unit == "rad" else 0.0):
                 place, limit = rounded(q, joint.unit), rounded(near, joint.unit)
                 advice = self.firmware.words.advice_outside
                 raise PoseOutsideLimits(joint.name, place, limit, advice)

@@ -40,6 +40,7 @@ _TIMES_ALL = 2  # times as many may be lost if no servo answers: the host or ada
 _STATE_PERIOD = 0.1  # period of requests that include the torque [s]
 _LIMP = 5  # answers that may still report no torque after it was switched on
 _MEASURED = {"position", "speed", "load", "max_torque", "temperature", "voltage", "current"}
+_WAY_IN_SPEED = 20.0  # speed of a joint that is outside its limits, to them [deg/s]
 _RAMP = 0.3  # time in which torque rises, by one step in each period of frames [s]
 
 
@@ -70,6 +71,7 @@ class BusProtocol(BoardProtocol):
         self._begun = -math.inf  # time of the first request of this cycle [s]
         self._slowest = 0.0  # time of the slowest of the last cycles [s]
         self._settles = -math.inf  # time until which the arm may move [s]
+        self._moves_for = 0.0  # time that the next torque commands may move the arm [s]
         self._state_time = -math.inf  # time of the last answers with the torque [s]
         self._holds = False  # True if torque was switched on
         # Number of answers without torque still allowed.
@@ -107,31 +109,38 @@ class BusProtocol(BoardProtocol):
     def torque_commands(self, on: bool) -> Sequence[bytes]:
         """Return the commands that release the servos, or hold them at their positions.
 
-        The goal comes before the torque. It is the limit of a joint that is a little outside. The
-        settings of other programs come after the goal, because a servo may be on its way to another
-        one. The largest torque rises slowly from its present value, if the series can limit it.
+        The goal comes before the torque. The settings of other programs come after the goal,
+        because a servo may be on its way to another one. The largest torque rises slowly from its
+        present value, if the series can limit it. A joint outside its limits then moves to them.
         """
         self._holds = on
         if not on:
             return [self._enable(0)]
         self.boot_frame = self._wires.frame(self._values("position"))
-        goal = self._wires.encode(self._wires.decode(self.boot_frame)).data
-        most, holding = self._values("max_torque"), self._values("torque_enable")
+        ramp, goal = self._ramp(), self.boot_frame
         enable = self._settings + self._enable(1)
+        commands = [*ramp[:1], goal.data, enable, *ramp[1:], *self._ways_in(goal)]
+        self._moves_for = len(commands) / self._rate + _SETTLING
+        return commands
+
+    def _ramp(self) -> list[bytes]:
+        """Return the commands that raise the torque; none if it is not limited."""
         if "torque_limit" not in self._series.registers:
-            return [goal, enable]
+            return []
+        most, holding = self._values("max_torque"), self._values("torque_enable")
         # A program that ended while the torque rose has left a small limit.
         present = self._values("torque_limit")
         lows = [low if holds else 0 for low, holds in zip(present, holding, strict=True)]
-        if lows == most:
-            return [goal, enable]
-        steps = round(_RAMP * self._rate)
-        limits = [
-            [low + (top - low) * part // steps for low, top in zip(lows, most, strict=True)]
-            for part in range(1, steps + 1)
-        ]
-        ramp = [self._wires.command("torque_limit", each) for each in limits]
-        return [ramp[0], goal, enable, *ramp[1:]]
+        steps = round(_RAMP * self._rate) if lows != most else 0
+        return [self._wires.command("torque_limit", each) for each in _line(lows, most, steps)]
+
+    def _ways_in(self, frame: Frame) -> list[bytes]:
+        """Return the commands that move joints from a frame to their limits; often none."""
+        there = self._wires.encode(self._wires.decode(frame)).servos
+        pairs = zip(frame.servos, there, strict=True)
+        farthest = max(abs(b - a) for a, b in pairs) * self._series.turn / self._series.ticks
+        steps = math.ceil(farthest / _WAY_IN_SPEED * self._rate)
+        return [self._wires.frame(each).data for each in _line(frame.servos, there, steps)]
 
     @property
     def _settings(self) -> bytes:
@@ -162,6 +171,8 @@ class BusProtocol(BoardProtocol):
         """
         if not self._waiting:
             self._begun = now
+        if self._moves_for:
+            self._settles, self._moves_for = max(self._settles, now + self._moves_for), 0.0
         allowed = self._allowed * (1 if self._answers else _TIMES_ALL)
         self._store_answers()
         counts = now - self.next_poll < _HOST_LATE
@@ -305,3 +316,10 @@ class BusProtocol(BoardProtocol):
     def _values(self, register: str) -> list[int]:
         """Return the last value of a register for every servo, in the order of joints."""
         return [self._series.unpack(register, memory) for memory in self._memories.values()]
+
+
+def _line(start: Sequence[int], end: Sequence[int], steps: int) -> list[list[int]]:
+    """Return the values after each of some equal steps from the start to the end."""
+    parts = range(1, steps + 1)
+    pairs = list(zip(start, end, strict=True))
+    return [[a + (b - a) * part // steps for a, b in pairs] for part in parts]

@@ -6,29 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from hardware import CommandSent, FrameSent, State, load_robot
+from hardware import CommandSent, State, load_robot
 from hardware.drivers.feetech.packets import Instruction, take_packets
 from hardware.drivers.feetech.registers import STS
 from hardware.drivers.feetech.virtual.bus import Fault
 from hardware.drivers.servo_errors import ServoMissing, ServoSilent, TorqueLost, WrongMode
 from hardware.errors import NotAble, NotArrived, PoseOutsideLimits, StaleGeneration, TorqueOff
-from tests.support.arms.bus_arms import BusRig, rig
+from tests.support.arms.bus_arms import rig, written
 from tests.support.arms.hardware_rigs import HOME, PICK, Rig
-
-
-def written(made: BusRig, register: str) -> list[list[int]]:
-    """The values of a register that were written to all servos, in order."""
-    place = STS.registers[register]
-    sent = [e.data for e in made.events if isinstance(e, CommandSent | FrameSent)]
-    packets = [p for data in sent for p in take_packets(bytearray(data))]
-    head = bytes([place.address, place.size])
-    rows = []
-    for packet in packets:
-        if packet.code == Instruction.SYNC_WRITE and packet.parameters[:2] == head:
-            body, step = packet.parameters[2:], place.size + 1
-            parts = [body[i + 1 : i + step] for i in range(0, len(body), step)]
-            rows.append([STS.unpack(register, part, place.address) for part in parts])
-    return rows
 
 
 @pytest.mark.slow
