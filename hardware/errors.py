@@ -96,12 +96,12 @@ class NotAble(HardwareError):
 
     code = "hw.not_able"
     exit_status = 3
-    hint = "use an arm with another board"
+    hint = "use an arm with another board: `--robot`"
 
     def __init__(self, robot: str, firmware: str, ability: str) -> None:
         super().__init__(
-            f"The board of {robot}, with the firmware {firmware}, cannot {ability}. Use an arm "
-            "whose board can, such as one of the page *Bus servos by Feetech*"
+            f"The board of {robot}, with the firmware {firmware}, cannot {ability}. Name an arm "
+            "whose board can, such as `--robot so101`; see the page *Bus servos by Feetech*"
         )
 
 
@@ -248,11 +248,11 @@ class PoseOutsideLimits(BoardError):
     code = "hw.pose_outside"
     hint = "move the joint inside its limits, as the message says"
 
-    def __init__(self, joint: str, angle: int, nearest: int, unit: str, advice: str) -> None:
+    def __init__(self, joint: str, place: str, limit: str, advice: str) -> None:
         super().__init__(
-            f"The board holds the servo of {joint} at {angle} {unit}. The limits of the joint end "
-            f"at {nearest} {unit}, and the first frame would make it jump there. To move it, "
-            f"{advice}; or widen the limits in the URDF"
+            f"The servo of {joint} is at {place}. The limits of the joint end at {limit}: a motion "
+            f"from there would begin with a jump. To move it, {advice}; or widen the limits in the "
+            "URDF"
         )
 
 

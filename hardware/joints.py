@@ -50,6 +50,7 @@ class Joint:
         wire: Its encoding in a frame. None if it has no servo of its own, or if the robot file
             names no driver.
         unit: Unit of its position: `rad`, or `m` for a prismatic joint.
+        swept: Its calibrated range [rad], which may exceed its limits; None without a calibration.
     """
 
     name: str
@@ -61,6 +62,7 @@ class Joint:
     mimic: Mimic | None
     wire: object | None
     unit: str = "rad"
+    swept: tuple[float, float] | None = None
 
     @property
     def continuous(self) -> bool:

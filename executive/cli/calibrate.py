@@ -46,7 +46,7 @@ _PERIOD = 0.05  # time between readings of the servos [s]
 @click.option(
     "--restore",
     is_flag=True,
-    help="Write back the values that the servos had before the calibration.",
+    help="Write back the values that the servos had before the calibration; with --ids, their ids.",
 )
 def calibrate(
     port: str | None,
@@ -80,11 +80,11 @@ def calibrate(
     if not line:
         raise PortNotGiven
     if ids:
-        _number(arm, line)
+        _number(arm, line, restore)
         return
     with arm.servo_bus(line, arm.serial.baud, RealClock()) as bus:
         calibrator = Calibrator(arm, bus, answering(arm, bus, line))
-        before = _before(arm, calibrator) if restore else {}
+        before = calibrator.before() if restore else {}
         kept = read_lerobot(imported, arm.actuated, arm.servos) if imported else {}
         # Values that move the zero of a servo would move an arm with torque.
         _confirm("The torque goes off, and gravity moves the arm. Do you hold it?")
@@ -167,9 +167,12 @@ def _finish(
     """Show the changes and ask. Then write the file, and after it the servos."""
     from hardware.description.calibration import write_calibration
 
+    kept = calibrator.in_position_mode(kept)
     joints, changes = calibrator.joints(kept), calibrator.changes(kept)
     _show(changes)
     replaces = ", which is replaced" if calibrator.path.exists() else ""
+    if error := calibrator.difference:
+        echo(f"\n{error}. Copy the file first if --restore shall work for that arm")
     file = f"the file {calibrator.path}{replaces}"
     with _leavable():
         _confirm(f"Write {_values(changes)} to the servos, and {file}?")
@@ -178,16 +181,6 @@ def _finish(
     write_calibration(calibrator.path, arm.name, made, joints)
     calibrator.write(changes)
     echo(f"{calibrator.path} is written; the servos hold the same values, as read back")
-
-
-def _before(arm: "Robot", calibrator: "Calibrator") -> dict[str, dict[str, int]]:
-    """Return the values of each servo before the first calibration."""
-    from hardware import DescriptionError
-    from hardware.description.calibration import values_before
-
-    if before := values_before(calibrator.path, arm.name):
-        return before
-    raise DescriptionError(calibrator.path, 0, "is not there, so there is nothing to restore")
 
 
 def _restore(calibrator: "Calibrator", before: Mapping[str, Mapping[str, int]]) -> None:
@@ -212,11 +205,17 @@ def _show(changes: "Sequence[Change]") -> None:
         echo(f"{place} {each.name:<7} {each.old:>6} -> {each.new}", whole=True)
 
 
-def _number(arm: "Robot", port: str) -> None:
-    """Give every servo its id, while it is alone on the bus."""
+def _number(arm: "Robot", port: str, restore: bool) -> None:
+    """Give every servo its id, or the id that it had before, while it is alone on the bus."""
+    from hardware import DescriptionError, RealClock
+    from hardware.bring_up.earlier_ids import ids_file, read_ids, write_ids
     from hardware.bring_up.search import search_speeds
 
-    for joint, wanted in arm.servos.items():
+    path = ids_file(arm.path)
+    earlier = read_ids(path, arm.servos)
+    if restore and not earlier:
+        raise DescriptionError(path, 0, "is not there, so there is nothing to restore")
+    for joint, wanted in [*(earlier if restore else arm.servos).items()]:
         while True:
             ask(f"Connect only the servo of {joint} (id {wanted}), then press Enter")
             baud, found = search_speeds(arm, port)
@@ -225,19 +224,20 @@ def _number(arm: "Robot", port: str) -> None:
             there = ", ".join(map(str, found.servos)) or "none"
             echo(f"Exactly one servo must answer; ids that answer: {there}. Check cable and power")
         (now,) = found.servos
-        _give_id(arm, port, baud, now, wanted)
-
-
-def _give_id(arm: "Robot", port: str, baud: int, now: int, wanted: int) -> None:
-    from hardware import RealClock
-
-    if baud != arm.serial.baud:
-        there = f"The servo runs at {baud} bit/s; the robot file says {arm.serial.baud}"
-        echo(f"{there}. Set its speed with the tool of the maker, or correct the robot file")
-    if now == wanted:
-        echo(f"The servo has the id {wanted} already")
-        return
-    _confirm(f"Write the id {wanted} to the servo, which has {now}?")
-    with arm.servo_bus(port, baud, RealClock()) as bus:
-        bus.keep(now, {"id": wanted})
-    echo(f"The servo reads back the id {wanted}")
+        if baud != arm.serial.baud:
+            there = f"The servo runs at {baud} bit/s; the robot file says {arm.serial.baud}"
+            echo(f"{there}. Set its speed with the tool of the maker, or correct the robot file")
+        if now == wanted:
+            echo(f"The servo has the id {wanted} already")
+        else:
+            _confirm(f"Write the id {wanted} to the servo, which has {now}?")
+            if not restore:
+                earlier[joint] = now
+                write_ids(path, earlier)
+            with arm.servo_bus(port, baud, RealClock()) as bus:
+                bus.keep(now, {"id": wanted})
+            way_back = "" if restore else f". It had {now}; --ids --restore gives it back"
+            echo(f"The servo reads back the id {wanted}{way_back}")
+        if restore:
+            del earlier[joint]
+            write_ids(path, earlier)

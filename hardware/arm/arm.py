@@ -176,7 +176,8 @@ class Arm:
                 during the boot; the arm is then unconfigured.
             BoardError: The robot file names another board, or the arm may not move from its pose.
             DriverFailed: The driver raised another exception.
-            ActivationStopped: `stop` was called during the boot.
+            ActivationStopped: `stop` was called during the boot, or while a joint that was outside
+                its limits moved to them.
             TransitionRefused: The transition is not legal now.
         """
         self._start_pose, self._meanwhile = start_pose or self.robot.boot_pose, meanwhile
@@ -293,6 +294,7 @@ class Arm:
             NotAble: The board of the robot cannot do this.
             NotActive: The arm is not active.
             PoseOutsideLimits: The arm is outside its limits. The torque is still off.
+            ActivationStopped: The arm was stopped while a joint moved to its limit.
         """
         self.robot.require(Ability.TORQUE)
         connection = self._connection

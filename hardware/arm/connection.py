@@ -1,6 +1,7 @@
 """The connection to a board, from activation to deactivation."""
 
 import logging
+import math
 import threading
 from collections.abc import Callable
 
@@ -8,7 +9,14 @@ from hardware.clock import Clock
 from hardware.description.guards import TORQUE_OFF
 from hardware.description.robot import Robot
 from hardware.drivers.firmware_profile import Ability
-from hardware.errors import HardwareError, LinkError, NotActive
+from hardware.errors import (
+    ActivationStopped,
+    HardwareError,
+    LinkError,
+    NotActive,
+    PoseOutsideLimits,
+)
+from hardware.joints import rounded
 from hardware.link.link import Link
 from hardware.link.timed_link import TimedLink
 
@@ -120,6 +128,7 @@ class Connection:
         Raises:
             NotActive: The arm is not active.
             PoseOutsideLimits: The arm is outside its limits. The torque is still off.
+            ActivationStopped: The arm was stopped while a joint moved to its limit.
         """
         self.guard.release_torque()
         self._switch_torque(on)
@@ -133,18 +142,46 @@ class Connection:
     def _switch_torque(self, on: bool) -> None:
         self._switching = True
         try:
-            commands = self.session.torque_commands(on)
-            if on:
-                self.guard.start_from(self._held_pose())
+            commands, generation = self.session.torque_commands(on), self.guard.generation
+            moves = on and self._start_from_held_pose()
+            due, period = self._clock.now(), 1 / self._robot.firmware.rate
             for command in commands:
+                if moves and self.guard.generation != generation:
+                    raise ActivationStopped("the arm was stopped while a joint moved to its limit")
                 while not self.guard.send_torque_command(command):
                     self._pause(self.session.free_at)
-                self._pause(self._clock.now() + 1 / self._robot.firmware.rate)
+                due = max(due + period, self._clock.now())  # a wait for the line delays one command
+                self._pause(due)
             self.guard.torque = on
         finally:
             with self._waiting:
                 self._switching = False
                 self._waiting.notify()
+
+    def _start_from_held_pose(self) -> bool:
+        """Start from the pose that the board reports, before its torque is switched on.
+
+        Returns:
+            True if a joint is outside its limits, and moves to them.
+
+        Raises:
+            PoseOutsideLimits: The arm is outside its limits. The torque stays off.
+        """
+        try:
+            pose = self._held_pose()
+        except PoseOutsideLimits:
+            self.session.torque_commands(False)  # not sent: it ends the expectation of torque
+            raise
+        self.guard.start_from(pose)
+        if (frame := self.session.boot_frame) is None:
+            return False
+        measured = self._robot.unlimited.decode(frame)
+        least = math.radians(self._robot.guards.settle_deg)
+        for joint, q, near in zip(self._robot.actuated, measured, pose, strict=True):
+            if abs(q - near) > least:
+                words = joint.name, rounded(q, joint.unit), rounded(near, joint.unit)
+                logger.warning("%s is at %s, and moves to its limit, %s", *words)
+        return frame != self._robot.wire_format.encode(pose)
 
     def _pause(self, until: float) -> None:
         with self._waiting:

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from hardware.description.calibration import CalibratedJoint, calibration_file, values_before
+from hardware.description.calibration import CalibratedJoint, calibration_file, earlier_values
 from hardware.description.robot import Robot
-from hardware.drivers.servo_bus import ServoBus, ServoReport
-from hardware.drivers.servo_errors import SeamInside
+from hardware.drivers.servo_bus import POSITION_MODE, ServoBus, ServoReport
+from hardware.drivers.servo_errors import CalibrationDiffers, SeamInside
 from hardware.errors import DescriptionError
 from hardware.files import read_file
 from hardware.joints import Joint
@@ -75,6 +75,9 @@ class Calibrator:
         robot: The robot, without a calibration.
         bus: The open bus.
         reports: Report of each servo, by its id.
+
+    Raises:
+        DescriptionError: The present calibration file is wrong.
     """
 
     def __init__(self, robot: Robot, bus: ServoBus, reports: Mapping[int, ServoReport]) -> None:
@@ -82,6 +85,7 @@ class Calibrator:
         self._reports = {joint: reports[servo] for joint, servo in robot.servos.items()}
         self._sweep, self._degrees = Sweep(bus.ticks), bus.turn / bus.ticks
         self.path = calibration_file(robot.path)
+        self._earlier = earlier_values(self.path, robot.name)
 
     def read(self) -> None:
         """Read the positions of the servos once."""
@@ -120,6 +124,12 @@ class Calibrator:
             found[joint] = swept.kept(report.kept.get("homing"), centre and can_centre)
         return found
 
+    def in_position_mode(self, kept: Mapping[str, Mapping[str, int]]) -> dict[str, dict[str, int]]:
+        """Return values to store, with the mode of each servo whose series has modes."""
+        reports = self._reports.items()
+        modes = {joint: {"mode": POSITION_MODE} for joint, each in reports if "mode" in each.kept}
+        return {joint: {**values, **modes.get(joint, {})} for joint, values in kept.items()}
+
     def changes(self, kept: Mapping[str, Mapping[str, int]]) -> list[Change]:
         """Return the stored values of servos that differ from given values."""
         return [
@@ -130,20 +140,50 @@ class Calibrator:
         ]
 
     def joints(self, kept: Mapping[str, Mapping[str, int]]) -> dict[str, CalibratedJoint]:
-        """Return the calibration of each joint, with the original values of its servo.
-
-        Raises:
-            DescriptionError: The present calibration file is wrong.
-        """
-        before, found = values_before(self.path, self._robot.name), dict[str, CalibratedJoint]()
+        """Return the calibration of each joint, with the original values of its servo."""
+        found = dict[str, CalibratedJoint]()
         for joint in self._robot.actuated:
             report, values = self._reports[joint.name], kept[joint.name]
-            there = {name: report.kept[name] for name in values}
+            before = {name: report.kept[name] for name in values}
+            if joint.name in self._earlier and not self._difference(joint.name):
+                before |= self._first(joint.name)
             calibrated = self._robot.calibrated(
                 joint, {"id": report.servo, **values}, self._degrees
             )
-            found[joint.name] = replace(calibrated, before=before.get(joint.name, there))
+            found[joint.name] = replace(calibrated, before=before)
         return found
+
+    def before(self) -> dict[str, dict[str, int]]:
+        """Return the values of each joint's servo before the first calibration.
+
+        Raises:
+            DescriptionError: There is no calibration file.
+            CalibrationDiffers: The calibration file is of other servos.
+        """
+        if not self._earlier:
+            raise DescriptionError(self.path, 0, "is not there, so there is nothing to restore")
+        if error := self.difference:
+            raise error
+        return {joint: self._first(joint) for joint in self._earlier}
+
+    def _first(self, joint: str) -> dict[str, int]:
+        return {name: first for name, (first, _) in self._earlier[joint].items()}
+
+    @property
+    def difference(self) -> CalibrationDiffers | None:
+        """An error if the calibration file is of other servos, or None."""
+        return next(filter(None, map(self._difference, self._reports)), None)
+
+    def _difference(self, joint: str) -> CalibrationDiffers | None:
+        """Return an error if a joint's servo has values that the calibration file has not, or None.
+
+        An interrupted calibration has written some of the values.
+        """
+        report = self._reports[joint]
+        for name, (first, last) in self._earlier.get(joint, {}).items():
+            if (now := report.kept.get(name)) not in (first, last):
+                return CalibrationDiffers(report.servo, joint, name, now or 0, last)
+        return None
 
     def write(self, changes: Iterable[Change]) -> None:
         """Write values to the servos, and read them back.

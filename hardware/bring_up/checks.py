@@ -5,8 +5,9 @@ from collections.abc import Iterator
 from dataclasses import asdict
 
 from hardware.clock import RealClock
+from hardware.description.calibration import calibrate_command
 from hardware.description.robot import Robot
-from hardware.drivers.servo_bus import Found, ServoReport
+from hardware.drivers.servo_bus import POSITION_MODE, Found, ServoReport
 from hardware.drivers.servo_errors import (
     CalibrationDiffers,
     CalibrationMissing,
@@ -14,6 +15,7 @@ from hardware.drivers.servo_errors import (
     ServoFault,
     ServoMissing,
     ServoTwice,
+    WrongMode,
 )
 from hardware.errors import HardwareError, PoseOutsideLimits, SupplyTooLow
 from hardware.link.link import VIRTUAL
@@ -102,7 +104,7 @@ def _plain(found: Found) -> list[dict[str, object]]:
 
 
 def _health(robot: Robot, servos: list[ServoReport]) -> Iterator[Check]:
-    """Check the firmware, the supply and the errors of all servos."""
+    """Check the firmware, the supply, the errors and the modes of all servos."""
     versions = sorted({each.firmware for each in servos})
     models = ", ".join(sorted({str(each.model) for each in servos}))
     same = len(versions) == 1
@@ -119,6 +121,10 @@ def _health(robot: Robot, servos: list[ServoReport]) -> Iterator[Check]:
             what = f"servo {each.servo} reports {' and '.join(each.errors)}"
             remedy = "free its joint, let it cool down, and switch the power off and on"
             yield Check("error", False, what, remedy, ServoFault.code)
+    for joint, each in zip(robot.servos, servos, strict=True):
+        if (mode := each.kept.get("mode", POSITION_MODE)) != POSITION_MODE:
+            error = WrongMode(each.servo, joint, mode)
+            yield Check("mode", False, str(error), code=error.code)
 
 
 def _calibration(robot: Robot, found: Found, port: str) -> Check:
@@ -126,7 +132,8 @@ def _calibration(robot: Robot, found: Found, port: str) -> Check:
         needed = robot.needs_calibration and port != VIRTUAL
         what = "there is none" + ("" if needed else "; the offsets are those of the robot file")
         code = CalibrationMissing.code if needed else ""
-        return Check("calibration", not needed and None, what, "type armtree calibrate", code)
+        remedy = f"type {calibrate_command(robot.path, port)}"
+        return Check("calibration", not needed and None, what, remedy, code)
     for joint, values in robot.kept.items():
         servo = robot.servos[joint]
         for name, value in values.items():
@@ -139,7 +146,9 @@ def _calibration(robot: Robot, found: Found, port: str) -> Check:
 def _pose(robot: Robot, servos: list[ServoReport]) -> Check:
     """Check that every joint is within its limits, so that the arm may be activated."""
     try:
-        pose = robot.pose_of(robot.wire_format.frame([each.position for each in servos]))
+        frame = robot.wire_format.frame([each.position for each in servos])
+        pose = robot.unlimited.decode(frame)
+        robot.within_limits(pose, resting=True)
     except PoseOutsideLimits as error:
         return Check("measured", False, str(error), code=error.code)
     return Check("measured", True, robot.words(robot.by_joint(pose)))

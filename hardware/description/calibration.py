@@ -1,5 +1,6 @@
 """The calibration of an arm: a file of its own, which takes precedence over the robot file."""
 
+import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -36,9 +37,23 @@ def calibration_file(robot_file: Path) -> Path:
     It is beside the robot file. That of a robot that ships is in the user's folder, because an
     installation may be read-only, and an update replaces it.
     """
-    ships = robot_file.resolve().is_relative_to(ROBOTS.resolve())
-    folder = user_folder() if ships else robot_file.parent
+    folder = user_folder() if _ships(robot_file) else robot_file.parent
     return folder / f"{robot_file.stem}{_SUFFIX}"
+
+
+def calibrate_command(robot_file: Path, port: str) -> str:
+    """Return the command that calibrates an arm, for messages.
+
+    Args:
+        robot_file: The robot file.
+        port: Name of the port.
+    """
+    robot = robot_file.stem if _ships(robot_file) else str(robot_file)
+    return shlex.join(["armtree", "calibrate", "--robot", robot, "--port", port])
+
+
+def _ships(robot_file: Path) -> bool:
+    return robot_file.resolve().is_relative_to(ROBOTS.resolve())
 
 
 def is_robot_file(path: Path) -> bool:
@@ -68,18 +83,26 @@ def read_calibration(path: Path, robot: str) -> TomlTable | None:
     return joints
 
 
-def values_before(path: Path, robot: str) -> dict[str, dict[str, int]]:
-    """Return the values of each servo before the first calibration; empty if there is no file.
+def earlier_values(path: Path, robot: str) -> dict[str, dict[str, tuple[int, int]]]:
+    """Return the values of each joint's servo in a calibration file; empty if there is no file.
+
+    Returns:
+        For each joint and each value, by its name in `ServoReport`: the value before the first
+        calibration, and the value of the last calibration.
 
     Raises:
         DescriptionError: The file is wrong, or it calibrates another robot.
     """
     joints = read_calibration(path, robot)
-    found = dict[str, dict[str, int]]()
+    found = dict[str, dict[str, tuple[int, int]]]()
     for name in joints or ():
         assert joints
-        before = joints.table(name).table("before")
-        found[name] = {key: before.integer(key, choices=range(-4095, 4096)) for key in before}
+        before, wire = (joints.table(name).table(key) for key in ("before", "wire"))
+        allowed = range(-4095, 4096)
+        found[name] = {
+            key: (before.integer(key, choices=allowed), wire.integer(key, choices=allowed))
+            for key in before
+        }
     return found
 
 

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import cast
@@ -18,10 +18,10 @@ from hardware.drivers.virtual.in_process_link import BoardLink, NullLink
 from hardware.drivers.virtual.model import BoardModel
 from hardware.drivers.wire_format import Frame, WireFormat
 from hardware.errors import NotAble, PoseOutsideLimits
-from hardware.joints import Joint, joint_words
+from hardware.joints import Joint, joint_words, rounded
 from hardware.link.link import VIRTUAL, Link
 
-from .calibration import CalibratedJoint, calibration_file
+from .calibration import CalibratedJoint, calibrate_command, calibration_file
 from .forward_kinematics import ForwardKinematics, reach
 from .gripper import Gripper, closing
 from .guards import OPENING, Guards
@@ -198,18 +198,59 @@ class Robot:
         }
 
     def pose_of(self, frame: Frame) -> tuple[float, ...]:
-        """Return the positions in a frame that the board reports, one per actuated joint [rad].
+        """Return the pose in a frame that the board reports, one position per actuated joint [rad].
+
+        Measured positions are moved within the limits, as `within_limits` does for a resting arm.
 
         Raises:
             PoseOutsideLimits: A servo is outside the limits of its joint.
         """
         pose = self.wire_format.decode(frame)  # decode moves it inside the limits
         nearest = self.wire_format.encode(pose).servos
-        for joint, angle, near in zip(self.actuated, frame.servos, nearest, strict=True):
-            if angle != near:
-                words = self.firmware.words
-                raise PoseOutsideLimits(joint.name, angle, near, words.unit, words.advice_outside)
-        return pose
+        if frame.servos == nearest:
+            return pose
+        if self.can(Ability.MEASURE):
+            return self.within_limits(self.unlimited.decode(frame), resting=True)
+        words, pairs = self.firmware.words, zip(frame.servos, nearest, strict=True)
+        outside, (angle, near) = next(
+            (joint, pair)
+            for joint, pair in zip(self.actuated, pairs, strict=True)
+            if pair[0] != pair[1]
+        )
+        place, limit = f"{angle} {words.unit}", f"{near} {words.unit}"
+        raise PoseOutsideLimits(outside.name, place, limit, words.advice_outside)
+
+    @cached_property
+    def unlimited(self) -> WireFormat:
+        """The conversion of joint positions to frames and back, for joints without limits."""
+        free = [replace(joint, lower=-math.inf, upper=math.inf) for joint in self.actuated]
+        return self.driver.wire_format(free, self.firmware)
+
+    def within_limits(self, measured: Sequence[float], resting: bool = False) -> tuple[float, ...]:
+        """Return measured positions, moved within the limits of their joints [rad].
+
+        A joint at the end of a motion to a limit is a little outside. `settle_deg` is accepted
+        there, as at the end of any motion.
+
+        Args:
+            measured: One position per actuated joint [rad].
+            resting: True to accept `settle_deg` outside the calibrated range. A joint that rests on
+                a stop is at the end of this range, which may exceed the limits of the URDF.
+
+        Raises:
+            PoseOutsideLimits: A joint is farther outside.
+        """
+        within, allowed = list[float](), math.radians(self.guards.settle_deg)
+        for joint, q in zip(self.actuated, measured, strict=True):
+            near = min(max(q, joint.lower), joint.upper)
+            least, most = (resting and joint.swept) or (near, near)
+            outside = max(min(least, near) - q, q - max(most, near))
+            if outside > (allowed if joint.unit == "rad" else 0.0):
+                place, limit = rounded(q, joint.unit), rounded(near, joint.unit)
+                advice = self.firmware.words.advice_outside
+                raise PoseOutsideLimits(joint.name, place, limit, advice)
+            within.append(near)
+        return tuple(within)
 
     @property
     def open_effect(self) -> str:
@@ -247,7 +288,8 @@ class Robot:
         baud = self.serial.baud
         if port != VIRTUAL:
             if self.needs_calibration and not self.calibration:
-                raise CalibrationMissing(self.path, calibration_file(self.path))
+                command = calibrate_command(self.path, port)
+                raise CalibrationMissing(self.path, calibration_file(self.path), command)
             return self.driver.link(self.actuated, self.firmware, baud, port)
         from hardware.drivers.virtual.board_process import VirtualLink  # slow to import
 

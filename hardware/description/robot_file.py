@@ -215,11 +215,11 @@ def _joint(
     calibration: TomlTable | None,
 ) -> Joint | None:
     """Return a joint, or None if it or an earlier one has mistakes, which are kept in the table."""
-    lower, upper, wired = urdf.lower, urdf.upper, table
+    lower, upper, wired, swept = urdf.lower, urdf.upper, table, None
     if calibration and "wire" in table:
         wired = calibration.table(name)
-        lower = max(lower, math.radians(wired.number("lower_deg")))
-        upper = min(upper, math.radians(wired.number("upper_deg")))
+        swept = math.radians(wired.number("lower_deg")), math.radians(wired.number("upper_deg"))
+        lower, upper = max(lower, swept[0]), min(upper, swept[1])
         if lower >= upper:
             wired.fail("lower_deg", "no position is within this range and the limits of the URDF")
     with table.later():
@@ -249,6 +249,7 @@ def _joint(
         mimic=None,
         wire=wire,
         unit=urdf.unit,
+        swept=swept,
     )
 
 

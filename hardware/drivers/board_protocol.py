@@ -79,8 +79,10 @@ class BoardProtocol:
         """Return the commands that switch the torque of all servos, for `Ability.TORQUE`.
 
         The arm sends one command in each period of frames, so that the torque may rise slowly. The
-        servos then hold their measured positions. The arm switches the torque on when it becomes
-        active. A deactivation does not switch it off.
+        servos then hold their measured positions. A joint outside its limits, as one on a stop,
+        then moves to the limit, where the first motion starts. The arm switches the torque on when
+        it becomes active. A deactivation does not switch it off. If a joint is too far outside, the
+        arm drops the commands that switch it on, calls this again with False, and sends nothing.
 
         Args:
             on: True to hold the joints; False to release them.

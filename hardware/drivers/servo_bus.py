@@ -10,6 +10,8 @@ from hardware.link.link import Link
 
 from .firmware_profile import Firmware
 
+POSITION_MODE = 0  # mode of a servo that moves to positions
+
 
 @dataclass(frozen=True, slots=True)
 class ServoReport:
@@ -25,7 +27,8 @@ class ServoReport:
         torque: True if it has torque.
         errors: Names of the errors that it reports.
         kept: Values that it stores without power and that a calibration may change, by name: `id`,
-            `baud_rate`, `homing` (its offset), `least` and `most` (its limits) [ticks].
+            `baud_rate`, `homing` (its offset), `least` and `most` (its limits) [ticks], `mode`
+            (`POSITION_MODE` if it moves to positions).
     """
 
     servo: int

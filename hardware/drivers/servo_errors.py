@@ -10,6 +10,7 @@ BoardError
 ├── TorqueLost                a servo no longer holds
 ├── CalibrationMissing        the arm must be calibrated before it moves
 ├── CalibrationDiffers        stored values of a servo differ from the calibration file
+├── WrongMode                 a servo does not move to positions
 ├── SeamInside                a joint passes the seam of its servo's turn
 ├── NotKept                   a servo does not store a written value
 └── NotReleased               a servo still has torque after it was switched off
@@ -180,13 +181,12 @@ class CalibrationMissing(HardwareError):
 
     code = "hw.not_calibrated"
     exit_status = 3
-    hint = "`armtree calibrate`"
+    hint = "`armtree calibrate --robot ROBOT --port PORT`, as the message says"
 
-    def __init__(self, path: Path, expected: Path) -> None:
+    def __init__(self, path: Path, expected: Path, command: str) -> None:
         super().__init__(
-            f"{path} needs a calibration, and {expected} does not exist. Write it with `armtree "
-            "calibrate --port PORT`; `--import FILE` imports one of LeRobot. The port virtual "
-            "needs none"
+            f"{path} needs a calibration, and {expected} does not exist. Write it with `{command}`;"
+            " `--import FILE` imports one of LeRobot. The port virtual needs none"
         )
 
 
@@ -202,6 +202,20 @@ class CalibrationDiffers(BoardError):
             "The file is of another arm, or another program calibrated this arm. Connect the right "
             "arm, "
             "or run `armtree calibrate`"
+        )
+
+
+class WrongMode(BoardError):
+    """A servo is in a mode in which it does not move to positions, such as that of a wheel."""
+
+    code = "hw.servo_mode"
+    hint = "`armtree calibrate`"
+
+    def __init__(self, servo: int, joint: str, mode: int) -> None:
+        super().__init__(
+            f"Servo {servo} of {joint} is in the mode {mode}, and not in that for positions (0): "
+            "with torque it may turn without end. Another program has set this. Run `armtree "
+            "calibrate`, which sets it back"
         )
 
 

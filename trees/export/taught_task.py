@@ -77,6 +77,9 @@ class TaughtTask:
 
         Args:
             positions: Position of every actuated joint [rad], [m].
+
+        Raises:
+            PoseOutsideLimits: A joint is outside its limits.
         """
         positions = self._within(positions)
         words, nodes = self._moves(positions)
@@ -92,6 +95,9 @@ class TaughtTask:
 
         Returns:
             The step; None if the arm did not move.
+
+        Raises:
+            PoseOutsideLimits: A joint is outside its limits in a sample.
         """
         samples = [self._within(sample) for sample in samples]
         if not samples:
@@ -118,15 +124,14 @@ class TaughtTask:
 
         Raises:
             FileError: The joints are of another robot.
+            PoseOutsideLimits: A joint is outside its limits.
         """
         names = [joint.name for joint in self._robot.actuated]
         if {*names} != positions.keys():
             why = f"names the joints {', '.join(names)}, but the arm has {', '.join(positions)}"
             raise FileError.at(self._robot.path, f"{why}; give --robot")
-        return {
-            joint.name: min(max(positions[joint.name], joint.lower), joint.upper)
-            for joint in self._robot.actuated
-        }
+        within = self._robot.within_limits([positions[name] for name in names])
+        return self._robot.by_joint(within)
 
     def _moves(self, positions: Mapping[str, float]) -> tuple[list[str], list[str]]:
         """Return the moves from the last pose to this one: words for people, and nodes."""

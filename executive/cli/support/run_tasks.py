@@ -1,5 +1,6 @@
 """Runs tasks for `armtree run` and `armtree replay --on`, on their own executive."""
 
+import logging
 import shlex
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
@@ -70,7 +71,7 @@ def execute(
                 open_executive(
                     setup,
                     operator=Terminal(_to_errors if as_json else _prompt(view)),
-                    subscriber=partial(_show, view, start),
+                    subscriber=partial(_show, view, start, verbose),
                     report=view.put,
                 )
             )
@@ -113,8 +114,13 @@ def _start_line(executive: Executive) -> str:
     return f"Starts at {pose}; `armtree serve --activate` keeps the pose between moves"
 
 
-def _show(view: View, start: list[str], event: Event) -> None:
-    """Show an event. A goal that was not refused first shows the lines about the start."""
+def _show(view: View, start: list[str], verbose: bool, event: Event) -> None:
+    """Show an event. A goal that was not refused first shows the lines about the start.
+
+    A warning becomes a line, unless the log is printed.
+    """
+    if isinstance(event, logs.LogLine) and event.level == logging.WARNING and not verbose:
+        view.put(f"warning: {event.message}")
     if not isinstance(event, GoalStatus):
         view.put(event)
         return

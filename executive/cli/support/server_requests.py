@@ -211,6 +211,8 @@ def status_lines(status: Status, where: Where) -> Iterator[str]:
             yield f"          -> {fault.advice}"
     if where.commanded:
         yield f"Commanded {where.words(where.commanded)}"
+    if where.measured:
+        yield f"Measured  {where.words(where.measured)}"
     if where.tool:
         yield f"Tool      {where.tool_words}"
     if status.goal:

@@ -90,7 +90,7 @@ def run_teleop(
             return exit_status(outcome.code)
         try:
             leader.open()
-            screen = TeleopScreen(OwnArm(executive), leader, speed)
+            screen = TeleopScreen(OwnArm(executive), robot.actuated, leader, speed)
             interrupts.on_cancel(screen.leave)
             where = interrupts.run(lambda: screen.run(keys))
         finally:

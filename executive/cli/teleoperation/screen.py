@@ -2,7 +2,7 @@
 
 import math
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from enum import Enum
@@ -16,11 +16,12 @@ from executive.api.outcome import Cause, Outcome
 from executive.cli.jogging.screen import JogArm, cause_words, outcome_words
 from executive.cli.terminal.key_screen import KeyScreen
 from executive.errors import GoalCanceled
-from hardware import DISPLAY_UNITS, HardwareError, State
+from hardware import DISPLAY_UNITS, HardwareError, Joint, State
 from skills import Blocked
 
 _REDRAW = 0.1  # [s]
 _NEAR = math.radians(2)  # largest distance to follow without a planned move first [rad], [m]
+_ROUNDING = 1e-6  # largest rounding error of a position in a move's words [rad], [m]
 _NAMED = 16  # smallest number of columns of a name
 
 
@@ -132,13 +133,16 @@ class TeleopScreen(KeyScreen):
 
     Args:
         arm: The arm that follows.
+        joints: Its actuated joints.
         leader: The leader.
         speed: Share of the robot's speed.
     """
 
-    def __init__(self, arm: Follower, leader: HandGuided, speed: float) -> None:
+    def __init__(
+        self, arm: Follower, joints: Sequence[Joint], leader: HandGuided, speed: float
+    ) -> None:
         super().__init__(_REDRAW)
-        self._arm, self._leader, self._speed = arm, leader, speed
+        self._arm, self._joints, self._leader, self._speed = arm, joints, leader, speed
         self._lock = threading.Lock()  # held while the view changes
         question = "The leader loses its torque and falls unless you hold it. Do you hold it? y/n"
         self._view = View(Phase.ASKS, None, arm.where(), message=question)
@@ -211,10 +215,16 @@ class TeleopScreen(KeyScreen):
             self.wake()
 
     def _approach(self) -> Outcome | None:
-        """Move to the leader's position if it is far. Return the outcome; None without a move."""
-        where = self._arm.where()
-        target = dict(zip(where.units, self._leader.where(), strict=True))
-        there = where.commanded
+        """Move to the leader's position if it is far. Return the outcome; None without a move.
+
+        A leader beyond a limit leads to the limit.
+        """
+        pairs = zip(self._joints, self._leader.where(), strict=True)
+        target = {
+            joint.name: min(max(q, joint.lower + _ROUNDING), joint.upper - _ROUNDING)
+            for joint, q in pairs
+        }
+        there = self._arm.where().commanded
         if there and all(abs(there[name] - q) < _NEAR for name, q in target.items()):
             return None
         words = tuple(f"{name}={q:.6f}" for name, q in target.items())

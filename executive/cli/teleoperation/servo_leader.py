@@ -1,7 +1,9 @@
 """A hand-guided arm: its servos have no torque, so that a person can move it."""
 
+import math
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 
 from hardware import (
     Ability,
@@ -39,13 +41,14 @@ class HandGuidedArm:
         self.robot, self.following = robot, False
         self.blocked: Blocked | None = None
         self._changed: Callable[[], None] = lambda: None
-        self._arm = Arm(robot, link, RealClock(), self._note)
+        # A hand may move it beyond its limits. It holds where it is measured there, too.
+        self._arm = Arm(_beyond_limits(robot), link, RealClock(), self._note)
 
     def open(self) -> None:
         """Open the port. The arm holds its position.
 
         Raises:
-            HardwareError: The port or the board failed, or the arm is outside its limits.
+            HardwareError: The port or the board failed.
         """
         self._arm.configure()
         self._arm.activate()
@@ -97,3 +100,12 @@ class HandGuidedArm:
     def _note(self, event: ArmEvent) -> None:
         if isinstance(event, Measured | Faulted):
             self._changed()
+
+
+def _beyond_limits(robot: Robot) -> Robot:
+    """Return a robot whose joints may be a whole turn outside their limits."""
+    joints = (
+        replace(joint, lower=joint.lower - math.tau, upper=joint.upper + math.tau)
+        for joint in robot.joints
+    )
+    return replace(robot, joints=tuple(joints))

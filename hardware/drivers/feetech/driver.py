@@ -30,11 +30,12 @@ _WORDS = Words(
     board="servo bus",
     unit="ticks",
     reset_effect="stays where it is",
-    advice_outside="switch the power off and move the joint back inside its limits by hand",
+    advice_outside="turn it inwards by hand, with the power off if it holds; or calibrate again "
+    "with `armtree calibrate`",
 )
 
 
-_KEPT = ("homing", "least", "most")  # keys of a joint's wire
+_KEPT = ("homing", "least", "most", "mode")  # keys of a joint's wire
 _SERIES = {series.name: series for series in (STS, SCS)}
 FIRMWARES = {
     name: Firmware(

@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Sequence
 
 from hardware.drivers.board_protocol import BoardProtocol
+from hardware.drivers.servo_bus import POSITION_MODE
 from hardware.drivers.servo_errors import (
     CalibrationDiffers,
     NoServos,
@@ -17,11 +18,12 @@ from hardware.drivers.servo_errors import (
     ServoMissing,
     ServoSilent,
     TorqueLost,
+    WrongMode,
 )
 from hardware.drivers.wire_format import Frame
 
 from .packets import Packet, sync_read, take_packets
-from .registers import ERRORS, KEPT, MEMORY
+from .registers import ERRORS, KEPT, MEMORY, SETTINGS
 from .wire_format import ServoFormat
 
 # Six answers take 1 ms on the line. A USB adapter may delay them by another 16 ms. Answers come one
@@ -38,6 +40,7 @@ _TIMES_ALL = 2  # times as many may be lost if no servo answers: the host or ada
 _STATE_PERIOD = 0.1  # period of requests that include the torque [s]
 _LIMP = 5  # answers that may still report no torque after it was switched on
 _MEASURED = {"position", "speed", "load", "max_torque", "temperature", "voltage", "current"}
+_WAY_IN_SPEED = 20.0  # speed of a joint that is outside its limits, to them [deg/s]
 _RAMP = 0.3  # time in which torque rises, by one step in each period of frames [s]
 
 
@@ -68,6 +71,7 @@ class BusProtocol(BoardProtocol):
         self._begun = -math.inf  # time of the first request of this cycle [s]
         self._slowest = 0.0  # time of the slowest of the last cycles [s]
         self._settles = -math.inf  # time until which the arm may move [s]
+        self._moves_for = 0.0  # time that the next torque commands may move the arm [s]
         self._state_time = -math.inf  # time of the last answers with the torque [s]
         self._holds = False  # True if torque was switched on
         # Number of answers without torque still allowed.
@@ -77,7 +81,7 @@ class BusProtocol(BoardProtocol):
         self.next_poll = -math.inf  # request the positions at once
 
     def check_booted(self, port: str, waited: float) -> None:
-        """Check that all servos answered, and that their stored values match the calibration."""
+        """Check that all servos answered, their modes, and their values of the calibration."""
         if not self._heard and self._noise:
             raise NoServos(port, waited, self._noise)
         if not self.boot_frame:
@@ -85,6 +89,12 @@ class BusProtocol(BoardProtocol):
             missing = [f"{servo} ({self._joints[servo]})" for servo in sorted(waiting)]
             twice = [servo for servo, times in self._twice.items() if 2 * times > self._requests]
             raise ServoMissing(port, waited, missing, len(self._heard), twice, self._noise)
+        if "mode" in self._series.registers:
+            for (servo, joint), mode in zip(
+                self._joints.items(), self._values("mode"), strict=True
+            ):
+                if mode != POSITION_MODE:
+                    raise WrongMode(servo, joint, mode)
         for joint, name, expected in self._wires.kept:
             servo = self._wires.servos[joint]
             if (kept := self._series.unpack(KEPT[name], self._memories[servo])) != expected:
@@ -99,29 +109,46 @@ class BusProtocol(BoardProtocol):
     def torque_commands(self, on: bool) -> Sequence[bytes]:
         """Return the commands that release the servos, or hold them at their positions.
 
-        The goal comes before the torque. The largest torque rises slowly from its present value, if
-        the series can limit it.
+        The goal comes before the torque. The settings of other programs come after the goal,
+        because a servo may be on its way to another one. The largest torque rises slowly from its
+        present value, if the series can limit it. A joint outside its limits then moves to them.
         """
         self._holds = on
         if not on:
             return [self._enable(0)]
         self.boot_frame = self._wires.frame(self._values("position"))
-        most, holding = self._values("max_torque"), self._values("torque_enable")
-        enable = self._enable(1)
+        ramp, goal = self._ramp(), self.boot_frame
+        enable = self._settings + self._enable(1)
+        commands = [*ramp[:1], goal.data, enable, *ramp[1:], *self._ways_in(goal)]
+        self._moves_for = len(commands) / self._rate + _SETTLING
+        return commands
+
+    def _ramp(self) -> list[bytes]:
+        """Return the commands that raise the torque; none if it is not limited."""
         if "torque_limit" not in self._series.registers:
-            return [self.boot_frame.data, enable]
+            return []
+        most, holding = self._values("max_torque"), self._values("torque_enable")
         # A program that ended while the torque rose has left a small limit.
         present = self._values("torque_limit")
         lows = [low if holds else 0 for low, holds in zip(present, holding, strict=True)]
-        if lows == most:
-            return [self.boot_frame.data, enable]
-        steps = round(_RAMP * self._rate)
-        limits = [
-            [low + (top - low) * part // steps for low, top in zip(lows, most, strict=True)]
-            for part in range(1, steps + 1)
-        ]
-        ramp = [self._wires.command("torque_limit", each) for each in limits]
-        return [ramp[0], self.boot_frame.data, enable, *ramp[1:]]
+        steps = round(_RAMP * self._rate) if lows != most else 0
+        return [self._wires.command("torque_limit", each) for each in _line(lows, most, steps)]
+
+    def _ways_in(self, frame: Frame) -> list[bytes]:
+        """Return the commands that move joints from a frame to their limits; often none."""
+        there = self._wires.encode(self._wires.decode(frame)).servos
+        pairs = zip(frame.servos, there, strict=True)
+        farthest = max(abs(b - a) for a, b in pairs) * self._series.turn / self._series.ticks
+        steps = math.ceil(farthest / _WAY_IN_SPEED * self._rate)
+        return [self._wires.frame(each).data for each in _line(frame.servos, there, steps)]
+
+    @property
+    def _settings(self) -> bytes:
+        """Commands that reset settings of other programs."""
+        registers = self._series.registers.items()
+        initial = {name: register.initial for name, register in registers if name in SETTINGS}
+        commands = (self._wires.command(n, [v] * len(self._joints)) for n, v in initial.items())
+        return b"".join(commands)
 
     def _enable(self, on: int) -> bytes:
         """Return the command that switches the torque of all servos."""
@@ -144,6 +171,8 @@ class BusProtocol(BoardProtocol):
         """
         if not self._waiting:
             self._begun = now
+        if self._moves_for:
+            self._settles, self._moves_for = max(self._settles, now + self._moves_for), 0.0
         allowed = self._allowed * (1 if self._answers else _TIMES_ALL)
         self._store_answers()
         counts = now - self.next_poll < _HOST_LATE
@@ -287,3 +316,10 @@ class BusProtocol(BoardProtocol):
     def _values(self, register: str) -> list[int]:
         """Return the last value of a register for every servo, in the order of joints."""
         return [self._series.unpack(register, memory) for memory in self._memories.values()]
+
+
+def _line(start: Sequence[int], end: Sequence[int], steps: int) -> list[list[int]]:
+    """Return the values after each of some equal steps from the start to the end."""
+    parts = range(1, steps + 1)
+    pairs = list(zip(start, end, strict=True))
+    return [[a + (b - a) * part // steps for a, b in pairs] for part in parts]

@@ -146,14 +146,19 @@ SCS = Series(
 )
 
 # Registers that a calibration may change, by their names in `ServoReport.kept`. A series may lack
-# the offset.
+# the offset and the mode.
 KEPT = {
     "id": "id",
     "baud_rate": "baud_rate",
     "homing": "offset",
     "least": "min_angle",
     "most": "max_angle",
+    "mode": "mode",
 }
+
+# Settings of a motion that another program may have left. A series may lack the first one. Their
+# initial values limit nothing.
+SETTINGS = ("acceleration", "goal_time", "goal_speed")
 
 CURRENT_UNIT = 0.0065  # unit of the register `current` [A]
 

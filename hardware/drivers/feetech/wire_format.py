@@ -20,8 +20,8 @@ class ServoWire:
         servo: Id of its servo.
         sign: +1 or -1.
         offset: Added to the joint position [rad]. At 0 the servo is in the middle of its turn.
-        kept: Values that a calibrated servo must store: its offset and limits [ticks], by their
-            names in `ServoReport.kept`.
+        kept: Values that a calibrated servo must store: its offset and limits [ticks] and its mode,
+            by their names in `ServoReport.kept`.
     """
 
     servo: int

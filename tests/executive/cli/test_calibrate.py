@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -25,13 +26,14 @@ ENDS = {1: (1000, 3100), 2: (1100, 2900), 3: (1010, 3000), 4: (1200, 2100)}
 class Arm:
     """A robot file and a bus behind a port."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, homing: int = 0) -> None:
         self.folder, self.file = folder, bus_arm(folder)
         robot = load_robot(self.file)
         model = robot.model()
         assert isinstance(model, Bus)
         for servo in model.servos:
             servo.put("torque_enable", 1)  # from an earlier run
+            servo.put("offset", homing)
         self.board = BoardProcess(model, robot.serial.baud)
         self.board.state()  # it has started
 
@@ -190,6 +192,32 @@ def test_servos_get_their_ids_one_by_one(arm: Arm) -> None:
     assert [each["id"] for each in arm.board.call("kept")] == [1, 2, 3, 4]
 
 
+def test_servos_get_their_earlier_ids_back(arm: Arm) -> None:
+    arm.board.call("connect", [2])
+    for given in (True, False):  # the second time, the servo has its id already
+        with arm.calibrate("--ids") as terminal:
+            terminal.until("Connect only the servo of joint_1 (id 1)")
+            terminal.type("\r")
+            if given:
+                terminal.until("Write the id 1 to the servo, which has 3?")
+                terminal.type("y\r")
+                terminal.until("The servo reads back the id 1. It had 3; --ids --restore")
+            terminal.until("Connect only the servo of joint_2 (id 2)")
+            terminal.type("\x03")
+            terminal.end()
+    with arm.calibrate("--ids", "--restore") as terminal:
+        terminal.until("Connect only the servo of joint_1 (id 3)")
+        terminal.type("\r")
+        terminal.until("Write the id 3 to the servo, which has 1?")
+        terminal.type("y\r")
+        assert terminal.end()[0] == 0
+    arm.board.call("connect")
+    assert [each["id"] for each in arm.board.call("kept")] == [1, 2, 3, 4]
+    with arm.calibrate("--ids", "--restore") as terminal:
+        status, printed = terminal.end()
+        assert (status, "nothing to restore" in " ".join(printed.split())) == (3, True)
+
+
 def lerobot(path: Path, **changes: object) -> Path:
     values = {
         f"joint_{k}": {
@@ -229,6 +257,27 @@ def test_a_calibration_by_lerobot_is_taken_and_restored_without_torque(
     assert arm.kept() == [(0, 0, 4095)] * 4
     assert not any(arm.board.state().torque.values())
     assert arm.physical() == before
+
+
+def test_the_file_of_another_arm_is_named_before_it_is_replaced(arm: Arm, tmp_path: Path) -> None:
+    other, file = Arm(tmp_path, homing=-88), calibration_file(arm.file)
+    imported = "--import", str(lerobot(tmp_path / "arm.json"))
+    with closing(other.board):
+        with arm.calibrate(*imported) as terminal:
+            arm.hold(terminal)
+            assert "another arm" not in terminal.until("and the file")
+            terminal.type("y\r")
+            assert terminal.end()[0] == 0
+        with other.calibrate(*imported) as terminal:
+            other.hold(terminal)
+            terminal.until("keeps homing = -88; the calibration file has 10", "Copy the file first")
+            terminal.type("n\r")
+            assert terminal.end()[0] == 130
+        with other.calibrate("--restore") as terminal:
+            status, printed = terminal.end()
+            assert (status, "hw.calibration_differs" in printed) == (6, True)
+        assert other.kept() == [(0, 0, 4095)] * 4
+    assert file.exists()
 
 
 @pytest.mark.parametrize("options", [(), ("--import", "arm.json")])

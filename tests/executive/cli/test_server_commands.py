@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +17,12 @@ import pytest
 from rich.console import Console
 
 from armtree import Client
+from executive.api.events import Where
 from executive.cli.support import server_goals
 from executive.cli.support.log_handler import LogHandler
+from executive.cli.support.server_requests import status_lines
 from executive.cli.terminal.live.live_view import LiveView
+from hardware import State
 from logs import LogLine, Recording
 from tests.logs.writing.test_compaction import run_journal
 from tests.support.paths import ROBOT_FILE
@@ -157,6 +161,15 @@ def test_a_live_view_of_a_server_knows_its_boot_and_its_joints(
     assert type_in("send", "1", "--wait")[0] == 0
     *_, last = re.sub("\x1b[^mhlJHK]*[mhlJHK]", "", screen.getvalue()).split("task 1 nothing ")
     assert re.search("^joint_1 +-?[0-9.]+ deg ├.*●.*┤$", last, re.M)
+
+
+def test_the_state_of_a_server_has_the_measured_position(typed: tuple[Served, Typed]) -> None:
+    status, at = typed[0].executive.status(), {"joint_1": 0.5}
+    where = Where(State.ACTIVE, {"joint_1": "rad"}, commanded=at, measured={"joint_1": 0.6})
+    lines = [*status_lines(status, where)]
+    assert lines[1:3] == ["Commanded joint_1 28.6 deg", "Measured  joint_1 34.4 deg"]
+    lines = [*status_lines(status, replace(where, measured=None))]
+    assert not any("Measured" in line for line in lines)
 
 
 def test_a_task_by_its_name(typed: tuple[Served, Typed]) -> None:

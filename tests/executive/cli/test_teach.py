@@ -136,7 +136,7 @@ def test_what_runs_a_task_names_the_server_of_the_command(serve: Serve, robot: P
 
 def test_what_runs_a_taught_task_names_its_folder_and_robot(tmp_path: Path, robot: Path) -> None:
     task = TaughtTask(arm := load_robot(robot), tmp_path, 5, "fetch")
-    task.move({joint.name: 0.1 for joint in arm.actuated})
+    task.move({joint.name: -0.1 for joint in arm.actuated})
     for given, words in (
         ({"--robot": None, "--trees": Path("mine 2")}, " --trees 'mine 2'"),
         ({"--robot": "so101", "--trees": None}, " --robot so101"),
@@ -194,6 +194,14 @@ def test_a_task_is_taught_by_hand_and_runs(tmp_path: Path) -> None:
         terminal.until("Step 1: move to shoulder_pan: 29.971 deg")
         terminal.type(RIGHT)
         terminal.until("hw.torque_off")
+        push(bus, shoulder_lift=163)
+        terminal.until("shoulder_lift      163.0 deg")
+        terminal.type("t")
+        terminal.until("shoulder_lift is at 163.0 deg", "end at 100.0", "inwards by")
+        terminal.type("f")
+        terminal.until("torque off")
+        push(bus, shoulder_lift=0)
+        terminal.until("shoulder_lift        0.0 deg")
         terminal.type("r")
         terminal.until("r ends the path")
         for degrees in (10, -10, -30):

@@ -80,6 +80,26 @@ def test_an_arm_follows_holds_and_stops_before_a_collision(
     assert any(next(Recording(path).records(LeaderState), None) for path in made)
 
 
+def test_a_leader_outside_the_limits_leads_to_the_limit(
+    command: list[str], buses: tuple[BoardProcess, BoardProcess], tmp_path: Path
+) -> None:
+    """It is never commanded. Here it is 3 degrees above one limit, and far above another."""
+    arm, leader = buses
+    push(leader, wrist_roll=175, gripper=103)
+    with PseudoTerminal(tmp_path, *command) as terminal:
+        follow(terminal)
+        terminal.until(row("wrist_roll", "175.0", "162.8"), row("gripper", "103.0", "100.0"))
+        push(leader, wrist_roll=150)
+        terminal.until(row("wrist_roll", "150.0", "150.0"))
+        push(leader, wrist_roll=170)
+        terminal.until(row("wrist_roll", "170.0", "162.8"))
+        terminal.type("q")
+        status, printed = terminal.end()
+    assert (status, "The leader holds where it is" in printed) == (0, True)
+    assert leader.state().positions[5] == pytest.approx(2048 + 170 * 4096 / 360, abs=1)
+    assert all(arm.state().torque.values())
+
+
 @pytest.mark.parametrize("way", ["Ctrl-C", "closed terminal", "arm fails", "leader unplugged"])
 def test_the_arm_holds_whatever_ends_it(
     command: list[str], buses: tuple[BoardProcess, BoardProcess], tmp_path: Path, way: str

@@ -247,7 +247,7 @@ def test_a_board_that_holds_a_servo_outside_the_limits_is_refused(
         rig.arm.configure()
         joint = "joint_1" if letter == "b" else "joint_2"
         why = (
-            f"The board holds the servo of {joint} at {angle} degrees. The limits of the joint end "
+            f"The servo of {joint} is at {angle} degrees. The limits of the joint end "
             f"at {nearest} degrees.* switch the board off and on"
         )
         with pytest.raises(PoseOutsideLimits, match=why):

@@ -125,8 +125,9 @@ def test_noise_is_not_double_ids(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "name", "words"),
     [
-        (put(0, "position", 4000), "measured", "holds the servo of joint_1 at 4000 ticks"),
+        (put(0, "position", 4000), "measured", "servo of joint_1 is at 171.6 deg"),
         (put(0, "min_voltage", 130), "error", "servo 1 reports voltage"),
+        (put(1, "mode", 1), "mode", "Servo 2 of joint_2 is in the mode 1"),
     ],
 )
 def test_what_keeps_an_arm_from_moving_is_found(

@@ -9,8 +9,8 @@ from hardware import SimulatedClock, load_robot, shipped_robots
 from hardware.description.calibration import (
     CalibratedJoint,
     calibration_file,
+    earlier_values,
     is_robot_file,
-    values_before,
     write_calibration,
 )
 from hardware.drivers.feetech.virtual.bus import Bus
@@ -46,7 +46,7 @@ def test_a_calibration_takes_precedence_over_the_robot_file(tmp_path: Path) -> N
     moved = robot.wire_format.encode(start).servos[0] - before.wire_format.encode(start).servos[0]
     assert moved == round(5 * 4096 / 360)
     assert load_robot(file, calibrated=False).actuated == before.actuated
-    assert values_before(path, robot.name)["joint_2"] == {"homing": 0}
+    assert earlier_values(path, robot.name)["joint_2"] == {"homing": (0, 12)}
 
 
 def test_a_position_outside_the_calibrated_range_is_refused(tmp_path: Path) -> None:
@@ -103,7 +103,8 @@ def test_an_arm_that_needs_a_calibration_has_no_real_port_without_it(tmp_path: P
     file.write_text(f"needs_calibration = true\n{file.read_text()}")
     robot = load_robot(file)
     assert robot.simulated_link(SimulatedClock())
-    why = r"needs a calibration, and .*arm\.calibration\.toml does not exist"
+    why = r"needs a calibration, and .*arm\.calibration\.toml does not exist\. Write it with "
+    why += rf"`armtree calibrate --robot {file} --port /dev/ttyACM0`"
     with pytest.raises(CalibrationMissing, match=why):
         robot.link("/dev/ttyACM0")
     calibrate(file)
@@ -126,7 +127,8 @@ def test_the_calibration_of_a_robot_that_ships_is_in_the_folder_of_the_user(
     path = calibration_file(shipped.path)
     assert path == tmp_path / "armtree" / "so101.calibration.toml"
     assert shipped.calibration is None
-    with pytest.raises(CalibrationMissing, match=str(path)):
+    why = f"{path} does not exist. Write it with `armtree calibrate --robot so101 --port"
+    with pytest.raises(CalibrationMissing, match=why):
         shipped.link("/dev/ttyACM0")
     joints = {
         joint.name: CalibratedJoint(-20.0, 20.0, f"{{ id = {id_}, sign = 1, offset_deg = 0 }}", {})

@@ -10,13 +10,17 @@ from hardware import (
     Arm,
     ArmEvent,
     BoardLink,
+    CommandSent,
     Faulted,
+    FrameSent,
     HardwareError,
     PlaybackState,
     Schedule,
     SimulatedClock,
     load_robot,
 )
+from hardware.drivers.feetech.packets import Instruction, take_packets
+from hardware.drivers.feetech.registers import STS
 from hardware.drivers.feetech.virtual.bus import Bus, Fault
 from hardware.drivers.virtual.board_process import BoardProcess
 from tests.support.arms.hardware_rigs import motion
@@ -112,6 +116,21 @@ def rig(
     with made.clock.working(), made.arm:
         made.arm.configure()
         yield made
+
+
+def written(made: BusRig, register: str) -> list[list[int]]:
+    """The values of a register that were written to all servos, in order."""
+    place = STS.registers[register]
+    sent = [e.data for e in made.events if isinstance(e, CommandSent | FrameSent)]
+    packets = [p for data in sent for p in take_packets(bytearray(data))]
+    head = bytes([place.address, place.size])
+    rows = []
+    for packet in packets:
+        if packet.code == Instruction.SYNC_WRITE and packet.parameters[:2] == head:
+            body, step = packet.parameters[2:], place.size + 1
+            parts = [body[i + 1 : i + step] for i in range(0, len(body), step)]
+            rows.append([STS.unpack(register, part, place.address) for part in parts])
+    return rows
 
 
 def so101_file(folder: Path) -> Path:

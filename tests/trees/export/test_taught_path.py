@@ -9,6 +9,7 @@ import pytest
 
 from executive.testing import SimulatedArm
 from hardware import Robot, load_robot
+from hardware.errors import PoseOutsideLimits
 from trees.check import check
 from trees.export.taught_path import JOINT_TOLERANCE, TOOL_TOLERANCE, Sample, simplify, split
 from trees.export.taught_task import TaughtTask
@@ -91,3 +92,16 @@ def test_a_path_is_a_step_of_a_task_that_runs(so101: Robot, tmp_path: Path) -> N
     with SimulatedArm(tmp_path, robot=Path("so101")) as arm:
         outcome = arm.run("swing")
         assert outcome.success, outcome.text()
+
+
+@pytest.mark.parametrize("way", ["a pose", "a path"])
+def test_what_is_outside_the_limits_is_not_taken(so101: Robot, tmp_path: Path, way: str) -> None:
+    """The limits of shoulder_lift are 100 deg; up to 3 deg more is its stop."""
+    task = TaughtTask(so101, tmp_path, 5, "fetch")
+    near, far = pose(shoulder_lift=math.radians(102)), pose(shoulder_lift=math.radians(163))
+    assert task.move(near)
+    assert "shoulder_lift: 100 deg" in task.path.read_text()
+    why = r"shoulder_lift is at 163\.0 deg.* end at 100\.0 deg.* turn it inwards by hand"
+    with pytest.raises(PoseOutsideLimits, match=why):
+        task.move(far) if way == "a pose" else task.follow([near, far, pose()])
+    assert len(task.steps) == 1

@@ -1,9 +1,11 @@
 """A model of one servo: memory, motion, load and temperature."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from hardware.drivers.feetech.registers import CURRENT_UNIT, MEMORY, Series
+from hardware.drivers.servo_bus import POSITION_MODE
 
 _STEP = 0.001  # step of the integration [s]
 _TOP_SPEED = 3400.0  # speed without a goal speed: largest of `st3215` [ticks/s]
@@ -17,12 +19,14 @@ _STALL_TIME = 0.5  # time until a blocked servo reports an overload [s]
 _OVERLOAD = 0.8  # part of the torque from which a blocked servo is overloaded
 _PUSH = 1 / 60  # load of a servo that an object blocks, for each tick to its goal
 
-# Registers that decide how it moves; a series may lack the last two.
+_WHEEL_MODE = 1
+
+# Registers that decide how it moves; a series may lack the last three.
 _LIMITED = ("goal_position", "min_angle", "max_angle")
 _STEERING = {
     *_LIMITED,
-    *("torque_enable", "dead_zone_cw", "dead_zone_ccw", "goal_speed", "max_torque"),
-    *("min_voltage", "max_voltage", "max_temperature", "acceleration", "torque_limit"),
+    *("torque_enable", "dead_zone_cw", "dead_zone_ccw", "goal_speed", "goal_time", "max_torque"),
+    *("min_voltage", "max_voltage", "max_temperature", "acceleration", "torque_limit", "mode"),
 }
 
 
@@ -32,7 +36,7 @@ class _Settings:
 
     Attributes:
         torque: True if the servo has torque.
-        goal: Goal position within its limits [ticks].
+        goal: Goal position within its limits [ticks]; infinite for a wheel that turns.
         zones: Its dead zones below and above the goal [ticks].
         speed: Largest speed [ticks/s].
         acceleration: Largest acceleration [ticks/s2].
@@ -42,7 +46,7 @@ class _Settings:
     """
 
     torque: bool
-    goal: int
+    goal: float
     zones: tuple[int, int]
     speed: float
     acceleration: float
@@ -191,21 +195,32 @@ class Servo:
                 name: self.series.unpack(name, self._memory)
                 for name in _STEERING & self.series.registers.keys()
             }
-            goal, low, high = (present[name] for name in _LIMITED)
-            if low or high:  # both limits are 0 in the mode for many turns
-                goal = min(max(goal, low), high)
+            goal = self._goal(present)
+            speed = abs(present["goal_speed"]) or _TOP_SPEED
+            if seconds := present["goal_time"] / 1000:
+                speed = min(speed, abs(goal - self._position) / seconds)
             units = present.get("acceleration", 0)
             self._settings = _Settings(
                 torque=bool(present["torque_enable"]),
                 goal=goal,
                 zones=(present["dead_zone_cw"], present["dead_zone_ccw"]),
-                speed=present["goal_speed"] or _TOP_SPEED,
+                speed=speed,
                 acceleration=units * _ACCELERATION or _TOP_ACCELERATION,
                 effort=min(present["max_torque"], present.get("torque_limit", 1000)) / 1000,
                 voltages=(present["min_voltage"], present["max_voltage"]),
                 hottest=present["max_temperature"],
             )
         return self._settings
+
+    def _goal(self, present: Mapping[str, int]) -> float:
+        """Return its goal for values of its registers [ticks]. See `_Settings`."""
+        mode, turns = present.get("mode", POSITION_MODE), present["goal_speed"]
+        if mode != POSITION_MODE:
+            wheel = mode == _WHEEL_MODE and turns
+            return math.copysign(math.inf, turns) if wheel else self._position
+        goal, low, high = (present[name] for name in _LIMITED)
+        # Both limits are 0 in the mode for many turns.
+        return min(max(goal, low), high) if low or high else goal
 
     def _wants(self) -> float:
         """Return the distance to its goal [ticks]; 0 inside its dead zone or without torque."""
@@ -229,6 +244,8 @@ class Servo:
         if least <= before <= last:
             self._position = min(max(moved, least), last)
         touches = self._position != moved
+        if math.isinf(settings.goal):
+            self._position %= self.series.ticks
         if abs(ahead) <= 0.5 or touches:  # less than a tick
             self._speed = 0.0
         accelerating = 0.3 * change / (most * _STEP)

@@ -2,6 +2,9 @@
 
 from pathlib import Path
 
+import pytest
+
+from tests.support.arms.bus_arms import so101_file
 from tests.support.command_line.typed import typed
 from tests.support.servers.serving import Serve
 
@@ -37,3 +40,17 @@ def test_a_task_with_mistakes_leaves_no_recording(tmp_path: Path) -> None:
     assert status == 3
     assert "did you mean Succeed?" in out
     assert not list(tmp_path.glob("*.mcap"))
+
+
+@pytest.mark.parametrize("options", [(), ("-v",)])
+def test_a_servo_near_its_limits_is_warned_of(tmp_path: Path, options: tuple[str, ...]) -> None:
+    """With -v, the log has the line already."""
+    robot = so101_file(tmp_path)
+    robot.write_text(f"{robot.read_text()}\n[guards]\nwarn_v = 13\n")
+    status, out, err = typed(
+        tmp_path, "run", "rest", "--robot", str(robot), "--port", "virtual", *options
+    )
+    line = "The servo of gripper has 12.0 V; the arm stops below 4.4 V"
+    assert status == 0, out
+    assert (out + err).count(line) == 1
+    assert (f"warning: {line}" in out) is not bool(options)

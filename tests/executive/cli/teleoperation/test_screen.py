@@ -8,12 +8,13 @@ from executive.api.events import Where
 from executive.api.move import Move
 from executive.api.outcome import Cause, GoalState, Outcome, cause_of
 from executive.cli.teleoperation.screen import TeleopScreen
-from hardware import State
+from hardware import State, load_robot
 from hardware.errors import PortLost
 from logs import MOVE
 from skills import Blocked
 
 LEADER_LOST, ARM_LOST = PortLost("/dev/leader", "It went"), PortLost("/dev/arm", "It went, too")
+JOINTS = load_robot().actuated[:1]
 WHERE = Where(State.ACTIVE, {"joint_1": "rad"}, commanded={"joint_1": 0.0})
 
 
@@ -69,7 +70,7 @@ def shown(screen: TeleopScreen) -> str:
 
 def test_a_lost_leader_stops_the_move_to_it_and_hides_no_fault_of_the_arm() -> None:
     arm, leader = Arm(), Leader()
-    screen = TeleopScreen(arm, leader, 1.0)
+    screen = TeleopScreen(arm, JOINTS, leader, 1.0)
     screen.press("y")
     assert arm.moving.wait(10)
     assert "moves to the leader" in shown(screen)
@@ -89,6 +90,6 @@ def test_a_lost_leader_stops_the_move_to_it_and_hides_no_fault_of_the_arm() -> N
 
 def test_a_fault_of_an_arm_that_holds_is_shown() -> None:
     arm = Arm()
-    screen = TeleopScreen(arm, Leader(), 1.0)
+    screen = TeleopScreen(arm, JOINTS, Leader(), 1.0)
     arm.there, arm.cause = replace(WHERE, arm=State.UNCONFIGURED), cause_of(ARM_LOST)
     assert f"hw.port_lost: {ARM_LOST}" in shown(screen)

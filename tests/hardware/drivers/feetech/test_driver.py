@@ -20,12 +20,19 @@ from hardware import (
     load_robot,
 )
 from hardware.arm.streamer import Streamer
+from hardware.description.calibration import calibration_file, write_calibration
 from hardware.drivers.feetech.packets import Instruction, Packet, take_packets
 from hardware.drivers.feetech.virtual.bus import Fault
 from hardware.drivers.servo_errors import ServoFault, ServoMissing, ServoSilent
-from hardware.errors import JointNotFollowing, JointStalled, PoseOutsideLimits, ServoTooHot
+from hardware.errors import (
+    ActivationStopped,
+    JointNotFollowing,
+    JointStalled,
+    PoseOutsideLimits,
+    ServoTooHot,
+)
 from hardware.testing import DriverContract
-from tests.support.arms.bus_arms import bus_arm, rig
+from tests.support.arms.bus_arms import BusRig, bus_arm, rig, written
 from tests.support.arms.hardware_rigs import HOME, PICK
 
 
@@ -125,10 +132,92 @@ def test_nothing_is_written_before_the_arm_is_active_but_requests(tmp_path: Path
 
 def test_a_pose_outside_the_limits_is_refused(tmp_path: Path) -> None:
     with rig(tmp_path) as made:
-        made.bus.servos[0].push(4000)
-        why = "servo of joint_1 at 4000 ticks.* end at 3072 ticks.*switch the power off and move"
+        made.bus.servos[0].push(3072 + 35)  # 3.1 deg; settle_deg is 3
+        why = r"servo of joint_1 is at 93\.1 deg.* end at 90\.0 deg.*To move it, turn it inwards by"
         with pytest.raises(PoseOutsideLimits, match=why):
             made.arm.activate()
+        assert not made.bus.servos[0].get("torque_enable")
+
+
+@pytest.mark.parametrize("holds", [False, True])
+@pytest.mark.parametrize(("at", "limit"), [(3072 + 34, 3072), (1024 - 34, 1024), (3073, 3072)])
+def test_an_arm_that_rests_on_a_stop_starts_at_the_limit(
+    tmp_path: Path, at: int, limit: int, holds: bool
+) -> None:
+    """A stop is a little outside: the limits end before it, and gears have play."""
+    with rig(tmp_path) as made:
+        rest(made, at, holds)
+        made.arm.activate()
+        joint = made.robot.actuated[0]
+        assert made.arm.commanded[0] == (joint.upper if at > limit else joint.lower)
+        assert made.arm.commanded[1:] == HOME[1:]
+        moves_in_slowly(made, at, limit)
+
+
+@pytest.mark.parametrize(("at", "accepted"), [(3072 + 240, True), (3072 + 275, False)])
+def test_a_stop_may_be_far_behind_the_limit_of_the_urdf(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, at: int, accepted: bool
+) -> None:
+    sweep_widely(tmp_path)
+    with rig(tmp_path) as made:
+        rest(made, at, holds=False)
+        if not accepted:
+            with pytest.raises(PoseOutsideLimits, match=r"joint_1 is at 114\.2 deg"):
+                made.arm.activate()
+            return
+        made.arm.activate()
+        assert made.arm.commanded[0] == made.robot.actuated[0].upper
+        assert "joint_1 is at 111.1 deg, and moves to its limit, 90.0 deg" in caplog.messages
+        moves_in_slowly(made, at, 3072)
+
+
+def test_a_stop_ends_an_activation_that_moves_a_joint_to_its_limit(tmp_path: Path) -> None:
+    sweep_widely(tmp_path)
+    with rig(tmp_path) as made:
+        rest(made, 3312, holds=False)
+        made.after(0.8, made.arm.stop)
+        with pytest.raises(ActivationStopped, match="while a joint moved to its limit"):
+            made.arm.activate()
+        made.bus.state(made.clock.now())
+        stopped = made.bus.servos[0].position
+        made.wait(1.0)
+        made.bus.state(made.clock.now())
+        assert 3100 < made.bus.servos[0].position < 3300
+        assert abs(made.bus.servos[0].position - stopped) < 20
+        assert made.bus.servos[0].get("torque_enable")
+
+
+def sweep_widely(folder: Path) -> None:
+    """Calibrates joints that were swept 21 degrees farther than the URDF has them."""
+    robot = load_robot(bus_arm(folder), calibrated=False)
+    joints = {
+        joint.name: robot.calibrated(joint, {"id": k, "least": 784, "most": 3312}, 360 / 4096)
+        for k, joint in enumerate(robot.actuated, 1)
+    }
+    write_calibration(calibration_file(robot.path), robot.name, "by a test", joints)
+
+
+def rest(made: BusRig, at: int, holds: bool) -> None:
+    """Puts the first servo at a position, with or without torque, and the others in the middle."""
+    for servo in made.bus.servos:
+        servo.push(2048)
+    servo = made.bus.servos[0]
+    servo.push(at)
+    servo.put("goal_position", at)
+    servo.put("torque_enable", holds)
+
+
+def moves_in_slowly(made: BusRig, at: int, limit: int) -> None:
+    """It gets torque where it is, and then moves to the limit in small steps, and to HOME."""
+    goals = [row[0] for row in written(made, "goal_position")]
+    assert (goals[0], goals[-1]) == (at, limit)
+    assert max(abs(b - a) for a, b in pairwise(goals)) <= 0.4 * 4096 / 360 + 1
+    made.wait(0.5)
+    servo = made.bus.servos[0]
+    assert abs(servo.position - limit) <= 1
+    assert made.play(HOME, 4.0) is None
+    assert made.bus.state(made.clock.now()).positions[1] == pytest.approx(2048, abs=2)
+    assert not made.faults
 
 
 @pytest.mark.slow

@@ -6,29 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from hardware import CommandSent, FrameSent, State, load_robot
+from hardware import CommandSent, State, load_robot
 from hardware.drivers.feetech.packets import Instruction, take_packets
 from hardware.drivers.feetech.registers import STS
 from hardware.drivers.feetech.virtual.bus import Fault
-from hardware.drivers.servo_errors import ServoMissing, ServoSilent, TorqueLost
+from hardware.drivers.servo_errors import ServoMissing, ServoSilent, TorqueLost, WrongMode
 from hardware.errors import NotAble, NotArrived, PoseOutsideLimits, StaleGeneration, TorqueOff
-from tests.support.arms.bus_arms import BusRig, rig
+from tests.support.arms.bus_arms import rig, written
 from tests.support.arms.hardware_rigs import HOME, PICK, Rig
-
-
-def written(made: BusRig, register: str) -> list[list[int]]:
-    """The values of a register that were written to all servos, in order."""
-    place = STS.registers[register]
-    sent = [e.data for e in made.events if isinstance(e, CommandSent | FrameSent)]
-    packets = [p for data in sent for p in take_packets(bytearray(data))]
-    head = bytes([place.address, place.size])
-    rows = []
-    for packet in packets:
-        if packet.code == Instruction.SYNC_WRITE and packet.parameters[:2] == head:
-            body, step = packet.parameters[2:], place.size + 1
-            parts = [body[i + 1 : i + step] for i in range(0, len(body), step)]
-            rows.append([STS.unpack(register, part, place.address) for part in parts])
-    return rows
 
 
 @pytest.mark.slow
@@ -150,7 +135,51 @@ def test_torque_stays_off_outside_the_limits(tmp_path: Path) -> None:
         with pytest.raises(PoseOutsideLimits):
             made.arm.switch_torque(True)
         assert not made.bus.servos[0].get("torque_enable")
+        made.bus.servos[0].push(2048)
+        made.wait(4.0)
+        assert not made.faults
+        made.arm.switch_torque(True)
+        assert made.arm.torque
         assert made.arm.state is State.ACTIVE
+
+
+@pytest.mark.parametrize(
+    ("setting", "left"), [("goal_speed", 50), ("goal_time", 5000), ("acceleration", 1)]
+)
+def test_settings_that_another_program_left_are_reset(
+    tmp_path: Path, setting: str, left: int
+) -> None:
+    with rig(tmp_path) as made:
+        for servo in made.bus.servos:
+            servo.put(setting, left)
+        made.arm.activate()
+        assert made.play(PICK, 2.0) is None
+        assert {servo.get(setting) for servo in made.bus.servos} == {0}
+
+
+def test_a_servo_on_its_slow_way_to_an_old_goal_does_not_jump_there(tmp_path: Path) -> None:
+    """The goal comes before the speed: without a limit, it would run to the old goal first."""
+    with rig(tmp_path) as made:
+        servo = made.bus.servos[0]
+        for name, value in (("goal_position", 3000), ("goal_speed", 20), ("torque_enable", 1)):
+            servo.put(name, value)
+        made.arm.activate()
+        made.wait(0.5)
+        assert servo.get("goal_speed") == 0
+        assert 2048 <= servo.position < 2048 + 10
+
+
+@pytest.mark.parametrize("mode", [1, 2, 3])
+def test_a_servo_in_another_mode_gets_no_torque(tmp_path: Path, mode: int) -> None:
+    with rig(tmp_path) as made:
+        servo = made.bus.servos[1]
+        servo.put("mode", mode)
+        servo.put("goal_speed", 500)
+        why = f"Servo 2 of joint_2 is in the mode {mode}, and not in that for positions.*calibrate"
+        with pytest.raises(WrongMode, match=why):
+            made.arm.activate()
+        made.wait(1.0)
+        assert not any(made.bus.state(made.clock.now()).torque.values())
 
 
 def test_a_board_without_the_ability_refuses_it() -> None:
