@@ -48,6 +48,8 @@ class Firmware:
             higher rate, `max_step` is smaller in proportion.
         lost_answers: Lost answers of a servo in a row that are a fault; 0 for a board without
             requests. A robot file may override this.
+        silent_time: Longest time from the last measurement of a board with `Ability.MEASURE` to the
+            fault that it is silent [s]. The protocol keeps it also on a busy host.
         max_step: Largest change of one frame at this rate: the sum over all servos.
         boot_time: Time from opening the port until the board reads from its line [s].
         baud: Speed of its line [bit/s]; 0 if any speed is possible.
@@ -76,6 +78,7 @@ class Firmware:
     bauds: tuple[int, ...] = ()
     most_rate: float = 0.0
     lost_answers: int = 0
+    silent_time: float = 0.5
     words: Words = Words()
 
     def service_time(self, before: Sequence[int], after: Sequence[int]) -> float:

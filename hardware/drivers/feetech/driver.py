@@ -110,7 +110,7 @@ class Feetech:
     ) -> BusProtocol:
         """Return the protocol of a bus: its requests and answers."""
         wires = self.wire_format(joints, firmware)
-        return BusProtocol(wires, firmware.lost_answers, firmware.rate)
+        return BusProtocol(wires, firmware.lost_answers, firmware.rate, firmware.silent_time)
 
     def link(self, joints: Sequence[Joint], firmware: Firmware, baud: int, port: str) -> Link:
         """Return a serial port."""

@@ -32,7 +32,7 @@ from .wire_format import ServoFormat
 ANSWER_TIMEOUT = 0.02  # timeout of the first answer; largest timeout of the rest [s]
 _LEAST_TIMEOUT = 0.003  # smallest timeout of the rest [s]
 _TIMES_SLOWEST = 2.0  # timeout of the rest / slowest of the last cycles
-_HOST_LATE = 0.005  # a request later than this shows a busy host, not a silent servo [s]
+_HOST_LATE = 0.005  # a request later than this may show a busy host, not a silent servo [s]
 _REMEMBERED = 0.99  # factor that the slowest cycle decays by in each cycle
 _IDLE_PERIOD = 0.2  # period of requests while nothing moves [s]
 _SETTLING = 1.0  # time after a frame in which the arm may move [s]
@@ -51,11 +51,12 @@ class BusProtocol(BoardProtocol):
         wires: Wire format of the joints.
         allowed: Lost answers of a servo in a row that are a fault.
         rate: Rate of frames, and of requests while the arm may move [Hz].
+        silent_time: Time since the last answered request after which late requests count, too [s].
     """
 
-    def __init__(self, wires: ServoFormat, allowed: int, rate: float) -> None:
+    def __init__(self, wires: ServoFormat, allowed: int, rate: float, silent_time: float) -> None:
         self._series, self._wires = wires.series, wires
-        self._allowed, self._rate = allowed, rate
+        self._allowed, self._rate, self._silent_time = allowed, rate, silent_time
         self._joints = {servo: joint for joint, servo in wires.servos.items()}
         kept, self._state, self._cycle = self._series.blocks
         self._asked = [self._state, kept]  # the next requests; after them, only the cycle repeats
@@ -67,7 +68,10 @@ class BusProtocol(BoardProtocol):
         self._twice = Counter[int]()  # number of double answers, by id
         self._requests = 0
         self._noise = 0  # received bytes that belong to no packet
-        self._silent = dict.fromkeys(self._joints, 0)  # requests in a row without an answer
+        self._unanswered = dict.fromkeys(self._joints, 0)  # requests in a row without an answer
+        self._silent = dict.fromkeys(self._joints, 0)  # those of them that were not late
+        self._answered = dict.fromkeys(self._joints, -math.inf)  # last answered request [s]
+        self._requested = -math.inf  # time of the last request [s]
         self._begun = -math.inf  # time of the first request of this cycle [s]
         self._slowest = 0.0  # time of the slowest of the last cycles [s]
         self._settles = -math.inf  # time until which the arm may move [s]
@@ -178,12 +182,15 @@ class BusProtocol(BoardProtocol):
         counts = now - self.next_poll < _HOST_LATE
         for servo in self._waiting | self._doubtful:
             self._lost[servo] += 1
+            self._unanswered[servo] += 1
             self._silent[servo] += counts
-            if self.boot_frame and self._silent[servo] >= allowed:
-                raise ServoSilent(servo, self._joints[servo], self._silent[servo])
+            old = now - self._answered[servo] >= self._silent_time
+            silent = (self._unanswered if old else self._silent)[servo]
+            if self.boot_frame and silent >= allowed:
+                raise ServoSilent(servo, self._joints[servo], silent)
         self._waiting, self._answers, self._doubtful = set(self._joints), {}, set()
         self._received.clear()
-        self._requests += 1
+        self._requests, self._requested = self._requests + 1, now
         self.free_at = self.next_poll = now + ANSWER_TIMEOUT
         return sync_read(list(self._joints), *self._block)
 
@@ -300,7 +307,8 @@ class BusProtocol(BoardProtocol):
         for servo, answer in self._answers.items():
             if servo not in self._doubtful:
                 self._memories[servo][first : first + count] = answer
-                self._silent[servo] = 0
+                self._silent[servo] = self._unanswered[servo] = 0
+                self._answered[servo] = self._requested
         self._answers = {}
 
     def _check_torque(self) -> None:

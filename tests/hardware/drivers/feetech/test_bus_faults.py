@@ -6,12 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from hardware import CommandSent, FrameSent, HardwareError, State, load_robot
+from hardware import CommandSent, Faulted, FrameSent, HardwareError, State, load_robot
 from hardware.drivers.feetech.packets import Instruction, take_packets
+from hardware.drivers.feetech.protocol import BusProtocol
 from hardware.drivers.feetech.virtual.bus import Bus, Fault
 from hardware.drivers.servo_errors import ServoFault, ServoHealth, ServoSilent
 from hardware.errors import SupplyTooLow
 from tests.support.arms.bus_arms import BusRig, bus_arm, rig
+from tests.support.arms.hardware_rigs import PICK
 
 LAST = 10_000  # more answers than there are
 
@@ -188,3 +190,23 @@ def test_two_servos_with_the_last_id_are_named(tmp_path: Path) -> None:
     assert protocol.measured is None
     with pytest.raises(HardwareError, match="Servo 4 answered twice"):
         protocol.check_booted("p", 2.0)
+
+
+def test_a_servo_that_vanishes_while_the_host_is_busy_is_a_fault(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Every request is late, which may explain a lost answer, but not for long."""
+    poll = BusProtocol.poll
+
+    def late(self: BusProtocol, now: float) -> bytes:
+        self.next_poll = min(self.next_poll, now - 0.006)
+        return poll(self, now)
+
+    monkeypatch.setattr(BusProtocol, "poll", late)
+    with rig(tmp_path, Fault("vanish", 3, 2.0)) as made:
+        made.arm.activate()
+        made.arm.play(made.schedule(PICK, 8.0), made.wake, "test", made.arm.generation)
+        made.wait(4.0 - made.clock.now())
+        faults = [event for event in made.events if isinstance(event, Faulted)]
+        assert [str(each.error)[:19] for each in faults] == ["Servo 3 of joint_3 "]
+        assert faults[0].time - 2.0 < made.robot.firmware.silent_time + 0.05
