@@ -2,25 +2,30 @@
 
 class TestMyBus(DriverContract):
     robot_file = Path("my_arm.toml")
+    at_rest = Measurement(position=(0.0, 0.0), voltage=(12.0, 12.0))  # if it measures
 """
 
 import math
 import pickle
 import random
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import asdict
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from threading import Thread
 
 from .arm.arm import Arm
-from .arm.events import ArmEvent, Faulted
+from .arm.events import ArmEvent, CommandSent, Faulted, Measured
 from .arm.lifecycle import State
 from .arm.schedule import compile_schedule
 from .arm.streamer import Playback, PlaybackState
 from .clock import RealClock, SimulatedClock
+from .description.guards import HOLD
 from .description.robot import Robot
 from .description.robot_file import load_robot
+from .drivers.board_protocol import Measurement
 from .drivers.firmware_profile import Ability
 from .drivers.virtual.in_process_link import BoardLink
 from .drivers.virtual.model import BoardModel
@@ -30,6 +35,11 @@ from .link.link import Link
 _SAMPLES = 50
 _RANGE = 10.0  # tests move a joint without limits from minus this to this [rad]
 _SWITCHED = 0.01  # largest change of the pose when the torque is switched [rad]
+_NEAR = 0.05  # largest difference of a measured position at rest from the right one [rad]
+_SHARE = 0.2  # largest error of another measured value, as a part of the right one
+_LEAST = 0.02  # and at least, in the unit of the value
+_REST = 1.0  # time in which a moved joint comes to rest [s]
+_CYCLE = 0.1  # longest time between two measurements of a moving arm [s]
 _PATIENCE = 10.0  # longest wait for a thread [s]
 
 
@@ -37,9 +47,15 @@ class DriverContract:
     """Tests that every driver must pass. A subclass names a robot file with the driver.
 
     If the driver has a model of the board, the tests play motions on it in simulated time.
+
+    Attributes:
+        robot_file: The robot file.
+        at_rest: Right values of what the model measures while it holds its start pose. Required
+            for a driver with `Ability.MEASURE`.
     """
 
     robot_file: Path
+    at_rest: Measurement | None = None
 
     @property
     def robot(self) -> Robot:
@@ -115,7 +131,7 @@ class DriverContract:
         with self._rig() as rig:
             rig.activate()
             start = rig.arm.commanded
-            playback = rig.play(rig.goal(start), stop_after=0.5)
+            playback = rig.play(rig.goal(start), rig.arm.stop)
             assert playback.state is PlaybackState.STOPPED, f"it ended with {playback.error}"
             assert rig.play(start).state is PlaybackState.DONE
             assert not rig.faults, f"the arm had the fault {rig.faults[0]}"
@@ -124,7 +140,7 @@ class DriverContract:
         """The board vanishes during a motion."""
         with self._rig() as rig:
             rig.activate()
-            playback = rig.play(rig.goal(rig.arm.commanded), unplug_after=0.5)
+            playback = rig.play(rig.goal(rig.arm.commanded), rig.link.unplug)
             assert isinstance(playback.error, PortLost), f"it ended with {playback.error!r}"
 
     def test_a_board_that_is_silent_is_refused_if_it_must_report_its_pose(self) -> None:
@@ -134,6 +150,65 @@ class DriverContract:
                 error = _raised(rig.activate)
                 assert isinstance(error, BoardError), f"activate raised {error!r}"
                 assert rig.arm.state is State.INACTIVE, f"the arm is {rig.arm.state.value}"
+
+    # Measurements, only with `Ability.MEASURE` -----------------------------------------------
+
+    def test_the_model_at_rest_measures_what_its_author_says(self) -> None:
+        """Compares all values, with sign and scale, with `at_rest`."""
+        if self.robot.can(Ability.MEASURE):
+            assert self.at_rest, "at_rest is missing: what the model measures in its start pose"
+            with self._rig() as rig:
+                rig.activate()
+                rig.wait(_REST)
+            measured = asdict(rig.measured[-1].measurement)
+            for quantity, right in asdict(self.at_rest).items():
+                values = measured[quantity]
+                assert _are_near(values, right), f"{quantity} is {values}; at_rest has {right}"
+
+    def test_a_motion_is_measured(self) -> None:
+        """Positions end at the goal. The velocities over time add up to the same motion."""
+        if self.robot.can(Ability.MEASURE):
+            with self._rig() as rig:
+                rig.activate()
+                goal = rig.goal(rig.arm.commanded)
+                rig.play(goal)
+                rig.wait(_REST)
+            start, end = (rig.measured[k].measurement.position for k in (0, -1))
+            assert math.dist(end, goal) < _NEAR, f"at the goal {goal}, {end} is measured"
+            if rig.measured[-1].measurement.velocity:
+                moved = [b - a for a, b in zip(start, end, strict=True)]
+                sums = [0.0] * len(moved)
+                for before, event in pairwise(rig.measured):
+                    for k, velocity in enumerate(event.measurement.velocity):
+                        sums[k] += velocity * (event.time - before.time)
+                assert _are_near(sums, moved), f"it moved by {moved}; the velocities say {sums}"
+
+    def test_a_silent_board_is_a_fault_and_the_joints_hold(self) -> None:
+        """Within `silent_time` of the firmware, during a motion and at rest."""
+        if self.robot.can(Ability.MEASURE):
+            for moves in (True, False):
+                with self._rig() as rig:
+                    self._check_silence(rig, moves)
+
+    def _check_silence(self, rig: "_Rig", moves: bool) -> None:
+        limit = self.robot.firmware.silent_time
+        rig.activate()
+        rig.wait(rig.start(rig.goal(rig.arm.commanded))[1] / 2 if moves else _REST)
+        rig.link.deaf, since = True, rig.clock.now()
+        rig.wait(limit + _CYCLE)
+        silent = [isinstance(error, BoardError) for error in rig.faults]
+        assert silent == [True], f"after {limit:g} s of silence, its faults are {rig.faults}"
+        commands = [event for event in rig.events if isinstance(event, CommandSent)]
+        sent = [each for each in commands if each.time >= since and not each.request]
+        assert sent, "no command holds or releases the joints after the fault"
+        if self.robot.firmware.reports_pose and self.robot.guards.on_fault == HOLD:
+            held = rig.measured[-1].measurement.position
+            rig.link.deaf = False
+            rig.wait(_REST)
+            rig.arm.configure()
+            rig.activate()
+            there = rig.measured[-1].measurement.position
+            assert math.dist(there, held) < _NEAR, f"after the fault at {held}, it is at {there}"
 
     # Abilities -------------------------------------------------------------------------------
 
@@ -200,27 +275,28 @@ class _Rig:
         self.clock = SimulatedClock()
         self.link = _Line(model, self.clock)
         self.link.deaf = deaf
-        self.faults: list[HardwareError] = []
-        self.arm = Arm(robot, self.link, self.clock, self._observe)
+        self.events: list[ArmEvent] = []
+        self.arm = Arm(robot, self.link, self.clock, self.events.append)
         self.activate = self.arm.activate
         self._changed = self.clock.signal()
 
-    def _observe(self, event: ArmEvent) -> None:
-        if isinstance(event, Faulted):
-            self.faults.append(event.error)
+    @property
+    def faults(self) -> list[HardwareError]:
+        """Errors of all faults."""
+        return [event.error for event in self.events if isinstance(event, Faulted)]
+
+    @property
+    def measured(self) -> list[Measured]:
+        """Events of all measurements."""
+        return [event for event in self.events if isinstance(event, Measured)]
 
     def goal(self, start: tuple[float, ...]) -> tuple[float, ...]:
         """Return a pose in which every joint is moved by a fifth of its range, at most 0.5 rad."""
         joints = zip(self.arm.robot.actuated, start, strict=True)
         return tuple(_moved(*_limits(joint.lower, joint.upper), q) for joint, q in joints)
 
-    def play(
-        self,
-        goal: tuple[float, ...],
-        stop_after: float = math.inf,
-        unplug_after: float = math.inf,
-    ) -> Playback:
-        """Play a straight motion at half of the velocity limits until it ends."""
+    def start(self, goal: tuple[float, ...]) -> tuple[Playback, float]:
+        """Start a straight motion at half of the velocity limits. Return also its duration [s]."""
         start, robot = self.arm.commanded, self.arm.robot
         moves = zip(robot.actuated, start, goal, strict=True)
         duration = max(2 * abs(b - a) / joint.velocity for joint, a, b in moves)
@@ -231,18 +307,26 @@ class _Rig:
             return [[a + (b - a) * s for a, b in zip(start, goal, strict=True)] for s in parts]
 
         schedule = compile_schedule(robot, start, sample, duration)
-        playback = self.arm.play(schedule, self._notify, "contract", self.arm.generation)
-        began = self.clock.now()
-        self._wait(playback, began + min(stop_after, unplug_after) * duration)
-        if playback.playing:
-            self.arm.stop() if stop_after < math.inf else self.link.unplug()
-        self._wait(playback, math.inf)
+        generation = self.arm.generation
+        return self.arm.play(schedule, self._notify, "contract", generation), duration
+
+    def play(self, goal: tuple[float, ...], act: Callable[[], None] | None = None) -> Playback:
+        """Play a motion until it ends. Call `act` in its middle."""
+        playback, duration = self.start(goal)
+        if act:
+            self.wait(duration / 2)
+            act()
+        with self._changed:
+            while playback.playing:
+                self._changed.wait(None)
         return playback
 
-    def _wait(self, playback: Playback, until: float) -> None:
+    def wait(self, seconds: float) -> None:
+        """Wait for a time [s]."""
+        until = self.clock.now() + seconds
         with self._changed:
-            while playback.playing and self.clock.now() < until:
-                self._changed.wait(None if until == math.inf else until)
+            while self.clock.now() < until:
+                self._changed.wait(until)
 
     def _notify(self) -> None:
         with self._changed:
@@ -361,6 +445,13 @@ def _moved(lower: float, upper: float, start: float) -> float:
     """Return a position moved by a fifth of the range, at most 0.5 rad, to the farther limit."""
     step = min((upper - lower) / 5, 0.5)
     return start + step if upper - start > start - lower else start - step
+
+
+def _are_near(values: Sequence[float], right: Sequence[float]) -> bool:
+    """Return True if measured values are right but for a fifth, or 0.02 if that is more."""
+    pairs = zip(values, right, strict=False)
+    near = all(abs(a - b) <= max(_SHARE * abs(b), _LEAST) for a, b in pairs)
+    return len(values) == len(right) and near
 
 
 def _raised(call: Callable[[], object]) -> Exception | None:

@@ -3,13 +3,20 @@
 import os
 import select
 from collections import deque
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from hardware import BoardLink, Link, RealClock, SerialLink, load_robot
+from hardware import BoardLink, Link, Measurement, RealClock, SerialLink, load_robot
 from hardware.drivers.arduino.serial_servo import SerialServo
+from hardware.drivers.feetech.protocol import BusProtocol
+from hardware.drivers.feetech.wire_format import ServoFormat
+from hardware.errors import MeasuredFault
 from hardware.testing import DriverContract, LinkContract
+from tests.hardware.drivers.feetech.test_driver import TestSts as KeptBySts
+from tests.support.arms.bus_arms import bus_arm
 from tests.support.arms.hardware_rigs import Pty
 from tests.support.paths import DATA
 
@@ -114,6 +121,62 @@ def test_the_contract_is_not_kept_by_every_driver(monkeypatch: pytest.MonkeyPatc
         patch.setattr(SerialServo, "model", lambda self, joints, firmware, baud: None)
         with pytest.raises(AssertionError, match="this driver has no model"):
             kept.test_motions_are_played_to_their_end()
+
+
+def never_silent(
+    self: BusProtocol, now: float, poll: Callable[[BusProtocol, float], bytes] = BusProtocol.poll
+) -> bytes:
+    """Polls, and does not count the requests without an answer."""
+    for counts in (self._silent, self._unanswered):
+        counts.update(dict.fromkeys(counts, 0))
+    return poll(self, now)
+
+
+@pytest.fixture
+def kept(tmp_path: Path) -> DriverContract:
+    """The contract of a driver that measures."""
+    kept = KeptBySts()
+    kept.robot_file = bus_arm(tmp_path)
+    return kept
+
+
+@pytest.mark.parametrize("factor", [-1.0, 2.0])
+@pytest.mark.parametrize("quantity", ["velocity", "effort", "temperature", "voltage", "current"])
+def test_a_driver_that_measures_wrongly_does_not_keep_the_contract(
+    kept: DriverContract, monkeypatch: pytest.MonkeyPatch, quantity: str, factor: float
+) -> None:
+    measurement = ServoFormat.measurement
+
+    def wrong(*arguments: object) -> Measurement:
+        right = measurement(*arguments)  # type: ignore[arg-type]
+        return replace(right, **{quantity: tuple(factor * v for v in getattr(right, quantity))})
+
+    monkeypatch.setattr(ServoFormat, "measurement", wrong)
+    at_rest = kept.test_the_model_at_rest_measures_what_its_author_says
+    test = kept.test_a_motion_is_measured if quantity == "velocity" else at_rest
+    why = rf"{quantity.removesuffix('y')}|least_v"
+    with pytest.raises((AssertionError, MeasuredFault), match=why):
+        test()
+
+
+@pytest.mark.parametrize(
+    ("name", "method", "why"),
+    [
+        ("poll", never_silent, "its faults are"),
+        ("hold_commands", lambda self: b"", "no command holds"),
+        ("hold_commands", lambda self: self._wires.frame([2048] * 4).data, "after the fault at"),
+    ],
+)
+def test_a_driver_that_ignores_silence_does_not_keep_the_contract(
+    kept: DriverContract,
+    monkeypatch: pytest.MonkeyPatch,
+    name: str,
+    method: Callable[[BusProtocol], bytes],
+    why: str,
+) -> None:
+    monkeypatch.setattr(BusProtocol, name, method)
+    with pytest.raises(AssertionError, match=why):
+        kept.test_a_silent_board_is_a_fault_and_the_joints_hold()
 
 
 def test_an_arm_without_a_driver_keeps_what_concerns_frames() -> None:

@@ -1,6 +1,7 @@
 """A model of one servo: memory, motion, load and temperature."""
 
 import math
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -8,6 +9,7 @@ from hardware.drivers.feetech.registers import CURRENT_UNIT, MEMORY, Series
 from hardware.drivers.servo_bus import POSITION_MODE
 
 _STEP = 0.001  # step of the integration [s]
+_WINDOW = 20  # number of steps over which it measures its speed
 _TOP_SPEED = 3400.0  # speed without a goal speed: largest of `st3215` [ticks/s]
 _ACCELERATION = 100.0  # one unit of the register [ticks/s2]
 _TOP_ACCELERATION = 25400.0  # acceleration without a value in the register [ticks/s2]
@@ -82,6 +84,7 @@ class Servo:
         self.blocked, self.supply, self.ambient = False, _SUPPLY, _AMBIENT
         self.stops = -math.inf, math.inf
         self._position, self._speed, self._load = float(position), 0.0, 0.0
+        self._past = deque([self._position] * _WINDOW, _WINDOW)  # positions before the last steps
         self._side = 0.0  # side of the backlash on which its output is: -1, 1, or 0 at first
         self._temperature, self._now = _AMBIENT, 0.0
         self._stalled = 0.0  # time that it has been blocked and overloaded [s]
@@ -149,7 +152,7 @@ class Servo:
         self._memory[address : address + len(values)] = values
         if not locked:  # a value in a locked memory is lost without power
             self._saved = bytes(self._memory[: self.series.blocks[1][0]])
-        self._position = (self._position + before - self._homing) % self.series.ticks
+        self._place(self._position + before - self._homing)
         self._forget_stall()
 
     def restart(self) -> None:
@@ -170,7 +173,13 @@ class Servo:
     def push(self, position: float) -> None:
         """Move it by hand [ticks]. A servo with torque does not move."""
         if not self.get("torque_enable"):
-            self._position = position % self.series.ticks
+            self._place(position)
+
+    def _place(self, position: float) -> None:
+        """Set its position [ticks], which is no motion for its speed."""
+        moved = position % self.series.ticks - self._position
+        self._position += moved
+        self._past.extend([each + moved for each in self._past])
 
     def advance(self, now: float) -> None:
         """Move until a time [s], which never decreases."""
@@ -181,6 +190,8 @@ class Servo:
         while now - self._now >= _STEP:
             if self._speed == 0.0 and not self._wants():
                 self._load = self._held()
+                steps = min(int((now - self._now) / _STEP), _WINDOW)
+                self._past.extend([self._position] * steps)
                 self._warm(now - self._now)
                 self._now = now
             else:
@@ -240,6 +251,7 @@ class Servo:
         change = min(max(wanted - self._speed, -most * _STEP), most * _STEP)
         self._speed = 0.0 if self.blocked else self._speed + change
         (least, last), before = self.stops, self._position
+        self._past.append(before)
         self._position = moved = before + self._speed * _STEP
         if least <= before <= last:
             self._position = min(max(moved, least), last)
@@ -285,7 +297,7 @@ class Servo:
         """Write the measured values to its memory."""
         values = {
             "position": round(self._position),
-            "speed": round(self._speed),
+            "speed": round((self._position - self._past[0]) / (_WINDOW * _STEP)),
             "load": round(min(max(self._load, -1.0), 1.0) * 1000),
             "voltage": self._voltage,
             "temperature": round(self._temperature),

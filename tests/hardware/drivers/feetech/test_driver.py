@@ -4,6 +4,7 @@ import logging
 import math
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from hardware import (
     FrameSent,
     HardwareError,
     Measured,
+    Measurement,
     State,
     load_robot,
 )
@@ -35,14 +37,27 @@ from hardware.testing import DriverContract
 from tests.support.arms.bus_arms import BusRig, bus_arm, rig, written
 from tests.support.arms.hardware_rigs import HOME, PICK
 
+REST = Measurement(
+    position=HOME,
+    velocity=(0.0,) * 4,
+    effort=(0.2, 0.2, 0.2, 0.2),  # gravity pulls towards smaller positions
+    temperature=(25.0,) * 4,
+    voltage=(11.9,) * 4,
+    lost=(0.0,) * 4,
+)
+
 
 class TestSts(DriverContract):
+    at_rest = replace(REST, current=(0.54,) * 4)
+
     @pytest.fixture(autouse=True)
     def write(self, tmp_path: Path) -> None:
         self.robot_file = bus_arm(tmp_path)
 
 
 class TestScs(DriverContract):
+    at_rest = REST
+
     @pytest.fixture(autouse=True)
     def write(self, tmp_path: Path) -> None:
         self.robot_file = bus_arm(tmp_path, "scs")
