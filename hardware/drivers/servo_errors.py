@@ -5,7 +5,7 @@ BoardError
 │   ├── NoServos              the answers on the port are not from servos
 │   └── ServoMissing          a servo does not answer before the arm may move
 ├── ServoTwice                two servos have one id
-├── ServoSilent               a servo stopped answering
+├── ServoSilent               servos stopped answering
 ├── ServoFault                a servo reports an error
 ├── TorqueLost                a servo no longer holds
 ├── CalibrationMissing        the arm must be calibrated before it moves
@@ -24,6 +24,22 @@ from pathlib import Path
 from hardware.errors import BoardError, BoardSilent, HardwareError
 
 _DOCTOR = "`armtree doctor --open` shows what is on the bus"
+
+
+def _clues(twice: Iterable[int], noise: int) -> str:
+    """Return sentences about signs of two servos with one id.
+
+    Args:
+        twice: Ids that answered one request twice.
+        noise: Number of received bytes outside of packets.
+    """
+    clues = "".join(
+        f". Servo {servo} answered twice: another servo answers with its id"
+        for servo in sorted(twice)
+    )
+    if noise:
+        clues += f". {noise} bytes were damaged: two servos may have one id, or the line is noisy"
+    return clues
 
 
 class NoServos(BoardSilent):
@@ -62,13 +78,7 @@ class ServoMissing(BoardSilent):
             advice = "Check its power, id and baud rate, and the cable to it"
         if answered:
             advice += f". {answered} {'servo' if answered == 1 else 'servos'} answered"
-        for servo in sorted(twice):
-            advice += f". Servo {servo} answered twice: another servo answers with its id"
-        if noise:
-            advice += (
-                f". {noise} bytes were damaged: two servos may have one id, or the line is noisy"
-            )
-        super().__init__(port, seconds, what, f"{advice}. {_DOCTOR}")
+        super().__init__(port, seconds, what, f"{advice}{_clues(twice, noise)}. {_DOCTOR}")
 
 
 class ServoTwice(BoardError):
@@ -86,16 +96,24 @@ class ServoTwice(BoardError):
 
 
 class ServoSilent(BoardError):
-    """A servo on a bus stopped answering."""
+    """Servos on a bus stopped answering."""
 
     code = "hw.servo_silent"
-    hint = "check cable and power of the servo, then configure and activate"
+    hint = "check cables, power and ids of the servos, then configure and activate"
 
-    def __init__(self, servo: int, joint: str, cycles: int) -> None:
-        super().__init__(
-            f"Servo {servo} of {joint} did not answer {cycles} requests in a row. Check the cable "
-            "to it and its power, then run again"
-        )
+    def __init__(
+        self, servos: Sequence[str], total: int, cycles: int, twice: Iterable[int], noise: int
+    ) -> None:
+        one, clues = len(servos) == 1, _clues(twice, noise)
+        what = f"{'Servo' if one else 'Servos'} {', '.join(servos)} did not answer"
+        check = "Check the cable to it and its power"
+        if not one:
+            check = "Check the cable to the first of them and its power"
+        if len(servos) == total:
+            what = "No servo answered"
+            check = "Check the power supply, the adapter and the cable to the first servo"
+        way = _DOCTOR if clues else f"{check}, then run again"
+        super().__init__(f"{what} {cycles} requests in a row{clues}. {way}")
 
 
 @dataclass(frozen=True, slots=True)

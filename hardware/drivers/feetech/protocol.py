@@ -6,7 +6,7 @@ for the answers or their timeout.
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from hardware.drivers.board_protocol import BoardProtocol
 from hardware.drivers.servo_bus import POSITION_MODE
@@ -67,7 +67,7 @@ class BusProtocol(BoardProtocol):
         self._doubtful = set[int]()  # ids that answered the last request twice or before their turn
         self._twice = Counter[int]()  # number of double answers, by id
         self._requests = 0
-        self._noise = 0  # received bytes that belong to no packet
+        self._noise = 0  # received bytes outside of packets since the last complete answers
         self._unanswered = dict.fromkeys(self._joints, 0)  # requests in a row without an answer
         self._silent = dict.fromkeys(self._joints, 0)  # those of them that were not late
         self._answered = dict.fromkeys(self._joints, -math.inf)  # last answered request [s]
@@ -171,13 +171,13 @@ class BusProtocol(BoardProtocol):
         """Return a request to all servos, after the answers or the timeout of the last one.
 
         Raises:
-            ServoSilent: A servo did not answer several requests in a row.
+            ServoSilent: Servos did not answer several requests in a row.
         """
         if not self._waiting:
             self._begun = now
         if self._moves_for:
             self._settles, self._moves_for = max(self._settles, now + self._moves_for), 0.0
-        allowed = self._allowed * (1 if self._answers else _TIMES_ALL)
+        allowed, cycles = self._allowed * (1 if self._answers else _TIMES_ALL), dict[int, int]()
         self._store_answers()
         counts = now - self.next_poll < _HOST_LATE
         for servo in self._waiting | self._doubtful:
@@ -185,14 +185,23 @@ class BusProtocol(BoardProtocol):
             self._unanswered[servo] += 1
             self._silent[servo] += counts
             old = now - self._answered[servo] >= self._silent_time
-            silent = (self._unanswered if old else self._silent)[servo]
-            if self.boot_frame and silent >= allowed:
-                raise ServoSilent(servo, self._joints[servo], silent)
+            cycles[servo] = (self._unanswered if old else self._silent)[servo]
+        if self.boot_frame and max(cycles.values(), default=0) >= allowed:
+            raise self._silence({s: n for s, n in cycles.items() if n >= allowed})
         self._waiting, self._answers, self._doubtful = set(self._joints), {}, set()
         self._received.clear()
         self._requests, self._requested = self._requests + 1, now
         self.free_at = self.next_poll = now + ANSWER_TIMEOUT
         return sync_read(list(self._joints), *self._block)
+
+    def _silence(self, cycles: Mapping[int, int]) -> ServoSilent:
+        """Return the fault of silent servos, with the numbers of their requests in a row."""
+        silent = [servo for servo in self._joints if servo in cycles]
+        # A servo whose answers are only doubtful is not named beside those that do not answer.
+        silent = [servo for servo in silent if servo in self._waiting] or silent
+        names = [f"{servo} of {self._joints[servo]}" for servo in silent]
+        least = min(cycles[servo] for servo in silent)
+        return ServoSilent(names, len(self._joints), least, self._doubtful, self._noise)
 
     @property
     def _block(self) -> tuple[int, int]:
@@ -285,6 +294,7 @@ class BusProtocol(BoardProtocol):
         self._store_answers()
         if self._doubtful:
             return
+        self._noise = 0
         first, count = self._block
         if first <= self._state[0] < first + count:
             self._state_time = now

@@ -210,3 +210,39 @@ def test_a_servo_that_vanishes_while_the_host_is_busy_is_a_fault(
         faults = [event for event in made.events if isinstance(event, Faulted)]
         assert [str(each.error)[:19] for each in faults] == ["Servo 3 of joint_3 "]
         assert faults[0].time - 2.0 < made.robot.firmware.silent_time + 0.05
+
+
+@pytest.mark.parametrize(
+    ("faults", "words"),
+    [
+        ([("vanish", 3)], "Servo 3 of joint_3 did not answer 5 requests in a row. Check the cable"),
+        (
+            [("vanish", 3), ("vanish", 4)],
+            "Servos 3 of joint_3, 4 of joint_4 did not answer 5 requests in a row. Check the cable "
+            "to the first of them and its power",
+        ),
+        (
+            [("vanish", servo) for servo in (1, 2, 3, 4)],
+            "No servo answered 10 requests in a row. Check the power supply, the adapter and the "
+            "cable to the first servo",
+        ),
+        (
+            [("impersonate", 3)],
+            "Servo 3 of joint_3 did not answer 5 requests in a row. Servo 2 answered twice: "
+            "another servo answers with its id. `armtree doctor",
+        ),
+        (
+            [("renumber", 3)],
+            "Servos 2 of joint_2, 3 of joint_3 did not answer 5 requests in a row. "
+            "[0-9]+ bytes were damaged: two servos may have one id, or the line is noisy",
+        ),
+    ],
+    ids=["one", "two", "all", "answers as 2", "became 2"],
+)
+def test_a_silent_servo_is_named_with_its_likely_cause(
+    tmp_path: Path, faults: list[tuple[str, int]], words: str
+) -> None:
+    with rig(tmp_path, *(Fault(kind, servo, 2.0, 2) for kind, servo in faults)) as made:
+        made.arm.activate()
+        with pytest.raises(ServoSilent, match=words):
+            raise made.play(PICK, 4.0) or AssertionError("it ended well")
