@@ -222,6 +222,10 @@ def _number(arm: "Robot", port: str, restore: bool) -> None:
             if len(found.servos) == 1 and not found.damaged:
                 break
             there = ", ".join(map(str, found.servos)) or "none"
+            if found.damaged:
+                there += (
+                    f"; damaged, as of two servos: {', '.join(map(str, sorted(found.damaged)))}"
+                )
             echo(f"Exactly one servo must answer; ids that answer: {there}. Check cable and power")
         (now,) = found.servos
         if baud != arm.serial.baud:

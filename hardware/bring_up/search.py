@@ -85,7 +85,9 @@ def likely_cable(robot: Robot, present: Iterable[int]) -> str:
     first = missing[0]
     joint, servo = servos[first]
     if missing != list(range(first, len(servos))):
-        others = "others behind it answer, so its id or the servo itself is wrong, not a cable"
+        # Two servos with one id and equal values look as one.
+        others = "others behind it answer, so no cable is wrong, but the servo or its id, which "
+        others += "may be that of another servo"
         return f"servo {servo} of {joint}: {others}"
     if first == 0:
         return "the power supply, the adapter or the cable to the first servo: no servo answers"

@@ -28,6 +28,7 @@ class FeetechBus:
         self._series, self._link, self._clock = series, link, clock
         self._changed = clock.signal()
         self._received = bytearray()
+        self._noise = 0  # received bytes outside of packets
         self._error: HardwareError | None = None
         self.ticks, self.turn = series.ticks, series.turn
 
@@ -42,34 +43,34 @@ class FeetechBus:
         self._reader.join()
 
     def find(self, ids: Iterable[int]) -> Found:
-        """Request a report from each id."""
-        servos, damaged, noise = dict[int, ServoReport](), set[int](), 0
-        strangers = dict[int, int]()
-        for servo in ids:
-            packets, rest = self._ping(servo)
-            if any(packet.servo == servo for packet in packets):
-                if report := self._report(servo):
-                    servos[servo] = report
-                    continue
-            elif packets:
-                strangers[servo] = packets[0].servo
-                continue
-            elif not rest:
-                continue
-            damaged |= {servo} if rest else set()
-            noise += rest
-        return Found(servos, frozenset(damaged - servos.keys()), noise, strangers)
+        """Request a report from each id.
 
-    def _ping(self, servo: int) -> tuple[list[Packet], int]:
+        Answers to a ping are equal, so those of two servos with one id look as one. Their reports
+        differ, and damage each other.
+        """
+        servos, strangers = dict[int, ServoReport](), dict[int, int]()
+        damaged = dict[int, int]()  # number of bytes outside of packets, by id
+        for servo in ids:
+            before, packets = self._noise, self._ping(servo)
+            present = any(packet.servo == servo for packet in packets)
+            if present and (report := self._report(servo)):
+                servos[servo] = report
+            elif packets and not present:
+                strangers[servo] = packets[0].servo
+            elif self._noise > before:
+                damaged[servo] = self._noise - before
+        return Found(servos, frozenset(damaged), sum(damaged.values()), strangers)
+
+    def _ping(self, servo: int) -> list[Packet]:
         """Ping a servo, and repeat this once if it does not answer."""
-        request = Packet(servo, Instruction.PING).data
-        answers, rest = self._ask(request, 1)
-        return (answers, rest) if answers or rest else self._ask(request, 1)
+        request, before = Packet(servo, Instruction.PING).data, self._noise
+        answers = self._ask(request, 1)
+        return self._ask(request, 1) if not answers and self._noise == before else answers
 
     def positions(self, ids: Sequence[int]) -> dict[int, int]:
         """Return the positions of the servos that answer [ticks], by id."""
         register = self._series.registers["position"]
-        packets, _ = self._ask(sync_read(ids, register.address, register.size), len(ids))
+        packets = self._ask(sync_read(ids, register.address, register.size), len(ids))
         return {
             packet.servo: self._series.unpack("position", packet.parameters, register.address)
             for packet in packets
@@ -143,22 +144,18 @@ class FeetechBus:
     def _answer(self, servo: int, request: bytes, count: int) -> Packet | None:
         """Return the answer of a servo with this number of parameters; None after some tries."""
         for _ in range(_TRIES):
-            for packet in self._ask(request, 1)[0]:
+            for packet in self._ask(request, 1):
                 if packet.servo == servo and len(packet.parameters) == count:
                     return packet
         return None
 
-    def _ask(self, request: bytes, wanted: int) -> tuple[list[Packet], int]:
-        """Send a request, and wait for this number of answers or their timeout.
-
-        Returns:
-            The answers, and the number of received bytes outside of packets.
-        """
+    def _ask(self, request: bytes, wanted: int) -> list[Packet]:
+        """Send a request, and return its answers: this number, or fewer after a timeout."""
         with self._changed:
             self._received.clear()
         self._link.write(request)
         until = self._clock.now() + _TIMEOUT * wanted
-        answers, rest = list[Packet](), 0
+        answers = list[Packet]()
         with self._changed:
             while len(answers) < wanted and self._clock.now() < until:
                 self._changed.wait(until)
@@ -167,9 +164,10 @@ class FeetechBus:
                 before = len(self._received)
                 found = take_packets(self._received)
                 whole = sum(len(packet.data) for packet in found)
-                rest += before - whole - len(self._received)
+                self._noise += before - whole - len(self._received)
                 answers += found
-            return answers, rest + len(self._received)
+            self._noise += len(self._received)
+            return answers
 
     def _read(self) -> None:
         """Read until the link is closed or lost."""

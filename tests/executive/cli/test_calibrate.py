@@ -12,7 +12,7 @@ from hardware import load_robot
 from hardware.description.calibration import calibration_file
 from hardware.drivers.feetech.packets import sync_write
 from hardware.drivers.feetech.registers import STS
-from hardware.drivers.feetech.virtual.bus import Bus
+from hardware.drivers.feetech.virtual.bus import Bus, Fault
 from hardware.drivers.virtual.board_process import BoardProcess
 from tests.support.arms.bus_arms import bus_arm, so101_bus
 from tests.support.command_line.pseudo_terminal import PseudoTerminal
@@ -171,6 +171,8 @@ def test_servos_get_their_ids_one_by_one(arm: Arm) -> None:
         terminal.until("The servo reads back the id 1", "Connect only the servo of joint_2 (id 2)")
         terminal.type("\x03")
         assert terminal.end()[0] == 130
+    arm.board.call("fail", Fault("restart", 1, 0.0))  # it loses its torque
+    arm.board.call("push", {1: 1900})  # servos with equal values would look as one
     arm.board.call("connect")
     with arm.calibrate() as terminal:
         status, printed = terminal.end()
@@ -182,6 +184,9 @@ def test_servos_get_their_ids_one_by_one(arm: Arm) -> None:
                 arm.board.call("connect", [0, 1])
                 terminal.type("\r")
                 terminal.until("Exactly one servo must answer; ids that answer: 1, 2")
+                arm.board.call("connect", [0, 2])
+                terminal.type("\r")
+                terminal.until("ids that answer: none; damaged, as of two servos")
             arm.board.call("connect", [place])
             terminal.type("\r")
             if joint == 3:

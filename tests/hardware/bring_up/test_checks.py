@@ -68,9 +68,15 @@ def test_all_servos_are_named_with_their_health(tmp_path: Path) -> None:
         (
             put(1, "id", 9),
             "3 of 4 answer at 1000000 bit/s; missing: 2 (joint_2)",
-            "check servo 2 of joint_2: others behind it answer, so its id or the servo itself is "
-            "wrong, not a cable; servos answer with ids that no joint has: 9. Give them the right "
-            "ids with armtree calibrate --ids",
+            "check servo 2 of joint_2: others behind it answer, so no cable is wrong, but the "
+            "servo or its id, which may be that of another servo; servos answer with ids that no "
+            "joint has: 9. Give them the right ids with armtree calibrate --ids",
+        ),
+        (
+            put(1, "id", 3),  # with the position of servo 3, so that both look as one
+            "3 of 4 answer at 1000000 bit/s; missing: 2 (joint_2)",
+            "check servo 2 of joint_2: others behind it answer, so no cable is wrong, but the "
+            "servo or its id, which may be that of another servo",
         ),
         (
             lambda bus: [put(k, "id", 11 + k)(bus) for k in range(4)],
@@ -102,7 +108,13 @@ def test_a_wrong_speed_is_found(tmp_path: Path) -> None:
 
 
 def test_two_servos_with_one_id_are_found(tmp_path: Path) -> None:
-    check = found(tmp_path, put(1, "id", 3))["double ids"]
+    """Their answers to a ping are equal, and look as one. Their positions differ."""
+
+    def same_id(model: Bus) -> None:
+        model.servos[1].put("id", 3)
+        model.servos[1].push(2500)
+
+    check = found(tmp_path, same_id)["double ids"]
     assert "the answers with the id 3 are damaged, as if two servos had that id" in check.detail
     assert check.code == "hw.servo_twice"
 

@@ -6,6 +6,8 @@
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import reduce
+from operator import and_
 
 from hardware.drivers.feetech.packets import BROADCAST, Instruction, Packet, take_packets
 from hardware.link.link import BITS_PER_BYTE
@@ -58,7 +60,7 @@ class Bus:
     """A model of a bus. The caller passes the time [s], which never decreases.
 
     Args:
-        servos: The servos. Two may have the same id; then both answer at the same time.
+        servos: The servos. Two may have the same id.
         baud: Speed of the line [bit/s].
         faults: Faults to inject. Default: none.
     """
@@ -210,11 +212,19 @@ class Bus:
                 self._answer(asked, [each.read(address, size) for each in asked], time)
 
     def _answer(self, servos: Sequence[Servo], values: Sequence[bytes], time: float) -> None:
-        """Put answers on the line, one after another."""
-        end = time + DELAY
+        """Put answers on the line, one after another.
+
+        Servos with one id answer at the same time. Equal answers look as one. Different ones are
+        damaged: a bit is 0 if any servo sends 0.
+        """
+        together = dict[int, list[bytes]]()
         for servo, value in zip(servos, values, strict=True):
-            number = servo.servo
-            data = Packet(self._names.get(number, number), servo.get("status"), value).data
+            name = self._names.get(servo.servo, servo.servo)
+            answer = Packet(name, servo.get("status"), value).data
+            together.setdefault(servo.servo, []).append(answer)
+        end = time + DELAY
+        for number, answers in together.items():
+            data = bytes(reduce(and_, each) for each in zip(*answers, strict=True))
             end += len(data) * self._byte
             if self._losing.get(number, 0):
                 self._losing[number] -= 1
@@ -222,8 +232,6 @@ class Bus:
             if self._damaging.get(number, 0):
                 self._damaging[number] -= 1
                 data = _damaged(data)
-            if sum(each.servo == number for each in self.servos) > 1:
-                data = _damaged(data)  # both answer at the same time
             self._leaving.append((end, data))
 
 

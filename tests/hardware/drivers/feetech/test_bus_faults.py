@@ -24,6 +24,7 @@ def only(*places: int) -> Callable[[Bus], None]:
 
 def same_id(bus: Bus) -> None:
     bus.servos[1].put("id", 3)
+    bus.servos[1].push(2500)
 
 
 def other_ids(bus: Bus) -> None:
