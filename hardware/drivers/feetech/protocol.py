@@ -1,5 +1,7 @@
 """Requests and answers on the bus: one sync write and one sync read in each cycle.
 
+The servos of a series without sync read get one read each instead.
+
 Only one side may send at a time. A request to all servos follows each frame. The next frame waits
 for the answers or their timeout.
 """
@@ -22,7 +24,7 @@ from hardware.drivers.servo_errors import (
 )
 from hardware.drivers.wire_format import Frame
 
-from .packets import Packet, sync_read, take_packets
+from .packets import Packet, read, sync_read, take_packets
 from .registers import ERRORS, KEPT, MEMORY, SETTINGS
 from .wire_format import ServoFormat
 
@@ -61,6 +63,7 @@ class BusProtocol(BoardProtocol):
         kept, self._state, self._cycle = self._series.blocks
         self._asked = [self._state, kept]  # the next requests; after them, only the cycle repeats
         self._received = bytearray()
+        self._unasked = list[int]()  # servos that have not got their part of the last request
         self._waiting = set[int]()  # servos that have not answered the last request
         self._answers = dict[int, bytes]()  # answers to the last request, by servo
         self._heard = set[int]()  # servos that have answered since the port was opened
@@ -72,7 +75,7 @@ class BusProtocol(BoardProtocol):
         self._silent = dict.fromkeys(self._joints, 0)  # those of them that were not late
         self._answered = dict.fromkeys(self._joints, -math.inf)  # last answered request [s]
         self._requested = -math.inf  # time of the last request [s]
-        self._begun = -math.inf  # time of the first request of this cycle [s]
+        self._begun = -math.inf  # time of the first request, or part of one, of this cycle [s]
         self._slowest = 0.0  # time of the slowest of the last cycles [s]
         self._settles = -math.inf  # time until which the arm may move [s]
         self._moves_for = 0.0  # time that the next torque commands may move the arm [s]
@@ -170,6 +173,27 @@ class BusProtocol(BoardProtocol):
     def poll(self, now: float) -> bytes:
         """Return a request to all servos, after the answers or the timeout of the last one.
 
+        A series without SYNC READ gets it in parts: one request to each servo, one after another.
+
+        Raises:
+            ServoSilent: Servos did not answer several requests in a row.
+        """
+        timeout = ANSWER_TIMEOUT
+        if not self._unasked:
+            self._begin_request(now)
+        else:
+            self._begun = now
+            timeout = self._rest if self.boot_frame else timeout
+        self._received.clear()
+        self.free_at = self.next_poll = now + timeout
+        if self._series.sync_read:
+            servos, self._unasked = self._unasked, []
+            return sync_read(servos, *self._block)
+        return read(self._unasked.pop(0), *self._block)
+
+    def _begin_request(self, now: float) -> None:
+        """Count the lost answers to the last request, and begin the next one.
+
         Raises:
             ServoSilent: Servos did not answer several requests in a row.
         """
@@ -189,10 +213,8 @@ class BusProtocol(BoardProtocol):
         if self.boot_frame and max(cycles.values(), default=0) >= allowed:
             raise self._silence({s: n for s, n in cycles.items() if n >= allowed})
         self._waiting, self._answers, self._doubtful = set(self._joints), {}, set()
-        self._received.clear()
         self._requests, self._requested = self._requests + 1, now
-        self.free_at = self.next_poll = now + ANSWER_TIMEOUT
-        return sync_read(list(self._joints), *self._block)
+        self._unasked = list(self._joints)
 
     def _silence(self, cycles: Mapping[int, int]) -> ServoSilent:
         """Return the fault of silent servos, with the numbers of their requests in a row."""
@@ -233,9 +255,12 @@ class BusProtocol(BoardProtocol):
 
     def _schedule(self, now: float) -> None:
         """Set the times of the next frame and request, and process complete answers."""
-        rest = max(_TIMES_SLOWEST * self._slowest, _LEAST_TIMEOUT)
+        rest = self._rest
+        if self._unasked:
+            self._note_duration(now)
+            self.next_poll = now
         # Before the boot no frame waits for the line.
-        if self._waiting and not self.boot_frame:
+        elif self._waiting and not self.boot_frame:
             self.free_at = self.next_poll = now + ANSWER_TIMEOUT
         elif self._waiting:
             # Never set to a later time: the streamer may be sending a frame, because it found the
@@ -243,12 +268,20 @@ class BusProtocol(BoardProtocol):
             self.free_at = min(self.free_at, now + rest)
             self.next_poll = min(self.next_poll, now + rest)
         else:
-            self._slowest = max(now - self._begun, _REMEMBERED * self._slowest)
+            self._note_duration(now)
             rests = self._holds and now > self._settles
             # After a doubtful answer, the servo may still send its own.
             self.free_at = min(self.free_at, now + rest) if self._doubtful else -math.inf
             self.next_poll = now + (_IDLE_PERIOD if rests else 1 / self._rate)
             self._take_answers(now)
+
+    @property
+    def _rest(self) -> float:
+        """Timeout of an answer after the first one [s]."""
+        return min(max(_TIMES_SLOWEST * self._slowest, _LEAST_TIMEOUT), ANSWER_TIMEOUT)
+
+    def _note_duration(self, now: float) -> None:
+        self._slowest = max(now - self._begun, _REMEMBERED * self._slowest)
 
     def _process(self, packet: Packet) -> None:
         servo, (first, count) = packet.servo, self._block

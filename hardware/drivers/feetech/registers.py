@@ -3,7 +3,8 @@
 Source: Feetech, "Magnetic encoder STS servo: memory table" and "Potentiometer SCSCL servo: memory
 table", in the English copies at wiki.aifitlab.com and wiki.juxitech.com (read 2026-11). Addresses
 and sizes equal those of the maker's SDK (`feetech-servo-sdk` 1.0.0) and of `st3215` 0.4.2.
-Nothing here was checked with a real servo.
+LeRobot's `motors/feetech` asks the servos of the SCS series one by one, because they do not know
+SYNC READ. Nothing here was checked with a real servo.
 """
 
 from dataclasses import dataclass
@@ -38,6 +39,7 @@ class Series:
     Attributes:
         name: Its name.
         big_endian: True if the high byte of a value comes first.
+        sync_read: True if one request can read from several servos.
         ticks: Number of positions.
         turn: Angle of all positions together [deg].
         registers: Its registers by name. Positions are in ticks, loads in 0.1 % of the largest
@@ -46,6 +48,7 @@ class Series:
 
     name: str
     big_endian: bool
+    sync_read: bool
     ticks: int
     turn: float
     registers: dict[str, Register]
@@ -119,6 +122,7 @@ _COMMON = {
 STS = Series(
     "sts",
     big_endian=False,
+    sync_read=True,
     ticks=4096,
     turn=360.0,
     registers=_COMMON
@@ -135,6 +139,7 @@ STS = Series(
 SCS = Series(
     "scs",
     big_endian=True,
+    sync_read=False,
     ticks=1024,
     turn=300.0,
     registers=_COMMON

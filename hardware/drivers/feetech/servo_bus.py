@@ -69,6 +69,9 @@ class FeetechBus:
 
     def positions(self, ids: Sequence[int]) -> dict[int, int]:
         """Return the positions of the servos that answer [ticks], by id."""
+        if not self._series.sync_read:
+            found = {servo: self._get(servo, "position") for servo in ids}
+            return {servo: ticks for servo, ticks in found.items() if ticks is not None}
         register = self._series.registers["position"]
         packets = self._ask(sync_read(ids, register.address, register.size), len(ids))
         return {

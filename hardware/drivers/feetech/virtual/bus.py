@@ -208,7 +208,8 @@ class Bus:
                             servo.write(address, parameters[begin + 1 : begin + 1 + size])
             case Instruction.SYNC_READ, count if count > 2:
                 address, size, *ids = parameters
-                asked = [each for servo in ids for each in self.servos if each.servo == servo]
+                know = [each for each in self.servos if each.series.sync_read]
+                asked = [each for servo in ids for each in know if each.servo == servo]
                 self._answer(asked, [each.read(address, size) for each in asked], time)
 
     def _answer(self, servos: Sequence[Servo], values: Sequence[bytes], time: float) -> None:
