@@ -85,7 +85,8 @@ def calibrate(
     with arm.servo_bus(line, arm.serial.baud, RealClock()) as bus:
         calibrator = Calibrator(arm, bus, answering(arm, bus, line))
         before = calibrator.before() if restore else {}
-        kept = read_lerobot(imported, arm.actuated, arm.servos) if imported else {}
+        ticks = bus.ticks
+        kept = read_lerobot(imported, arm.actuated, arm.servos, ticks) if imported else {}
         # Values that move the zero of a servo would move an arm with torque.
         _confirm("The torque goes off, and gravity moves the arm. Do you hold it?")
         try:

@@ -85,7 +85,7 @@ class Calibrator:
         self._reports = {joint: reports[servo] for joint, servo in robot.servos.items()}
         self._sweep, self._degrees = Sweep(bus.ticks), bus.turn / bus.ticks
         self.path = calibration_file(robot.path)
-        self._earlier = earlier_values(self.path, robot.name)
+        self._earlier = earlier_values(self.path, robot.name, bus.ticks)
 
     def read(self) -> None:
         """Read the positions of the servos once."""
@@ -199,7 +199,7 @@ class Calibrator:
 
 
 def read_lerobot(
-    path: Path, joints: Sequence[Joint], servos: Mapping[str, int]
+    path: Path, joints: Sequence[Joint], servos: Mapping[str, int], ticks: int
 ) -> dict[str, dict[str, int]]:
     """Return the stored values of each joint's servo, from a calibration file of LeRobot.
 
@@ -209,6 +209,7 @@ def read_lerobot(
         path: The file.
         joints: The joints of the arm.
         servos: Id of the servo of each joint, by its name.
+        ticks: Number of positions in a turn of a servo.
 
     Raises:
         DescriptionError: The file is wrong, or has other joints.
@@ -216,7 +217,8 @@ def read_lerobot(
     try:
         values: Any = json.loads(read_file(path, _MAX_BYTES))
         return {
-            joint.name: _lerobot_joint(values[joint.name], servos[joint.name]) for joint in joints
+            joint.name: _lerobot_joint(values[joint.name], servos[joint.name], ticks)
+            for joint in joints
         }
     except OSError as error:
         raise DescriptionError(path, 0, f"cannot be read: {error.strerror}") from error
@@ -227,7 +229,7 @@ def read_lerobot(
         raise DescriptionError(path, 0, f"is not a calibration by LeRobot: {error}") from error
 
 
-def _lerobot_joint(values: Mapping[str, int], servo: int) -> dict[str, int]:
+def _lerobot_joint(values: Mapping[str, int], servo: int, ticks: int) -> dict[str, int]:
     names = {"homing": "homing_offset", "least": "range_min", "most": "range_max"}
     if values["drive_mode"] != 0:
         raise ValueError(f"drive_mode {values['drive_mode']!r} is not 0")
@@ -236,7 +238,8 @@ def _lerobot_joint(values: Mapping[str, int], servo: int) -> dict[str, int]:
     found = {name: values[key] for name, key in names.items()}
     if not all(type(value) is int for value in found.values()):
         raise ValueError(f"{values!r} has values that are not whole numbers")
-    if not (0 <= found["least"] < found["most"] <= 4095 and abs(found["homing"]) < 2048):
+    inside = 0 <= found["least"] < found["most"] < ticks
+    if not (inside and abs(found["homing"]) < ticks // 2):
         raise ValueError(f"{values!r} is not a range within a turn")
     return found
 

@@ -83,8 +83,13 @@ def read_calibration(path: Path, robot: str) -> TomlTable | None:
     return joints
 
 
-def earlier_values(path: Path, robot: str) -> dict[str, dict[str, tuple[int, int]]]:
+def earlier_values(path: Path, robot: str, ticks: int) -> dict[str, dict[str, tuple[int, int]]]:
     """Return the values of each joint's servo in a calibration file; empty if there is no file.
+
+    Args:
+        path: The calibration file.
+        robot: Name of the robot.
+        ticks: Number of positions in a turn of a servo. Smaller values are allowed.
 
     Returns:
         For each joint and each value, by its name in `ServoReport`: the value before the first
@@ -98,7 +103,7 @@ def earlier_values(path: Path, robot: str) -> dict[str, dict[str, tuple[int, int
     for name in joints or ():
         assert joints
         before, wire = (joints.table(name).table(key) for key in ("before", "wire"))
-        allowed = range(-4095, 4096)
+        allowed = range(1 - ticks, ticks)
         found[name] = {
             key: (before.integer(key, choices=allowed), wire.integer(key, choices=allowed))
             for key in before

@@ -27,8 +27,8 @@ class ServoReport:
         torque: True if it has torque.
         errors: Names of the errors that it reports.
         kept: Values that it stores without power and that a calibration may change, by name: `id`,
-            `baud_rate`, `homing` (its offset), `least` and `most` (its limits) [ticks], `mode`
-            (`POSITION_MODE` if it moves to positions).
+            `baud_rate`, `homing` (its offset, which is subtracted from its position), `least` and
+            `most` (its limits) [ticks], `mode` (`POSITION_MODE` if it moves to positions).
     """
 
     servo: int

@@ -1,12 +1,13 @@
 """Which values of the servos a calibration keeps for its restoration, in simulated time."""
 
+import json
 from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
 
-from hardware import BoardLink, SimulatedClock, load_robot
-from hardware.bring_up.calibrating import Calibrator
+from hardware import BoardLink, DescriptionError, SimulatedClock, load_robot
+from hardware.bring_up.calibrating import Calibrator, read_lerobot
 from hardware.bring_up.search import answering
 from hardware.description.calibration import write_calibration
 from hardware.drivers.feetech.virtual.bus import Bus
@@ -112,3 +113,13 @@ def test_a_calibration_sets_the_mode_for_positions_and_gives_the_other_one_back(
     assert load_robot(bench.robot.path).kept["joint_1"] == {**SWEPT, "mode": 0}
     bench.restore(arm)
     assert [servo.get("mode") for servo in arm.servos] == [1] * 4
+
+
+def test_a_file_by_lerobot_must_fit_the_servos(tmp_path: Path) -> None:
+    robot, file = load_robot(bus_arm(tmp_path)), tmp_path / "lerobot.json"
+    kept = {"drive_mode": 0, "homing_offset": 3000, "range_min": 1000, "range_max": 7000}
+    file.write_text(json.dumps({f"joint_{k}": {"id": k, **kept} for k in range(1, 5)}))
+    found = read_lerobot(file, robot.actuated, robot.servos, 8192)
+    assert found["joint_1"] == {"homing": 3000, "least": 1000, "most": 7000}
+    with pytest.raises(DescriptionError, match="not a range within a turn"):
+        read_lerobot(file, robot.actuated, robot.servos, 4096)

@@ -46,7 +46,11 @@ def test_a_calibration_takes_precedence_over_the_robot_file(tmp_path: Path) -> N
     moved = robot.wire_format.encode(start).servos[0] - before.wire_format.encode(start).servos[0]
     assert moved == round(5 * 4096 / 360)
     assert load_robot(file, calibrated=False).actuated == before.actuated
-    assert earlier_values(path, robot.name)["joint_2"] == {"homing": (0, 12)}
+    assert earlier_values(path, robot.name, 4096)["joint_2"] == {"homing": (0, 12)}
+    calibrate(file, homing=5000)
+    assert earlier_values(path, robot.name, 8192)["joint_2"] == {"homing": (0, 5000)}
+    with pytest.raises(DescriptionError, match="5000 is not from -4095 to 4095"):
+        earlier_values(path, robot.name, 4096)
 
 
 def test_a_position_outside_the_calibrated_range_is_refused(tmp_path: Path) -> None:
