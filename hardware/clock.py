@@ -212,10 +212,13 @@ class _SimulatedSignal:
             return
         sleeper = self._clock.sleep(until)
         self._sleepers.append(sleeper)
-        self._lock.release()
-        sleeper.woken.wait()
-        self._lock.acquire()
-        self._sleepers.remove(sleeper)
+        try:
+            self._lock.release()
+            sleeper.woken.wait()
+        finally:  # also after Ctrl-C: the caller releases the lock
+            self._lock.acquire()
+            self._clock.wake([sleeper])
+            self._sleepers.remove(sleeper)
 
     def notify(self) -> None:
         self._clock.wake(self._sleepers)

@@ -1,5 +1,7 @@
 """The clocks: simulated time jumps only when all threads wait, and no wake-up is lost."""
 
+import _thread
+import threading
 import time
 from collections.abc import Callable
 from functools import partial
@@ -44,6 +46,29 @@ def test_a_notified_thread_wakes_and_a_past_time_does_not_wait(make: Callable[[]
     thread.join(5)
     assert woken == ["reported", "seen"]
     assert thread.daemon
+
+
+@pytest.mark.parametrize("make", [RealClock, SimulatedClock])
+def test_a_wait_that_ctrl_c_ends_leaves_the_signal_as_it_was(make: Callable[[], Clock]) -> None:
+    clock = make()
+    signal, waiting = clock.signal(), threading.Event()
+
+    def wait() -> None:
+        with signal:
+            waiting.set()
+            signal.wait(None)
+
+    def interrupt() -> None:
+        waiting.wait()
+        with signal:  # the other thread waits now
+            _thread.interrupt_main()
+
+    thread = threading.Thread(target=interrupt)
+    thread.start()
+    with pytest.raises(KeyboardInterrupt):
+        wait()
+    thread.join()
+    until(clock, clock.now() + 0.01)
 
 
 def test_the_real_clock_is_monotonic_and_knows_utc() -> None:
