@@ -180,6 +180,11 @@ class OpenChunk:
         self._recording, self._tables, self._decoder = recording, tables, decoder
         self._data, self._place = data, place
 
+    @property
+    def size(self) -> int:
+        """Unpacked size of its records [bytes]."""
+        return len(self._data)
+
     def entries(self, topic: str) -> list[Entry]:
         """Return the messages on a topic, in file order."""
         table = self._tables.get(topic, b"")
@@ -209,10 +214,15 @@ class OpenChunk:
         Raises:
             RecordingError: The chunk is damaged.
         """
-        found = ((entry, topic) for topic in topics for entry in self.entries(topic))
-        ordered = sorted(found, key=lambda each: each[0][1])
+        entries = ((entry, topic) for topic in topics for entry in self.entries(topic))
+        found, left = [], len(self._data)
         with self._recording.decoding():
-            return [self._message(topic, entry) for entry, topic in ordered]
+            for entry, topic in sorted(entries, key=lambda each: each[0][1]):
+                found.append(self._message(topic, entry))
+                left -= len(found[-1].cdr)
+                if left < 0:
+                    raise BadRecord("an index in which messages overlap")
+        return found
 
     def _message(self, topic: str, entry: Entry) -> Message:
         recording = self._recording
