@@ -6,6 +6,7 @@ from contextlib import suppress
 from itertools import islice, pairwise
 from json import dumps
 from pathlib import Path
+from struct import pack
 from typing import Any
 
 import pytest
@@ -169,6 +170,16 @@ def test_what_cannot_be_read_by_its_index_says_so(run: Path, tmp_path: Path) -> 
     damaged.write_bytes(data)
     with pytest.raises(logs.RecordingError):
         list(windows(Timeline(damaged)))
+    # A hole in place of the summary, or a record that ends after it.
+    whole = run.read_bytes()
+    for name, record in {"hole": bytes(9), "long": pack("<BQ", 0x0B, 1 << 30)}.items():
+        holey, begin = tmp_path / f"{name}.mcap", len(whole)
+        with holey.open("wb") as stream:
+            stream.write(whole + record)
+            stream.seek(1 << 40)
+            stream.write(pack("<BQQQI", 0x02, 20, begin, 0, 0) + whole[-8:])
+        with pytest.raises(logs.RecordingError, match="has no index; type armtree log recover"):
+            Timeline(holey)
     shutil.copyfile(run, silent := tmp_path / "silent.mcap")
     assert Timeline(lacking(silent, "/goal", "/tree")).goal is None
     assert Timeline(silent).to_json()["ended"]
