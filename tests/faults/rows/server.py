@@ -146,6 +146,7 @@ flood_open = flood("stops on open connections", "stop the arm again and again", 
 flood_pipelined = flood("pipelined stops", "send 500 stops at once", stops=True)
 flood_bodies = flood("stops with bodies", "stops whose bodies come later, in part", stops=True)
 flood_long = flood("long stops", "stops with 11,000 header lines")
+flood_wide = flood("wide stops", "stops with 480 header lines in 2 kB")
 flood_foreign_long = flood("foreign long stops", "stops with 11,000 header lines for another host")
 flood_foreign = flood("foreign stops", "stops for another host")
 flood_endless = flood("endless stops", "stops whose 11,000 header lines do not end")
