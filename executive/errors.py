@@ -482,11 +482,13 @@ class ServerSilent(ServerUnreachable):
         url: URL of the server.
         seconds: Time without an answer [s].
         reads: True if the request only reads.
+        began: True if an answer began, but did not end.
     """
 
-    def __init__(self, url: str, seconds: float, reads: bool) -> None:
+    def __init__(self, url: str, seconds: float, reads: bool, began: bool = False) -> None:
         self.hint = "check the arm, and switch off its power if it moves"
-        why = f"the server at {url} does not answer: nothing came for {seconds:g} s"
+        what = "its answer takes more than" if began else "nothing came for"
+        why = f"the server at {url} does not answer: {what} {seconds:g} s"
         later = "" if reads else ". It may execute the request later"
         Exception.__init__(self, f"{why}{later}; {self.hint}")
 

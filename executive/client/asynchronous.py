@@ -48,10 +48,12 @@ class AsyncClient:
     ) -> None:
         from httpcore import AsyncConnectionPool  # slow to import; `--help` does not need it
 
+        from .deadlines import AsyncBackend
+
         self._address = transport.Address.find(url, token, name)
         self.url: str = self._address.url
-        self._clock = clock or RealClock()
-        self._http = AsyncConnectionPool(**transport.POOL)
+        backend = AsyncBackend((clock or RealClock()).now)
+        self._http = AsyncConnectionPool(network_backend=backend, **transport.POOL)
 
     async def __aenter__(self) -> Self:
         return self
@@ -357,14 +359,15 @@ class AsyncClient:
         """
         operation = OPERATIONS["events"]
         path, query, _ = operation.split({"events": ",".join(kinds) or None})
-        timeout = transport.SILENCE_TIMEOUT
+        timeout = transport.ANSWER_TIMEOUT
         with transport.transport_errors(self.url, timeout):
             request = self._address.request("GET", path, query, timeout=timeout)
             async with self._http.stream(**request) as response:
                 pieces = response.aiter_stream()
                 if response.status != operation.status:
-                    await self._read(response, "events", transport.ANSWER_TIMEOUT)
+                    await self._read(response, "events")
                 first = await anext(pieces, b"")  # the server confirms the subscription
+                transport.lift_deadline(response, transport.SILENCE_TIMEOUT)
                 yield self._read_events(first, pieces)
 
     @asynccontextmanager
@@ -426,17 +429,16 @@ class AsyncClient:
         with transport.transport_errors(self.url, timeout, operation.method == "GET"):
             request = self._address.request(operation.method, path, query, body, timeout)
             async with self._http.stream(**request) as response:
-                return read(await self._read(response, name, timeout))
+                return read(await self._read(response, name))
 
-    async def _read(self, response: "httpcore.Response", name: str, timeout: float) -> Any:
+    async def _read(self, response: "httpcore.Response", name: str) -> Any:
         """Return the JSON of an answer.
 
         Args:
             response: The answer.
             name: Name of the operation.
-            timeout: Longest time for the body [s].
         """
-        body = ResponseBody(self.url, response.status, timeout, self._clock)
+        body = ResponseBody(self.url, response.status)
         async for piece in response.aiter_stream():
             body.add(piece)
         return body.value(name)

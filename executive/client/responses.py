@@ -10,7 +10,6 @@ from executive.api.operations import OPERATIONS
 from executive.api.outcome import Cause
 from executive.api.schemas import ERROR, inlined
 from executive.errors import Refused, WrongAnswer
-from hardware import Clock
 from logs.records.field_types import has_type
 
 MAX_BYTES = 4 * 1024 * 1024  # largest size of an answer or of an event
@@ -22,26 +21,21 @@ class ResponseBody:
     Args:
         url: URL of the server.
         status: HTTP status of the response.
-        timeout: Longest time for the body [s].
-        clock: Time source.
     """
 
-    def __init__(self, url: str, status: int, timeout: float, clock: Clock) -> None:
+    def __init__(self, url: str, status: int) -> None:
         self._url, self._status = url, status
         self._data = bytearray()
-        self._clock, self._end = clock, clock.now() + timeout
 
     def add(self, piece: bytes) -> None:
         """Add a piece of the body.
 
         Raises:
-            WrongAnswer: The body is too long, or takes too long.
+            WrongAnswer: The body is too long.
         """
         self._data += piece
         if len(self._data) > MAX_BYTES:
             raise WrongAnswer(self._url, f"its answer has more than {MAX_BYTES >> 20} MiB")
-        if self._clock.now() > self._end:
-            raise WrongAnswer(self._url, "its answer does not end")
 
     def value(self, name: str) -> Any:
         """Return the JSON of an answer that has ended.

@@ -48,10 +48,12 @@ class Client:
     ) -> None:
         from httpcore import ConnectionPool  # slow to import; `--help` does not need it
 
+        from .deadlines import Backend
+
         self._address = transport.Address.find(url, token, name)
         self.url: str = self._address.url
-        self._clock = clock or RealClock()
-        self._http = ConnectionPool(**transport.POOL)
+        backend = Backend((clock or RealClock()).now)
+        self._http = ConnectionPool(network_backend=backend, **transport.POOL)
 
     def __enter__(self) -> Self:
         return self
@@ -353,14 +355,15 @@ class Client:
         """
         operation = OPERATIONS["events"]
         path, query, _ = operation.split({"events": ",".join(kinds) or None})
-        timeout = transport.SILENCE_TIMEOUT
+        timeout = transport.ANSWER_TIMEOUT
         with transport.transport_errors(self.url, timeout):
             request = self._address.request("GET", path, query, timeout=timeout)
             with self._http.stream(**request) as response:
                 pieces = response.iter_stream()
                 if response.status != operation.status:
-                    self._read(response, "events", transport.ANSWER_TIMEOUT)
+                    self._read(response, "events")
                 first = next(pieces, b"")  # the server confirms the subscription
+                transport.lift_deadline(response, transport.SILENCE_TIMEOUT)
                 yield self._read_events(first, pieces)
 
     @contextmanager
@@ -421,17 +424,16 @@ class Client:
         with transport.transport_errors(self.url, timeout, operation.method == "GET"):
             request = self._address.request(operation.method, path, query, body, timeout)
             with self._http.stream(**request) as response:
-                return read(self._read(response, name, timeout))
+                return read(self._read(response, name))
 
-    def _read(self, response: "httpcore.Response", name: str, timeout: float) -> Any:
+    def _read(self, response: "httpcore.Response", name: str) -> Any:
         """Return the JSON of an answer.
 
         Args:
             response: The answer.
             name: Name of the operation.
-            timeout: Longest time for the body [s].
         """
-        body = ResponseBody(self.url, response.status, timeout, self._clock)
+        body = ResponseBody(self.url, response.status)
         for piece in response.iter_stream():
             body.add(piece)
         return body.value(name)

@@ -8,12 +8,15 @@ import threading
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Mapping
 from contextlib import asynccontextmanager, contextmanager
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 from urllib.parse import quote, urlencode, urlsplit
 
 from executive.api import PORT, token_file
 from executive.api.token_file import KEEPALIVE
 from executive.errors import ServerSilent, ServerUnreachable
+
+if TYPE_CHECKING:
+    import httpcore
 
 ANSWER_TIMEOUT = 10.0  # longest time for an answer that does not wait for anything [s]
 SILENCE_TIMEOUT = 45.0  # longest silence of an event stream [s]; the server sends every 15 s
@@ -82,7 +85,7 @@ class Address:
             path: Path of the URL.
             query: Parameters of the URL.
             body: JSON object to send.
-            timeout: Longest time for each step of the request [s].
+            timeout: Longest time for each step of the request, and for the answer [s].
         """
         headers, content = dict(self.headers), None
         if body is not None:
@@ -124,15 +127,17 @@ def transport_errors(url: str, silence: float, reads: bool = True) -> Iterator[N
         reads: True if the request only reads.
 
     Raises:
-        ServerSilent: The server was silent for longer.
+        ServerSilent: The server was silent for longer, or its answer did not end in time.
         ServerUnreachable: The server could not be reached.
     """
     import httpcore  # slow to import
 
+    from .deadlines import AnswerTooSlow
+
     try:
         yield
     except httpcore.ReadTimeout as error:
-        raise ServerSilent(url, silence, reads) from error
+        raise ServerSilent(url, silence, reads, isinstance(error, AnswerTooSlow)) from error
     except httpcore.RemoteProtocolError as error:
         words = "the connection ended before the answer did, or another program answers"
         raise ServerUnreachable(url, words) from error
@@ -144,6 +149,11 @@ def transport_errors(url: str, silence: float, reads: bool = True) -> Iterator[N
     ) as error:
         words = re.sub(r"^\[Errno -?\d+\] ", "", str(error)) or type(error).__name__
         raise ServerUnreachable(url, words) from error
+
+
+def lift_deadline(response: "httpcore.Response", silence: float) -> None:
+    """Limit only the silence in a body without end [s]."""
+    response.extensions["network_stream"].deadline.lift(silence)
 
 
 def poll_times(timeout: float | None) -> Iterator[float]:

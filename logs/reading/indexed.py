@@ -10,6 +10,7 @@ from struct import Struct
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from logs.errors import RecordingError, RecordingInUse
+from logs.records.file_format import INVALID, MAGIC, MAX_RECORD
 
 from .file_state import being_written
 from .mcap_records import HEAD, BadRecord, Decoder, damage
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from mcap.summary import Summary
 
 _CHUNK, _MESSAGE_INDEX, _ATTACHMENT, _METADATA = 0x06, 0x07, 0x09, 0x0C
+_FOOTER = Struct("<BQQQI")  # opcode, length, offsets of the summary, checksum
 _INDEX_HEAD = Struct("<HI")  # channel, and number of following bytes
 _INDEX_ENTRY = Struct("<QQ")  # time, and offset in the chunk
 
@@ -147,6 +149,7 @@ class IndexedRecording(Recording):
             raise RecordingInUse(self.path)
         try:
             with self.path.open("rb") as stream:
+                _check_summary(stream)
                 summary = make_reader(stream).get_summary()
         except damage(OSError):
             summary = None
@@ -180,6 +183,11 @@ class OpenChunk:
         self._recording, self._tables, self._decoder = recording, tables, decoder
         self._data, self._place = data, place
 
+    @property
+    def size(self) -> int:
+        """Unpacked size of its records [bytes]."""
+        return len(self._data)
+
     def entries(self, topic: str) -> list[Entry]:
         """Return the messages on a topic, in file order."""
         table = self._tables.get(topic, b"")
@@ -209,10 +217,15 @@ class OpenChunk:
         Raises:
             RecordingError: The chunk is damaged.
         """
-        found = ((entry, topic) for topic in topics for entry in self.entries(topic))
-        ordered = sorted(found, key=lambda each: each[0][1])
+        entries = ((entry, topic) for topic in topics for entry in self.entries(topic))
+        found, left = [], len(self._data)
         with self._recording.decoding():
-            return [self._message(topic, entry) for entry, topic in ordered]
+            for entry, topic in sorted(entries, key=lambda each: each[0][1]):
+                found.append(self._message(topic, entry))
+                left -= len(found[-1].cdr)
+                if left < 0:
+                    raise BadRecord("an index in which messages overlap")
+        return found
 
     def _message(self, topic: str, entry: Entry) -> Message:
         recording = self._recording
@@ -230,10 +243,31 @@ def _table(stream: BinaryIO, at: int) -> bytes:
     return table
 
 
+def _check_summary(stream: BinaryIO) -> None:
+    """Check the lengths in a summary, because mcap reads any length, and reads on in a hole.
+
+    Args:
+        stream: The file; positioned at its beginning afterwards.
+
+    Raises:
+        BadRecord: A length or an opcode is invalid. The function may also raise the exceptions of
+            `damage`.
+    """
+    end = stream.seek(-_FOOTER.size - len(MAGIC), os.SEEK_END)
+    *_, at, _, _ = _FOOTER.unpack(stream.read(_FOOTER.size))
+    while 0 < at < end:
+        stream.seek(at)
+        opcode, length = HEAD.unpack(stream.read(HEAD.size))
+        if opcode == INVALID or length > MAX_RECORD:
+            raise BadRecord(f"opcode {opcode} of {length} bytes in the summary")
+        at += HEAD.size + length
+    stream.seek(0)
+
+
 def _record(stream: BinaryIO, at: int, expected: int) -> bytes:
     """Return the body of the record at an offset in a file."""
     stream.seek(at)
     opcode, length = HEAD.unpack(stream.read(HEAD.size))
-    if opcode != expected or length > os.fstat(stream.fileno()).st_size:
+    if opcode != expected or length > min(MAX_RECORD, os.fstat(stream.fileno()).st_size):
         raise BadRecord(f"opcode {opcode} of {length} bytes at {at}")
     return stream.read(length)

@@ -10,6 +10,8 @@ from struct import Struct, error
 from typing import TYPE_CHECKING, Any
 from zlib import crc32
 
+from logs.records.file_format import INVALID
+
 if TYPE_CHECKING:
     from mcap.records import Attachment, Chunk, Message
 
@@ -29,7 +31,6 @@ _UNPACKED_LIMIT, _UNPACKED_PER_BYTE = 16 << 20, 1000
 # Even records that differ only in time and number take several bytes each.
 _RECORDS_LIMIT = 10_000
 
-_INVALID = 0x00  # no record has this opcode
 _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _ATTACHMENT = 0x03, 0x04, 0x05, 0x06, 0x09
 
 
@@ -86,7 +87,7 @@ class Decoder:
             yield _checked(self._decoded(opcode, body), body)
         elif opcode == _MESSAGE or opcode in self._kinds:
             yield self._decoded(opcode, body)
-        elif opcode == _INVALID:
+        elif opcode == INVALID:
             raise BadRecord("opcode 0")
 
     def unpacked_chunk(self, body: bytes, place: int) -> bytes:

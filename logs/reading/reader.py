@@ -3,6 +3,7 @@
 import json
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
+from json.scanner import py_make_scanner  # type: ignore[attr-defined]
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +17,18 @@ if TYPE_CHECKING:
 _JSON = "std_msgs/msg/String"
 _TEXT_HEAD = 8  # number of bytes before a text in CDR
 _LITTLE_ENDIAN = b"\0\1\0\0"  # the first four of them
+
+# Largest size of a message [bytes]. Messages on motions, and a URDF, may fill a chunk.
+MAX_BYTES = 1 << 20
+_LARGE = "/plan/", "/schedule", "/robot_description"
+
+# Largest numbers of some characters in a JSON message. A motion of 10 minutes at 100 Hz has 120,000
+# rows, and of 16 joints 1,200,000 values. A world of 1000 bodies has 9000 keys.
+_MOST = {"[": 250_000, "{": 10_000, ",": 1_500_000, '":': 20_000}
+
+# Size from which JSON is decoded in Python [characters]. The decoder in C keeps the interpreter's
+# lock to its end, and a server must be able to move and stop the arm meanwhile.
+_DECODED_AT_ONCE = 1 << 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,10 +54,11 @@ class Message:
         """The ROS 2 message, with fields as attributes. Each access decodes it again.
 
         Raises:
-            RecordingError: The bytes do not fit the type.
+            RecordingError: The bytes do not fit the type, or are too many.
         """
         from logs.records.cdr import decode
 
+        self._check_size()
         try:
             return decode(self.type, self.cdr)
         except Exception as cause:
@@ -56,19 +70,49 @@ class Message:
 
         Raises:
             TypeError: The topic does not carry JSON.
-            RecordingError: The message is not a JSON object.
+            RecordingError: The message is not a JSON object, or is too large.
         """
         if self.type != _JSON:
             raise TypeError(f"{self.topic} carries {self.type}, not JSON: use .data")
+        self._check_size()
         try:
             text = _plain_text(self.cdr)
-            fields = json.loads(self.data.data if text is None else text)
+            fields = _json(self.data.data if text is None else text)
         except (ValueError, RecursionError) as cause:
             what = f"a message on {self.topic} is not JSON, or too deep ({cause})"
             raise RecordingError(self.path, what) from cause
         if not isinstance(fields, dict):
             raise RecordingError(self.path, f"a message on {self.topic} is not a JSON object")
         return fields
+
+    def _check_size(self) -> None:
+        size = len(self.cdr)
+        if size > MAX_BYTES and not self.topic.startswith(_LARGE):
+            what = f"a message on {self.topic} has {size} bytes; the limit is {MAX_BYTES}"
+            raise RecordingError(self.path, what)
+
+
+class _PythonDecoder(json.JSONDecoder):
+    """Decodes JSON without its decoder in C."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.scan_once = py_make_scanner(self)
+
+
+def _json(text: str) -> Any:
+    """Return the value of JSON.
+
+    Raises:
+        ValueError: It is not JSON, or has too many values.
+        RecursionError: It is too deep.
+    """
+    if len(text) <= _DECODED_AT_ONCE:
+        return json.loads(text)
+    for each, most in _MOST.items():
+        if (count := text.count(each)) > most:
+            raise ValueError(f"it has {count} times {each}; the limit is {most}")
+    return _PythonDecoder().decode(text)
 
 
 def _plain_text(cdr: bytes) -> str | None:

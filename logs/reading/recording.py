@@ -25,7 +25,7 @@ from logs.records.records import (
     Transition,
 )
 
-from .reader import Message, content
+from .reader import MAX_BYTES, Message, content
 from .tolerant_reader import TolerantReader
 
 if TYPE_CHECKING:
@@ -363,4 +363,6 @@ def _invalid_field(kind: type, values: Mapping[str, Any]) -> str:
 def _in_range(name: str, value: Any) -> bool:
     if name in _TIMES:
         return abs(float(value)) < _LONGEST
+    if isinstance(value, str) and len(value) > MAX_BYTES:
+        return False
     return name != "goal_id" or _GOAL_ID.fullmatch(value) is not None

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 from zlib import crc32
 
 from logs.errors import RecordingError
-from logs.records.file_format import MAGIC, is_journal, valid_size
+from logs.records.file_format import MAGIC, MAX_RECORD, is_journal, valid_size
 
 from .mcap_records import HEAD, Decoder, damage
 
@@ -90,7 +90,7 @@ class TolerantReader:
         while not isinstance(record, Footer):
             head = stream.read(HEAD.size)
             opcode, length = HEAD.unpack(head)
-            if length > size - stream.tell():
+            if length > min(MAX_RECORD, size - stream.tell()):
                 return
             body, before = stream.read(length), crc
             place, crc = stream.tell(), crc32(body, crc32(head, crc))

@@ -27,6 +27,7 @@ from .ros_lifecycle import STATE_NUMBERS, transition_number
 _TX, _RX = 0, 1
 LATE = 0.02  # smallest reported delay of a frame [s]
 _LOWEST_LEVEL, _HIGHEST_LEVEL = 10, 50
+MAX_TEXT = 20_000  # largest text of a skill or a log that is recorded [characters]
 
 
 class Stamp(NamedTuple):
@@ -126,8 +127,9 @@ def late_frame(sent: Sent, stamp: Stamp) -> Message | None:
 
 
 def every_field(record: Record, stamp: Stamp) -> Message:
-    """Return all fields of a record, as JSON in a String."""
-    return _string(asdict(record))
+    """Return all fields of a record, as JSON in a String. Long texts are cut."""
+    fields = asdict(record)
+    return _string({k: _cut(v) if isinstance(v, str) else v for k, v in fields.items()})
 
 
 def trajectory(plan: Plan, stamp: Stamp) -> Message | None:
@@ -201,9 +203,13 @@ def _string(facts: dict[str, Any]) -> Message:
 
 
 def _text(value: str) -> str:
-    """Return text that every ROS reader accepts: no lone surrogates, no NUL."""
-    clean = value.encode("utf-8", "backslashreplace").decode("utf-8")
+    """Return text that every ROS reader accepts: no lone surrogates, no NUL, not too long."""
+    clean = _cut(value).encode("utf-8", "backslashreplace").decode("utf-8")
     return clean.replace("\0", "\\x00")
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= MAX_TEXT else f"{text[:MAX_TEXT]} ..."
 
 
 def _header(stamp: Stamp, frame: str = "") -> Message:

@@ -28,6 +28,12 @@ UNFINISHED = ", checked journal"
 _HALVES = UNFINISHED[:7].encode(), UNFINISHED[7:].encode()  # one half may be damaged
 _HEAD = 128  # number of first bytes, which contain the library's name
 
+# Largest record [bytes]. The largest of armtree is an attachment of up to 64 MiB, a mesh. A sparse
+# file may claim any length.
+MAX_RECORD = 1 << 27
+
+INVALID = 0x00  # no record has this opcode; a hole of a sparse file has only zeros
+
 _RECORD, _CRC = struct.Struct("<BQ"), struct.Struct("<I")
 _CHECK, _DATA_END, _FOOTER = 0x80, 0x0F, 0x02
 _BLOCK = 1 << 20  # size of one read [bytes]
@@ -68,6 +74,8 @@ def valid_size(stream: BinaryIO) -> int:
                 break
             good, crc = stream.tell(), 0
             continue
+        if opcode == INVALID or left > MAX_RECORD:
+            break
         crc = crc32(head, crc)
         while left and (block := stream.read(min(left, _BLOCK))):
             crc, left = crc32(block, crc), left - len(block)

@@ -58,10 +58,10 @@ def serve(setup: Setup, listen: ListenOptions, fleet: FleetPlace | None = None) 
         logger.info("The page, to open once: %s", server.sign_in.link())
         with recorded_log(executive):  # everything except the token and the link
             logger.info("%s", port_line(executive))
-            _announce(server, executive, listen)
             executive.start()
             with closing(executive):
                 server.start()
+                _announce(server, executive, listen)
                 clock.spawn(lambda: prepare(executive), "prepare")
                 interrupts.on_cancel(lambda: _leave(executive, interrupts))
                 page = listen.page(server.port)

@@ -158,10 +158,10 @@ class App:
                         answer(request, **given) if operation.streams else answer(**given)
                     )
                 if isinstance(value, Response):
-                    return _compressed(request, value)
+                    return await _compressed(request, value)
                 if operation.answer is None:
                     return Response(value, operation.status, media_type=operation.media)
-                return _compressed(request, JSONResponse(value, operation.status))
+                return await _compressed(request, JSONResponse(value, operation.status))
             except (ClientDisconnect, asyncio.CancelledError):  # or until the server ends
                 return Response()
             except RequestError as error:
@@ -230,14 +230,14 @@ class _Arguments:
         }
 
 
-def _compressed(request: Request, response: Response) -> Response:
+async def _compressed(request: Request, response: Response) -> Response:
     """Return a response. Large JSON is compressed if the client accepts it."""
     takes = "gzip" in request.headers.get("accept-encoding", "")
     is_json = response.media_type == JSONResponse.media_type
     if not (takes and is_json and len(response.body) >= _COMPRESSED):
         return response
     headers = {"content-encoding": "gzip", "vary": "accept-encoding"}
-    data = gzip.compress(response.body, 1, mtime=0)
+    data = await asyncio.to_thread(gzip.compress, response.body, 1, mtime=0)
     return Response(data, response.status_code, headers, response.media_type)
 
 

@@ -1,8 +1,8 @@
 """The endpoints without an arm: sign-in and recordings."""
 
 import asyncio
-from collections.abc import Callable, Mapping
-from json import dumps
+from collections.abc import Callable, Iterator, Mapping
+from json import JSONEncoder
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ from executive.api.operations import OPERATIONS
 from executive.api.schemas import MAX_LISTED
 from executive.errors import NotFound
 from executive.server.playback.recording_list import RecordingFilter, RecordingFolder
-from executive.server.playback.seek import POINTS
+from executive.server.playback.seek import POINTS, Timeline
 from executive.server.sign_in import SignIn
 from hardware.installed import version
 from logs import RecordingError
@@ -21,6 +21,8 @@ from logs import RecordingError
 from .openapi import document
 
 Json = Mapping[str, Any]
+
+_ENCODER = JSONEncoder(allow_nan=False, separators=(",", ":"))
 
 
 class RecordingEndpoints:
@@ -79,20 +81,19 @@ class RecordingEndpoints:
         return (await asyncio.to_thread(self._recordings.timeline, name)).to_json()
 
     async def recorded_events(self, name: str, at: float = 0.0) -> Response:
-        return await asyncio.to_thread(self._window, name, at)
+        return await asyncio.to_thread(self._answer, name, lambda timeline: timeline.events(at))
 
-    def _window(self, name: str, at: float) -> Response:
-        window = self._recordings.timeline(name).events(at)
+    async def recorded_series(self, name: str, points: int = POINTS) -> Response:
+        return await asyncio.to_thread(self._answer, name, lambda timeline: timeline.series(points))
+
+    def _answer(self, name: str, read: Callable[[Timeline], Json]) -> Response:
+        """Return what a thread reads from the timeline of a recording."""
         try:
-            text = dumps(window, allow_nan=False, separators=(",", ":"))
+            text = _text(read(self._recordings.timeline(name)))
         except ValueError as cause:
             what = "has a number that is not finite; another program recorded it"
             raise RecordingError(self._recordings.path(name), what) from cause
         return Response(text, media_type="application/json")
-
-    async def recorded_series(self, name: str, points: int = POINTS) -> Json:
-        timeline = await asyncio.to_thread(self._recordings.timeline, name)
-        return await asyncio.to_thread(timeline.series, points)
 
     async def recorded_robot(self, name: str) -> Json:
         scene = await asyncio.to_thread(self._recordings.scene, name)
@@ -120,3 +121,22 @@ class RecordingEndpoints:
 
     async def openapi(self) -> Json:
         return self._document
+
+
+def _text(values: Json) -> str:
+    """Return a JSON object. Iterators are encoded piece by piece, and become arrays.
+
+    Raises:
+        ValueError: A number is not finite.
+    """
+    fields = []
+    for key, value in values.items():
+        is_array = isinstance(value, Iterator)
+        text = f"[{','.join(map(_encoded, value))}]" if is_array else _encoded(value)
+        fields.append(f'"{key}":{text}')
+    return f"{{{','.join(fields)}}}"
+
+
+def _encoded(value: Any) -> str:
+    """Return JSON. In one piece, the encoder would keep the interpreter's lock to its end."""
+    return "".join(_ENCODER.iterencode(value))

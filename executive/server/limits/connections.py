@@ -243,9 +243,10 @@ class HttpConnection(_QueuedProtocol, H11Protocol):
         self._end_head_timer()
 
     def process(self, data: bytes) -> None:
-        """Process queued data. Refuse a head with too many lines before parsing it."""
-        if self.conn.their_state is h11.IDLE and _too_many_lines(self.conn.trailing_data[0] + data):
-            self.send_400_response(f"a head may have at most {MAX_HEAD_LINES} lines")
+        """Process queued data. Refuse a head that is too large before parsing it."""
+        if self.conn.their_state is h11.IDLE and _too_large(self.conn.trailing_data[0] + data):
+            limits = f"{MAX_HEAD_LINES} lines and {MAX_HEAD >> 10} KiB"
+            self.send_400_response(f"a head may have at most {limits}")
             return
         super().process(data)
         if self.transport.get_protocol() is self:  # it has not become a WebSocket
@@ -414,9 +415,11 @@ def _is_open(connection: socket.socket) -> bool:
     return state == _TCP_ESTABLISHED
 
 
-def _too_many_lines(data: bytes) -> bool:
-    end = _HEAD_END.search(data)
-    return data.count(b"\n", 0, end.start() if end else len(data)) > MAX_HEAD_LINES
+def _too_large(data: bytes) -> bool:
+    """Return True if the head at the start of data has too many lines or bytes."""
+    found = _HEAD_END.search(data)
+    end, size = (found.start(), found.end()) if found else (len(data), len(data))
+    return size > MAX_HEAD or data.count(b"\n", 0, end) > MAX_HEAD_LINES
 
 
 def _is_utf8(text: bytes) -> bool:

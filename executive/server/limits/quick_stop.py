@@ -18,6 +18,7 @@ from executive.server.errors import failure
 from executive.server.security import SECURITY_HEADERS, AccessRules, client_of
 
 MAX_HEAD = 2 * 1024  # largest head [bytes]
+MAX_LINES = 30  # largest number of lines of a head; browsers send 15
 _HEAD = re.compile(
     rb"POST /api/stop/?(?:\?[!-~]*)? HTTP/1\.1\r\n"
     rb"(?:[!#-'*+.^_`|~0-9A-Za-z-]+:[\t -~\x80-\xff]*\r\n)+\r\n"
@@ -43,6 +44,9 @@ class QuickStop:
     @classmethod
     def find(cls, data: bytes, rules: AccessRules) -> Self | None:
         """Return the stop at the start of data, or None if it is incomplete or not accepted."""
+        end = data.find(b"\r\n\r\n", 0, MAX_HEAD)
+        if end < 0 or data.count(b"\n", 0, end) >= MAX_LINES:
+            return None
         head = _HEAD.match(data, 0, MAX_HEAD)
         if not head:
             return None

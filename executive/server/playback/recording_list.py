@@ -37,6 +37,7 @@ VERIFY_TIMEOUT = 120.0  # longest time that a verification may take [s]
 MAX_FILES = 100_000  # largest number of listed recordings of a folder
 _OPEN = 4  # number of timelines and robots in memory
 _GOAL = ("/goal",)
+_MAX_TEXT = 1000  # largest text of a row [characters]
 _NICE = 10  # low priority, because a verification must not delay the arm
 
 Json = dict[str, Any]
@@ -344,7 +345,7 @@ def _summary(path: Path) -> Json:
     if isinstance(result, logs.Result):
         row |= {"state": result.state, "code": result.code, "message": result.message}
         row["duration_s"] = result.duration
-    return row
+    return {k: v[:_MAX_TEXT] if isinstance(v, str) else v for k, v in row.items()}
 
 
 def _has_index(path: Path) -> bool:

@@ -25,8 +25,17 @@ from .node_state import NodeState
 
 POINTS = 2000  # largest number of samples of positions of a recording
 _ROUNDING = 1e-6  # rounding error of times [s]
-_AHEAD = 4  # number of chunks that are unpacked ahead
+_AHEAD = 2  # number of chunks that are unpacked ahead
 _EVENTS = 500  # smallest number of events in a window; it ends with a chunk
+
+# A window also ends after this number of bytes, or after this number per node of the tree.
+_WINDOW_BYTES, _PER_NODE = 4 << 20, 1000
+
+# Largest sizes of messages that are in memory together [bytes]: those of nodes of the tree (and so
+# much per byte of the file), those of a plot, and those of an answer. The plans and the schedule of
+# a motion of 10 minutes have up to 30 MB.
+_NODE_BYTES, _NODE_BYTES_PER_BYTE, _PLOT_BYTES, _ANSWER_BYTES = 32 << 20, 16, 8 << 20, 64 << 20
+_LINE_BYTES = 4 << 20  # largest size of the lines of the log in an answer [bytes]
 
 _COMMANDED, _MEASURED = "/joint_states", "/joint_states/measured"
 _TIMING, _PROGRESS, _LOG = "/serial/timing", "/progress", "/rosout"
@@ -42,6 +51,7 @@ _SENT_AS_EVENTS = (
 Json = dict[str, Any]
 T = TypeVar("T")
 _Sample = tuple[float, dict[str, float]]  # sample: time [s], and positions by joint
+_Take = Callable[[logs.Message], logs.Message]  # limits the size of messages
 _Node = tuple[NodeState, logs.Message]  # state of a node, and its last message
 
 
@@ -71,6 +81,33 @@ class _Window:
     newest: Mapping[str, _Place]
 
 
+class _Allowance:
+    """Limits the size of messages that are in memory together.
+
+    Args:
+        path: The recording.
+        size: Largest size [bytes].
+        what: The messages, in words.
+    """
+
+    def __init__(self, path: Path, size: int, what: str) -> None:
+        self._path, self._size, self._left, self._what = path, size, size, what
+
+    def take(self, message: logs.Message, in_place_of: logs.Message | None = None) -> logs.Message:
+        """Add a message, and remove another one.
+
+        Raises:
+            RecordingError: The messages are too large.
+        """
+        self._left -= len(message.cdr) - (len(in_place_of.cdr) if in_place_of else 0)
+        if self._left < 0:
+            what = (
+                f"{self._what} take more than {self._size >> 20} MiB; another program recorded it"
+            )
+            raise logs.RecordingError(self._path, what)
+        return message
+
+
 class _Thinned(Generic[T]):
     """Values of at most `POINTS` messages on a topic, spread over the recording.
 
@@ -86,17 +123,22 @@ class _Thinned(Generic[T]):
         self._topic, self._decode = topic, decode
         self._next = recording.begin_ns
         self._step = (recording.end_ns - recording.begin_ns) // POINTS
+        self._allowance = _Allowance(recording.path, _PLOT_BYTES, f"samples of {topic}")
         self.values: list[T] = []
 
     def add(self, opened: OpenChunk) -> None:
-        """Add the messages of the next chunk."""
+        """Add the messages of the next chunk.
+
+        Raises:
+            RecordingError: The messages are too large.
+        """
         entries, at = opened.entries(self._topic), 0
         while len(self.values) < POINTS:
             at = bisect_left(entries, (self._next, 0), at)
             if at == len(entries):
                 break
             self._next = entries[at][0] + self._step
-            value = self._decode(opened.message(self._topic, entries[at]))
+            value = self._decode(self._allowance.take(opened.message(self._topic, entries[at])))
             self.values += [] if value is None else [value]
             at += 1
 
@@ -156,9 +198,10 @@ class Timeline:
             `from_s` and `to_s`, its begin and end; `state`, events that restore the state before
             it; `events`, its events; `previous_s` and `next_s`, the last step of the run before it
             and the first one after it, or None. Times are from the beginning of the goal [s].
+            `state` and `events` are iterators, which may also raise RecordingError.
 
         Raises:
-            RecordingError: The recording is damaged.
+            RecordingError: The recording is damaged, or its messages are too large.
         """
         begins = [window.begin for window in self._windows]
         number = max(0, bisect_right(begins, at + self.began + _ROUNDING) - 1)
@@ -168,13 +211,14 @@ class Timeline:
         chunks = self._recording.chunks
         until = len(chunks) if is_last else self._windows[number + 1].first
         begin = window.begin - self.began if number else 0.0
+        take = _Allowance(self._recording.path, _ANSWER_BYTES, "events of one moment").take
         before = bisect_right(self.steps, begin - _ROUNDING)
         after = bisect_right(self.steps, end)
         return {
             "from_s": begin,
             "to_s": end,
-            "state": list(self._state(window)),
-            "events": list(map(self._event, self._records(window.first, until))),
+            "state": self._state(window, take),
+            "events": map(self._event, self._records(window.first, until, take)),
             "previous_s": self.steps[before - 1] if before else None,
             "next_s": None if after >= len(self.steps) else self.steps[after],
         }
@@ -188,6 +232,9 @@ class Timeline:
 
         Args:
             points: Largest number of samples, up to `POINTS`.
+
+        Raises:
+            RecordingError: The recording is damaged, or its messages are too large.
 
         Returns:
             `commanded` and `measured` positions, the `lateness` of frames, the
@@ -203,22 +250,31 @@ class Timeline:
             },
             "velocity_limits": {
                 joint: limit
-                for plan in self._read_places(self._plans.values())
+                for plan in map(self._record_of, self._read_places(self._plans.values()))
                 if isinstance(plan, logs.Plan)
                 for joint, limit in zip(plan.joints, plan.velocity_limits, strict=False)
                 if isfinite(limit)
             },
             "events": [
-                event_to_json(record)
-                for record in (*self._progress.values, *self._read_places(self._lines))
+                event_to_json(record) for record in (*self._progress.values, *self._newest_lines())
             ],
         }
 
-    def _read_places(self, places: Iterable[_Place]) -> Iterator[logs.Record]:
+    def _read_places(self, places: Iterable[_Place]) -> Iterator[logs.Message]:
         for chunk, group in groupby(places, lambda place: place.chunk):
             opened = self._recording.open(chunk)
             for place in group:
-                yield self._recording.record([opened.message(place.topic, place.entry)])
+                yield opened.message(place.topic, place.entry)
+
+    def _newest_lines(self) -> list[logs.Record]:
+        """Return the newest lines of the log, up to `_LINE_BYTES`."""
+        found, size = list[logs.Record](), 0
+        for message in self._read_places(reversed(self._lines)):
+            size += len(message.cdr)
+            if size > _LINE_BYTES:
+                break
+            found.append(self._record_of(message))
+        return found[::-1]
 
     def _message(self, place: _Place) -> logs.Message:
         return self._recording.open(place.chunk).message(place.topic, place.entry)
@@ -248,16 +304,24 @@ class Timeline:
         steps_of = _topics(recording, _STEPS)
         nodes: dict[str, _Node] = {}
         newest: dict[str, _Place] = {}
-        count = 0
+        changed = set[str]()  # nodes with a change in this window
+        size = _NODE_BYTES + _NODE_BYTES_PER_BYTE * recording.path.stat().st_size
+        allowance = _Allowance(recording.path, size, "nodes of its tree")
+        count = size = 0
         for chunk, opened in self._opened():
-            if not self._windows or count >= max(_EVENTS, len(nodes)):
+            state = len(nodes) + len(newest)
+            full = count >= max(_EVENTS, state) or size >= max(_WINDOW_BYTES, _PER_NODE * state)
+            if full or not self._windows:
                 self._windows.append(
                     _Window(self._time(chunk.begin_ns), chunk.number, dict(nodes), dict(newest))
                 )
-                count = 0
+                changed, count, size = set(), 0, 0
+            size += opened.size
             for message in opened.messages((_TREE,)):
                 path, status, time = self._change(message)
-                before = nodes[path][0] if path in nodes else NodeState()
+                before, last = nodes.get(path, (NodeState(), None))
+                allowance.take(message, last if path in changed else None)
+                changed.add(path)
                 nodes[path] = before.after(status, time), message
                 count += 1
             if self.goal is None:
@@ -310,14 +374,14 @@ class Timeline:
             if entry := opened.newest(topic):
                 self._plans[topic] = _Place(chunk, topic, entry)
 
-    def _state(self, window: _Window) -> Iterator[Json]:
+    def _state(self, window: _Window, take: _Take) -> Iterator[Json]:
         if self.goal and self._goal_chunk < window.first:
             yield event_to_json(self.goal)
         for node, message in window.nodes.values():
-            event = event_to_json(self._record_of(message)) | {"status": node.status}
+            event = event_to_json(self._record_of(take(message))) | {"status": node.status}
             yield event | {"began_s": node.began, "ended_s": node.ended, "starts": node.starts}
         for place in window.newest.values():
-            message = self._message(place)
+            message = take(self._message(place))
             if place.topic == _COMMANDED:
                 # The last frame before the window may end inside it.
                 rest = self._rest_of_frame(window.first)
@@ -335,11 +399,11 @@ class Timeline:
             messages = self._recording.open(chunk).messages(_SENT)
             yield from takewhile(_continues, messages)
 
-    def _records(self, first: int, until: int) -> Iterator[logs.Record]:
+    def _records(self, first: int, until: int, take: _Take) -> Iterator[logs.Record]:
         """Yield the records of some chunks. A frame belongs to the chunk in which it begins."""
         chunks = self._recording.chunks
         messages = [
-            message
+            take(message)
             for chunk in chunks[first:until]
             for message in self._recording.open(chunk).messages(self._topics)
         ]

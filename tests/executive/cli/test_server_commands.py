@@ -407,6 +407,16 @@ def test_what_a_server_says_first_is_recorded_but_for_the_token(shell: Shell) ->
     assert token[1] not in reported
 
 
+def test_a_server_that_does_not_answer_does_not_say_that_it_listens(shell: Shell) -> None:
+    (shell.folder / "recordings").touch()  # its own recording cannot be made
+    command = [*ARMTREE, "serve", "--port", "virtual", "--tcp-port", "0", "--trees", "tasks"]
+    shell.server = shell.begin(command)
+    _, said = shell.server.communicate(timeout=60)
+    assert shell.server.returncode == 10
+    assert "Token for requests" in said
+    assert "Listening" not in said
+
+
 def test_a_person_is_asked_for_the_pose_when_the_arm_is_activated(shell: Shell) -> None:
     text = shell.robot.read_text()
     shell.robot.write_text(text.replace("baud = ", "reset_on_open = false\nbaud = "))

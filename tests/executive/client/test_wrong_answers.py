@@ -155,6 +155,74 @@ def test_an_answer_that_does_not_end_is_an_error(say: Say, monkeypatch: pytest.M
         client.status()
 
 
+OK = b"HTTP/1.1 200 OK\r\n"
+SLOW: dict[str, tuple[bytes, bytes]] = {
+    "head": (OK, b"a: b\r\n"),
+    "body": (OK + b"content-length: 5000\r\n\r\n", b" "),
+    "chunk": (OK + b"transfer-encoding: chunked\r\n\r\n1;", b"x"),
+    "processing": (b"", b"HTTP/1.1 102 Processing\r\n\r\n"),
+}
+
+
+@pytest.fixture
+def drip(request: pytest.FixtureRequest) -> Iterator[str]:
+    """The URL of a program that answers every request slowly, without end."""
+    first, piece = SLOW[request.param]
+    over = threading.Event()
+
+    def serve() -> None:
+        with suppress(OSError):  # the listener is closed
+            while True:
+                connection, _ = listener.accept()
+                threading.Thread(target=answer, args=(connection,), daemon=True).start()
+
+    def answer(connection: socket.socket) -> None:
+        with connection, suppress(OSError):  # the client has left
+            connection.recv(65_536)
+            connection.sendall(first)
+            while not over.wait(0.01):
+                connection.sendall(piece)
+
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        threading.Thread(target=serve, daemon=True).start()
+        yield f"http://127.0.0.1:{listener.getsockname()[1]}"
+        over.set()
+        listener.shutdown(socket.SHUT_RDWR)
+
+
+@pytest.mark.parametrize("drip", SLOW, indirect=True)
+def test_a_slow_answer_has_one_deadline(drip: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("executive.client.transport.ANSWER_TIMEOUT", 0.2)
+    late = pytest.raises(ServerUnreachable, match=r"its answer takes more than 0\.2 s")
+
+    async def status() -> None:
+        async with AsyncClient(drip, "x") as client:
+            await client.status()
+
+    with Client(drip, "x") as client:
+        with late:
+            client.status()
+        with late:
+            client.send(1)
+    with late:
+        asyncio.run(status())
+
+
+@pytest.mark.parametrize("drip", ["head", "processing"], indirect=True)
+def test_the_head_of_events_has_a_deadline(drip: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("executive.client.transport.ANSWER_TIMEOUT", 0.2)
+    late = pytest.raises(ServerUnreachable, match=r"its answer takes more than 0\.2 s")
+
+    async def watch() -> None:
+        async with AsyncClient(drip, "x") as client, client.events():
+            pass
+
+    with Client(drip, "x") as client, late, client.events():
+        pass
+    with late:
+        asyncio.run(watch())
+
+
 def test_an_error_of_the_server_is_not_one_of_another_program(say: Say) -> None:
     error = {"code": "goal.busy", "message": "no", "node": "", "joint": "", "hint": ""}
     data = http(json.dumps(error | {"value": None, "limit": None}).encode(), "409 Conflict")

@@ -54,6 +54,7 @@ CANCEL = {"op": "cancel_action_goal", "action": "/task_server", "id": "a"}
 CONNECTING: dict[str, Data] = {
     "connections": lambda port: b"",
     "long stops": head("POST /api/stop", *MANY),
+    "wide stops": head("POST /api/stop", *["a:"] * 480),
     "foreign long stops": head("POST /api/stop", *MANY, host="evil.example"),
     "endless stops": lambda port: head("POST /api/stop", *MANY)(port)[:-2],
     "foreign stops": head("POST /api/stop", host="evil.example"),

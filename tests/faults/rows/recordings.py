@@ -2,11 +2,13 @@
 
 import itertools
 import json
+import os
 import resource
 import shutil
 import signal
 import time
 
+from logs.records.file_format import UNFINISHED
 from tests.faults.means.small_disk import small_disk
 from tests.faults.means.wrong_calls import WrongCalls
 from tests.faults.process import until
@@ -24,7 +26,8 @@ READERS = (
 
 @row(
     "recording-bombs",
-    "small recordings that unpack to 0.3 GB, claim any length, or are nested 100,000 deep, for"
+    "small recordings that unpack to 0.3 GB, claim any length, are nested 100,000 deep, or have a"
+    " hole of 1 TB, for"
     " every command that reads recordings, and for the page of a server",
     "a server whose folder they are in starts and answers, below 300 MiB; every command ends with a"
     " code of its own, within 1 GiB of addresses",
@@ -38,6 +41,9 @@ def unpack(scene: Scene) -> None:
     for number, make in enumerate(BOMBS.values()):
         name = f"20260101T{number:06}.000Z-{scene.random.choice(['1', 'server'])}.mcap"
         (folder / name).write_bytes(make())
+    hole = folder / "20260101T999999.000Z-1.mcap"
+    hole.write_bytes(b"\x89MCAP0\r\n" + UNFINISHED.encode())
+    os.truncate(hole, 1 << 40)
     server = scene.serve()
     scene.figure(time.monotonic() - server.started)
     for name in (path.name for path in scene.share(scene.recordings())):

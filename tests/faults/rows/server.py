@@ -1,11 +1,14 @@
 """Hostile clients of a server: a stop is answered in every flood."""
 
 import contextlib
+import http.client
+import itertools
 import json
 import resource
 import signal
 import socket
 import sys
+import threading
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -17,6 +20,7 @@ from websockets.sync.client import connect
 from tests.faults.board import Board, Read
 from tests.faults.process import Command, Hang, Server, until
 from tests.faults.row import Row, Scene, delays, motions_of, row
+from tests.support.recordings.large_messages import LARGE
 
 T = TypeVar("T")
 HOSTILE = Path(__file__).parents[1] / "means" / "hostile.py"
@@ -142,6 +146,7 @@ flood_open = flood("stops on open connections", "stop the arm again and again", 
 flood_pipelined = flood("pipelined stops", "send 500 stops at once", stops=True)
 flood_bodies = flood("stops with bodies", "stops whose bodies come later, in part", stops=True)
 flood_long = flood("long stops", "stops with 11,000 header lines")
+flood_wide = flood("wide stops", "stops with 480 header lines in 2 kB")
 flood_foreign_long = flood("foreign long stops", "stops with 11,000 header lines for another host")
 flood_foreign = flood("foreign stops", "stops for another host")
 flood_endless = flood("endless stops", "stops whose 11,000 header lines do not end")
@@ -159,6 +164,62 @@ flood_frames = flood(
 )
 flood_goals = flood("rosbridge goals", "goals through rosbridge; 16 of them are let in")
 flood_rosbridge = flood("rosbridge cancels", "cancels through rosbridge; 16 are let in")
+
+
+@row(
+    "large-messages",
+    "clients read recordings of less than 1 MB whose messages have 1 to 14 MB, while the arm moves",
+    "a stop, and each frame, is in time; the server takes less than 500 MiB",
+    # One thread computes all the time, so the loop waits for the interpreter several times.
+    limit=100,
+    worst=400,
+    unit="ms",
+    times=1,
+    alone=True,
+)
+def large_messages(scene: Scene) -> None:
+    board = scene.board()
+    server = scene.serve("--activate", board=board)
+    scene.injections, earlier = len(LARGE), 0
+    for name, make in LARGE.items():
+        path = scene.folder / "recordings" / "20260101T000000.000Z-1.mcap"
+        path.write_bytes(make())
+        goal = until("a goal in motion", partial(in_motion, scene, server, board))
+        over, answers = threading.Event(), list[int]()
+        reader = threading.Thread(target=read_all, args=(server, path.name, over, answers))
+        reader.start()
+        until("a while", lambda: scene.random.random() < 0.003)
+        scene.figure(1000 * server.stop(), "in motion")
+        for _ in range(STOPS):
+            until("a while", lambda: scene.random.random() < 0.1)
+            scene.figure(1000 * server.stop(), "standing")
+        over.set()
+        reader.join()
+        result = server.result(goal)
+        frames = until("the hold frame", partial(held, board))
+        since, earlier = [each.time for each in frames[earlier:-1]], len(frames)
+        for late in delays(since, motions_of(scene.folder / result["recording"])):
+            scene.figure(1000 * (max(late, default=0.0) - min(late, default=0.0)), "late")
+        known = set(answers) <= {200, 409, 429}
+        scene.check(bool(answers) and known, f"{name}: the reader was answered {answers}")
+        memory = server.memory()
+        scene.check(memory < 500, f"{name}: the server takes {memory:.0f} MiB")
+        path.unlink()
+
+
+def read_all(server: Server, name: str, over: threading.Event, answers: list[int]) -> None:
+    """Read what a server has of a recording, packed as for a browser, until it is over."""
+    for part in itertools.cycle(("", "/events", "/events?at=20", "/series", "/nodes")):
+        connection = http.client.HTTPConnection(*server.address, timeout=30)
+        with contextlib.closing(connection):
+            packed = {"accept-encoding": "gzip"}
+            connection.request("GET", f"/api/recordings/{name}{part}", headers=packed)
+            response = connection.getresponse()
+            while response.read(65_536):
+                pass
+            answers.append(response.status)
+        if over.is_set():
+            return
 
 
 @row(

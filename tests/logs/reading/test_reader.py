@@ -1,6 +1,8 @@
 """Reading recordings."""
 
+import re
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -8,10 +10,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from logs import RecordingError, RecordingTruncated, Result, Sent, read, table
+from logs import (
+    LogLine,
+    Recording,
+    RecordingError,
+    RecordingTruncated,
+    Result,
+    Sent,
+    read,
+    table,
+)
+from logs.reading.reader import MAX_BYTES
 from logs.reading.tolerant_reader import TolerantReader
 from logs.views.narrative import overview
-from tests.logs.test_run import RUNS, record
+from tests.logs.test_run import RUNS, plan, record
 
 DUE = (0.0, 1.0, None)
 
@@ -50,6 +62,37 @@ def test_only_json_has_fields(tmp_path: Path) -> None:
     state = next(read(path, ["/joint_states"]))
     with pytest.raises(TypeError, match=r"/joint_states carries sensor_msgs/msg/JointState"):
         state.fields()
+
+
+def test_a_large_message_is_one_of_a_motion(tmp_path: Path) -> None:
+    motion = plan(1.0, "arm", ("a", "b"), (0.0, 0.0))
+    count = 60_000
+    rows = tuple((n / 7, -n / 3) for n in range(count))
+    motion = replace(motion, times=tuple(n / 100 for n in range(count)), positions=rows)
+    record(path := tmp_path / "run.mcap", [motion])
+    assert list(Recording(path).records()) == [motion]
+    (message,) = read(path, ["/plan/arm"])
+    assert len(message.cdr) > MAX_BYTES
+    other = replace(message, topic="/goal")
+    for decode in (other.fields, lambda: other.data):
+        with pytest.raises(RecordingError, match=r"a message on /goal has \d+ bytes; the limit is"):
+            decode()
+    for each, count, most in (("[", 400_002, 250_000), ('":', 40_000, 20_000)):
+        text = each.encode() * count
+        head = b"\0\1\0\0" + (len(text) + 1).to_bytes(4, "little")
+        words = re.escape(f"it has {count} times {each}; the limit is {most}")
+        with pytest.raises(RecordingError, match=words):
+            replace(message, cdr=head + text + b"\0").fields()
+
+
+def test_a_long_text_is_cut_before_it_is_recorded(tmp_path: Path) -> None:
+    text = "\U0001f600" * 1_000_000
+    failed = Result(3.0, "0" * 32, 1, "ABORTED", False, "x", text, 0, 3.0, hint=text)
+    record(path := tmp_path / "run.mcap", [failed, LogLine(3.0, 20, "x", text)])
+    found, line = Recording(path).records()
+    assert isinstance(found, Result)
+    assert isinstance(line, LogLine)
+    assert found.message == found.hint == line.message == f"{text[:20_000]} ..."
 
 
 def test_an_unreadable_file_raises_at_once(tmp_path: Path) -> None:

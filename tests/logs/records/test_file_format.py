@@ -1,6 +1,9 @@
 """The checksums of a journal: recovery keeps no damaged byte."""
 
+import os
+import struct
 import tempfile
+from io import FileIO
 from pathlib import Path
 
 import pytest
@@ -8,6 +11,7 @@ from hypothesis import given, settings, strategies as st
 
 import logs
 from logs import recover
+from logs.records.file_format import valid_size
 from tests.logs.writing.test_compaction import run_journal
 from tests.support.recordings.file_damage import piece_ends
 
@@ -18,6 +22,28 @@ def original(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("journal") / "run.mcap"
     run_journal(path)
     return path
+
+
+@pytest.mark.parametrize("hole", [b"", struct.pack("<BQ", 0x05, 1 << 40)])
+def test_a_hole_ends_a_journal(original: Path, tmp_path: Path, hole: bytes) -> None:
+    class Counting(FileIO):
+        reads = 0
+
+        def read(self, size: int | None = -1, /) -> bytes:
+            self.reads += 1
+            return super().read(size) or b""
+
+    sparse = tmp_path / "sparse.mcap"
+    sparse.write_bytes(original.read_bytes() + hole)
+    os.truncate(sparse, 1 << 41)
+    found = []
+    for path in (original, sparse):
+        with Counting(path) as stream:
+            found.append((valid_size(stream), stream.reads))
+    (size, reads), (sparse_size, sparse_reads) = found
+    assert sparse_size <= size
+    assert sparse_reads <= reads + 2
+    assert logs.Recording(sparse).messages == logs.Recording(original).messages
 
 
 @pytest.mark.slow

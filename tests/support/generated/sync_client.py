@@ -25,6 +25,7 @@ REPLACED = [
     (r"\basynccontextmanager\b", "contextmanager"),
     (r"\bAsyncIterator\b", "Iterator"),
     (r"\bAsyncClient\b", "Client"),
+    (r"\bAsyncBackend\b", "Backend"),
     (r"\bAsyncConnectionPool\b", "ConnectionPool"),
     (r"__a(enter|exit)__", r"__\1__"),
     (r"\ba(iter_stream|close)\b", r"\1"),

@@ -8,6 +8,10 @@
 
 const KEY = "armtree-token";
 
+/** Cookies of other programs on this machine could make a stop too long to be served first. */
+const isLocal = ["localhost", "127.0.0.1", "[::1]"].includes(location.hostname);
+const CREDENTIALS = isLocal ? "omit" : "same-origin";
+
 /**
  * @typedef {object} Cause Why a goal or a request failed.
  * @property {string} code
@@ -166,7 +170,12 @@ export async function request(path, options) {
   const headers = new Headers(options.headers);
   const token = sessionStorage.getItem(KEY);
   if (token !== null) headers.set("authorization", `Bearer ${token}`);
-  const response = await fetch(path, { ...options, headers, cache: "no-store" });
+  const response = await fetch(path, {
+    ...options,
+    headers,
+    cache: "no-store",
+    credentials: CREDENTIALS,
+  });
   if (response.ok) return response;
   const cause = await response.json();
   if (cause.code === "request.token" && token !== null) setToken(null);

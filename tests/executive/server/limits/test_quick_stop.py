@@ -28,6 +28,7 @@ def data(*lines: str, body: str = "") -> bytes:
         (data("POST /api/stop?now=1 HTTP/1.1", HOST), True),
         (data(STOP, "host:here ", "x:", "Y: \xe9"), True),
         (data(STOP, HOST, "Connection: Keep-Alive"), True),
+        (data(STOP, HOST, *["a:"] * 28), True),
         (data(STOP, HOST, "Connection: close"), False),
         (data(STOP, HOST, "Content-Length: 0"), True),
         (data(STOP, HOST, "Content-Length: 4", body="what"), True),
@@ -59,6 +60,7 @@ def test_a_whole_stop_is_found(given: bytes, keeps: bool) -> None:
         data(STOP, HOST, "a b: c"),
         data(STOP, HOST, "a: \0"),
         data(STOP, HOST, *(f"a{number}: b" for number in range(300))),
+        data(STOP, HOST, *["a:"] * 29),
         data("POST /api/stop HTTP/1.0", HOST),
         data("POST /api/stop/x HTTP/1.1", HOST),
         data("POST /api/stopp HTTP/1.1", HOST),
@@ -87,6 +89,25 @@ def test_it_is_answered_as_by_the_application(serve: Serve, more: list[str]) -> 
             answers.append((status, sorted(line.lower() for line in headers), body))
     assert answers[0] == answers[1]
     assert answers[0][0] == b"HTTP/1.1 200 OK"
+
+
+@pytest.mark.parametrize(
+    ("more", "status"),
+    [
+        (["a:"] * 90, b"200"),
+        (["a:"] * 110, b"400"),
+        ([f"a: {'b' * 7900}"], b"200"),
+        ([f"a: {'b' * 8150}"], b"400"),
+    ],
+)
+def test_a_long_head_waits_in_line_and_has_limits(
+    serve: Serve, more: list[str], status: bytes
+) -> None:
+    served = serve()
+    with raw(served) as connection:
+        host = f"host: 127.0.0.1:{served.server.port}"
+        connection.sendall(data(STOP, host, "connection: close", *more))
+        assert answer(connection).startswith(b"HTTP/1.1 " + status)
 
 
 def test_a_connection_is_used_again_after_a_stop(serve: Serve) -> None:

@@ -190,6 +190,14 @@ def test_the_tool_turns_in_steps_if_the_arm_can_turn_it(
     forget(tab, "422")
 
 
+def test_a_stop_carries_no_cookies_of_other_programs(open_page: Open) -> None:
+    tab = open_page()
+    tab.context.add_cookies([{"name": "a", "value": "b" * 3000, "url": tab.url.partition("#")[0]}])
+    with tab.expect_request("**/api/stop") as asked:
+        tab.click("#stop")
+    assert "cookie" not in asked.value.all_headers()
+
+
 SLIDER = "#move [aria-label='joint_1 [deg]']"
 SET = """slider.value = 20;
 for (const kind of ["input", "change"]) slider.dispatchEvent(new Event(kind));"""

@@ -2,8 +2,11 @@
 
 import shutil
 from collections.abc import Iterator
-from itertools import pairwise
+from contextlib import suppress
+from itertools import islice, pairwise
+from json import dumps
 from pathlib import Path
+from struct import pack
 from typing import Any
 
 import pytest
@@ -13,7 +16,9 @@ from executive.api.events import EVENTS, event_to_json, kind_of
 from executive.server.playback.node_state import NodeState
 from executive.server.playback.seek import Timeline
 from executive.testing import SimulatedArm
+from logs.reading.indexed import IndexedRecording
 from tests.support.recordings.alterations import lacking
+from tests.support.recordings.large_messages import LARGE
 from tests.support.recordings.long_recording import write_long
 
 Window = dict[str, Any]
@@ -51,8 +56,13 @@ def found(timeline: Timeline) -> list[Window]:
 def windows(of: Timeline) -> Iterator[Window]:
     at = 0.0
     while at < of.duration:
-        yield (window := of.events(at))
+        yield (window := window_at(of, at))
         at = window["to_s"]
+
+
+def window_at(of: Timeline, at: float) -> Window:
+    window = of.events(at)
+    return {**window, "state": list(window["state"]), "events": list(window["events"])}
 
 
 def test_the_windows_of_a_long_recording_have_every_event_once(
@@ -60,7 +70,7 @@ def test_the_windows_of_a_long_recording_have_every_event_once(
 ) -> None:
     assert len(found) > 3
     middle = found[2]
-    assert timeline.events((middle["from_s"] + middle["to_s"]) / 2) == middle
+    assert window_at(timeline, (middle["from_s"] + middle["to_s"]) / 2) == middle
     records = (each for each in logs.Recording(long).records() if kind_of(each) in SHOWN)
     wanted = list(map(event_to_json, records))
     events = [each for window in found for each in window["events"]]
@@ -127,6 +137,28 @@ def test_samples_cover_the_whole_recording(run: Path, timeline: Timeline) -> Non
     assert {"planning", "executing"} <= set(phases)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("name", LARGE)
+def test_an_answer_is_small_or_an_error(tmp_path: Path, name: str) -> None:
+    path = tmp_path / "large.mcap"
+    path.write_bytes(LARGE[name]())
+    with suppress(logs.RecordingError):
+        timeline = Timeline(path)
+        for answer in (*islice(windows(timeline), 2), timeline.series(2000)):
+            assert len(dumps(answer)) < 16e6
+
+
+def test_a_message_counts_once(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    recording = IndexedRecording(run)
+    (chunk, *_) = recording.with_topic(("/tree",))
+    opened = recording.open(chunk)
+    assert len(opened.messages(("/tree",))) > 1
+    entries = opened.entries("/tree")
+    monkeypatch.setattr(opened, "entries", lambda _: entries * 1000)
+    with pytest.raises(logs.RecordingError, match="an index in which messages overlap"):
+        opened.messages(("/tree",))
+
+
 def test_what_cannot_be_read_by_its_index_says_so(run: Path, tmp_path: Path) -> None:
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(run.read_bytes()[:-100])
@@ -138,6 +170,16 @@ def test_what_cannot_be_read_by_its_index_says_so(run: Path, tmp_path: Path) -> 
     damaged.write_bytes(data)
     with pytest.raises(logs.RecordingError):
         list(windows(Timeline(damaged)))
+    # A hole in place of the summary, or a record that ends after it.
+    whole = run.read_bytes()
+    for name, record in {"hole": bytes(9), "long": pack("<BQ", 0x0B, 1 << 30)}.items():
+        holey, begin = tmp_path / f"{name}.mcap", len(whole)
+        with holey.open("wb") as stream:
+            stream.write(whole + record)
+            stream.seek(1 << 40)
+            stream.write(pack("<BQQQI", 0x02, 20, begin, 0, 0) + whole[-8:])
+        with pytest.raises(logs.RecordingError, match="has no index; type armtree log recover"):
+            Timeline(holey)
     shutil.copyfile(run, silent := tmp_path / "silent.mcap")
     assert Timeline(lacking(silent, "/goal", "/tree")).goal is None
     assert Timeline(silent).to_json()["ended"]
