@@ -1,6 +1,6 @@
 """The clocks: simulated time jumps only when all threads wait, and no wake-up is lost."""
 
-import _thread
+import signal
 import threading
 import time
 from collections.abc import Callable
@@ -51,17 +51,17 @@ def test_a_notified_thread_wakes_and_a_past_time_does_not_wait(make: Callable[[]
 @pytest.mark.parametrize("make", [RealClock, SimulatedClock])
 def test_a_wait_that_ctrl_c_ends_leaves_the_signal_as_it_was(make: Callable[[], Clock]) -> None:
     clock = make()
-    signal, waiting = clock.signal(), threading.Event()
+    changed, waiting = clock.signal(), threading.Event()
 
     def wait() -> None:
-        with signal:
+        with changed:
             waiting.set()
-            signal.wait(None)
+            changed.wait(None)
 
     def interrupt() -> None:
         waiting.wait()
-        with signal:  # the other thread waits now
-            _thread.interrupt_main()
+        with changed:  # the other thread waits now
+            signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
 
     thread = threading.Thread(target=interrupt)
     thread.start()
