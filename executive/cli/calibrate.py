@@ -200,7 +200,7 @@ def _values(changes: "Sequence[Change]") -> str:
 
 def _show(changes: "Sequence[Change]") -> None:
     """Print the values that will be written to the servos."""
-    echo("\nMemory of the servos:" + ("" if changes else " every value is right already"))
+    echo("", "Memory of the servos:" + ("" if changes else " every value is right already"))
     for each in changes:
         place = f"  servo {each.servo:<3} {each.joint:<16}"
         echo(f"{place} {each.name:<7} {each.old:>6} -> {each.new}", whole=True)

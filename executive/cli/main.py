@@ -8,6 +8,7 @@ import traceback
 import click
 
 from executive.api.codes import INTERRUPTED_EXIT, READER_ENDED_EXIT
+from hardware.printable import printable
 
 from .support.command_group import COMPLETION_VARIABLE, CommandGroup, Diagnostics
 from .support.process import forbid_exit
@@ -82,7 +83,7 @@ def main() -> None:
         raise
     except Exception as error:
         if wanted.debug and not isinstance(error, click.ClickException):
-            echo(traceback.format_exc(), nl=False, err=True, whole=True)
+            echo(printable(traceback.format_exc()), nl=False, err=True, whole=True)
         from .support.failures import print_error
 
         sys.exit(print_error(error))
