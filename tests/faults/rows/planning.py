@@ -158,6 +158,39 @@ def planner_memory(scene: Scene) -> None:
     scene.check(not board.reads(), "the board was opened")
 
 
+# Limits, each with its option of `ulimit`: files, data [bytes], and the size of a file [bytes].
+LIMITS = {
+    "-n": (resource.RLIMIT_NOFILE, range(10, 24)),
+    "-d": (resource.RLIMIT_DATA, range(10**8, 5 * 10**8)),
+    "-f": (resource.RLIMIT_FSIZE, range(1, 60_000)),
+}
+
+
+@row(
+    "host-limits",
+    "too low a limit of open files, of data or of the size of a file, for `run` and `plan`",
+    "exit status 3, or 10 if only the recording is incomplete; the error names the option of "
+    "`ulimit`, and no cable, disk or bug",
+    times=6,
+)
+def host_limits(scene: Scene) -> None:
+    cases = [(name, words) for name in LIMITS for words in ("run", "plan")]
+    for option, words in scene.share(case for case in cases if case != ("-n", "plan")):
+        which, values = LIMITS[option]
+        limits = {which: scene.random.choice(values)}
+        if words == "run":
+            board = scene.board()
+            command = scene.armtree("run", "1", "--port", board.port, limits=limits)
+        else:
+            command = scene.armtree("plan", "folded", limits=limits)
+        what = f"{words} with {option} {limits[which]}"
+        scene.ended(command, 10 if (option, words) == ("-f", "run") else 3, what=what)
+        said = command.text()
+        scene.check(f"`ulimit {option}" in said, f"{what}: {said}")
+        wrong = [each for each in ("bug", "cable", "disk", "room", "driver") if each in said]
+        scene.check(not wrong, f"{what}: it says {wrong}: {said}")
+
+
 @row(
     "planner-stopped",
     "stop or kill the planner process (SIGSTOP, SIGKILL, SIGABRT, SIGSEGV) at a random moment",
