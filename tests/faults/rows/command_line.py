@@ -282,7 +282,7 @@ def moving(board: Board, frames: int) -> None:
 
 @row(
     "two-ctrl-c",
-    "two Ctrl-C, while a write to the recording does not return for a minute",
+    "two Ctrl-C, 0.6 to 1 s apart, while a write to the recording does not return for a minute",
     "the process ends with 130, without waiting for the write",
     limit=3,
     unit="s",
@@ -297,7 +297,7 @@ def two_ctrl_c(scene: Scene) -> None:
     until("a spoiled call", calls.calls)
     scene.unrecorded = 2  # the frame in flight, and the hold of the stop
     run.signal(signal.SIGINT)
-    time.sleep(scene.random.uniform(0.1, 0.5))  # noqa: TID251, a person needs some time
+    time.sleep(scene.random.uniform(0.6, 1.0))  # noqa: TID251, a person needs some time
     begin = run.signal(signal.SIGINT)
     scene.ended(run, 130)
     scene.figure(time.monotonic() - begin)

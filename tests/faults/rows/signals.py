@@ -1,5 +1,6 @@
 """Signals, and the end of the process that started the command."""
 
+import itertools
 import signal
 import sys
 import time
@@ -12,7 +13,7 @@ from tests.faults.row import Row, Scene, frames_of, row
 
 @row(
     "signals",
-    "SIGINT, SIGTERM or SIGHUP during a motion",
+    "SIGINT, SIGTERM or SIGHUP during a motion, once, or twice within 10 ms",
     "the arm is stopped with a hold frame, the recording finished; exit status 7",
     limit=300,
     unit="ms",
@@ -22,9 +23,13 @@ from tests.faults.row import Row, Scene, frames_of, row
 def signals(scene: Scene) -> None:
     board = scene.board()
     run = scene.moving(board)
-    (which,) = scene.share([signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    ((which, twice),) = scene.share(itertools.product(numbers, (False, True)))
     sent = run.signal(which)
-    scene.ended(run, 7, what=which.name)
+    if twice:  # as GNU `timeout` does: to the process, and to its group
+        time.sleep(scene.random.uniform(0.0, 0.01))  # noqa: TID251, a random moment
+        run.signal(which)
+    scene.ended(run, 7, what=f"{which.name}{' twice' if twice else ''}")
     hold = run.events("sent")[-1]
     scene.check(hold["hold"], f"{which.name}: the last frame is not a hold")
     scene.figure(1000 * (hold["time_s"] - sent))
