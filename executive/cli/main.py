@@ -11,7 +11,7 @@ from executive.api.codes import INTERRUPTED_EXIT, READER_ENDED_EXIT
 from hardware.printable import printable
 
 from .support.command_group import COMPLETION_VARIABLE, CommandGroup, Diagnostics
-from .support.process import protect_process
+from .support.process import protected_process
 from .terminal.streams import discard, echo, open_closed_streams
 
 SECTIONS = {
@@ -66,14 +66,14 @@ def cli() -> None:
 def main() -> None:
     """Entry point of `armtree`."""
     open_closed_streams()
-    protect_process()
     output, wanted = sys.stdout, Diagnostics()
     if COMPLETION_VARIABLE in os.environ:
         from . import completion  # noqa: F401  adds to what click does for Bash
 
         discard(sys.stderr)  # a shell would print it into the edited line
     try:
-        cli.main(prog_name="armtree", standalone_mode=False, obj=wanted)
+        with protected_process():
+            cli.main(prog_name="armtree", standalone_mode=False, obj=wanted)
     except (click.Abort, KeyboardInterrupt):
         sys.exit(INTERRUPTED_EXIT)
     except SystemExit:

@@ -1,4 +1,4 @@
-"""Handles SIGINT, SIGTERM, SIGHUP, SIGTSTP and the signal of `armtree stop` during a run."""
+"""Handles signals during a run, also that of `armtree stop`."""
 
 import os
 import signal
@@ -29,11 +29,12 @@ _LAST_WORDS = (
 
 
 class Interrupts:
-    """The first signal cancels the run. The second one ends the process. Ctrl-Z suspends it.
+    r"""The first signal cancels the run. The second one, or Ctrl-\, ends the process.
 
     A signal counts as the second one if it comes at least `_AGAIN` seconds after the first, also
     after the context. A hang-up never does: the kernel and the shell of a closed terminal each send
-    one. `STOP` cancels a run that is not canceled yet. It does not count as the first signal.
+    one. Ctrl-Z suspends the process. `STOP` cancels a run that is not canceled yet. It does not
+    count as the first signal.
 
     One thread reads the signals from a pipe, and another one cancels. Therefore the second signal
     works even if the cancel or the main thread does not return.
@@ -56,7 +57,7 @@ class Interrupts:
         self._wakeup = signal.set_wakeup_fd(self._writer, warn_on_full_buffer=False)
         self._handlers: dict[signal.Signals, Any] = {
             number: signal.signal(number, _do_nothing)
-            for number in (*_SIGNALS, STOP)
+            for number in (*_SIGNALS, signal.SIGQUIT, STOP)
             if not _hangup_ignored(number)
         }
         self._handlers[STOP] = signal.SIG_IGN  # one that comes late must not kill the process
@@ -100,13 +101,13 @@ class Interrupts:
 
     def _handle_signals(self) -> None:
         while (number := os.read(self._reader, 1)[0]) != _END:
-            if number in _SIGNALS and number in self._handlers:
-                if self._signaled is None:
-                    self._signaled = self._clock.now()
-                    self._start_cancel()
-                elif self._is_second(number):
-                    last_words(self._last)
-                    end_process(INTERRUPTED_EXIT)
+            first = self._signaled is None and number in _SIGNALS
+            if first and number in self._handlers:
+                self._signaled = self._clock.now()
+                self._start_cancel()
+            elif number == signal.SIGQUIT or self._is_second(number):
+                last_words(self._last)
+                end_process(INTERRUPTED_EXIT)
             elif number == STOP and not self._canceled:
                 self._start_cancel()
 
@@ -115,8 +116,9 @@ class Interrupts:
             end_process(INTERRUPTED_EXIT)
 
     def _is_second(self, number: int) -> bool:
-        assert self._signaled is not None
-        return number != signal.SIGHUP and self._clock.now() - self._signaled >= _AGAIN
+        if self._signaled is None or number not in (signal.SIGINT, signal.SIGTERM):
+            return False
+        return self._clock.now() - self._signaled >= _AGAIN
 
     def _start_cancel(self) -> None:
         with self._lock:

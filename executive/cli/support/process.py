@@ -4,8 +4,8 @@ import gc
 import os
 import posix
 import sys
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -23,17 +23,27 @@ _LEAVE = "would take armtree away from its files; give whole paths instead"
 _FORBIDDEN = {"_exit": _END, "execv": _END, "execve": _END, "chdir": _LEAVE, "fchdir": _LEAVE}
 
 
-def protect_process() -> None:
+@contextmanager
+def protected_process() -> Iterator[None]:
     """Make functions raise SystemExit that end this process, or change its working folder.
 
     A skill that ends this process leaves its goal without a result, and the exit status can be 0.
     One that changes the folder takes the recording away. Forked processes can still do both, and
     so can C code.
     """
-    for name, why in _FORBIDDEN.items():
-        refusing = _refusing(name, getattr(os, name), why)
-        for module in (os, posix):
-            setattr(module, name, refusing)
+    calls = {name: getattr(os, name) for name in _FORBIDDEN}
+    for name, call in calls.items():
+        _replace(name, _refusing(name, call, _FORBIDDEN[name]))
+    try:
+        yield
+    finally:
+        for name, call in calls.items():
+            _replace(name, call)
+
+
+def _replace(name: str, call: Callable[..., Any]) -> None:
+    for module in (os, posix):
+        setattr(module, name, call)
 
 
 def _refusing(name: str, call: Callable[..., Any], why: str) -> Callable[..., Any]:

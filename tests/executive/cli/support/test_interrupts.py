@@ -129,9 +129,15 @@ FULL_SCREEN = """
 
 
 @pytest.mark.parametrize("hide", [HIDE_CURSOR, FULL_SCREEN])
-def test_a_second_signal_leaves_a_terminal_as_it_was(hide: str) -> None:
+@pytest.mark.parametrize(
+    "signals", [{"running": signal.SIGINT, "canceling": signal.SIGINT}, {"running": signal.SIGQUIT}]
+)
+def test_the_end_at_once_leaves_a_terminal_as_it_was(
+    hide: str, signals: dict[str, signal.Signals]
+) -> None:
+    """At a second Ctrl-C, or at Ctrl-\\."""
     hidden = PROGRAM.replace('    stick("running")', f'    {hide.strip()}\n    stick("running")')
-    screen, signals = Screen(80, 24), {"running": signal.SIGINT, "canceling": signal.SIGINT}
+    screen, signals = Screen(80, 24), dict(signals)
 
     def react(screen: Screen, process: "subprocess.Popen[bytes]") -> None:
         for word in [word for word in signals if word in "".join(screen.lines)]:

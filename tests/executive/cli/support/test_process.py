@@ -12,8 +12,9 @@ from tests.support.paths import ROOT
 
 PROGRAM = """
 import os, posix, sys
-from executive.cli.support.process import end_process, protect_process
-protect_process()
+from executive.cli.support.process import protected_process
+protection = protected_process()
+protection.__enter__()
 for call, *words in (
     (os._exit, 0), (posix._exit, 0), (os.execv, "/bin/true", ["true"]), (os.execlp, "true", "true"),
     (posix.execve, "/bin/true", ["true"], {}), (os.chdir, "/"), (os.fchdir, 0),
@@ -27,7 +28,9 @@ for call, *words in ((os._exit, 5), (os.execv, "/bin/sh", ["sh", "-c", "exit 6"]
         os.chdir("/")
         call(*words)
     print(os.waitstatus_to_exitcode(os.wait()[1]), flush=True)
-end_process(7)
+protection.__exit__(None, None, None)
+os.chdir("/")
+posix._exit(7)
 """
 
 
