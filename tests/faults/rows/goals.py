@@ -229,7 +229,6 @@ def dead_client(scene: Scene) -> None:
     else:
         count = len(board.frames())
         until("more frames", lambda: len(board.frames()) > count + 15)
-        scene.figure(0.0)
         server.stop()
     goals = server.get("/api/goals")["goals"]
     scene.check([each["state"] for each in goals] == ["CANCELED"], f"the goals: {goals}")
