@@ -263,25 +263,6 @@ class AddressInUse(ServerError):
     hint = "end that program, or give --tcp-port"
 
 
-class TooFewFiles(ServerError):
-    """The operating system lets the server open too few files.
-
-    Args:
-        limit: Its limit.
-        least: Limit with which the server can start.
-        enough: Limit with which it can serve its largest number of clients.
-    """
-
-    code = "server.files"
-    hint = "raise the limit, such as with ulimit -n 1024"
-
-    def __init__(self, limit: int, least: int, enough: int) -> None:
-        super().__init__(
-            f"this process may open {limit} files, and the server needs {least} of them to answer "
-            f"a stop, {enough} to serve all clients; raise the limit: ulimit -n {max(1024, enough)}"
-        )
-
-
 class RequestError(ArmtreeError):
     """The server rejected a request. Root of the errors of requests.
 

@@ -16,7 +16,7 @@ from trees.nodes.kind import reserved_names
 
 from .api.events import Event
 from .executive import Executive
-from .setup import Setup
+from .setup import Setup, check_host
 
 logger = logging.getLogger(__name__)
 
@@ -49,11 +49,13 @@ def open_executive(
             a server if it cannot be opened yet.
 
     Raises:
+        HostLimit: The operating system lets this process open too few files.
         HardwareError: The robot file is wrong or names no driver, or the start pose is not
             confirmed. For a single user also: the port does not exist or is not permitted.
         TreeError: The folder of tasks cannot be read.
         LogError: A recording could not be finished at the end.
     """
+    check_host(setup.workers)
     robot, clock = setup.load_robot(), clock or RealClock()
     library = _library(setup, robot)
     port = robot.serial.port if setup.port is None else setup.port

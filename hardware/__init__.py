@@ -48,6 +48,7 @@ if typing.TYPE_CHECKING:
         CancelTimeout as CancelTimeout,
         DescriptionError as DescriptionError,
         HardwareError as HardwareError,
+        HostLimit as HostLimit,
         InternalError as InternalError,
         LinkError as LinkError,
         NoDriver as NoDriver,
@@ -55,6 +56,7 @@ if typing.TYPE_CHECKING:
         PortNotGiven as PortNotGiven,
         TransitionRefused as TransitionRefused,
         WriteRefused as WriteRefused,
+        host_limit as host_limit,
     )
     from .files import read_file as read_file, write_file as write_file
     from .joints import (

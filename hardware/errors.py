@@ -5,10 +5,14 @@ WriteRefused concerns a frame that the write guard did not send. `drivers/servo_
 errors of servos on a bus. Every error has a stable `code`, and its message says what to do.
 """
 
+import errno
 import math
 import os
 from pathlib import Path
 from typing import Any, ClassVar
+
+_LIMITS = {errno.EMFILE: "`ulimit -n`", errno.EFBIG: "`ulimit -f`", errno.ENOMEM: "`ulimit -v`"}
+_NO_THREAD = "can't start new thread"  # message of the interpreter
 
 
 class ArmtreeError(Exception):
@@ -43,6 +47,39 @@ class InternalError(ArmtreeError):
     http_status = 500
     hint = "report this bug, with the output of --debug and the recording"
     heading = "A bug in armtree"
+
+
+class HostLimit(ArmtreeError):
+    """A limit of the operating system is too low.
+
+    Args:
+        words: What the limit prevents.
+        option: The command that raises it, such as `ulimit -n 1024`.
+    """
+
+    code = "host.limit"
+    exit_status = 3
+    hint = "raise the limit that the message names, then run again"
+
+    def __init__(self, words: str, option: str) -> None:
+        self.hint = f"raise the limit ({option}), then run again"
+        super().__init__(f"{words}; {self.hint}")
+
+
+def host_limit(error: BaseException) -> HostLimit | None:
+    """Return the error for a limit of the operating system; None if the cause is another one.
+
+    Args:
+        error: An error of a system call, or of the start of a thread.
+    """
+    option, words = "", str(error)
+    if isinstance(error, MemoryError):
+        option, words = _LIMITS[errno.ENOMEM], "No memory is left"
+    elif isinstance(error, RuntimeError) and words == _NO_THREAD:
+        option = "`ulimit -u`, `-v` or `-d`"
+    elif isinstance(error, OSError) and error.errno in _LIMITS:
+        option = _LIMITS[error.errno]
+    return HostLimit(words, option) if option else None
 
 
 class HardwareError(ArmtreeError):
@@ -393,9 +430,12 @@ class DriverFailed(HardwareError):
 
     def __init__(self, cause: BaseException) -> None:
         self.__cause__ = cause
+        way = "Fix the driver or the named cause, then run again"
+        if limit := host_limit(cause):
+            self.hint = limit.hint
+            way = f"{self.hint[0].upper()}{self.hint[1:]}"
         super().__init__(
-            f"The driver failed: {cause!r}. The board may not have received the last frame. Fix "
-            "the driver or the named cause, then run again"
+            f"The driver failed: {cause!r}. The board may not have received the last frame. {way}"
         )
 
 

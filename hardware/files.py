@@ -28,7 +28,7 @@ def read_file(path: Path, most: int) -> bytes:
         _check_ordinary(os.fstat(handle), path)
         data = stream.read(most + 1)
     if len(data) > most:
-        raise OSError(errno.EFBIG, f"it is larger than {most} bytes", str(path))
+        raise OSError(errno.EINVAL, f"it is larger than {most} bytes", str(path))
     return data
 
 

@@ -1,7 +1,10 @@
 """Texts for people: counts, and safe forms of texts from files, servers and boards."""
 
+import re
+
 _HEX = "0x"
-_SPACE = "\n\r\t"  # characters that `printable` keeps
+_NEXT_LINE = re.compile(r"\n(?=\S)")
+_SPACE = "\n\r\t"  # white space of a text of a wire
 
 
 def plural(count: int, what: str) -> str:
@@ -10,7 +13,16 @@ def plural(count: int, what: str) -> str:
 
 
 def printable(text: str) -> str:
-    r"""Return a text that cannot control a terminal. Control characters become escapes: `\x1b`.
+    r"""Return a text that cannot control a terminal, and whose further lines are indented.
+
+    Control characters become escapes: `\x1b`. Tabs stay. Only the first line begins at the left,
+    so that a text from outside cannot look like other lines of a command or of the log.
+    """
+    return _NEXT_LINE.sub("\n    ", escaped(text))
+
+
+def escaped(text: str) -> str:
+    r"""Return a text with escapes for control characters, such as `\x1b`.
 
     Line ends and tabs stay.
     """

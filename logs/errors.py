@@ -6,7 +6,7 @@ The root is LogError. Every error has a stable `code`, and its message says what
 import errno
 from pathlib import Path
 
-from hardware import ArmtreeError
+from hardware import ArmtreeError, host_limit
 
 # Numbers of the operating system's errors for a full disk, and for a full quota.
 DISK_FULL = (errno.ENOSPC, errno.EDQUOT)
@@ -109,13 +109,17 @@ class RecordingIncomplete(LogError):
         self.lost, self.cause, self.finished = lost, cause, finished
         counted = "" if lost is None else f", {lost} records lost"
         repair = "" if finished else "; `armtree log recover FILE` finishes it"
+        way = "Make room or repair the cause"
+        if limit := host_limit(cause):
+            self.hint = limit.hint
+            way = self.hint[0].upper() + self.hint[1:].removesuffix(", then run again")
         words = (
             f"recording incomplete{counted} ({cause}); what was written before is "
-            f"kept and valid{repair}. Make room or repair the cause, then run the task again"
+            f"kept and valid{repair}. {way}, then run the task again"
         )
         refused = isinstance(cause, OSError) and not isinstance(cause, FileNotFoundError)
         if not path.exists() and refused:
-            words = f"nothing could be recorded ({cause}). Make room or repair the cause"
+            words = f"nothing could be recorded ({cause}). {way}"
         elif not path.exists():
             words = (
                 "was moved or deleted while it was written; if it was moved, "

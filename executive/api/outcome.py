@@ -11,7 +11,7 @@ from enum import Enum
 from typing import Any, Self, TypeVar
 
 import logs
-from hardware import ArmtreeError, InternalError
+from hardware import ArmtreeError, InternalError, host_limit
 from hardware.printable import plural
 
 from .codes import OK
@@ -317,6 +317,7 @@ def cause_of(error: Exception, node: str = "", message: str = "") -> Cause:
     """
     if isinstance(cause := getattr(error, "cause", None), Cause):
         return cause
+    error = host_limit(error) or error
     known = error if isinstance(error, ArmtreeError) else InternalError
     words = message or str(error)
     return Cause(

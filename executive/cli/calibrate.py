@@ -173,7 +173,7 @@ def _finish(
     _show(changes)
     replaces = ", which is replaced" if calibrator.path.exists() else ""
     if error := calibrator.difference:
-        echo(f"\n{error}. Copy the file first if --restore shall work for that arm")
+        echo("", f"{error}. Copy the file first if --restore shall work for that arm")
     file = f"the file {calibrator.path}{replaces}"
     with _leavable():
         _confirm(f"Write {_values(changes)} to the servos, and {file}?")
@@ -200,7 +200,7 @@ def _values(changes: "Sequence[Change]") -> str:
 
 def _show(changes: "Sequence[Change]") -> None:
     """Print the values that will be written to the servos."""
-    echo("\nMemory of the servos:" + ("" if changes else " every value is right already"))
+    echo("", "Memory of the servos:" + ("" if changes else " every value is right already"))
     for each in changes:
         place = f"  servo {each.servo:<3} {each.joint:<16}"
         echo(f"{place} {each.name:<7} {each.old:>6} -> {each.new}", whole=True)

@@ -52,7 +52,7 @@ def config(context: click.Context, names: tuple[str, ...], as_json: bool) -> Non
             echo(f"{name:<18} {'-' if value is None else shown!s:<30} {source or 'default'}")
             echo(f"{'':<18} {about}")
     if not as_json and not files():
-        echo(f"\nThere is no {FILE} here, above, or at {user_file()}.")
+        echo("", f"There is no {FILE} here, above, or at {user_file()}.")
     if wrong:
         from executive.errors import BadConfiguration  # slow to import
 

@@ -76,14 +76,14 @@ def doctor(
         if check.ok is False and check.remedy:
             echo(f"{'':<16}-> {check.remedy}")
     found = serial_ports()
-    echo(f"\nSerial ports: {'' if found else 'none'}")
+    echo("", f"Serial ports: {'' if found else 'none'}")
     for each in found:
         echo("  " + "  ".join(filter(None, (each.device, each.usb, each.name, each.by_id))))
     if report:
         _write_report(report, checks, found)
-        echo(f"\n{report} has all these results, with names of files and ports of this machine")
+        echo("", f"{report} has all these results, with names of files and ports of this machine")
     if failures:
-        echo("\nFix the lines with NO.")
+        echo("", "Fix the lines with NO.")
         sys.exit(exit_status(failures[0]))
     loaded, library = load_library(trees, robot)
     numbers = library.numbers()

@@ -263,7 +263,7 @@ def cancel(url: str, as_json: bool, identity: str) -> None:
 @_FLEET
 def ls(url: str, as_json: bool) -> None:
     """List the arms, with state, job, last outcome and the URL of their pages."""
-    from .terminal.fleet_tables import arms_text
+    from .terminal.fleet_tables import arms_table
 
     async def act(client: "FleetClient") -> None:
         rows = await client.arms()
@@ -271,7 +271,7 @@ def ls(url: str, as_json: bool) -> None:
             for row in rows:
                 echo(json.dumps(row.to_json()))
         else:
-            echo(arms_text(rows))
+            echo(*arms_table(rows))
 
     _run(url, act)
 

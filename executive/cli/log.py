@@ -104,8 +104,8 @@ def info(recording: Path, as_json: bool) -> None:
     from logs.views.narrative import overview
 
     found = overview(recording)
-    text = "\n".join(f"{name:<12}{value}" for name, value in _facts(found))
-    echo_result(as_json, found.to_json(), text)
+    lines = (f"{name:<12}{value}" for name, value in _facts(found))
+    echo_result(as_json, found.to_json(), *lines)
     whole = found.complete and RECOVERED not in found.notes
     sys.exit(0 if whole else RecordingTruncated.exit_status)
 
@@ -220,7 +220,7 @@ def diff(one: Path, other: Path, output: Path | None, as_json: bool) -> None:
         lines.append(str(output))
     drawing = str(output) if output else None
     row = {"same": not both.first, "first": both.first, "joints": joints, "drawing": drawing}
-    echo_result(as_json, row, "\n".join(lines))
+    echo_result(as_json, row, *lines)
     partial = print_incomplete(one, other)
     sys.exit(ReplayDiffers.exit_status if both.first else partial)
 

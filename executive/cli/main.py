@@ -8,9 +8,10 @@ import traceback
 import click
 
 from executive.api.codes import INTERRUPTED_EXIT, READER_ENDED_EXIT
+from hardware.printable import printable
 
 from .support.command_group import COMPLETION_VARIABLE, CommandGroup, Diagnostics
-from .support.process import forbid_exit
+from .support.process import protected_process
 from .terminal.streams import discard, echo, open_closed_streams
 
 SECTIONS = {
@@ -65,14 +66,14 @@ def cli() -> None:
 def main() -> None:
     """Entry point of `armtree`."""
     open_closed_streams()
-    forbid_exit()
     output, wanted = sys.stdout, Diagnostics()
     if COMPLETION_VARIABLE in os.environ:
         from . import completion  # noqa: F401  adds to what click does for Bash
 
         discard(sys.stderr)  # a shell would print it into the edited line
     try:
-        cli.main(prog_name="armtree", standalone_mode=False, obj=wanted)
+        with protected_process():
+            cli.main(prog_name="armtree", standalone_mode=False, obj=wanted)
     except (click.Abort, KeyboardInterrupt):
         sys.exit(INTERRUPTED_EXIT)
     except SystemExit:
@@ -82,7 +83,7 @@ def main() -> None:
         raise
     except Exception as error:
         if wanted.debug and not isinstance(error, click.ClickException):
-            echo(traceback.format_exc(), nl=False, err=True, whole=True)
+            echo(printable(traceback.format_exc()), nl=False, err=True, whole=True)
         from .support.failures import print_error
 
         sys.exit(print_error(error))

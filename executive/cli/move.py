@@ -135,7 +135,7 @@ def where(server: str | None, as_json: bool, **options: Any) -> None:
     folder holds.
     """
     found, source = find_arm(server, **options)
-    echo_result(as_json, found.to_json(), "\n".join(_where_lines(found, source)))
+    echo_result(as_json, found.to_json(), *_where_lines(found, source))
 
 
 def find_arm(server: str | None, robot: Path | None, recordings: Path) -> "tuple[Where, str]":

@@ -92,6 +92,9 @@ def plan(
       [{"name": "post", "box": {"size": [0.03, 0.03, 0.2]},
         "position": [0.115, 0.115, 0.1]}]
     """  # noqa: D301
+    from skills.motion.workers.memory import check_memory
+
+    check_memory()  # before NumPy, which needs it too
     from executive.preview.explanation import Explanation
     from executive.preview.plan_request import PlanRequest
 

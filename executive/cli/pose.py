@@ -72,7 +72,7 @@ def save(
         path, positions = save_where(loaded, found, trees, name, group, replace)
     except BadTarget as error:
         raise click.UsageError(f"--group: {error}") from error
-    echo(f"{path}\n{name:<12} {_words(loaded, positions)}\n{'':<12} by {source}")
+    echo(path, f"{name:<12} {_words(loaded, positions)}", f"{'':<12} by {source}")
     if left := [joint.name for joint in loaded.actuated if joint.name not in positions]:
         echo(f"{'':<12} without {', '.join(left)}; --group all saves every joint")
 
@@ -90,7 +90,7 @@ def ls(robot: Path | None, trees: Path | None, as_json: bool) -> None:
         if as_json:
             echo(json.dumps({"pose": name, "positions": positions, "source": source}))
         else:
-            echo(f"{name:<12} {_words(loaded, positions)}\n{'':<12} {source}")
+            echo(f"{name:<12} {_words(loaded, positions)}", f"{'':<12} {source}")
 
 
 @pose.command()

@@ -1,6 +1,5 @@
 """`armtree ros2`."""
 
-import os
 import sys
 from pathlib import Path
 
@@ -12,6 +11,7 @@ from .settings import option
 from .support.command_group import command
 from .support.options import robot_option
 from .support.own_arms import local_server
+from .support.process import replace_process
 from .terminal.streams import echo
 
 
@@ -44,7 +44,7 @@ def ros2(ros_arguments: tuple[str, ...], robot: Path | None, server: str) -> Non
                 "there is no ROS 2: source one, or install its wheels: pip install "
                 "'armtree[ros2]', or make ros2 in the repository"
             )
-        os.execve(sys.executable, [sys.executable, *sys.orig_argv[1:]], environment)
+        replace_process(sys.executable, [sys.executable, *sys.orig_argv[1:]], environment)
     import asyncio
 
     from hardware import load_robot

@@ -107,8 +107,8 @@ def cancel(client: "Client", as_json: bool, goal_id: str, stamp_ns: int | None) 
     if as_json:
         echo(json.dumps(answer.to_json()))
     else:
-        canceled = "\n".join(f"canceling {goal}" for goal in answer.goals)
-        echo(canceled or CANCEL_MESSAGES[answer.code])
+        canceled = [f"canceling {goal}" for goal in answer.goals]
+        echo(*(canceled or [CANCEL_MESSAGES[answer.code]]))
     sys.exit(GoalError.exit_status if answer.code.value else 0)
 
 
@@ -122,7 +122,7 @@ def status(client: "Client", as_json: bool, robot: Path | None) -> None:
     check_robot(client, robot)
     found = client.status()
     lines = [] if as_json else status_lines(found, client.where())
-    echo_result(as_json, found.to_json(), "\n".join(lines))
+    echo_result(as_json, found.to_json(), *lines)
 
 
 @command()
@@ -238,8 +238,8 @@ def break_(client: "Client", as_json: bool, node: str | None, off: bool) -> None
     if off and not node:
         raise click.UsageError("--off needs a NODE")
     breakpoints = client.break_at(node, not off) if node else client.status().breakpoints
-    lines = "\n".join(breakpoints) or "no breakpoints"
-    echo_result(as_json, {"breakpoints": breakpoints}, lines)
+    lines = breakpoints or ["no breakpoints"]
+    echo_result(as_json, {"breakpoints": breakpoints}, *lines)
 
 
 @command()
@@ -252,4 +252,4 @@ def answer(client: "Client", as_json: bool, words: tuple[str, ...]) -> None:
     """
     from .support.server_requests import answer_question
 
-    echo(answer_question(client, words, as_json))
+    echo(*answer_question(client, words, as_json))

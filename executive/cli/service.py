@@ -120,7 +120,7 @@ def _perform(steps: Sequence["Step"], dry_run: bool, yes: bool) -> None:
     from executive.server.systemd.service_files import NewFile, Program
 
     for step in steps:
-        echo(str(step))
+        echo(step, whole=True)
     if dry_run:
         return
     if os.geteuid() != 0:

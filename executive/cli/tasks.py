@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from hardware import DISPLAY_UNITS, write_file
-from hardware.printable import plural, printable
+from hardware.printable import escaped, plural
 
 from .settings import PATH, Whole, option
 from .support.command_group import command
@@ -155,7 +155,7 @@ def check(
         }
         echo(json.dumps(row))
     elif mistakes:
-        echo("\n".join(map(str, mistakes)), err=True)
+        echo(*mistakes, err=True)
         wrong = ", ".join(dict.fromkeys(str(mistake.place.path) for mistake in mistakes))
         echo(f"{plural(count, 'mistake')} in {wrong}; {checked} checked", err=True)
     else:
@@ -264,7 +264,7 @@ def show(
         write_file(output, f"{click.unstyle(text)}\n".encode())
         echo(output)
     else:
-        shown = fit(text, sys.stdout) if form == "text" else printable(text)
+        shown = fit(text, sys.stdout) if form == "text" else escaped(text)
         click.echo(shown)  # noqa: TID251, it has colours
     if isinstance(subject, Path):
         sys.exit(print_incomplete(subject))

@@ -18,10 +18,10 @@ from starlette.websockets import WebSocket
 from executive.api import ADDRESS, PORT, token_file
 from executive.api.outcome import CancelCode, CancelResult
 from executive.api.strict_json import MAX_BYTES
-from executive.errors import AddressInUse, ServerError, TooFewFiles
+from executive.errors import AddressInUse, ServerError
 from executive.executive import Executive
 from executive.goals.questions import Questions, ignore
-from hardware import Clock, utc_ns
+from hardware import Clock, HostLimit, utc_ns
 from trees.live_library import LiveLibrary
 
 from .event_hub import EventHub
@@ -177,7 +177,7 @@ class HttpServer:
     Raises:
         ServerError: The options are unsafe or invalid, or the token file cannot be written.
         AddressInUse: Another program listens on the port.
-        TooFewFiles: The limit of open files is too low.
+        HostLimit: The limit of open files is too low.
     """
 
     def __init__(self, listen: ListenOptions, clock: Clock, workers: int = 0) -> None:
@@ -199,7 +199,7 @@ class HttpServer:
         self._thread: threading.Thread | None = None
         try:
             self._max_connections = max_connections(workers)
-        except TooFewFiles:
+        except HostLimit:
             self.stop()
             raise
 
@@ -259,7 +259,7 @@ class Server(HttpServer):
         questions: Open questions of tasks.
 
     Raises:
-        ServerError, AddressInUse, TooFewFiles: The server cannot start; see `HttpServer`.
+        ServerError, AddressInUse, HostLimit: The server cannot start; see `HttpServer`.
     """
 
     def __init__(
@@ -306,7 +306,7 @@ class Viewer(HttpServer):
         clock: Time source.
 
     Raises:
-        ServerError, AddressInUse, TooFewFiles: The server cannot start; see `HttpServer`.
+        ServerError, AddressInUse, HostLimit: The server cannot start; see `HttpServer`.
     """
 
     def __init__(self, folder: Path, port: int, clock: Clock) -> None:

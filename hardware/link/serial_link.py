@@ -10,7 +10,15 @@ import threading
 import serial
 
 from hardware.clock import RealClock
-from hardware.errors import LinkError, PortBusy, PortDenied, PortLost, PortMissing, PortStalled
+from hardware.errors import (
+    LinkError,
+    PortBusy,
+    PortDenied,
+    PortLost,
+    PortMissing,
+    PortStalled,
+    host_limit,
+)
 from hardware.printable import wire_text
 
 from .serial_ports import group_of, owner_of, serial_ports
@@ -166,6 +174,10 @@ def _open_error(port: str, error: Exception) -> LinkError:
         return PortDenied(port, group_of(port))
     if number in (errno.EAGAIN, errno.EBUSY):
         return PortBusy(port, owner_of(port))
+    if limit := host_limit(error):
+        failed = LinkError(port, f"{port} cannot be opened ({error}); {limit.hint}")
+        failed.hint = limit.hint
+        return failed
     why = f"{port} cannot be opened as a serial port ({error}); present: "
     return LinkError(port, why + (", ".join(_present()) or "none"))
 

@@ -402,18 +402,27 @@ class TooLittleMemory(MotionError):
     """The operating system allows less memory than planners need.
 
     Attributes:
-        value: Address space that a process may use [bytes].
-        limit: Address space that it needs [bytes].
+        value: Memory that a process may use [bytes].
+        limit: Memory that it needs [bytes].
+
+    Args:
+        value: See above.
+        limit: See above.
+        kind: The kind of memory that the operating system limits.
+        option: The command that raises its limit.
     """
 
     code = "plan.memory"
     exit_status = 3
-    hint = "raise the limit (`ulimit -v`), then run again"
+    hint = "raise the limit that the message names, then run again"
 
-    def __init__(self, value: int, limit: int) -> None:
+    def __init__(
+        self, value: int, limit: int, kind: str = "address space", option: str = "ulimit -v"
+    ) -> None:
         self.value, self.limit = value, limit
+        self.hint = f"raise the limit (`{option}`), then run again"
         super().__init__(
-            f"The operating system allows {value // 1024} KiB of address space to a process; "
+            f"The operating system allows {value // 1024} KiB of {kind} to a process; "
             f"armtree needs {limit // 1024}; {self.hint}"
         )
 

@@ -20,6 +20,7 @@ one a line, and answers each with a line of JSON:
 import binascii
 import contextlib
 import json
+import math
 import os
 import random
 import re
@@ -80,6 +81,7 @@ class Board:
         ring had no room, or that came while it booted), `wrong` (fields that are not an angle),
         `angles` [deg], `frames` and `backlog` (bytes in the ring) describe the firmware; `open`
         tells whether a program has the port, and `unsent` how many bytes it could not send yet.
+        `reached` [deg] is where the servos are now, on their way to `angles`.
         `turned` [s, monotonic] is when a servo turned last. `harmed` [s, monotonic] is when
         `damage` changed a byte, or `mute` first withheld an answer; None until then. `starved` [s]
         is the longest time that the program of the board did not run.
@@ -147,6 +149,7 @@ class Sketch:
         self.angles = list(BOOT_FRAME)
         self.ring: deque[int] = deque()
         self.digits, self.joint, self.free_at = "", 0, 0.0
+        self.turning = 0, 1, 0  # joint, direction and way of the last turn [deg]
         self.turned_at = 0.0  # when a servo turned last [s]
         self.lost = self.wrong = self.frames = 0
         self.answer = b""
@@ -180,8 +183,16 @@ class Sketch:
         delta = abs(int(digits) - self.angles[self.joint])
         self.free_at = max(self.free_at, now) + STEP_S * (delta + 1)
         self.turned_at = self.free_at if delta else self.turned_at
+        self.turning = self.joint, 1 if int(digits) > self.angles[self.joint] else -1, delta
         self.angles[self.joint] = int(digits)
         self.frames += self.joint == 3
+
+    def reached(self, now: float) -> list[int]:
+        """The angles of the servos now: the one that turns is on its way to that in `angles`."""
+        reached, (joint, direction, delta) = list(self.angles), self.turning
+        left = math.ceil(max(0.0, self.free_at - now) / STEP_S)
+        reached[joint] -= direction * min(delta, left)
+        return reached
 
 
 class OwnFirmware(Sketch):
@@ -296,6 +307,7 @@ class Terminal:
         state = {name: getattr(firmware, name) for name in ("lost", "wrong", "frames", "angles")}
         state |= {"resets": self.resets, "backlog": len(firmware.ring), "open": self.open}
         state |= {"unsent": len(self.unsent), "time": time.monotonic()}
+        state["reached"] = firmware.reached(time.monotonic())
         state |= {"turned": firmware.turned_at, "harmed": self.harmed, "starved": self.starved}
         return json.dumps(state)
 

@@ -1,5 +1,6 @@
 """The command as a user runs it, in a process and a folder of its own."""
 
+import contextlib
 import ctypes
 import http.client
 import json
@@ -152,8 +153,15 @@ class Command:
 
     def memory(self) -> float:
         """Of the process itself, resident [MiB]."""
-        pages = int(Path(f"/proc/{self.pid}/statm").read_text().split()[1])
-        return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
+        return memory_of(self.pid)
+
+    def most_memory(self) -> float:
+        """Of the largest of its processes, resident [MiB]; 0 if all have ended."""
+        most = 0.0
+        for pid in [self.pid, *self.family()]:
+            with contextlib.suppress(OSError, IndexError):  # it has just ended
+                most = max(most, memory_of(pid))
+        return most
 
     def descriptors(self) -> int:
         return len(os.listdir(f"/proc/{self.pid}/fd"))
@@ -177,6 +185,12 @@ class Command:
                 kill(pid, signal.SIGCONT)
                 kill(pid, signal.SIGKILL)
         self.popen.wait(10)
+
+
+def memory_of(pid: int) -> float:
+    """The resident memory of a process [MiB]."""
+    pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
 
 
 def processes() -> Iterator[int]:

@@ -31,7 +31,7 @@ from tests.faults.process import Hang, until  # noqa: E402
 from tests.faults.run import PAGE, SOAK, allowed, described, percentile_99  # noqa: E402
 from tests.faults.soaking import person  # noqa: E402
 from tests.faults.soaking.clients import ACTS, pause  # noqa: E402
-from tests.faults.soaking.figures import Sample, growth, header, line  # noqa: E402
+from tests.faults.soaking.figures import WARM, Sample, ends, growth, header, line  # noqa: E402
 from tests.faults.soaking.injections import (  # noqa: E402
     INJECTIONS,
     OF_THE_BOARD,
@@ -42,6 +42,7 @@ from tests.faults.soaking.site import Site  # noqa: E402
 CLIENTS = 3
 ROUND_S = 30.0
 HOUR = 60.0  # [minutes]
+GROWING = {"memory": " [MiB]", "descriptors": "", "threads": "", "processes": ""}
 STOP_MS = 50  # 99th percentile of the time that a stop takes
 
 
@@ -101,7 +102,7 @@ class Soak:
 
     def _recover(self, strict: bool) -> None:
         def work() -> None:
-            self.recoveries += bool(person.works(self.site, strict))
+            self.recoveries += person.works(self.site, strict)
 
         self._guarded("a recovery", work)
 
@@ -196,6 +197,7 @@ def report(soak: Soak, busy: Busy) -> dict[str, Any]:
         "held": not site.problems,
         "problems": site.problems,
         "recordings": site.verified,
+        "incomplete": site.incomplete,
         "recorded_mb": round(site.recorded_bytes / 1e6, 1),
         "stop_ms": {
             "times": len(stops),
@@ -213,28 +215,31 @@ def report(soak: Soak, busy: Busy) -> dict[str, Any]:
 
 def section(found: Mapping[str, Any]) -> str:
     """The last section of the page of faults: what was seen in this soak."""
-    first, last = found["samples"][len(found["samples"]) // 4], found["samples"][-1]
-    stops = found["stop_ms"]
+    samples = [Sample(**each) for each in found["samples"]]
+    last, stops = samples[-1], found["stop_ms"]
+    warm = samples[int(WARM * len(samples)) :]
     rows = {
         "acts of clients": sum(found["acts"].values()),
-        "faults": last["faults"],
-        "times that a person brought the arm back": last["recoveries"],
-        "recordings, all verified": found["recordings"],
+        "faults": last.faults,
+        "times that a person brought the arm back": last.recoveries,
+        "recordings that were verified": found["recordings"],
+        "recordings that a failing disk cut off": found["incomplete"],
         "problems": len(found["problems"]),
         "stops": f"{stops['times']}: median {stops['median']} ms, 99 % {stops['p99']} ms (at most"
         f" {STOP_MS} ms, and {stops['machine']} ms more on this machine), worst {stops['worst']}"
         " ms",
-        "memory of the server": f"{first['memory']} MiB after a quarter of the time, then"
-        f" {last['memory']} MiB",
         **{
-            f"{name} of the server": f"{first[name]}, then {last[name]}"
-            for name in ("descriptors", "threads", "processes")
+            f"{name} of the server{unit}": "{:g}, then {:g}; {:g} at the end".format(
+                *ends(warm, name)
+            )
+            for name, unit in GROWING.items()
         },
     }
     lines = [
         "`make soak` uses one server for an hour. Three clients act at random, and faults come at"
         " random. Every half minute everything ends, and the arm must move again after what the"
-        " messages say.",
+        " messages say. The first quarter of the time warms the server. Of the rest, the table has"
+        " the median of the first and of the last quarter, and the last value.",
         "",
         f"{found['minutes']:.0f} minutes, seed {found['seed']}, {found['server']}, {described()}.",
         "",

@@ -210,8 +210,10 @@ def sample(descriptors: int) -> Sample:
     [
         ([20] * 12, []),
         ([9, 14, 19, 20, 21, 19, 20, 21, 20, 19, 22, 21], []),
-        (list(range(20, 32)), ["descriptors grows from 24 to 30"]),
+        (list(range(20, 32)), ["descriptors grows from 23.5 to 31"]),
         ([20, 30, 40], []),  # too few to know
+        ([22] * 35 + [64] * 5, ["descriptors grows from 22 to 64"]),
+        ([22] * 39 + [64], ["descriptors grows from 22 to 64"]),
     ],
 )
 def test_a_figure_that_grows_in_a_soak_is_found(descriptors: list[int], found: list[str]) -> None:

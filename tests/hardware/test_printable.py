@@ -10,7 +10,8 @@ from hardware.printable import printable, wire_bytes, wire_text
     ("text", "shown"),
     [
         ("Grün 1 °, ✓ 漢字 🦾", "Grün 1 °, ✓ 漢字 🦾"),
-        ("two\nlines\tand a tab", "two\nlines\tand a tab"),
+        ("two\nlines\tand a tab", "two\n    lines\tand a tab"),
+        ("one\n\n  -> two\nError: three\n", "one\n\n  -> two\n    Error: three\n"),
         ("\x1b]0;title\x07\x1b[2J", "\\x1b]0;title\\x07\\x1b[2J"),
         ("\r\x08\x00\x7f", "\\r\\x08\\x00\\x7f"),
         ("\x9b31m", "\\x9b31m"),
@@ -18,7 +19,7 @@ from hardware.printable import printable, wire_bytes, wire_text
         ("\udcff", "\\udcff"),
     ],
 )
-def test_other_characters_are_escaped(text: str, shown: str) -> None:
+def test_other_characters_are_escaped_and_further_lines_indented(text: str, shown: str) -> None:
     assert printable(text) == shown
     shown.encode()
 

@@ -163,7 +163,8 @@ def _draw(
 
 def _label(entry: Entry, ports: bool) -> list[str]:
     notes = [entry.note] if entry.note else []
-    return [entry.title, *notes, *(entry.wiring() if ports else [])]
+    texts = [entry.title, *notes, *(entry.wiring() if ports else [])]
+    return [line for text in texts for line in text.split("\n")]
 
 
 DRAWINGS: Mapping[str, Callable[[Entry, bool], str]] = {

@@ -11,7 +11,7 @@ import click
 
 from executive.cli.terminal.streams import echo
 from executive.code_table import exit_status
-from hardware import ArmtreeError, InternalError
+from hardware import ArmtreeError, InternalError, host_limit
 from hardware.spelling import did_you_mean
 
 if TYPE_CHECKING:
@@ -46,7 +46,11 @@ def print_error(error: Exception) -> int:
         echo(f"Error: {shown}", err=True)
         return _print_json(cause_of(UsageError(words)), error)
     known = error
-    if isinstance(error, OSError) and error.errno == errno.ENOSPC:
+    if limit := host_limit(error):
+        known = limit
+    elif isinstance(error, FileNotFoundError) and not error.filename:  # of os.getcwd()
+        known = FileUnusable("the working folder was deleted; change to another one")
+    elif isinstance(error, OSError) and error.errno == errno.ENOSPC:
         file = f"{error.filename}: " if error.filename else ""
         known = FileUnusable(f"{file}the disk is full; make room, then try again")
     elif isinstance(error, OSError) and error.filename:

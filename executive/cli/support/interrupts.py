@@ -1,4 +1,4 @@
-"""Handles SIGINT, SIGTERM, SIGHUP, SIGTSTP and the signal of `armtree stop` during a run."""
+"""Handles signals during a run, also that of `armtree stop`."""
 
 import os
 import signal
@@ -10,7 +10,7 @@ from typing import Any, Self, TypeVar
 
 from executive.api.codes import INTERRUPTED_EXIT
 from executive.cli.terminal.full_screen import last_words, suspend
-from hardware import RealClock
+from hardware import Clock, RealClock
 
 from .process import end_process
 
@@ -20,6 +20,8 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 STOP = signal.SIGUSR1  # of `armtree stop`; cancels the run, and never ends the process
 CANCELING = "Canceling: the arm stops. Another Ctrl-C ends this command at once."
 _END = 0  # not the number of a signal
+# GNU `timeout` and some shells send two signals at once, a person does not [s].
+_AGAIN = 0.5
 _LAST_WORDS = (
     "Ended at once: no result is printed, and the board may still execute two frames. The next run "
     "completes the recording."
@@ -27,23 +29,26 @@ _LAST_WORDS = (
 
 
 class Interrupts:
-    """The first signal cancels the run. The second one ends the process. Ctrl-Z suspends it.
+    r"""The first signal cancels the run. The second one, or Ctrl-\, ends the process.
 
-    A hang-up does not count as the second signal: the kernel and the shell of a closed terminal
-    each send one. `STOP` cancels a run that is not canceled yet. It does not count as the first
-    signal.
+    A signal counts as the second one if it comes at least `_AGAIN` seconds after the first, also
+    after the context. A hang-up never does: the kernel and the shell of a closed terminal each send
+    one. Ctrl-Z suspends the process. `STOP` cancels a run that is not canceled yet. It does not
+    count as the first signal.
 
     One thread reads the signals from a pipe, and another one cancels. Therefore the second signal
     works even if the cancel or the main thread does not return.
 
     Args:
         last: Text to print at the second signal.
+        clock: Time source. Default: real time.
     """
 
-    def __init__(self, last: str = _LAST_WORDS) -> None:
-        self._last = last
+    def __init__(self, last: str = _LAST_WORDS, clock: Clock | None = None) -> None:
+        self._last, self._clock = last, clock or RealClock()
         self._cancel: Callable[[], None] | None = None
-        self._canceled = self._signaled = False  # a STOP cancels, too
+        self._canceled = False
+        self._signaled: float | None = None  # time of the first signal [s]; a STOP is none
         self._lock, self._ended = threading.Lock(), threading.Event()
 
     def __enter__(self) -> Self:
@@ -52,20 +57,21 @@ class Interrupts:
         self._wakeup = signal.set_wakeup_fd(self._writer, warn_on_full_buffer=False)
         self._handlers: dict[signal.Signals, Any] = {
             number: signal.signal(number, _do_nothing)
-            for number in (*_SIGNALS, STOP)
+            for number in (*_SIGNALS, signal.SIGQUIT, STOP)
             if not _hangup_ignored(number)
         }
         self._handlers[STOP] = signal.SIG_IGN  # one that comes late must not kill the process
         self._handlers[signal.SIGTSTP] = signal.signal(signal.SIGTSTP, suspend)
-        self._thread = RealClock().spawn(self._handle_signals, "signals")
+        self._thread = self._clock.spawn(self._handle_signals, "signals")
         return self
 
     def __exit__(self, *raised: object) -> None:
-        for number, handler in self._handlers.items():
-            signal.signal(number, handler)
-        signal.set_wakeup_fd(self._wakeup)
         os.write(self._writer, bytes([_END]))
         self._thread.join()
+        for number, handler in self._handlers.items():
+            late = self._signaled is not None and number in _SIGNALS
+            signal.signal(number, self._handle_late if late else handler)
+        signal.set_wakeup_fd(self._wakeup)
         os.close(self._reader)
         os.close(self._writer)
 
@@ -74,7 +80,7 @@ class Interrupts:
         with self._lock:
             self._cancel = cancel
             if self._canceled:
-                RealClock().spawn(cancel, "cancel")
+                self._clock.spawn(cancel, "cancel")
 
     def run(self, work: Callable[[], T]) -> T:
         """Run a function on another thread.
@@ -95,21 +101,30 @@ class Interrupts:
 
     def _handle_signals(self) -> None:
         while (number := os.read(self._reader, 1)[0]) != _END:
-            if number in _SIGNALS and number in self._handlers:
-                if self._signaled and number != signal.SIGHUP:
-                    last_words(self._last)
-                    end_process(INTERRUPTED_EXIT)
-                elif not self._signaled:
-                    self._signaled = True
-                    self._start_cancel()
+            first = self._signaled is None and number in _SIGNALS
+            if first and number in self._handlers:
+                self._signaled = self._clock.now()
+                self._start_cancel()
+            elif number == signal.SIGQUIT or self._is_second(number):
+                last_words(self._last)
+                end_process(INTERRUPTED_EXIT)
             elif number == STOP and not self._canceled:
                 self._start_cancel()
+
+    def _handle_late(self, number: int, frame: FrameType | None) -> None:
+        if self._is_second(number):
+            end_process(INTERRUPTED_EXIT)
+
+    def _is_second(self, number: int) -> bool:
+        if self._signaled is None or number not in (signal.SIGINT, signal.SIGTERM):
+            return False
+        return self._clock.now() - self._signaled >= _AGAIN
 
     def _start_cancel(self) -> None:
         with self._lock:
             self._canceled = True
             if self._cancel:
-                RealClock().spawn(self._cancel, "cancel")
+                self._clock.spawn(self._cancel, "cancel")
 
 
 def _do_nothing(number: int, frame: FrameType | None) -> None:

@@ -2,10 +2,12 @@
 
 import gc
 import os
+import posix
 import sys
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import NoReturn
+from typing import Any
 
 NICE = -10  # niceness that the process requests
 # Longest time that a busy thread keeps the interpreter from the streamer and from a stop [s].
@@ -14,22 +16,43 @@ _SWITCH = 0.0005
 _GROUP = Path("/proc/self/autogroup")
 
 end_process = os._exit  # ends the process at once, from any thread
+replace_process = os.execve  # puts another program in its place
 _OWN = os.getpid()
+_END = "would end armtree without a result; raise an exception"
+_LEAVE = "would take armtree away from its files; give whole paths instead"
+_FORBIDDEN = {"_exit": _END, "execv": _END, "execve": _END, "chdir": _LEAVE, "fchdir": _LEAVE}
 
 
-def forbid_exit() -> None:
-    """Make `os._exit` raise SystemExit in this process. Forked processes can still end.
+@contextmanager
+def protected_process() -> Iterator[None]:
+    """Make functions raise SystemExit that end this process, or change its working folder.
 
-    A skill then cannot end this process. Otherwise its goal would have no result, and the exit
-    status would be 0.
+    A skill that ends this process leaves its goal without a result, and the exit status can be 0.
+    One that changes the folder takes the recording away. Forked processes can still do both, and
+    so can C code.
     """
-    os._exit = _refuse_exit
+    calls = {name: getattr(os, name) for name in _FORBIDDEN}
+    for name, call in calls.items():
+        _replace(name, _refusing(name, call, _FORBIDDEN[name]))
+    try:
+        yield
+    finally:
+        for name, call in calls.items():
+            _replace(name, call)
 
 
-def _refuse_exit(status: int) -> NoReturn:
-    if os.getpid() != _OWN:
-        end_process(status)
-    raise SystemExit(f"os._exit({status}) would end armtree without a result; raise an exception")
+def _replace(name: str, call: Callable[..., Any]) -> None:
+    for module in (os, posix):
+        setattr(module, name, call)
+
+
+def _refusing(name: str, call: Callable[..., Any], why: str) -> Callable[..., Any]:
+    def refuse(*words: Any, **more: Any) -> Any:
+        if os.getpid() != _OWN:
+            return call(*words, **more)
+        raise SystemExit(f"os.{name} {why}")
+
+    return refuse
 
 
 def make_punctual() -> None:

@@ -170,7 +170,7 @@ def _stop_servers(urls: Sequence[str], as_json: bool, own: bool = True) -> int:
     return status
 
 
-def answer_question(client: Client, words: Sequence[str], as_json: bool) -> str:
+def answer_question(client: Client, words: Sequence[str], as_json: bool) -> Sequence[str]:
     """Answer a question of a server, or list the open ones.
 
     Args:
@@ -180,7 +180,7 @@ def answer_question(client: Client, words: Sequence[str], as_json: bool) -> str:
         as_json: True to return JSON.
 
     Returns:
-        The answer that the server accepted, or the list of questions.
+        The answer that the server accepted, or a line per question.
 
     Raises:
         Refusal: An id is needed, or no question is open.
@@ -188,18 +188,18 @@ def answer_question(client: Client, words: Sequence[str], as_json: bool) -> str:
     """
     open_questions = client.questions()
     if not words:
-        listed = "\n".join(map(str, open_questions)) or _NO_QUESTION
+        listed = [*map(str, open_questions)] or [_NO_QUESTION]
         questions = [dataclasses.asdict(question) for question in open_questions]
-        return json.dumps({"questions": questions}) if as_json else listed
+        return [json.dumps({"questions": questions})] if as_json else listed
     if _QUESTION_ID.fullmatch(words[0]):
         question, *words = words
     elif len(open_questions) == 1:
         question = open_questions[0].question_id
     else:
-        listed = "; ".join(map(str, open_questions))
-        raise Refusal(f"give an id: {listed}" if listed else _NO_QUESTION)
+        ids = "; ".join(map(str, open_questions))
+        raise Refusal(f"give an id: {ids}" if ids else _NO_QUESTION)
     accepted = client.answer(question, " ".join(words))
-    return json.dumps({"question_id": question, "answer": accepted}) if as_json else accepted
+    return [json.dumps({"question_id": question, "answer": accepted}) if as_json else accepted]
 
 
 def status_lines(status: Status, where: Where) -> Iterator[str]:

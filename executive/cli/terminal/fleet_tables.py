@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from executive.fleet.values import Job, JobRecord, to_json
-from hardware.printable import plural
+from hardware.printable import plural, printable
 
 if TYPE_CHECKING:
     from executive.fleet.fleet_client import ArmRow, FleetClient
@@ -50,10 +50,10 @@ def record_text(record: JobRecord) -> str:
     return f"{text}\n  recording {result.recording} on {record.url}" if result.recording else text
 
 
-def arms_text(rows: "Sequence[ArmRow]") -> str:
-    """Return a table of arms. It shows the first eight digits of the id of a job."""
+def arms_table(rows: "Sequence[ArmRow]") -> list[str]:
+    """Return the lines of a table of arms. It shows the first eight digits of the id of a job."""
     if not rows:
-        return "no arm has joined; armtree serve --fleet URL --name NAME adds one"
+        return ["no arm has joined; armtree serve --fleet URL --name NAME adds one"]
     table = [("ARM", "STATE", "JOB", "LAST", "SERVER")]
     for row in rows:
         known = row.to_json()
@@ -63,8 +63,7 @@ def arms_text(rows: "Sequence[ArmRow]") -> str:
         )
         table.append((arm, state, job, last, url))
     widths = [max(map(len, column)) for column in zip(*table, strict=True)]
-    lines = ("  ".join(map(str.ljust, line, widths)).rstrip() for line in table)
-    return "\n".join(lines)
+    return ["  ".join(map(str.ljust, line, widths)).rstrip() for line in table]
 
 
 async def top(client: "FleetClient") -> None:
@@ -75,5 +74,6 @@ async def top(client: "FleetClient") -> None:
     with Live(screen=sys.stdout.isatty(), auto_refresh=False) as live:
         while True:
             number, _ = await client.queued(0)
-            live.update(Text(f"{number} queued\n{arms_text(await client.arms())}"), refresh=True)
+            lines = [f"{number} queued", *arms_table(await client.arms())]
+            live.update(Text("\n".join(map(printable, lines))), refresh=True)
             await asyncio.sleep(1.0)

@@ -9,7 +9,7 @@ from typing import Any, TextIO
 
 import click
 
-from hardware.printable import printable
+from hardware.printable import escaped, printable
 
 _HARD = "\xa0"  # no-break space
 _UNIT = re.compile(r"(?<=\d) (?=(?:deg|mm|s|ms|kB)\b)")
@@ -89,31 +89,32 @@ def fit(text: str, stream: TextIO) -> str:
     return fold(text, columns or _COLUMNS)
 
 
-def echo(text: object, err: bool = False, nl: bool = True, whole: bool = False) -> None:
-    """Print a text that may have parts from outside.
+def echo(*texts: object, err: bool = False, nl: bool = True, whole: bool = False) -> None:
+    """Print texts that may have parts from outside. Each begins a line.
 
     Args:
-        text: The text.
+        texts: The texts. Further lines of each are indented.
         err: True to print to standard error.
-        nl: True to print a line break after it.
-        whole: True for a text that is copied, such as a command: its lines are not broken.
+        nl: True to print a line break after them.
+        whole: True for a text that is copied, such as a command: its lines are not broken, and not
+            indented.
     """
-    words = printable(str(text))
+    words = "\n".join(map(escaped if whole else printable, map(str, texts)))
     words = words if whole else fit(words, sys.stderr if err else sys.stdout)
     click.echo(words, err=err, nl=nl)  # noqa: TID251
 
 
-def echo_result(as_json: bool, row: Any, text: object) -> None:
-    """Print a result, as JSON or as text. `docs/output.schema.json` describes the rows."""
-    echo(json.dumps(row) if as_json else text)
+def echo_result(as_json: bool, row: Any, *lines: object) -> None:
+    """Print a result, as JSON or as lines. `docs/output.schema.json` describes the rows."""
+    echo(*([json.dumps(row)] if as_json else lines))
 
 
 class LogFormatter(logging.Formatter):
-    """Formats lines of the log. Continuation lines of a message are indented."""
+    """Formats lines of the log."""
 
     def format(self, record: logging.LogRecord) -> str:
         """Return the lines of a record."""
-        return printable(super().format(record)).replace("\n", "\n    ")
+        return printable(super().format(record))
 
 
 class LastingStream:

@@ -9,6 +9,7 @@ from skills.motion.errors import TooLittleMemory
 # Address space that armtree needs [bytes]. A planner of the shipped arm uses a quarter of it. The
 # process that starts planners uses up to 0.8 GiB, mostly reserved for its threads (measured).
 NEEDED = 2**30
+_NEEDED_DATA = 2**29  # of it, what the system counts as data: a run uses 0.2 GiB (measured) [bytes]
 _MOST = 4 * 2**30  # largest memory of a planner [bytes]
 
 
@@ -16,10 +17,13 @@ def check_memory() -> None:
     """Check that this process and its planners can work.
 
     Raises:
-        TooLittleMemory: The operating system allows less address space than `NEEDED`.
+        TooLittleMemory: The operating system allows less memory than armtree needs.
     """
     if (limit := _limit()) < NEEDED:
         raise TooLittleMemory(limit, NEEDED)
+    data, _ = resource.getrlimit(resource.RLIMIT_DATA)
+    if data != resource.RLIM_INFINITY and data < _NEEDED_DATA:
+        raise TooLittleMemory(data, _NEEDED_DATA, "data", "ulimit -d")
 
 
 def limit_memory() -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from executive.api.outcome import Cause, Ending, GoalState
-from executive.cli.terminal.fleet_tables import arms_text, job_row, job_text
+from executive.cli.terminal.fleet_tables import arms_table, job_row, job_text
 from executive.fleet.fleet_client import ArmRow
 from executive.fleet.values import Job, JobRecord, Member, Presence, from_bytes, to_bytes
 from tests.support.command_line.typed import typed
@@ -78,7 +78,7 @@ def test_a_key_is_written_once_and_private(tmp_path: Path) -> None:
 def test_arms_and_jobs_are_lines() -> None:
     member = Member("bench.arm-7", "http://arm:8765", "arm", "b" * 32, 1)
     rows = [ArmRow(member, Presence("b" * 32, "busy", "a" * 32, "ok", 3)), ArmRow(member, None)]
-    _, busy, gone = arms_text(rows).splitlines()
+    _, busy, gone = arms_table(rows)
     assert busy.split() == ["bench.arm-7", "busy", "a" * 8, "ok", "http://arm:8765"]
     assert gone.split() == ["bench.arm-7", "gone", "-", "-", "http://arm:8765"]
     assert rows[1].to_json()["state"] == "gone"

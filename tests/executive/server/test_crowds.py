@@ -12,10 +12,10 @@ from websockets.frames import Frame, Opcode
 import logs
 from executive.api.events import Event
 from executive.api.outcome import CancelResult
-from executive.errors import TooFewFiles
 from executive.server import event_hub
 from executive.server.http import app, endpoints as api
 from executive.server.limits import connections, descriptors, fair_queue
+from hardware import HostLimit
 from tests.support.servers.foreign_clients import GOAL, UPGRADE, answer, head, raw, stops
 from tests.support.servers.serving import Serve
 
@@ -177,7 +177,7 @@ def test_the_limit_of_open_files_is_checked_at_the_start(serve: Serve) -> None:
     taken = len(os.listdir("/proc/self/fd"))
     try:
         resource.setrlimit(resource.RLIMIT_NOFILE, (taken + 20, hard))
-        with pytest.raises(TooFewFiles, match=f"may open {taken + 20} files.*ulimit -n 1024"):
+        with pytest.raises(HostLimit, match=f"may open {taken + 20} files.*ulimit -n 1024"):
             serve()
     finally:
         resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))

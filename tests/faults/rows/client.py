@@ -4,6 +4,7 @@ import contextlib
 import functools
 import itertools
 import json
+import signal
 import socket
 import threading
 import time
@@ -11,7 +12,7 @@ import zlib
 from collections.abc import Callable, Iterable, Iterator
 
 from tests.faults.process import until
-from tests.faults.row import Scene, row
+from tests.faults.row import TASKS, Scene, row
 
 
 @row(
@@ -163,47 +164,74 @@ def wrong_server(scene: Scene) -> None:
 
 
 EVIL = "\x1b]0;owned\x07\x1b[2J\x9b1A\r\u202e"
-FORGED = f"{EVIL}\nError: forged\n2026-01-01 00:00:00,000 ERROR   forged"
+LINES = "\nError: forged\n2026-01-01 00:00:00,000 ERROR   forged"
+FORGED = EVIL + LINES
+SKILLS = f"""
+import logging
+from armtree import skill
+
+@skill
+def evil_log() -> str:
+    logging.getLogger("skill").warning({FORGED!r})
+    return {FORGED!r}
+
+@skill
+def evil_raise() -> None:
+    raise RuntimeError({FORGED!r})
+"""
 TASK = f"""task: 60
 name: evil
-description: {json.dumps(EVIL)}
+description: {json.dumps("Says" + LINES)}
 tree:
   sequence:
-    - Say: {{text: {json.dumps(FORGED)}, value: 1}}
-    - Fail: {{reason: {json.dumps(FORGED)}}}
+    - Say: {{text: {json.dumps("owned" + LINES)}, value: 1}}
+    - evil_log: {{result: $said}}
+    - Say: {{text: $said, value: 1}}
+    - evil_raise
 """
 
 
 @row(
     "escapes",
-    "a task's texts, and the errors of a server, have control characters and forged lines",
-    "no command and no log prints a control character, or a line that begins as its own",
+    "a task's texts, what its skills log, return and raise, and the errors of a server have "
+    "control characters and forged lines",
+    "no command and no log prints a control character, or a forged line at the start of a line",
     times=2,
 )
 def escapes(scene: Scene) -> None:
-    scene.write({"trees/60_evil.yaml": TASK})
-    server = scene.serve("--activate")
+    nothing = (TASKS / "23_nothing.yaml").read_text()
+    texts = {"trees/60_evil.yaml": TASK, "trees/23_nothing.yaml": nothing}
+    scene.write({**texts, "skills/evil.py": SKILLS})
+    trees, skills = ("--trees", "trees"), ("--skills", "skills")
+    server = scene.serve("--activate", *skills)
+    watching = scene.armtree("watch", "--verbose", "--server", server.url)
+    until("the watcher", lambda: server.result(server.goal(23)) and watching.text())
+    run = ("run", "60", "--port", "virtual", *trees, *skills)
+    ends = [
+        (scene.armtree("send", "60", "--wait", "--server", server.url), 11),
+        (scene.armtree(*run), 11),
+        (scene.armtree(*run, "--verbose"), 11),
+        (scene.armtree("tasks", *trees), 0),
+        (scene.armtree("show", "60", "--ports", *trees, *skills), 0),
+    ]
     fields = {"code": "goal.busy", "message": FORGED, "hint": FORGED, "node": EVIL}
     error = json.dumps({**fields, "joint": "", "value": None, "limit": None}).encode()
-    commands = [
-        scene.armtree("send", "60", "--wait", "--server", server.url),
-        scene.armtree("tasks", "--trees", "trees"),
-        scene.armtree("show", "60", "--trees", "trees"),
-    ]
     with program(answer(error, "409 Conflict")) as url:
-        commands.append(scene.armtree("status", "--server", url))
-        for command in commands:
-            command.wait()
-    recording = scene.recordings()[-1]
-    commands += [scene.armtree("log", each, recording) for each in ("info", "explain")]
-    for command in commands:
-        command.wait()
-    for command in (server, *commands):
+        ends.append((scene.armtree("status", "--server", url), 4))
+        for command, status in ends:
+            scene.ended(command, status)
+    watching.signal(signal.SIGINT)
+    scene.ended(watching, 130)
+    recording = next(each for each in scene.recordings() if each.stem.endswith("-60"))
+    for words in (["log", "info"], ["log", "show"], ["show"]):
+        ends.append((scene.armtree(*words, recording), 0))
+        scene.ended(*ends[-1])
+    for command in (server, watching, *(each for each, _ in ends)):
         raw = command.output.read_bytes() + command.errors.read_bytes()
         said = raw.decode(errors="replace")
-        name = command.errors.name
+        name = f"{command.errors.name}, {command.words}"
         wrong = {each for each in said if not (each.isprintable() or each in "\n\t")}
         scene.check(not wrong, f"{name} has {sorted(map(ascii, wrong))}")
-        lines = [each for each in said.splitlines() if each.startswith(("Error: f", "2026-01"))]
+        lines = [each for each in said.splitlines() if each.startswith(("Error: f", "2026-01-01"))]
         scene.check(not lines, f"{name} has the forged {lines}")
-    scene.check("owned" in server.text(), "the server's log has no text of the task")
+        scene.check("forged" in said, f"{name} has no forged text: {said[-300:]}")

@@ -69,7 +69,7 @@ KINDS = ("pipe", "socket", "zero", "folder", "big", "brackets")
     "`--robot`, `--world`, `urdf`, a task or a file of `--skills` on a pipe, a socket, a device, a"
     " folder, a file of 1 GB or 100,000 brackets; `baud = 1`",
     "exit status 3 and one message that names it, or the file of skills is left out; nothing"
-    " hangs, and memory stays below 400 MiB",
+    " hangs, and the memory of each process stays below 400 MiB",
     limit=20,
     unit="s",
     times=16,
@@ -86,7 +86,7 @@ def endless_files(scene: Scene) -> None:
         begin, most = time.monotonic(), 0.0
         command = scene.armtree(*arguments)
         while command.popen.poll() is None and time.monotonic() < begin + 60:
-            most = max(most, memory(command))
+            most = max(most, command.most_memory())
             time.sleep(0.01)  # noqa: TID251, it watches another process
         scene.figure(time.monotonic() - begin)
         where = f"{what} {kind}"
@@ -144,13 +144,6 @@ def endless(folder: Path, kind: str) -> Path:
     return path
 
 
-def memory(command: Command) -> float:
-    try:
-        return command.memory()
-    except (OSError, IndexError):  # it has just ended
-        return 0.0
-
-
 @row(
     "reader-ends",
     "the reader of a command's output ends after some lines, as `head -1` in a pipe does",
@@ -193,6 +186,15 @@ def closed_streams(scene: Scene) -> None:
     scene.verified()
 
 
+# Runs a command, and writes its exit status to a file; an interactive shell does not report it.
+NOTES_STATUS = """
+import pathlib, signal, subprocess, sys
+signal.signal(signal.SIGHUP, lambda *_: None)  # not ignored, which the command would inherit
+file, *command = sys.argv[1:]
+pathlib.Path(file).write_text(str(subprocess.call(command)))
+"""
+
+
 @row(
     "closed-terminal",
     "the terminal of a run, started by an interactive shell or by no shell, is closed during a"
@@ -204,14 +206,23 @@ def closed_streams(scene: Scene) -> None:
 )
 def closed_terminal(scene: Scene) -> None:
     board, keys = scene.board(), scene.folder / "keys"
-    (shell,) = scene.share([(), ("/bin/bash", "--norc", "-ic", '"$@"; exit', "bash")])
-    run = on_terminal(scene, board, keys, "run", "20", shell=shell)
+    shells: list[tuple[str | Path, ...]] = [
+        (),
+        ("/bin/bash", "--norc", "-ic", '"$@"; exit', "bash"),
+    ]
+    (shell,) = scene.share(shells)
+    noted = scene.folder / "status"
+    # Without a shell, the command itself must be the leader of the session, which is signaled.
+    argv = (*shell, sys.executable, "-c", NOTES_STATUS, noted) if shell else ()
+    run = on_terminal(scene, board, keys, "run", "20", shell=argv)
     in_motion(scene, board)
     begin = time.monotonic()
     keys.touch()
-    scene.ended(run, 128 + signal.SIGHUP if shell else 7)
+    run.wait()
     until("its end", lambda: not run.family())
     scene.figure(time.monotonic() - begin)
+    status = noted.read_text() if shell else str(run.wait())
+    scene.check(status == "7", f"exit status {status}")
     (recording,) = scene.recordings()
     *_, before, hold = frames_of(recording)
     scene.check(before.data == hold.data, "the last frame is not a hold")
@@ -253,7 +264,7 @@ def typed_ctrl_c(scene: Scene) -> None:
 
 
 def on_terminal(
-    scene: Scene, board: Board, keys: Path, *words: str, shell: tuple[str, ...] = ()
+    scene: Scene, board: Board, keys: Path, *words: str, shell: tuple[str | Path, ...] = ()
 ) -> Command:
     """A command on a terminal of its own; a shell there may start it."""
     argv = (sys.executable, "-c", TERMINAL, keys, *shell, ARMTREE)
@@ -282,7 +293,7 @@ def moving(board: Board, frames: int) -> None:
 
 @row(
     "two-ctrl-c",
-    "two Ctrl-C, while a write to the recording does not return for a minute",
+    "two Ctrl-C, 0.6 to 1 s apart, while a write to the recording does not return for a minute",
     "the process ends with 130, without waiting for the write",
     limit=3,
     unit="s",
@@ -297,7 +308,7 @@ def two_ctrl_c(scene: Scene) -> None:
     until("a spoiled call", calls.calls)
     scene.unrecorded = 2  # the frame in flight, and the hold of the stop
     run.signal(signal.SIGINT)
-    time.sleep(scene.random.uniform(0.1, 0.5))  # noqa: TID251, a person needs some time
+    time.sleep(scene.random.uniform(0.6, 1.0))  # noqa: TID251, a person needs some time
     begin = run.signal(signal.SIGINT)
     scene.ended(run, 130)
     scene.figure(time.monotonic() - begin)

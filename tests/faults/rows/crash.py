@@ -6,11 +6,15 @@ import time
 from tests.faults.process import until
 from tests.faults.row import Scene, last_line, row
 
-_HEAD = "import os, sys\nfrom armtree import skill\n"
+_HEAD = "import os, posix, sys\nfrom armtree import skill\n"
 _FUNCTION = "@skill\ndef leave() -> None:\n    {}\n"
 _CLASS = (
     "from py_trees.common import Status\nfrom armtree import Skill\n"
     "class leave(Skill):\n    def on_start(self) -> Status:\n        {}\n"
+)
+CALLS = (
+    *("os._exit(0)", "posix._exit(0)", "sys.exit(0)", "os.execv('/bin/true', ['true'])"),
+    "os.chdir('/')",
 )
 _FORKING = "os.fork() or os._exit(0)\n    os.wait()\n"
 
@@ -61,13 +65,15 @@ def kill_early(scene: Scene) -> None:
 
 @row(
     "skill-exits",
-    "a skill calls `os._exit(0)` or `sys.exit(0)`: in a function, in a class, or when it is loaded",
-    "the command fails and says which skill; a child process of a skill may still end",
-    times=2,
+    "a skill calls `os._exit(0)`, `posix._exit(0)`, `sys.exit(0)`, `os.execv` or `os.chdir`: in a"
+    " function, in a class, or when it is loaded",
+    "the command fails and says which skill; a child process of a skill may still end. C code, such"
+    " as a library called with `ctypes`, can end the command; this is not injected",
+    times=5,
 )
 def skill_exits(scene: Scene) -> None:
     task = "task: 24\nname: leave\ndescription: Leave.\ntree:\n  leave: {}\n"
-    (call,) = scene.share(["os._exit(0)", "sys.exit(0)"])
+    (call,) = scene.share(CALLS)
     kinds = {
         "function": (_FUNCTION.format(call), 11, "leave"),
         "class": (_CLASS.format(call), 11, "leave.on_start"),

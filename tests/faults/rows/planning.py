@@ -109,7 +109,8 @@ def moves_again(scene: Scene, server: Server, board: Board, what: str) -> None:
 @row(
     "slow-joint",
     "a robot file with a velocity or an acceleration of 1e-7 or less",
-    "the goal ends `plan.too_long` with exit status 5, no frame is sent, and memory stays bounded",
+    "the goal ends `plan.too_long` with exit status 5, no frame is sent, and the memory of each"
+    " process stays bounded",
     limit=300,
     unit="MiB",
     times=4,
@@ -124,7 +125,7 @@ def slow_joint(scene: Scene) -> None:
     seen = list[float]()
 
     def ended() -> bool:
-        seen.append(run.memory())
+        seen.append(run.most_memory())
         return run.popen.poll() is not None
 
     until("its end", ended)
@@ -156,6 +157,39 @@ def planner_memory(scene: Scene) -> None:
     scene.check("[plan.memory]" in run.text(), f"{limit} bytes: {last_line(run)}")
     scene.check("needs 1048576" in run.text(), f"it does not name what is needed: {run.text()}")
     scene.check(not board.reads(), "the board was opened")
+
+
+# Limits, each with its option of `ulimit`: files, data [bytes], and the size of a file [bytes].
+LIMITS = {
+    "-n": (resource.RLIMIT_NOFILE, range(10, 24)),
+    "-d": (resource.RLIMIT_DATA, range(10**8, 5 * 10**8)),
+    "-f": (resource.RLIMIT_FSIZE, range(1, 60_000)),
+}
+
+
+@row(
+    "host-limits",
+    "too low a limit of open files, of data or of the size of a file, for `run` and `plan`",
+    "exit status 3, or 10 if only the recording is incomplete; the error names the option of "
+    "`ulimit`, and no cable, disk or bug",
+    times=6,
+)
+def host_limits(scene: Scene) -> None:
+    cases = [(name, words) for name in LIMITS for words in ("run", "plan")]
+    for option, words in scene.share(case for case in cases if case != ("-n", "plan")):
+        which, values = LIMITS[option]
+        limits = {which: scene.random.choice(values)}
+        if words == "run":
+            board = scene.board()
+            command = scene.armtree("run", "1", "--port", board.port, limits=limits)
+        else:
+            command = scene.armtree("plan", "folded", limits=limits)
+        what = f"{words} with {option} {limits[which]}"
+        scene.ended(command, 10 if (option, words) == ("-f", "run") else 3, what=what)
+        said = command.text()
+        scene.check(f"`ulimit {option}" in said, f"{what}: {said}")
+        wrong = [each for each in ("bug", "cable", "disk", "room", "driver") if each in said]
+        scene.check(not wrong, f"{what}: it says {wrong}: {said}")
 
 
 @row(

@@ -251,7 +251,7 @@ def descriptors(scene: Scene) -> None:
     fewer = scene.armtree(
         *("serve", "--tcp-port", "0", "--port", "virtual"), limits={resource.RLIMIT_NOFILE: 20}
     )
-    scene.ended(fewer, 13, what="with 20")
+    scene.ended(fewer, 3, what="with 20")
     said = fewer.text().splitlines()
     scene.check(len(said) == 1 and "ulimit -n" in said[0], f"with 20, it says {said}")
     scene.verified()

@@ -1,8 +1,11 @@
 """Signals, and the end of the process that started the command."""
 
+import itertools
+import re
 import signal
 import sys
 import time
+from collections.abc import Sequence
 from itertools import pairwise
 
 from tests.faults.means.wrong_calls import WrongCalls
@@ -12,7 +15,7 @@ from tests.faults.row import Row, Scene, frames_of, row
 
 @row(
     "signals",
-    "SIGINT, SIGTERM or SIGHUP during a motion",
+    "SIGINT, SIGTERM or SIGHUP during a motion, once, or twice within 10 ms",
     "the arm is stopped with a hold frame, the recording finished; exit status 7",
     limit=300,
     unit="ms",
@@ -22,9 +25,13 @@ from tests.faults.row import Row, Scene, frames_of, row
 def signals(scene: Scene) -> None:
     board = scene.board()
     run = scene.moving(board)
-    (which,) = scene.share([signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    ((which, twice),) = scene.share(itertools.product(numbers, (False, True)))
     sent = run.signal(which)
-    scene.ended(run, 7, what=which.name)
+    if twice:  # as GNU `timeout` does: to the process, and to its group
+        time.sleep(scene.random.uniform(0.0, 0.01))  # noqa: TID251, a random moment
+        run.signal(which)
+    scene.ended(run, 7, what=f"{which.name}{' twice' if twice else ''}")
     hold = run.events("sent")[-1]
     scene.check(hold["hold"], f"{which.name}: the last frame is not a hold")
     scene.figure(1000 * (hold["time_s"] - sent))
@@ -167,27 +174,36 @@ def kill_children(scene: Scene) -> None:
     scene.verified()
 
 
+def way(start: Sequence[int], end: Sequence[int]) -> int:
+    """By how much all servos turn from some angles to others [deg]."""
+    return sum(abs(b - a) for a, b in zip(start, end, strict=True))
+
+
 def stop_travel(firmware: str, words: str, limit: float) -> Row:
     """A row: how long and how far servos turn after a stop."""
 
     @row(
         f"stop-travel-{firmware}",
-        f"Ctrl-C at a random time of a motion, on a board with {words}",
-        f"from then on, the servos turn by at most {TRAVEL} degrees; the figure is how long",
+        f"Ctrl-C at a random time of a quick motion of three joints, on a board with {words}",
+        f"from then on, the servos turn by at most two frames of the motion, and {TRAVEL} degrees;"
+        " the figure is how long",
         limit=limit,
         unit="ms",
         times=4,
     )
     def inject(scene: Scene) -> None:
         board = scene.board(firmware)
-        run = scene.moving(board, frames=(5, 30))
-        before = board.ask("state")["angles"]
+        count = round(1.5 / board.period)  # then the joints are quick
+        run = scene.moving(board, "29", frames=(count, 2 * count))
+        before = board.ask("state")["reached"]
         stopped = run.signal(signal.SIGINT)
         run.wait()
         until("the board has read all", lambda: board.ask("state")["backlog"] == 0)
         after = board.ask("state")
-        turned = sum(abs(b - a) for a, b in zip(before, after["angles"], strict=True))
-        scene.check(turned <= TRAVEL, f"the servos turned by {turned} degrees")
+        turned = way(before, after["angles"])
+        frames = [[*map(int, re.findall(rb"\d{3}", each.data))] for each in board.frames()]
+        most = min(TRAVEL, 2 * max(way(*pair) for pair in pairwise(frames)))
+        scene.check(turned <= most, f"the servos turned by {turned} degrees, not {most}")
         scene.figure(1000 * max(0.0, after["turned"] - stopped))
 
     return inject

@@ -92,6 +92,20 @@ def reads(site: Site, random: random.Random) -> None:
         site.request("GET", path)
 
 
+def recordings(site: Site, random: random.Random) -> None:
+    """Read a recording, finished or not, or a part of its file."""
+    found = site.request("GET", "/api/recordings?limit=20")[1].get("recordings", ())
+    if not found:
+        return
+    path = f"/api/recordings/{random.choice(found)['name']}"
+    for part in ("", "/series?points=100", f"/events?at={random.uniform(0, 5):g}", "/nodes"):
+        site.request("GET", path + part)
+    with socket.create_connection(site.server.address, 10) as line:
+        line.sendall(f"GET {path}/file HTTP/1.1\r\nHost: %s:%d\r\n\r\n".encode() % host(site))
+        pause(random, 0.5)
+        line.recv(random.choice([1, 1000, 100_000]))
+
+
 def lifecycle(site: Site, random: random.Random) -> None:
     """Change the state of the arm, whatever it is now."""
     for _ in range(random.randint(1, 3)):
@@ -198,6 +212,7 @@ ACTS: tuple[tuple[Callable[[Site, random.Random], None], int], ...] = (
     (breakpoints, 1),
     (questions, 1),
     (reads, 2),
+    (recordings, 2),
     (lifecycle, 1),
     (stream, 3),
     (broken, 2),

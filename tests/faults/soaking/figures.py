@@ -7,6 +7,7 @@ from collections.abc import Sequence
 # How much a figure may grow: MiB, or a number.
 FLAT = {"memory": 10.0, "family": 20.0, "descriptors": 2, "threads": 2, "processes": 0}
 WARM = 0.25  # of the samples are left out: caches fill, results are kept for a while
+FEWEST = 6  # warm samples that show growth
 
 
 @dataclasses.dataclass(frozen=True)
@@ -16,7 +17,7 @@ class Sample:
     minute: float
     goals: int  # verified recordings
     faults: int
-    recoveries: int  # times that a person had to do something
+    recoveries: int  # times that a person had to do something, and it worked
     memory: float  # of the server [MiB]
     family: float  # of the processes that it started [MiB]
     descriptors: int
@@ -27,17 +28,23 @@ class Sample:
     problems: int
 
 
+def ends(samples: Sequence[Sample], name: str) -> tuple[float, float, float]:
+    """A figure in the first and in the last quarter (medians), and in the last sample."""
+    values = [getattr(each, name) for each in samples]
+    quarter = max(1, len(values) // 4)
+    return statistics.median(values[:quarter]), statistics.median(values[-quarter:]), values[-1]
+
+
 def growth(samples: Sequence[Sample]) -> list[str]:
-    """The figures that grow: the last third is compared with the first, when all is warm."""
+    """The figures that grow when all is warm: from the first quarter to the last, or to the end."""
     warm = samples[int(WARM * len(samples)) :]
-    if (third := len(warm) // 3) < 2:
+    if len(warm) < FEWEST:
         return []
     found = []
     for name, most in FLAT.items():
-        first = statistics.median(getattr(each, name) for each in warm[:third])
-        last = statistics.median(getattr(each, name) for each in warm[-third:])
-        if last - first > most:
-            found.append(f"{name} grows from {first:g} to {last:g}")
+        first, *later = ends(warm, name)
+        if max(later) - first > most:
+            found.append(f"{name} grows from {first:g} to {max(later):g}")
     return found
 
 

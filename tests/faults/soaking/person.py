@@ -17,7 +17,7 @@ _AGAIN = re.compile(r"run again|send (?:it|the request|the goal) again|plan agai
 _WAIT = re.compile(r"wait for (?:it|some)|cancel")
 
 
-def works(site: Site, strict: bool = True) -> list[str]:
+def works(site: Site, strict: bool = True) -> bool:
     """Follow the messages until a short motion succeeds.
 
     Args:
@@ -25,13 +25,13 @@ def works(site: Site, strict: bool = True) -> list[str]:
         strict: Whether it is a problem if that never happens; not while others use the server.
 
     Returns:
-        What was read and done, for the report.
+        True if the person had to do something, and the motion then succeeded.
     """
     trail: list[str] = []
     for _ in range(_STEPS if strict else 2):
         text = attempt(site)
         if not text:
-            return trail
+            return bool(trail)
         trail.append(f"read: {text}")
         done = obey(site, text)
         trail += done
@@ -40,7 +40,7 @@ def works(site: Site, strict: bool = True) -> list[str]:
     if strict:
         words = " | ".join(trail[-_SHOWN:])
         site.problem(f"a person cannot leave this state by what the messages say: {words}")
-    return trail
+    return False
 
 
 def attempt(site: Site) -> str:

@@ -1,6 +1,7 @@
 """What a soak has: one server, its board, and what was found out about them so far."""
 
 import contextlib
+import json
 import shutil
 import threading
 import time
@@ -39,6 +40,8 @@ class Site:
             the record of one frame that was written too late.
         disk_spoiled: Whether this round has faults of the disk. They excuse what goals say of their
             recordings, and that these are cut off.
+        verified: How many recordings were verified and hold.
+        incomplete: How many a failing disk has cut off.
         disk_failed: Whether a disk has failed; the recording of the server may lack something then.
         frozen: From when to when the server was frozen [s, monotonic].
         stops: How long each stop took, without the time for which the server was frozen [s].
@@ -202,20 +205,22 @@ class Site:
         files = [path for path in self.scene.recordings() if last or "-server" not in path.name]
         if not files:
             return
-        command = self.command("replay", *map(str, files), "--verify", "--jobs", "1", server=False)
+        words = ("replay", *map(str, files), "--verify", "--jobs", "1", "--json")
+        command = self.command(*words, server=False)
         status = command.wait(20 * HANG_S)
         text = self.ended(command)
+        held = sum(json.loads(each)["holds"] for each in text.splitlines() if each[:1] == "{")
         spoiled = self.disk_spoiled or (last and self.disk_failed)
         if excused := status == _INCOMPLETE and spoiled:
-            self.incomplete += 1
-        if status != 0 and not excused:
+            self.incomplete += len(files) - held
+        if not (excused or (status == 0 and held == len(files))):
             kept = self.folder / "kept"
             kept.mkdir(exist_ok=True)
             for path in files:
                 shutil.copy(path, kept)
-            self.problem(f"replay --verify ends with {status}: {text[-300:]!r}")
+            self.problem(f"{held} of {len(files)} hold, status {status}: {text[-300:]!r}")
         self.disk_spoiled = False
-        self.verified += len(files)
+        self.verified += held
         for path in files:
             self.recorded_bytes += path.stat().st_size
             self._seen.pop(path, None)

@@ -4,10 +4,13 @@ import os
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
 
 import pytest
 
-from executive.cli.support.interrupts import STOP
+from executive.cli.support import interrupts
+from executive.cli.support.interrupts import STOP, Interrupts
+from hardware import RealClock
 from tests.support.command_line.screen import Screen, on_screen
 from tests.support.paths import ROOT
 
@@ -16,6 +19,14 @@ pytestmark = pytest.mark.slow
 PROGRAM = """
 import ctypes, sys
 from executive.cli.support.interrupts import Interrupts
+from hardware import RealClock
+
+class Clock(RealClock):
+    time = 0.0
+
+    def now(self):  # of each signal: half a second after the one before
+        self.time += 0.5
+        return self.time
 
 mutex = ctypes.create_string_buffer(64)
 
@@ -24,7 +35,7 @@ def stick(word):
     for _ in range(2):
         ctypes.CDLL(None).pthread_mutex_lock(mutex)
 
-with Interrupts("last words") as interrupts:
+with Interrupts("last words", Clock()) as interrupts:
     interrupts.on_cancel(lambda: stick("canceling"))
     stick("running")
 """
@@ -39,6 +50,43 @@ def test_a_second_signal_ends_a_process_that_is_stuck_everywhere() -> None:
         assert process.stdout.readline() == "canceling\n"
         process.send_signal(signal.SIGTERM)
         assert process.wait(60) == 130
+
+
+class Clock(RealClock):
+    """Every signal has its time [s]."""
+
+    def __init__(self, *times: float) -> None:
+        super().__init__()
+        self._times, self.last = iter(times), 0.0
+
+    def now(self) -> float:
+        self.last = next(self._times)
+        return self.last
+
+
+@pytest.fixture
+def keep_handlers() -> Iterator[None]:
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    before = {number: signal.getsignal(number) for number in numbers}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+def test_a_second_signal_counts_half_a_second_after_the_first(
+    monkeypatch: pytest.MonkeyPatch, keep_handlers: None
+) -> None:
+    """GNU `timeout` sends two at once: to the process, and to its group."""
+    clock, ended = Clock(7.0, 7.0, 7.49, 7.5, 7.4, 7.6), list[float]()
+    monkeypatch.setattr(interrupts, "last_words", lambda _text: None)
+    monkeypatch.setattr(interrupts, "end_process", lambda _status: ended.append(clock.last))
+    with Interrupts("last words", clock):
+        for number in (signal.SIGTERM, signal.SIGINT, signal.SIGTERM, signal.SIGINT):
+            signal.raise_signal(number)
+    assert ended == [7.5]
+    for number in (signal.SIGHUP, signal.SIGTERM, signal.SIGINT):  # they come after the context
+        signal.raise_signal(number)
+    assert ended == [7.5, 7.6]
 
 
 def test_a_persons_first_signal_after_a_stop_does_not_end_the_process() -> None:
@@ -81,9 +129,15 @@ FULL_SCREEN = """
 
 
 @pytest.mark.parametrize("hide", [HIDE_CURSOR, FULL_SCREEN])
-def test_a_second_signal_leaves_a_terminal_as_it_was(hide: str) -> None:
+@pytest.mark.parametrize(
+    "signals", [{"running": signal.SIGINT, "canceling": signal.SIGINT}, {"running": signal.SIGQUIT}]
+)
+def test_the_end_at_once_leaves_a_terminal_as_it_was(
+    hide: str, signals: dict[str, signal.Signals]
+) -> None:
+    """At a second Ctrl-C, or at Ctrl-\\."""
     hidden = PROGRAM.replace('    stick("running")', f'    {hide.strip()}\n    stick("running")')
-    screen, signals = Screen(80, 24), {"running": signal.SIGINT, "canceling": signal.SIGINT}
+    screen, signals = Screen(80, 24), dict(signals)
 
     def react(screen: Screen, process: "subprocess.Popen[bytes]") -> None:
         for word in [word for word in signals if word in "".join(screen.lines)]:

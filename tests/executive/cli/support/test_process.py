@@ -11,29 +11,41 @@ from executive.cli.support import process
 from tests.support.paths import ROOT
 
 PROGRAM = """
-import os
-from executive.cli.support.process import end_process, forbid_exit
-forbid_exit()
-try:
-    os._exit(0)
-except SystemExit as error:
-    print(error, flush=True)
-if not os.fork():
-    os._exit(5)
-print(os.waitstatus_to_exitcode(os.wait()[1]), flush=True)
-end_process(7)
+import os, posix, sys
+from executive.cli.support.process import protected_process
+protection = protected_process()
+protection.__enter__()
+for call, *words in (
+    (os._exit, 0), (posix._exit, 0), (os.execv, "/bin/true", ["true"]), (os.execlp, "true", "true"),
+    (posix.execve, "/bin/true", ["true"], {}), (os.chdir, "/"), (os.fchdir, 0),
+):
+    try:
+        call(*words)
+    except SystemExit as error:
+        print(error, flush=True)
+for call, *words in ((os._exit, 5), (os.execv, "/bin/sh", ["sh", "-c", "exit 6"])):
+    if not os.fork():
+        os.chdir("/")
+        call(*words)
+    print(os.waitstatus_to_exitcode(os.wait()[1]), flush=True)
+protection.__exit__(None, None, None)
+os.chdir("/")
+posix._exit(7)
 """
 
 
-def test_only_a_child_process_can_end_at_once() -> None:
+def test_only_a_child_process_can_end_or_go_elsewhere() -> None:
     run = subprocess.run(
         [sys.executable, "-c", PROGRAM], cwd=ROOT, capture_output=True, check=False
     )
+    end = "would end armtree without a result; raise an exception"
+    leave = "would take armtree away from its files; give whole paths instead"
     assert run.stdout.decode().splitlines() == [
-        "os._exit(0) would end armtree without a result; raise an exception",
-        "5",
+        *(f"os.{name} {end}" for name in ("_exit", "_exit", "execv", "execv", "execve")),
+        *(f"os.{name} {leave}" for name in ("chdir", "fchdir")),
+        *("5", "6"),
     ]
-    assert run.returncode == 7
+    assert (run.returncode, run.stderr) == (7, b"")
 
 
 class Niceness:

@@ -12,8 +12,9 @@ from rich.console import Console
 
 import logs
 from executive.api.outcome import Cause, GoalState, Outcome
+from executive.cli.terminal.line_view import view_for
 from executive.cli.terminal.live.live_view import LiveView
-from executive.cli.terminal.streams import LogFormatter
+from executive.cli.terminal.streams import LogFormatter, echo_result
 from tests.support.servers.serving import Served, Typed
 
 pytestmark = pytest.mark.slow
@@ -102,6 +103,23 @@ def test_the_log() -> None:
     shown = LogFormatter("%(levelname)s %(message)s").format(line)
     assert clean(shown)
     assert [each[:4] for each in shown.splitlines()] == ["INFO", "    "]
+
+
+@pytest.mark.parametrize("as_json", [True, False])
+def test_further_lines_of_a_message_are_indented(
+    capsys: pytest.CaptureFixture[str], as_json: bool
+) -> None:
+    """In the lines of a run, and in what commands print."""
+    text = "why\nError: forged"
+    with view_for(as_json, verbose=True) as view:
+        view.put(logs.NodeStatus(0.0, "a", "node", "FAILURE", text))
+        view.put(text)
+        view.put(Outcome.of(60, GoalState.ABORTED, Cause("task.failed", text, hint=text)))
+    echo_result(as_json, {"text": text}, text, "next")
+    lines = capsys.readouterr().out.splitlines()
+    assert lines
+    assert not [line for line in lines if line.startswith("Error")]
+    assert as_json or lines[-1] == "next"
 
 
 def test_the_live_view() -> None:
