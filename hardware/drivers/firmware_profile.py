@@ -78,7 +78,7 @@ class Firmware:
     bauds: tuple[int, ...] = ()
     most_rate: float = 0.0
     lost_answers: int = 0
-    silent_time: float = 0.5
+    silent_time: float = 1.0
     words: Words = Words()
 
     def service_time(self, before: Sequence[int], after: Sequence[int]) -> float:

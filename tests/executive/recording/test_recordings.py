@@ -226,9 +226,10 @@ def test_failed_recordings_do_not_stay_in_memory(
         run(arm, 7)  # there is no task 7
     with pytest.raises(logs.LogError, match="recording incomplete"):
         arm.executive.close()
-    synced = threading.Event()
-    recorder._queue("fsync").put(synced.set)  # the jobs before it have recorders
-    assert synced.wait(20.0)
+    for name in ("recorder", "fsync"):
+        done = threading.Event()
+        recorder._queue(name).put(done.set)  # the jobs before it have recorders
+        assert done.wait(20.0)
     gc.collect()
     assert len(failed) == 5  # one is the server's own
     assert sum(writer() is not None for writer in failed) <= 1  # of the error that was raised
