@@ -117,7 +117,8 @@ def check_position(joint: Joint, q: object) -> float:
         limit = min(max(value, joint.lower), joint.upper)
         words = joint.words(value)
         if words == joint.words(limit):
-            words = joint.words(value, digits=17)
+            further = (joint.words(value, digits) for digits in range(6, 18))
+            words = next((each for each in further if each != joint.words(limit)), words)
         raise BadPosition(
             f"{joint.name} = {words} is outside its limits, {limits}",
             joint.name,

@@ -33,7 +33,7 @@ from .reading.document import Located, StandIn, nested
 from .reading.grammar import PosesFile
 from .reading.library import Library
 from .reading.lines import added_above, block
-from .reading.literals import in_other_unit, in_smaller_units
+from .reading.literals import in_other_unit, in_radians, in_smaller_units, near_limit
 
 # Role of a file in its library: the number of a task, the name of a subtree, None for poses, or an
 # error.
@@ -307,7 +307,12 @@ class _Checker:
                 instead = item.instead(text)
                 words = in_other_unit(f"{name}: {error}", item, unit, text)
                 return Mistake(item.label, words, instead)
-        return Mistake(item.label, f"{name}: {error}")
+        words, limit = f"{name}: {error}", getattr(error, "limit", None)
+        for text, q in () if limit is None else near_limit(item, limit, unit):
+            if not joint_errors(robot, Positions({joint: q})):
+                words = in_radians(words, item, unit, q, text)
+                return Mistake(item.label, words, item.instead(text))
+        return Mistake(item.label, words)
 
 
 def _mistakes(error: TreeError) -> list[Mistake]:

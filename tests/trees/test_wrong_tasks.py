@@ -20,6 +20,12 @@ REACH, MOVE = "with: {arm: upright, gripper: open}", "with: {joints: {joint_1: 2
 WRONG = [
     ("20 deg", "70", "9:23 joint_1 = 4010.7 deg is outside its limits, -90 deg to 90 deg; "
      "70 without a unit is 70 rad; did you mean 70 deg?", f"      {MOVE.replace('20', '70')}"),
+    ("20 deg", "1.5708", "9:23 joint_1 = 90.0002 deg is outside its limits, -90 deg to 90 deg; "
+     "1.5708 without a unit is 1.5708 rad, and the limit is 1.570796 rad: write 90 deg",
+     f"      {MOVE.replace('20', '90')}"),
+    ("20 deg", "-3.14", "9:23 joint_1 = -179.91 deg is outside its limits, -90 deg to 90 deg; "
+     "-3.14 without a unit is -3.14 rad, and the limit is -1.570796 rad: write -90 deg",
+     f"      {MOVE.replace('20', '-90')}"),
     ("20 deg", "120 deg", "9:23 joint_1 = 120 deg is outside its limits, -90 deg to 90 deg",
      f"      {MOVE.replace('20', '90')}"),
     ("joint_1: 20", "joint_7: 20", "9:23 joint_7 is not a joint of the robot; it has "
@@ -318,6 +324,9 @@ FILES = [
     ("poses.yaml", "poses: {left: {joint_1: 80}}\n", "1:16 left: joint_1 = 4583.7 deg is outside "
      "its limits, -90 deg to 90 deg; 80 without a unit is 80 rad; did you mean 80 deg?",
      "poses: {left: {joint_1: 80 deg}}"),
+    ("poses.yaml", "poses: {left: {joint_1: 1.571}}\n", "1:16 left: joint_1 = 90.012 deg is "
+     "outside its limits, -90 deg to 90 deg; 1.571 without a unit is 1.571 rad, and the limit is "
+     "1.570796 rad: write 90 deg", "poses: {left: {joint_1: 90 deg}}"),
     ("wave.yaml", TASK, "1:1 this is a task, whose file is named like 20_wave.yaml; rename this "
      "one",
      ""),

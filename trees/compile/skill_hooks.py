@@ -28,7 +28,7 @@ from skills.motion import Body, MotionError, ToolQuery, shown
 from trees.errors import Correction, Mistake, Place
 from trees.reading.document import Located, nested
 from trees.reading.lines import left_out
-from trees.reading.literals import in_other_unit, in_smaller_units, near_limit
+from trees.reading.literals import in_other_unit, in_radians, in_smaller_units, near_limit
 
 from .leaf import Leaf
 from .port_types import declaration
@@ -312,7 +312,10 @@ def _exchanged(
 def _nearest(
     leaf: Leaf, robot: Robot, inputs: Mapping[str, Any], fault: OutOfBounds | BadTarget
 ) -> Correction | None:
-    """Return the line with the nearest position within the limits, or with a known joint."""
+    """Return the line with the nearest position within the limits, or with a known joint.
+
+    Add the radians of an angle without a unit to the error.
+    """
     port, joint = (*map(str, fault.location), "", "")[:2]
     (place, value), given = _refused(leaf, fault), inputs.get(port)
     if value is None or not isinstance(given, Positions) or joint not in given:
@@ -324,9 +327,13 @@ def _nearest(
             if each.name not in given and _accepts(leaf, robot, now, at):
                 return place.replaced(joint, each.name)
     elif isinstance(fault, OutOfBounds) and fault.limit is not None:
-        for text, position in near_limit(value, fault.limit):
+        unit = robot.joint(joint).unit
+        for text, position in near_limit(value, fault.limit, unit):
             now = {**inputs, port: Positions({**given, joint: position})}
             if _accepts(leaf, robot, now, fault.location):
+                if not [*in_smaller_units(value.value, unit)]:
+                    words = in_radians(str(fault), value, unit, fault.limit, text)
+                    fault.args = (words,)  # the exception may be raised again
                 return value.instead(text)
     return None
 

@@ -4,7 +4,7 @@ import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeGuard
 
 from hardware import DISPLAY_UNITS
 from hardware.printable import plural
@@ -74,12 +74,16 @@ def measured(value: Located) -> str:
 
 
 def in_smaller_units(value: object, unit: str) -> Iterator[tuple[str, float]]:
-    """Return a number without a unit as a text for each smaller unit, with the unit's factor."""
+    """Return a number without a unit as a text for each smaller unit, with the unit's factor.
+
+    An angle up to a full turn is most likely in rad, and has none.
+    """
     units = next((units for units in UNITS.values() if next(iter(units)) == unit), {})
-    if type(value) in (int, float):
-        for name, factor in sorted(units.items(), key=lambda each: each[1]):
-            if factor < 1:
-                yield f"{value:g} {name}", factor
+    if not is_bare(value) or (unit == "rad" and abs(value) <= math.tau):
+        return
+    for name, factor in sorted(units.items(), key=lambda each: each[1]):
+        if factor < 1:
+            yield f"{value:g} {name}", factor
 
 
 def in_unit_of(value: Located, point: Iterable[float]) -> tuple[str, tuple[float, ...]]:
@@ -94,13 +98,23 @@ def in_unit_of(value: Located, point: Iterable[float]) -> tuple[str, tuple[float
     return f"[{text}]", tuple(x * factor for x in numbers)
 
 
-def near_limit(value: Located, limit: float) -> Iterator[tuple[str, float]]:
+def is_bare(value: object) -> TypeGuard[float]:
+    """Return True if a value is a number without a unit."""
+    return type(value) in (int, float)
+
+
+def near_limit(value: Located, limit: float, unit: str) -> Iterator[tuple[str, float]]:
     """Return a limit in the unit of a value, rounded, as a text and in the first unit of its type.
 
-    The text that is nearest to the limit comes first.
+    The text that is nearest to the limit comes first. An angle without a unit is in deg.
+
+    Args:
+        value: The value.
+        limit: The limit, in the first unit of the type.
+        unit: The first unit of the type; "" for a number.
     """
     found = _QUANTITY.fullmatch(str(value.value))
-    unit = found[2] if found else ""
+    unit = found[2] if found else "deg" if unit == "rad" else ""
     factor = next((units[unit] for units in UNITS.values() if unit in units), 1.0)
     digits = 1 if unit == "deg" else 3
     nearest = round(limit / factor, digits)
@@ -115,6 +129,22 @@ def in_other_unit(words: str, value: Located, unit: str, near: str) -> str:
     if not any(f"{number} {unit}" in words for number in numbers):
         words += f"; {numbers[0]} without a unit is {numbers[0]} {unit}"
     return words + did_you_mean(near)
+
+
+def in_radians(words: str, value: Located, unit: str, limit: float, near: str) -> str:
+    """Return a message with an angle and its limit in rad, if the angle has no unit.
+
+    Args:
+        words: The message.
+        value: The angle.
+        unit: Unit of the limit. The message of a length does not change.
+        limit: The limit.
+        near: The angle to write instead.
+    """
+    if unit != "rad" or not is_bare(value.value) or " rad" in words:
+        return words
+    is_so = f"{value.value} without a unit is {value.value} rad, and the limit is {limit:.7g} rad"
+    return f"{words}; {is_so}: write {near}"
 
 
 def doubt(value: Located, wanted: Declaration, what: str) -> Mistake | None:
@@ -178,7 +208,7 @@ def fit(
         right = Located(value.place, chosen, value.label).as_yaml() if chosen else "".join(near[:1])
         meant = did_you_mean(right) if chosen == common else meant
         right = right or _within_bounds(fitted, value, wanted)
-        shown = f"{value} {wanted.unit if smaller else ''}".rstrip()
+        shown = f"{value} {wanted.unit if is_bare(value.value) else ''}".rstrip()
         wrong(value.place, f"{shown} {reason}{meant}", value.instead(right))
         return None
     return fitted
@@ -189,7 +219,7 @@ def _within_bounds(fitted: Any, value: Located, wanted: Declaration) -> str:
     limits = [each for each in (wanted.least, wanted.most) if each is not None]
     if not limits:
         return ""
-    likely = [*near_limit(value, min(limits, key=lambda each: abs(fitted - each)))]
+    likely = [*near_limit(value, min(limits, key=lambda each: abs(fitted - each)), wanted.unit)]
     if str(value.value).startswith("-"):
         likely.insert(0, (str(value.value)[1:], -fitted))
     return next((text for text, number in likely if not _violation(number, wanted)), "")

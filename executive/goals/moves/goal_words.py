@@ -22,7 +22,18 @@ from skills import (
     refuse,
     tool_target_errors,
 )
-from trees import UNITS, Declaration, FileError, Place, fit, in_smaller_units, parse_value
+from trees import (
+    UNITS,
+    Declaration,
+    FileError,
+    Place,
+    fit,
+    in_radians,
+    in_smaller_units,
+    is_bare,
+    near_limit,
+    parse_value,
+)
 from trees.compile.port_types import declaration
 
 _ANGLE, _LENGTH = Declaration("angle"), Declaration("length")
@@ -202,12 +213,19 @@ def _at_width(robot: Robot, text: str) -> Mapping[str, float]:
 def _ask_unit(
     check: Callable[[float], object], name: str, unit: str, text: str, value: float
 ) -> None:
-    """Suggest a smaller unit if a number without a unit is valid only in that unit."""
+    """Suggest a smaller unit, or the limit, for a number without a unit."""
     if not (error := _error(check, value)):
         return
-    for near, factor in in_smaller_units(parse_value(text, name).value, unit):
+    written, limit = parse_value(text, name), getattr(error, "limit", None)
+    for near, factor in in_smaller_units(written.value, unit):
         if not _error(check, value * factor):
             error.args = (f"{error}{did_you_mean(near)}",)
+            raise error
+    if limit is None or not is_bare(written.value):
+        return
+    for near, position in near_limit(written, limit, unit):
+        if not _error(check, position):
+            error.args = (in_radians(str(error), written, unit, limit, near),)
             raise error
 
 
