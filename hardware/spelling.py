@@ -91,6 +91,15 @@ def there_are(word: str, known: Iterable[str], given: Collection[str] = ()) -> s
     return f"the most similar {'is' if len(found) == 1 else 'are'} {', '.join(found)}"
 
 
+def there_are_numbers(number: int, known: Iterable[int]) -> str:
+    """Return `there are NUMBERS`; of many numbers, only the ones nearest to an unknown one."""
+    numbers = sorted(known)
+    if len(numbers) <= _ALL:
+        return f"there are {', '.join(map(str, numbers)) or 'none'}"
+    near = sorted(numbers, key=lambda each: abs(each - number))[:_SHOWN]
+    return f"the nearest of {len(numbers)} are {', '.join(map(str, sorted(near)))}"
+
+
 def choices(word: str, known: Iterable[str], given: Collection[str] = ()) -> str:
     """Return the known names, and a suggestion for an unknown word, as a text.
 

@@ -31,7 +31,7 @@ from .declarations import Declaration
 from .errors import FileError, Mistake, Place, TreeError
 from .reading.document import Located, StandIn, nested
 from .reading.grammar import PosesFile
-from .reading.library import Library
+from .reading.library import AS_TEXT, Library
 from .reading.lines import added_above, block
 from .reading.literals import in_other_unit, in_radians, in_smaller_units, near_limit
 
@@ -237,6 +237,8 @@ def _jobs(
             wrong = "does not exist; give a file, such as trees/3_wave.yaml"
             if file.exists():
                 wrong = "is not a task, subtree or poses file; name it as 3_wave.yaml or reach.yaml"
+            if saved := AS_TEXT.fullmatch(file.name):
+                wrong = f"is not read, because its name ends in .txt; rename it {saved[1]}"
             if file.is_dir():
                 wrong = f"is a folder; check all its files with --trees {file}"
             yield file, library, FileError([Mistake(Place(file, 1, 1), wrong)])

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Self
 
 from hardware import ArmtreeError
-from hardware.spelling import there_are
+from hardware.spelling import there_are, there_are_numbers
 
 SHIPPED_ROBOT = "arduinobot"  # name of the robot for the shipped tasks and examples
 EXAMPLES = Path(__file__).with_name("examples")  # folder with example tasks
@@ -168,6 +168,11 @@ class Mistakes:
                 return True
         return False
 
+    def withdraw(self, place: Place) -> None:
+        """Drop the mistake at a place, for a later one that replaces it."""
+        self.found = [each for each in self.found if _where(each.place) != _where(place)]
+        self._reported.discard(_where(place))
+
     def take(self, mistakes: Iterable[Mistake]) -> None:
         """Add several mistakes. Later mistakes at the same places are dropped."""
         taken = list(mistakes)
@@ -288,12 +293,15 @@ def _comes_first(first: Mistake, then: Mistake) -> bool:
 
 
 def _with_all(before: str, after: Sequence[str]) -> str:
-    """Return a line with several changes; empty if two of them change the same words."""
-    text, end = before, len(before)
+    """Return a line with several changes; empty if two of them change the same words.
+
+    A change that adds lines may also have the words that another one inserts at its end.
+    """
+    text, end, last = before, len(before), -1
     for begin, stop, new in sorted((_change(before, each) for each in after), reverse=True):
-        if stop > end:
+        if stop > end or ("\n" in new and begin < stop == end == last):
             return ""
-        text, end = text[:begin] + new + text[stop:], begin
+        text, end, last = text[:begin] + new + text[stop:], begin, stop
     return text
 
 
@@ -378,8 +386,8 @@ class UnknownTask(TreeError):
         if isinstance(task, str):
             words = f"Invalid task name {task}; {there_are(task, map(str, self.known))}"
         else:
-            there = ", ".join(map(str, self.known)) or "none"
-            words = f"Invalid task number {task}; there are {there}"
+            there = there_are_numbers(task, (each for each in self.known if isinstance(each, int)))
+            words = f"Invalid task number {task}; {there}"
         if not self.known:
             words += f". No task is for the robot {robot}; `armtree new` writes one, and "
             words += "`armtree move` moves it without a task"

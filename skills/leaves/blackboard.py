@@ -27,6 +27,7 @@ class Set(Skill):
     """Write a value to a key."""
 
     may_fail = False
+    synonyms = ("script", "setblackboard", "set_fact")
 
     INPUT_PORTS = {"value": Port(object, description="value to write")}
     OUTPUT_PORTS = {"key": Port(object, description="key to write to", like="value")}

@@ -14,7 +14,7 @@ class Say(Skill):
     """Print a text, and the value of a key after it, to the log and the recording."""
 
     may_fail = False
-    synonyms = ("print", "log")
+    synonyms = ("print", "log", "debug", "echo")
 
     INPUT_PORTS = {
         "text": Port(str, description="text to print"),

@@ -327,7 +327,7 @@ FILES = [
     ("poses.yaml", "poses: {left: {joint_1: 1.571}}\n", "1:16 left: joint_1 = 90.012 deg is "
      "outside its limits, -90 deg to 90 deg; 1.571 without a unit is 1.571 rad, and the limit is "
      "1.570796 rad: write 90 deg", "poses: {left: {joint_1: 90 deg}}"),
-    ("wave.yaml", TASK, "1:1 this is a task, whose file is named like 20_wave.yaml; rename this "
+    ("wave.yaml", TASK, "1:1 this is a task, whose file is named like 20_m.yaml; rename this "
      "one",
      ""),
     ("20_m.yaml", "subtree: m\ndescription: x\ntree: Succeed\n",

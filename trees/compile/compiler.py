@@ -13,7 +13,7 @@ from trees.declarations import ANY, Declaration, type_fits, words
 from trees.errors import Correction, Mistakes, Place
 from trees.nodes.kind import KINDS, Control, ControlNodeKind, Flow
 from trees.nodes.unknown import UnknownKind
-from trees.reading.document import REFUSED, Located, StandIn, nested
+from trees.reading.document import REFUSED, Located, StandIn, nested, reference
 from trees.reading.grammar import UNTYPED, Draft, TaskFile
 from trees.reading.library import Library
 from trees.reading.lines import replaced_block
@@ -38,10 +38,12 @@ from .scope import Scope, resolve
 from .skill_hooks import SkillHooks, named_port
 from .sources import Sources
 from .unknown_names import (
+    TO_POSE,
     is_nothing,
     meant,
     meant_file,
     only_taker,
+    target_pose,
     why_unknown,
     without_ports,
 )
@@ -339,7 +341,9 @@ class TreeCompiler:
         """Return the values and keys at the ports of a subtree, without wrong ones."""
         if spec.values and not source.parameters and spec.source not in self._sources.uncertain:
             why, right = without_ports(spec, f"{what} has no {source.port}s", self._context.robot)
-            self._wrong(next(iter(spec.values.values())).place, why, right)
+            first = next(iter(spec.values.values()))
+            self._mistakes.withdraw(first.label)  # a place below `with` would be wrong, too
+            self._wrong(first.place, why, right)
             self._assume_used(spec.values.values(), scope)
             return {}
         ports: dict[str, Value] = {}
@@ -412,6 +416,8 @@ class TreeCompiler:
         ports = declarations(kind)
         ported = by_port(spec.ports, ports, (spec.skill, spec.skill), self._wrong)
         given = self._known_ports(ported, ports, f"port of {spec.skill}", scope)
+        if kind.condition:
+            given = {port: self._named_key(value, scope) for port, value in given.items()}
         wired = {
             port: self._resolve(value, scope)
             for port, value in given.items()
@@ -427,6 +433,16 @@ class TreeCompiler:
             self._tree.leaves[skill] = leaf
         return skill
 
+    def _named_key(self, value: Value, scope: Scope) -> Value:
+        """Report a text that names a key. Return the key; other values unchanged."""
+        text = value.value if isinstance(value, Located) and isinstance(value.value, str) else ""
+        name = reference(text)[1:] or text
+        if not isinstance(value, Located) or f"{scope.namespace}/{name}" not in self._keys.written:
+            return value
+        why = f"{value} is a text; the value of the key {name} is ${name}"
+        self._wrong(value.place, why, value.instead(f"${name}"))
+        return Key(value.place, name, value.label)
+
     def _as_subtree(self, spec: SkillNode, name: str, shown: str) -> SubtreeNode:
         """Report a subtree that is written like a skill. Return it, with its values by port."""
         node = SubtreeNode(spec.place, name, spec.ports, shown)
@@ -438,6 +454,9 @@ class TreeCompiler:
             given = {}
         if not given and spec.skill in {*self._sources.poses} and source and source.parameters:
             given = {"": Located(spec.place, spec.skill, spec.place)}
+        pose = target_pose(given, self._sources.poses) if name == TO_POSE else None
+        if pose and source and not given.keys() & source.parameters.keys():
+            given = {"": pose}
         if "" in given:
             target = as_positions(given[""], self._context.robot)
             given = nested(target) if isinstance(target, Located) and nested(target) else given

@@ -8,9 +8,13 @@ from trees.declarations import Declaration
 from trees.errors import Correction, Mistakes, Place
 from trees.reading.document import Located, nested
 from trees.reading.lines import key_block
+from trees.reading.literals import in_unit_of_key
 from trees.reading.specs import Value
 
 from .values_by_port import as_mapping, in_braces
+
+# Ports by their names in MoveIt.
+_OTHER_PORTS = {"max_velocity_scaling_factor": "speed", "id": "body", "dimensions": "size"}
 
 
 def known_ports(
@@ -32,6 +36,9 @@ def known_ports(
     if what:
         given = _outside(_indented(given, known, mistakes), known, what, mistakes)
     likely = corrections(given, known)
+    for port, other in _OTHER_PORTS.items():
+        if port in given and other in known and other not in (*given, *likely.values()):
+            likely[port] = other
     joints = {*joints} & given.keys() - known.keys()
     likely = {port: name for port, name in likely.items() if port not in joints}
     unknown = given.keys() - known.keys() - likely.keys()
@@ -48,7 +55,11 @@ def known_ports(
             if port in joints:
                 inner = (each for each, kind in known.items() if kind.type == "positions")
                 there = f"{port} is a joint; write it with its angle within {next(inner, '')}"
-            instead = label.replaced(port, name)
+            instead, value = label.replaced(port, name), given[port]
+            if name and isinstance(value, Located):
+                timed = in_unit_of_key(port, value)
+                old, given = f"{port}: {value.as_yaml()}", {**given, port: timed}
+                instead = label.replaced(old, f"{name}: {timed.as_yaml()}") or instead
             if name == said and _edited(label, mistakes):  # a text with a colon
                 text = as_mapping({port: given[port]}).as_yaml()[1:-1]
                 quoted = Located(label, text, label).as_yaml()

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 from hardware.spelling import closest, suggestion
 from trees.errors import Correction, Mistakes, Place
-from trees.reading.document import REFUSED, Located, StandIn
+from trees.reading.document import REFUSED, Located, StandIn, reference
 from trees.reading.grammar import TaskFile
 from trees.reading.lines import declared_above
 from trees.reading.specs import Key, Value
@@ -75,26 +75,37 @@ def _without_names(
         return replace(value, value=[within(item, "number") for item in inner])
     if not kind or not isinstance(inner, str) or not inner.startswith("$"):
         return value
-    given = scope.ports.get(inner[1:])
-    key = given.name if isinstance(given, Key) else f"{scope.namespace}/{inner[1:]}"
+    what = scope.file.port
+    name = _as_here(value, inner, scope, mistakes)
+    given = scope.ports.get(name[1:])
+    key = given.name if isinstance(given, Key) else f"{scope.namespace}/{name[1:]}"
     stand_in = scope.stand_ins.get(key)
     if isinstance(given, Located):
         return _used(given, value, stand_in)
     if stand_in:
         return replace(value, value=stand_in)
-    near = suggestion(inner[1:], scope.file.parameters)
-    what = scope.file.port
-    why, lines = f"there is no {what} for {inner}{near}", None
+    near = suggestion(name[1:], scope.file.parameters)
+    why, lines = f"there is no {what} for {name}{near}", None
     if near:
-        lines = value.place.replaced(inner, f"${closest(inner[1:], scope.file.parameters)}")
+        lines = value.place.replaced(name, f"${closest(name[1:], scope.file.parameters)}")
     if key in written:
         why = f"{inner} has no value before the run; a mapping or a list may contain values, and "
         why += "parameters or ports that have one"
     elif not near:
-        more, lines = _undeclared(value.place, what, inner, kind)
+        more, lines = _undeclared(value.place, what, name, kind)
         why += more
     mistakes.add_last(value.place, why, lines)
     return replace(value, value=REFUSED)
+
+
+def _as_here(value: Located, name: str, scope: Scope, mistakes: Mistakes) -> str:
+    """Return `$name`. Report another way to write it, such as `$(arg name)`."""
+    meant, what = reference(name), scope.file.port
+    if meant:
+        more = "" if meant[1:] in scope.file.parameters else f", and declare it with {what}s:"
+        why = f"write {meant} for a {what}, not {name}{more}"
+        mistakes.add_last(value.place, why, value.instead(meant))
+    return meant or name
 
 
 def _undeclared(place: Place, what: str, name: str, kind: str) -> tuple[str, Correction | None]:

@@ -2,12 +2,11 @@
 
 from collections.abc import Mapping
 
+from hardware.spelling import there_are_numbers
 from trees.errors import FileError, Mistakes
 from trees.reading.grammar import TaskFile
 from trees.reading.library import Library, poses_of
 from trees.reading.specs import SubtreeNode
-
-_SHOWN = 20  # largest count of numbers in a message
 
 
 class _AnyPose(dict[str, Mapping[str, float]]):
@@ -71,8 +70,7 @@ class Sources:
         source, numbers = spec.source, self._library.numbers()
         if isinstance(source, int) and source not in numbers:
             place = spec.named.place if spec.named else spec.place
-            there = ", ".join(map(str, numbers[:_SHOWN])) + (", …" if numbers[_SHOWN:] else "")
-            mistakes.add_last(place, f"no task {source}; there are {there}")
+            mistakes.add_last(place, f"no task {source}; {there_are_numbers(source, numbers)}")
             return None
         file, wrong = self._library.draft(source)
         if {"", f"{file.port}s"} & {mistake.place.location for mistake in wrong}:

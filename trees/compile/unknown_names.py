@@ -19,7 +19,7 @@ from trees.reading.specs import SkillNode, SubtreeNode, Value
 from .move_words import as_positions, is_width
 from .values_by_port import as_mapping, fits
 
-_TO_POSE = "move_joints"  # shipped subtree that moves to a pose
+TO_POSE = "move_joints"  # shipped subtree that moves to a pose
 
 
 def meant(
@@ -31,13 +31,15 @@ def meant(
     """Return the likely skill, kind of node or subtree for an unknown name; empty if unclear."""
     value, subtrees = spec.ports.get(""), library.subtrees()
     begun, poses = _begun(spec.skill, subtrees), {*poses}  # an unreadable file has no known pose
-    if spec.skill in poses and not spec.ports and _TO_POSE in subtrees and not begun:
-        return _TO_POSE
+    if spec.skill in poses and not spec.ports and TO_POSE in subtrees and not begun:
+        return TO_POSE
     text = value.value if isinstance(value, Located) else None
+    if TO_POSE in _begun(_first(spec.skill), subtrees) and target_pose(spec.ports, poses):
+        return TO_POSE
     if isinstance(text, str):
         target = text in poses or as_pairs(text) or is_width(text)
-        if target and _TO_POSE in subtrees and (begun or is_width(text) or spec.skill == "pose"):
-            return _TO_POSE
+        if target and TO_POSE in subtrees and (begun or is_width(text) or spec.skill == "pose"):
+            return TO_POSE
         if name := closest(f"{text}_{spec.skill}", subtrees, 0.85):
             return name  # such as `gripper: open`
         if text in subtrees:
@@ -49,6 +51,13 @@ def meant(
             return name
     near = closest(spec.skill, (*nodes(skills), *subtrees), 0.71)
     return near or (_taking(_first(spec.skill), spec.ports, library) if spec.ports else "")
+
+
+def target_pose(ports: Mapping[str, Value], poses: Collection[str]) -> Located | None:
+    """Return the only value at ports that is a pose, such as the target of a MoveIt group."""
+    values = [each for each in ports.values() if isinstance(each, Located)]
+    named = [each for each in values if isinstance(each.value, str) and each.value in [*poses]]
+    return named[0] if len(named) == 1 and "" not in ports else None
 
 
 def meant_file(
@@ -109,7 +118,7 @@ def _taking(word: str, values: Mapping[str, Value], library: Library) -> str:
     """
     names = library.subtrees()
     found = [*_takers(values, _begun(word, names), library)] or [*_takers(values, names, library)]
-    return _TO_POSE if _TO_POSE in found else found[0] if len(found) == 1 else ""
+    return TO_POSE if TO_POSE in found else found[0] if len(found) == 1 else ""
 
 
 def only_taker(values: Mapping[str, Value], library: Library) -> str:
@@ -140,8 +149,8 @@ def without_ports(spec: SubtreeNode, what: str, robot: Robot) -> tuple[str, Corr
     why, node = f"leave {written} out", {spec.head: str(spec.source)}
     for value in spec.values.values():
         if (target := as_positions(value, robot)) is not value and isinstance(target, Located):
-            node = {"subtree": _TO_POSE, "with": f"{{joints: {target.as_yaml()}}}"}
-            why = f"to move the gripper, write subtree: {_TO_POSE}, with: {node['with']}"
+            node = {"subtree": TO_POSE, "with": f"{{joints: {target.as_yaml()}}}"}
+            why = f"to move the gripper, write subtree: {TO_POSE}, with: {node['with']}"
     node |= {"name": spec.name} if spec.name else {}
     return f"{what}; {why}", rewritten(spec.place, node)
 
@@ -164,7 +173,7 @@ def why_unknown(skill: str, skills: Collection[str], subtrees: Collection[str]) 
         are = "are the subtrees" if begun[1:] else "is the subtree"
         there, the_skills = f"there {are} {', '.join(begun)}", "the skills"
     own = f"`armtree skills` lists {the_skills}, and --skills DIR adds your own"
-    return f"no skill {skill}; {there}; {own}"
+    return f"no skill {skill}; {there}" + ("" if there.endswith("?") else f"; {own}")
 
 
 def is_nothing(value: Value) -> bool:

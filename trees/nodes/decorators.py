@@ -56,6 +56,7 @@ class TimeoutKind(ControlNodeKind):
     name = "timeout"
     options = {"after": duration("longest time that the child may take", least=0.001)}
     placeholders = {"after": math.inf}
+    synonyms = ("Timeout", "timeout-minutes", "timeout_minutes", "timeout_seconds", "timeout_ms")
     may_halt = timed = True
     node = Timeout
 
@@ -95,7 +96,7 @@ class InverterKind(_ResultKind):
     name = "inverter"
     decorator = Inverter
     groot_tag = "Inverter"
-    synonyms = ("not",)
+    synonyms = ("not", "Inverter")
 
     def possible_outcomes(self, node: Node) -> PossibleOutcomes:
         """Return the possible outcomes of the node."""
@@ -109,6 +110,7 @@ class ForceSuccessKind(_ResultKind):
     name = "force_success"
     decorator = FailureIsSuccess
     groot_tag = "ForceSuccess"
+    synonyms = ("ForceSuccess", "ignore_errors", "continue-on-error", "continue_on_error")
 
     def possible_outcomes(self, node: Node) -> PossibleOutcomes:
         """Return the possible outcomes of the node."""

@@ -70,6 +70,7 @@ class GuardKind(ControlNodeKind):
         "every": duration("period of the checks", 0.1, least=0.01),
     }
     condition = "while"
+    synonyms = ("when",)
     keywords = {
         "do": "there is no do: a guard runs its node while a condition holds; write guard: for do:"
     }

@@ -129,6 +129,7 @@ class ControlNodeKind(ABC):
             the options by name.
         groot_tag: Name of the equivalent node of BehaviorTree.CPP, if that node has no ports.
         synonyms: Names of it in other languages and libraries, for corrections.
+        other_options: Its options by their names in other libraries.
         keywords: Keywords of programming languages that it stands for, but that take other nodes
             below them; each with the message for it.
     """
@@ -147,6 +148,7 @@ class ControlNodeKind(ABC):
     node: ClassVar[Callable[..., Behaviour]]
     groot_tag: ClassVar[str] = ""
     synonyms: ClassVar[tuple[str, ...]] = ()
+    other_options: ClassVar[Mapping[str, str]] = {}
     keywords: ClassVar[Mapping[str, str]] = {}
 
     def __init_subclass__(cls, register: bool = True) -> None:

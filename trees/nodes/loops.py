@@ -115,7 +115,8 @@ class RetryKind(ControlNodeKind):
         "backoff": duration("pause before the second attempt; it doubles each time", 0.0),
     }
     placeholders = {"attempts": 1}
-    synonyms = ("RetryUntilSuccessful",)
+    synonyms = ("RetryUntilSuccessful", "Retry", "retries", "max_retries")
+    other_options = {"num_attempts": "attempts", "delay": "backoff"}
     lasting = True
     node = Retry
 
@@ -170,7 +171,8 @@ class RepeatKind(ControlNodeKind):
     name = "repeat"
     options = {"times": count("number of rounds; no limit without it", optional=True)}
     placeholders = {"times": 1}
-    synonyms = ("loop", "for", "KeepRunningUntilFailure")
+    synonyms = ("loop", "for", "KeepRunningUntilFailure", "Repeat")
+    other_options = {"num_cycles": "times"}
     lasting = True
     limit = "times"
     node = Repeat

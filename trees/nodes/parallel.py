@@ -73,6 +73,7 @@ class ParallelKind(ControlNodeKind):
 
     name = "parallel"
     synonyms = ("concurrent", "together")
+    other_options = {"success_threshold": "policy"}
     options = {
         "policy": Declaration(
             "text",

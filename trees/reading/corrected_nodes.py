@@ -7,6 +7,7 @@ from trees.errors import Correction
 
 from .document import Located, nested
 from .lines import in_node, replaced_block
+from .node_words import begins_node
 
 _COMPARISON = re.compile(r"([\w$.-]+) *(==|!=|<=|>=|<|>) *([\w$.-]+)")
 
@@ -27,6 +28,9 @@ def node_instead(value: Located, in_turn: str) -> Correction | None:
         from skills import NODE_FOR  # slow; only for a mistake
 
         return value.instead(NODE_FOR[value.value])
+    beside = {key: each for key, each in keys.items() if key not in ("if", "name")}
+    if "if" in keys and sum(map(begins_node, beside)) == 1 and not {"then", "else"} & {*beside}:
+        keys = {"if": keys["if"], "then": Located(value.place, beside, value.place)}
     if {"if", "then"} <= keys.keys() <= {"if", "then", "else"}:
         return replaced_block(value.place, _as_selector(keys))
     return None

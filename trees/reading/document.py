@@ -99,6 +99,8 @@ class Located:
     def instead(self, text: str) -> Correction | None:
         """Return its line with a text in place of the value; None if it is not in one line."""
         written = self.value if isinstance(self.value, str) else self.as_yaml()
+        if isinstance(self.value, bool):
+            return self.place.replaced(written, text) or self.place.replaced(written.title(), text)
         return self.place.replaced(self.place.brackets or written, text)
 
     def __str__(self) -> str:
@@ -194,11 +196,18 @@ def nested(value: Located) -> Mapping[str, Located]:
     return value.value if isinstance(value.value, dict) else {}
 
 
+def reference(text: str) -> str:
+    """Return the reference for a name in the signs of another program; "" for other texts."""
+    begin, end = r"(?:\$?\{\{?|\$\(|<|%)", r"(?:\}\}?|\)|>|%)"
+    template = re.fullmatch(rf"{begin} *(?:[A-Za-z_]+\.|arg |env )*([A-Za-z_]\w*) *{end}", text)
+    return f"${template[1]}" if template else ""
+
+
 def names_within(value: Located) -> Iterator[str]:
     """Return the references in a value, without the $."""
     inner = value.value
     if isinstance(inner, str) and inner.startswith("$"):
-        yield inner[1:]
+        yield (reference(inner) or inner)[1:]
     for item in inner if isinstance(inner, list) else nested(value).values():
         yield from names_within(item)
 
@@ -269,7 +278,9 @@ class _Reader:
         after = next(self._events)
         if not isinstance(after, StreamEndEvent):
             place = self._place(after, "")
-            self._end(place, "a second document begins here; a file holds one: leave this line out")
+            self._end(
+                place, "a second document begins here; move what follows to a file of its own"
+            )
         return root
 
     def _value(

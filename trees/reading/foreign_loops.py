@@ -13,12 +13,13 @@ from trees.errors import Correction, Place
 
 from .document import Located, nested
 from .lines import key_block, replaced_block
+from .literals import in_unit_of_key
 from .node_words import begins_node, in_turn, kinds
 
 if TYPE_CHECKING:
     from trees.nodes.kind import ControlNodeKind
 
-_DO = "do"
+_DO, _CHILD = "do", "child"
 _COUNT = re.compile("num_.*|max_.*|count")  # names of the number of rounds
 _AMOUNT = re.compile(r"[0-9.]+ ?([a-z]+)?")
 EXAMPLES = {"integer": "3", "duration": "1 s"}  # example values of an option, by type
@@ -61,7 +62,7 @@ def _loop_words(given: Mapping[str, Located]) -> Iterator[tuple[str, "ControlNod
     """
     for word in given:
         for kind in kinds().values():
-            named = given.keys() & {kind.name, *kind.synonyms}
+            named = given.keys() & {kind.name} or given.keys() & {*kind.synonyms}
             option = word in [*kind.options][:1] and not given.keys() & kinds().keys()
             unnamed = not named and (option or word == kind.condition)
             if not kind.many and (word in named or unnamed):
@@ -74,8 +75,9 @@ def _read(
     """Return the loop that a word means, or None if it means none."""
     head, rest = given[word], {key: each for key, each in given.items() if key != word}
     if word in kind.synonyms:
-        head, counted = _without_count(head, kind)
+        head, counted = _without_option(in_unit_of_key(word, head), kind)
         rest |= counted
+        rest = {kind.other_options.get(key, key): each for key, each in rest.items()}
     known, in_one = True, _DO in nested(head)  # such as {times: 3, do: open_gripper}
     rest |= nested(head) if in_one else {}
     options = {key: each for key, each in rest.items() if key in (*kind.options, kind.condition)}
@@ -88,9 +90,9 @@ def _read(
         if not why:
             return None
         options = option | options
-        known = bool(option) or isinstance(head.value, bool)
+        known = bool(option) or isinstance(head.value, bool) or head.value in ("yes", "on")
         child = rest.pop(_DO) if _DO in rest else Located(place, rest, place)
-    elif word in kind.synonyms and not is_amount(head):
+    elif word in kind.synonyms and not is_amount(head) and (word.islower() or _has_node(head)):
         child, why = head, f"there is no {word}{did_you_mean(kind.name)}"
     else:
         return None
@@ -129,10 +131,13 @@ def _beside_child(
     """
     option, condition = next(iter(kind.options), ""), kind.condition
     why = f"{kind.name} has its node below it"
+    if word in kind.synonyms:
+        why = f"there is no {word}: {why}"
     if is_amount(head) and option:
         written = f"{option}: {head.as_yaml()}"
         return f"{why}, and its number in a line of its own: {written}", {option: head}
-    if isinstance(head.value, bool) and (not condition or condition in given):
+    switch = isinstance(head.value, bool) or head.value in ("yes", "on")
+    if switch and (not condition or condition in given):
         return f"{why}, not beside", {}
     if isinstance(head.value, bool):
         from skills import EXAMPLE_CONDITION  # slow; only for a mistake
@@ -141,8 +146,10 @@ def _beside_child(
         return f"{why}, not beside, and needs {condition}: the condition", {condition: asked}
     named = isinstance(head.value, str) and condition and condition not in given
     if word == condition or named:
-        why = f"{kind.name} has the node below it, and {condition} in a line of its own"
+        why = f"{why}, and {condition} in a line of its own"
         return kind.keywords[_DO] if _DO in given else why, {condition: head}
+    if isinstance(head.value, list) and not any(map(nested, head.value)):
+        return f"there is no {word} over a list: write one node for each value, below sequence:", {}
     example = EXAMPLES.get(kind.options[option].type) if option else None
     if _DO in given and example:
         written = f"{option}: {example}"
@@ -150,14 +157,25 @@ def _beside_child(
     return "", {}
 
 
-def _without_count(head: Located, kind: "ControlNodeKind") -> tuple[Located, dict[str, Located]]:
-    """Return a node without its number of rounds, and the number by option."""
+def _without_option(head: Located, kind: "ControlNodeKind") -> tuple[Located, dict[str, Located]]:
+    """Return a node without its number of rounds or its time, and the number by option."""
     inner, option = dict(nested(head)), next(iter(kind.options), "")
-    counts = [key for key in inner if _COUNT.fullmatch(key)]
-    if len(counts) != 1 or not option or kind.options[option].type != "integer":
+    if _CHILD in inner:
+        inner[_DO] = inner.pop(_CHILD)
+        head = Located(head.place, inner, head.label)
+    timed = kind.timed and option
+    timed_keys = {key for key, each in inner.items() if in_unit_of_key(key, each) is not each}
+    counts = [key for key in inner if (key in timed_keys if timed else _COUNT.fullmatch(key))]
+    if len(counts) != 1 or not option or not (timed or kind.options[option].type == "integer"):
         return head, {}
-    given = {option: inner.pop(counts[0])}
+    given = {option: in_unit_of_key(counts[0], inner.pop(counts[0]))}
     return Located(head.place, inner, head.place), given
+
+
+def _has_node(value: Located) -> bool:
+    """Return True if a value is a node: its name, or a mapping in which a key begins one."""
+    keys = (value.value,) if isinstance(value.value, str) else nested(value)
+    return any(key == _DO or begins_node(key) for key in keys)
 
 
 def _lines_below(child: Located) -> list[str]:

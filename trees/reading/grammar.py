@@ -18,7 +18,7 @@ from trees.errors import Correction, FileError, Mistake, Mistakes
 from .document import Located, NotYaml, draft_document, names_within, nested
 from .literals import fit, measured
 from .node_parser import NodeParser, respell
-from .node_words import begins_node, synonyms
+from .node_words import FILES, begins_node, synonyms
 from .repairs import repairing
 from .specs import ControlNode, Key, SkillNode, SubtreeNode, TreeNode, Value
 
@@ -31,6 +31,7 @@ _TASK_KEYS = (
 )
 _SUBTREE_KEYS = ("subtree", "description", "ports", "replaces", "grammar", "tree")
 _POSES_KEYS = ("poses", "replaces", "grammar")
+_PARAMETERS = {"inputs", "params", "args", "arguments", "vars", "variables"}  # of other programs
 _OPTIONAL = ("parameters", "ports", "replaces", "retry", "grammar")
 _DECLARED_KEYS = ("type", "default", "min", "max", "choices", "description")
 # Types by the names that programming languages and people use.
@@ -215,9 +216,19 @@ class _Parser:
         if not self._values:
             needed = ", ".join(key for key in keys if key not in _OPTIONAL)
             hint = "; `armtree new` writes a task that runs" if keys is _TASK_KEYS else ""
+            text = "\n".join(self.root.place.lines).rstrip()
+            words = "|".join((*keys, *FILES, "with"))
+            right = re.sub(rf"^([ -]*(?:{words}))(?= |$)", r"\1:", text, flags=re.MULTILINE)
+            if isinstance(self.root.value, str) and right != text:
+                why, row = f"a colon is missing after `{text.split()[0]}`", text.count("\n") + 1
+                self.mistakes.add_last(self.root.place, why, Correction(right, 1, row))
             if str(self.root.value).startswith("<"):
                 hint = f"; this is XML, and a file is YAML{hint}"
             self._wrong(self.root.place, f"expected the keys {needed}{hint}")
+        elif "jobs" in self._values and "tree" not in self._values:
+            why = "this is a GitHub workflow, not a task; `armtree new` writes a task that runs"
+            self._wrong(self.root.place, why)
+            self._values = {}
         self._values = self._corrections(self._with_tree(self._values, keys), keys)
         version = self.get("grammar", needed=False)
         if version and (type(version.value) is not int or version.value != VERSION):
@@ -328,6 +339,8 @@ class _Parser:
                 self._wrong(values[key].label, why, values[key].label.replaced(key, other))
                 values = respell(values, {key: other})
         likely = corrections(values, known)
+        for key in values.keys() & _PARAMETERS if "parameters" in known else ():
+            likely |= {} if "parameters" in (*values, *likely.values()) else {key: "parameters"}
         unknown = [key for key in values if key not in {*known, *likely}]
         needed = [key for key in known if key not in {*_OPTIONAL, *values, *likely.values()}]
         if "tree" in known and len(unknown) == len(needed) == 1:

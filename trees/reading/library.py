@@ -40,9 +40,11 @@ from .grammar import (
     parse_head,
 )
 
-_TASK = re.compile(r"([0-9]+)_.+\.yaml")
+_TASK = re.compile(r"([0-9]+)_[\w.-]+\.yaml")
 _SUBTREE = re.compile(r"(?!poses)[A-Za-z].*\.yaml")
 _ALMOST_TASK = re.compile(r"([0-9]+)[\W_]*(.*)\.ya?ml")
+AS_TEXT = re.compile(r"([0-9]+_.+\.yaml)\.txt")  # as some editors save it
+_NAME = re.compile(r"^name: *([A-Za-z][\w-]*) *$", re.MULTILINE)
 _HEAD = re.compile(r"^[\"']?(task|subtree)[\"']?: *(\w{0,99})", re.MULTILINE)
 POSES = "poses.yaml"
 
@@ -136,6 +138,9 @@ class Library:
                     self.mistakes += error.mistakes
 
     def _add(self, folder: Path, name: str) -> None:
+        if saved := AS_TEXT.fullmatch(name):
+            why = f"is not read, because its name ends in .txt; rename it {saved[1]}"
+            self.notes.append(Mistake(Place(folder / name), why))
         if name.startswith(".") or not name.lower().endswith((".yaml", ".yml")):
             return
         path = folder / name
@@ -144,8 +149,9 @@ class Library:
         elif named := _TASK.fullmatch(name):
             self._claim(int(named[1]), path)
         elif almost := _ALMOST_TASK.fullmatch(name):
-            place = _top(path, self._text(path), "task")
-            like = self._free_file(almost[1], re.sub(r"\W+", "_", almost[2]) or "wave")
+            text = self._text(path)
+            place = _top(path, text, "task")
+            like = self._free_file(almost[1], re.sub(r"\W+", "_", almost[2]) or "wave", text)
             wrong = f"a task's file is named like {like}; rename this one"
             raise FileError([Mistake(place, wrong)])
         elif name == POSES and _is_for(path, self.robot):
@@ -188,8 +194,12 @@ class Library:
             self._claimed[source] = error
             raise
 
-    def _free_file(self, number: str, name: str) -> str:
-        """Return the name of a file for a task, and its number if the given one is not free."""
+    def _free_file(self, number: str, name: str, text: str) -> str:
+        """Return the name of a file for a task, and its number if the given one is not free.
+
+        `name` is the name of a task whose text has none.
+        """
+        name = named[1] if (named := _NAME.search(text)) else name
         free = self._free_number(int(number) if number.isdecimal() else 1)
         return f"{free}_{name}.yaml" + ("" if number == str(free) else f" and says task: {free}")
 
@@ -214,7 +224,9 @@ class Library:
         kinds = {head[1]: head[2] for head in _HEAD.finditer(text)}
         if kinds and _what(source) not in kinds:
             ((other, named),) = kinds.items()
-            like = f"{named}.yaml" if other == "subtree" else self._free_file(named, path.stem)
+            like = (
+                f"{named}.yaml" if other == "subtree" else self._free_file(named, path.stem, text)
+            )
             why = f"this is a {other}, whose file is named like {like}; rename this one"
             raise FileError([Mistake(_top(path, text, other), why)])
         return text

@@ -12,7 +12,7 @@ from hardware.spelling import choices, closest, did_you_mean, there_are
 from trees.declarations import ANY, LIST, UNITS, Declaration, type_fits, words
 from trees.errors import Mistake
 
-from .document import REFUSED, Located, StandIn, nested
+from .document import REFUSED, Located, StandIn, nested, reference
 from .lines import as_mapping, block, replaced_block
 
 _NUMBER = r"([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)"
@@ -30,7 +30,7 @@ _SWITCHES = {"yes": "true", "on": "true", "no": "false", "off": "false", "1": "t
 _CHOICES = {
     **dict.fromkeys(("equals", "equal", "is"), "=="),
     **dict.fromkeys(("greater", "more"), ">"),
-    **dict.fromkeys(("one", "first"), "any"),
+    **dict.fromkeys(("one", "first", "1", "true"), "any"),
     **dict.fromkeys(("every", "both"), "all"),
     "not": "!=",
     "less": "<",
@@ -57,6 +57,9 @@ _COUNTS = {
 }
 _UNIT_NAMES = {"grad": "deg", "\xb0": "deg", "milli": "m", "centi": "c", "zenti": "c"}
 
+# Units of time at the end of a key.
+_TIMES = {"ms", "msec", "milliseconds", "sec", "secs", "seconds", "minutes", "hours"}
+
 _HOME = "home"  # the robot file may define it for `armtree home`
 
 _LONG, _LONGEST = 100.0, 1e6  # shortest time without a unit that may be in milliseconds [s]
@@ -71,6 +74,14 @@ def measured(value: Located) -> str:
     plain = value.value
     found = _QUANTITY.fullmatch(plain) if isinstance(plain, str) else None
     return next((kind for kind, units in UNITS.items() if found and found[2] in units), "")
+
+
+def in_unit_of_key(key: str, value: Located) -> Located:
+    """Return a number without a unit in the unit of time that its key names, such as `msec`."""
+    word = re.split("[_-]", key)[-1]
+    if not is_bare(value.value) or word not in _TIMES:
+        return value
+    return replace(value, value=f"{value.as_yaml()} {_unit(word, UNITS['duration'])}")
 
 
 def in_smaller_units(value: object, unit: str) -> Iterator[tuple[str, float]]:
@@ -106,12 +117,8 @@ def is_bare(value: object) -> TypeGuard[float]:
 def near_limit(value: Located, limit: float, unit: str) -> Iterator[tuple[str, float]]:
     """Return a limit in the unit of a value, rounded, as a text and in the first unit of its type.
 
-    The text that is nearest to the limit comes first. An angle without a unit is in deg.
-
-    Args:
-        value: The value.
-        limit: The limit, in the first unit of the type.
-        unit: The first unit of the type; "" for a number.
+    The text that is nearest to the limit comes first. An angle without a unit is in deg. `unit` is
+    the first unit of the type; "" for a number.
     """
     found = _QUANTITY.fullmatch(str(value.value))
     unit = found[2] if found else "deg" if unit == "rad" else ""
@@ -132,14 +139,9 @@ def in_other_unit(words: str, value: Located, unit: str, near: str) -> str:
 
 
 def in_radians(words: str, value: Located, unit: str, limit: float, near: str) -> str:
-    """Return a message with an angle and its limit in rad, if the angle has no unit.
+    """Return a message with an angle and its limit in rad, and the angle to write instead.
 
-    Args:
-        words: The message.
-        value: The angle.
-        unit: Unit of the limit. The message of a length does not change.
-        limit: The limit.
-        near: The angle to write instead.
+    A message about a length, or about an angle with a unit, does not change.
     """
     if unit != "rad" or not is_bare(value.value) or " rad" in words:
         return words
@@ -293,17 +295,23 @@ def _plain(value: Located, wanted: Declaration, wrong: Wrong) -> Any:
         hint = "; for no limit, leave it out"
     if kind == "text" and isinstance(plain, int | float):
         near = f'"{value.as_yaml()}"'
+        if wanted.choices:
+            near = _CHOICES.get(value.as_yaml(), "")
+            near = near if near in wanted.choices else ""
+            why = f"{value} is not one of {', '.join(wanted.choices)}{did_you_mean(near)}"
+            wrong(value.place, why, value.instead(near))
+            return None
     _not(value, kind, near, wrong, hint)
     return None
 
 
 def _not(value: Located, kind: str, near: str, wrong: Wrong, hint: str = "") -> None:
     """Report a value of a wrong type, with its likely meaning."""
-    near = _reference(str(value.value)) or near
+    near = reference(str(value.value)) or near
     if re.fullmatch(r"-\$\w+", str(value.value)):
         hint = "; a reference cannot be negated: declare another parameter"
     if kind in ("integer", "number"):
-        count = re.sub(r" ?(times|x)$", "", str(value.value).lower())
+        count = re.sub(r" ?(times|x)$|^range\(|\)$", "", str(value.value).lower())
         near = near or _COUNTS.get(count, count if count.isdecimal() else "")
     hint = (hint if hint == " in quotes" else "") + did_you_mean(near) or hint
     items = value.value if isinstance(value.value, list) else [*nested(value).values()]
@@ -311,12 +319,6 @@ def _not(value: Located, kind: str, near: str, wrong: Wrong, hint: str = "") -> 
         near = items[0].as_yaml()
         hint = did_you_mean(near)
     wrong(value.place, f"{value} is not {words(kind)}{hint}", value.instead(near))
-
-
-def _reference(text: str) -> str:
-    """Return the reference for a name in the signs of another program; "" for other texts."""
-    template = re.fullmatch(r"(?:\{\{?|\$\{|<|%) *([A-Za-z_]\w*) *(?:\}\}?|>|%)", text)
-    return f"${template[1]}" if template else ""
 
 
 def _known_type(value: Located, stand_in: StandIn, kind: str, wrong: Wrong) -> StandIn | None:
@@ -438,9 +440,9 @@ def _pose(
 ) -> dict[str, float | StandIn] | None:
     if name in poses:
         return dict(poses[name]) or None  # an empty pose is wrong and already reported
-    near = _reference(name) or closest(name, poses)
+    near = reference(name) or closest(name, poses)
     there = f"no pose {name}; "
-    there += f"write {near} for a parameter" if _reference(name) else there_are(name, poses)
+    there += f"write {near} for a parameter" if reference(name) else there_are(name, poses)
     if pairs := as_pairs(name):
         near = f"{{{', '.join(f'{joint}: {position}' for joint, position in pairs)}}}"
         there, lines = f"joint values are a mapping; write {near}", block(value.place)

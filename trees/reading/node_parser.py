@@ -9,10 +9,10 @@ from hardware.spelling import corrections, did_you_mean, there_are
 from trees.errors import Correction, Mistakes, Place
 
 from .corrected_nodes import comparison, node_instead
-from .document import Located, names_within, nested
+from .document import Located, names_within, nested, reference
 from .foreign_loops import EXAMPLES, is_amount, read_loop
 from .lines import added_below, as_mapping, block, key_block, replaced_block, rewritten
-from .literals import measured
+from .literals import in_unit_of_key, measured
 from .node_words import (
     FILES,
     begins_node,
@@ -65,7 +65,7 @@ class NodeParser:
             # Two words may be parts of one name.
             words = value.value if _WORDS.fullmatch(value.value) else self.name(value, _NODE)
             return SkillNode(value.place, words, {})
-        keys = self._in_lower_case(nested(value))
+        keys = self._in_other_words(value, self._in_lower_case(nested(value)))
         begun = [key for key in keys if key in heads()]
         rest = [key for key in keys if key != "name"]
         if loop := read_loop(value.place, keys):
@@ -77,6 +77,7 @@ class NodeParser:
             alone = not value.place.location.endswith("]")  # in a list, a `-` is missing
             named = begun[0] == rest[0] and skills[0] not in keywords()
             right = rewritten(value.place, nodes) if alone and named else None
+            right = right or node_instead(value, in_turn())
             self._wrong(keys[skills[0]].label, _no_node(value, tuple(keys)), right)
             return self._broken(value, keys)
         if len(begun) == 1:
@@ -105,6 +106,35 @@ class NodeParser:
             label = keys[key].label
             self._wrong(label, f"no key {key}{did_you_mean(near)}", label.replaced(key, near))
         return respell(keys, likely)
+
+    def _in_other_words(self, value: Located, keys: Mapping[str, Located]) -> Mapping[str, Located]:
+        """Report keys of other programs that say what a node is. Return the correct values."""
+        place, given = value.place, {key: each for key, each in keys.items() if key != "name"}
+        if given.keys() == {"type", "children"} and (kind := str(given["type"].value)) in kinds():
+            below = key_block(given["children"].label)[1:]
+            right = replaced_block(place, [f"{kind}:", *below]) if below else None
+            self._wrong(place, f"the kind of a node is the key above its nodes: {kind}:", right)
+            return {kind: given["children"]}
+        if "register" in given:
+            label, name = given["register"].label, given["register"].value
+            why = "a skill writes its result to the key at a port, such as answer: "
+            self._wrong(label, f"there is no register: {why}${name}; `armtree skills` lists them")
+            return {key: each for key, each in keys.items() if key != "register"}
+        heads_beside = [key for key in given if key != "with"]
+        if len(heads_beside) != 1 or "with" not in given or not nested(given["with"]):
+            return keys
+        (head,) = heads_beside
+        if not head[:1].isupper() and head not in heads() and self.is_name(given[head].value):
+            label = given[head].label
+            why = f"no key {head} beside with{did_you_mean('subtree')}"
+            self._wrong(label, why, label.replaced(head, "subtree"))
+            return respell(keys, {head: "subtree"})
+        if head[:1].isupper() and given[head].value is None:
+            node = f"{head}: {given['with'].as_yaml()}"
+            why = f"the ports of a skill follow its name: write {node}"
+            self._wrong(given["with"].label, why, replaced_block(place, [node]))
+            return {head: given["with"]}
+        return keys
 
     def _headed(self, place: Place, head: str, keys: Mapping[str, Located]) -> TreeNode:
         made = self._file if head in FILES else self._control
@@ -146,7 +176,11 @@ class NodeParser:
         why = f"{what}: {value} is not a name (a letter, then letters, digits, _ or -)"
         if self.is_name(named):
             return self._as_named(value, what, why, named)
-        stem = re.split(r"[/\\]", str(value.value or ""))[-1].removesuffix(".yaml").lstrip("$")
+        stem = (
+            re.split(r"[/\\]", str(value.value or "").partition(" //")[0].rstrip())[-1]
+            .removesuffix(".yaml")
+            .lstrip("$")
+        )
         near = stem if self.is_name(stem) or what == _NODE else joined(stem)
         near = near if self.is_name(near) else ""
         right = value.instead(near)
@@ -196,7 +230,9 @@ class NodeParser:
             return value
         if value.value.startswith("$$"):
             return Located(value.place, value.value[1:], value.label)
-        name = Located(value.place, value.value[1:], value.label)
+        if meant := reference(value.value):
+            self._wrong(value.place, f"write {meant}, not {value.value}", value.instead(meant))
+        name = Located(value.place, (meant or value.value)[1:], value.label)
         return Key(value.place, self.name(name, "what follows $"), value.label)
 
     def _skill(self, place: Place, skill: str, keys: Mapping[str, Located]) -> TreeNode:
@@ -396,6 +432,8 @@ class NodeParser:
         beside = {key: each for key, each in keys.items() if key != head}
         likely = corrections(beside, known)
         likely |= _other_option(head, respell(keys, likely))
+        others = {} if head in FILES else kinds()[head].other_options
+        likely |= {key: near for key, near in others.items() if key in beside and near not in keys}
         return {head: keys[head], **self.known_keys(beside, known, likely, f"beside {head} ")}
 
     def known_keys(
@@ -411,8 +449,13 @@ class NodeParser:
             if near := likely.get(key, ""):
                 there = there.partition(";")[0] + did_you_mean(near)
             why = f"unknown key {key}; {where}{there}"
-            self._wrong(label, why, label.replaced(key, near))
-            self.spare |= {*names_within(keys[key])}
+            given, value = keys[key], in_unit_of_key(key, keys[key]) if near else keys[key]
+            right = label.replaced(key, near)
+            if value is not given:
+                old, keys = f"{key}: {given.as_yaml()}", {**keys, key: value}
+                right = label.replaced(old, f"{near}: {value.as_yaml()}")
+            self._wrong(label, why, right)
+            self.spare |= {*names_within(given)}
         return respell(keys, likely)
 
     def _shown(self, keys: Mapping[str, Located]) -> str:

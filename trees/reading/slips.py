@@ -97,6 +97,7 @@ def _foreign_sign_edits(lines: tuple[str, ...]) -> Iterator[Edit]:
 
 _KEY = r"(^[\s-]*|(?<=[{,\[])\s*)([A-Za-z_][\w-]*)"
 _ITEM = r"^(\s*- )"
+_BEGIN = r"^(\s*(?:- )?)"
 _FILE = r"((?:subtree|task): [\w-]+)"
 _TEXT = r"\s*[^\s\d$'\"{}\[\],:#][^'\"{}\[\],:#]*"
 _NUMBER = r"([-+]?[\d.]+)"
@@ -107,6 +108,8 @@ _IN_ONE_LINE = "two keys of a node in one line need braces and a comma"
 # Slips of a line: pattern (group 2 is the place), replacement and message. Earlier ones are more
 # likely.
 _SLIPS = (
+    (r"((?:text|question): )([@`][^'\"{}\[\],:#]*)(?=[,}]|$)", r'\1"\2"',
+     r"a text that begins with a special character needs quotes"),
     (r"((?:text|question): )([\w ]+: [\w .]+)(?=[,}]|$)", r'\1"\2"',
      "a text with a colon needs quotes"),
     (r"([:,\[] *)(- +)(?=[\d.])", r"\1-", "no space follows the sign of a number"),
@@ -123,8 +126,8 @@ _SLIPS = (
     (rf"{_KEY}\s+(?=[^\s:=,}}\]])", r"\1\2: ", r"a colon is missing after `\2`"),
     (r"()(['\"]?(?:\$\{|\{\{|<|%)\s*(\w+)\s*(?:\}\}?|>|%)['\"]?)", r"$\3",
      r"write `$\3` for a parameter"),
-    (rf"{_ITEM}(\w+)\((\w+) ?[=:] ?([^()]*)\)$", r"\1\2: {\3: \4}", _CALL),
-    (rf"{_ITEM}(\w+)\(([^()=:]+)\)$", r"\1\2: \3", _CALL),
+    (rf"{_BEGIN}(\w+)\((\w+) ?[=:] ?([^()]*)\)$", r"\1\2: {\3: \4}", _CALL),
+    (rf"{_BEGIN}(\w+)\(([^()=:]+)\)$", r"\1\2: \3", _CALL),
     (r"((?:- |: ))(\w+)\(\)$", r"\1\2", r"write `\2`, without parentheses"),
     (rf"{_ITEM}{_FILE} with ([^{{}}]+)$", r"\1{\2, with: {\3}}", _IN_ONE_LINE),
     (rf"{_ITEM}{_FILE},?\s+(with: .*)$", r"\1{\2, \3}", _IN_ONE_LINE),
@@ -141,6 +144,7 @@ _SLIPS = (
     (r"()(\()([^()]*)\)", r"{\3}", "write braces, not parentheses"),
     (r"()(\()([^()]*)\)", r"[\3]", "write brackets, not parentheses"),
     (r"^(\s*)(//|/\*)\** ?(.*?)( ?\*/)?$", r"\1# \3", r"a comment begins with #, not with \2"),
+    (r"^(.*[^\s:]\s+)(// ?)(?=[^/]*$)", r"\1# ", "a comment begins with #, not with //"),
     (r"()([;,])$", "", r"leave out the `\2`"),
     (r"([{,] *[\w-]+: )(@(\w+))", r"\1$\3", r"write `$\3` for a parameter"),
     (rf"(\{{)(([A-Za-z_]\w*), *)(?={_AMOUNT}\}})", r"\1\3: ",

@@ -108,10 +108,15 @@ def test_two_files_with_one_subtree(tmp_path: Path) -> None:
         Library(write(tmp_path, "reach.yaml", SUBTREE)).draft("reach")
 
 
-@pytest.mark.parametrize("name", ["3.yaml", "3-wave.yaml", "3_wave.yml", "3wave.yaml"])
+@pytest.mark.parametrize("name", ["3.yaml", "3-x.yaml", "3_x.yml", "3x.yaml", "3_two words.yaml"])
 def test_a_task_file_that_is_almost_named_like_one(tmp_path: Path, name: str) -> None:
-    with pytest.raises(FileError, match=r"named like 3_wave\.yaml"):
+    with pytest.raises(FileError, match=r"named like 3_x\.yaml"):
         Library(write(tmp_path, name, TASK.format(number=3))).task(3)
+
+
+def test_a_task_file_that_was_saved_as_a_text_is_a_note(tmp_path: Path) -> None:
+    (note,) = Library(write(tmp_path, "3_x.yaml.txt", TASK.format(number=3))).notes
+    assert note.message == "is not read, because its name ends in .txt; rename it 3_x.yaml"
 
 
 def test_other_files_are_left_alone(tmp_path: Path) -> None:
