@@ -224,7 +224,7 @@ SLIPS_OF_NODES = [
      "    - task: 1"),
     ("Say: [hello, world]", "10:7 Say takes no list of nodes; these do: sequence, selector, "
      "parallel", ""),
-    ("while: CheckHardware\n      subtree: open_gripper", "10:7 guard has the node below it, and "
+    ("while: CheckHardware\n      subtree: open_gripper", "10:7 guard has its node below it, and "
      "while in a line of its own",
      "    - guard:\n        subtree: open_gripper\n      while: CheckHardware"),
     ("Wait: {within: 2 s}", "10:14 within is not a port of Wait; there is only duration",
