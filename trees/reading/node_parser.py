@@ -116,7 +116,7 @@ class NodeParser:
             self._wrong(place, f"the kind of a node is the key above its nodes: {kind}:", right)
             return {kind: given["children"]}
         if "register" in given:
-            label, name = given["register"].label, given["register"].value
+            label, name = given["register"].label, given["register"].as_yaml()
             why = "a skill writes its result to the key at a port, such as answer: "
             self._wrong(label, f"there is no register: {why}${name}; `armtree skills` lists them")
             return {key: each for key, each in keys.items() if key != "register"}
