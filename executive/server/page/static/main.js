@@ -33,6 +33,7 @@ let live = null;
 
 const drawStop = showStop(
   () => connection.alive || connection.heard === 0,
+  () => !(status?.arm === "unconfigured" && status.fault),
   () => connection.refresh(),
 );
 const tree = new TreeView(shown);

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from tests.support.servers.browsing import Open, Tab, forget, shows
+from tests.support.servers.browsing import Open, Tab, expect, forget, shows
 from tests.support.servers.serving import Served
 
 pytestmark = pytest.mark.slow
@@ -120,8 +120,6 @@ def test_a_lost_connection_greys_the_page_and_comes_back(open_page: Open) -> Non
     shows(tab, "#connection", r"No connection for \d+ s")
     shows(tab, "#stop-note", "STOP cannot reach the server. Switch the servo power off.")
     assert tab.evaluate("getComputedStyle(document.querySelector('main')).filter") == "grayscale(1)"
-    tab.click("#stop")
-    shows(tab, "#stop-note", "STOP had no answer")
     tab.context.set_offline(False)
     tab.locator("#connection").wait_for(state="hidden")
     forget(tab, "ERR_INTERNET_DISCONNECTED")
@@ -139,3 +137,35 @@ def test_many_tabs_leave_a_connection_for_a_stop(open_page: Open, page_server: S
     shows(others[-1], "#stop-note", "^stopped at")
     first.close()
     others[-1].locator("#connection").wait_for(state="hidden")
+
+
+def test_stop_says_when_the_arm_has_no_connection(open_page: Open) -> None:
+    def lose(asked: Any) -> None:
+        cause = {"code": "hw.lost", "message": "gone", "node": "", "joint": "", "hint": ""}
+        status = asked.fetch().json()
+        asked.fulfill(json={**status, "arm": "unconfigured", "fault": cause})
+
+    tab = open_page(prepare=lambda empty: empty.route("**/api/status", lose))
+    shows(tab, "#arm-state", "^unconfigured, fault$")
+    for _ in range(2):  # before a stop, and after its answer
+        note = "^The arm has no connection; switch off the power of its servos.$"
+        shows(tab, "#stop-note.alarm", note)
+        with tab.expect_response("**/api/stop"):
+            tab.click("#stop")
+        expect(tab, "#stop.busy").to_have_count(0)
+
+
+def test_a_lost_connection_comes_before_the_answer_to_a_stop(open_page: Open) -> None:
+    tab = open_page()
+    shows(tab, "#arm-state", "^active$")
+    tab.click("#stop")
+    shows(tab, "#stop-note", "^stopped at")
+    tab.context.set_offline(True)
+    shows(tab, "#connection", r"No connection for \d+ s")
+    assert tab.inner_text("#stop-note").startswith("STOP cannot reach the server.")
+    tab.click("#stop")
+    expect(tab, "#stop.busy").to_have_count(0)
+    tab.context.set_offline(False)
+    tab.locator("#connection").wait_for(state="hidden")
+    assert tab.inner_text("#stop-note") == "software stop, not an emergency stop"
+    forget(tab, "ERR_INTERNET_DISCONNECTED")

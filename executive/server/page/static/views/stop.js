@@ -6,12 +6,16 @@ import { byId, setText } from "../dom.js";
 const TIMEOUT = 2000; // longest time for the answer to a stop [ms]
 const SAFETY = "software stop, not an emergency stop";
 
+const LOST = "STOP cannot reach the server. Switch the servo power off.";
+const UNPLUGGED = "The arm has no connection; switch off the power of its servos.";
+
 /**
  * @param {() => boolean} isReachable whether the server answers
+ * @param {() => boolean} isPlugged whether the server can reach the arm
  * @param {() => void} stopped called when the answer to a stop has come, or none
  * @returns {() => void} draws the button again
  */
-export function showStop(isReachable, stopped) {
+export function showStop(isReachable, isPlugged, stopped) {
   const button = byId("stop", HTMLButtonElement);
   const note = byId("stop-note", HTMLElement);
   /** What the last stop did; empty if there was none. */
@@ -19,9 +23,11 @@ export function showStop(isReachable, stopped) {
   let stops = 0;
 
   function draw() {
-    const lost = isReachable() ? "" : "STOP cannot reach the server. Switch the servo power off.";
-    setText(note, answer || lost || SAFETY);
-    note.classList.toggle("alarm", Boolean(lost) || answer.startsWith("STOP"));
+    const lost = isReachable() ? "" : LOST;
+    if (lost) answer = ""; // it is old when the server is back
+    const alarm = lost || (isPlugged() ? "" : UNPLUGGED);
+    setText(note, alarm || answer || SAFETY);
+    note.classList.toggle("alarm", Boolean(alarm) || answer.startsWith("STOP"));
   }
 
   async function stop() {
