@@ -202,3 +202,31 @@ def test_a_thousand_nodes_are_folded_around_what_runs(open_page: Open, page_serv
     tab.keyboard.press("Escape")
     shows(tab, "#goal-state", "^canceled$")
     shows(tab, "#runs [aria-current]", "large")
+
+
+def test_the_tree_keeps_the_focus_as_rows_come_and_go(
+    open_page: Open, page_server: Served
+) -> None:
+    write_tasks(page_server)
+    tab = open_page()
+    goals = page_server.executive
+    goals.send(LARGE)
+    shows(tab, "#running", "^Wait$")
+    tab.focus("#tree .row")
+    tab.keyboard.press("ArrowDown")
+    path = focused(tab)
+    for key, state in (("ArrowRight", "true"), ("ArrowLeft", "false")):
+        tab.keyboard.press(key)
+        expect(tab, f"#tree [data-path='{path}']").to_have_attribute("aria-expanded", state)
+        assert focused(tab) == path
+    tab.keyboard.press("ArrowRight")
+    tab.keyboard.press("ArrowRight")  # into it
+    assert focused(tab).startswith(f"{path}/")
+    tab.click(f"#tree [data-path='{path}'] .fold")
+    assert focused(tab) == path  # nearest to the row that is folded away
+    tab.evaluate("document.querySelector('#tree .row').focus()")
+    goals.cancel()
+    shows(tab, "#goal-state", "^canceled$")
+    goals.send(LARGE)  # its rows are others
+    shows(tab, "#running", "^Wait$")
+    assert focused(tab) == "large"

@@ -82,6 +82,7 @@ export class TreeView extends EventTarget {
     const now = [run, run.goalId, facts, facts.size, marked, this.#search.value, this.#folds, this.selected];
     const redraw = now.some((each, index) => each !== this.#last[index]);
     if (!redraw && run.changed.size === 0) return this.#drawTimes();
+    const focused = this.#focused();
     if (run.goalId !== this.#goal) this.#begin(run.goalId);
     this.#last = now;
     this.#breakpoints = marked;
@@ -90,6 +91,7 @@ export class TreeView extends EventTarget {
     if (visible.some((node, index) => node !== this.#visible[index]) || visible.length !== this.#visible.length) {
       this.#visible = visible;
       this.#list.replaceChildren(...visible.map((node) => this.#row(node)));
+      if (focused !== undefined) this.#refocus(focused);
     }
     const points = new Set(marked.split("\n"));
     for (const node of visible)
@@ -103,6 +105,22 @@ export class TreeView extends EventTarget {
     this.#drawTimes();
     run.changed.clear();
     this.#keepOneTabStop();
+  }
+
+  /** @returns {string | undefined} path of the row that has the focus */
+  #focused() {
+    const focused = document.activeElement;
+    return focused instanceof HTMLElement && this.#list.contains(focused) ? focused.dataset.path : undefined;
+  }
+
+  /**
+   * Focus a row, or the nearest one above it that is not folded away.
+   * @param {string} path
+   */
+  #refocus(path) {
+    let node = this.#shown.run.nodes.get(path) ?? null;
+    while (node && !this.#row(node).isConnected) node = node.parent;
+    if (node) this.#row(node).focus({ preventScroll: true });
   }
 
   /** Show the node that runs, or the one that failed the run. This needs the layout of the page, so call it when all else is drawn. */
@@ -275,12 +293,11 @@ export class TreeView extends EventTarget {
 
   /** @param {KeyboardEvent} event */
   #key(event) {
-    const focused = document.activeElement;
-    const path = focused instanceof HTMLElement ? focused.dataset.path : undefined;
+    const path = this.#focused();
     const node = path === undefined ? undefined : this.#shown.run.nodes.get(path);
     if (!node || event.ctrlKey || event.metaKey || event.altKey) return;
     const index = this.#visible.indexOf(node);
-    const expanded = focused?.getAttribute("aria-expanded");
+    const expanded = this.#row(node).getAttribute("aria-expanded");
     /** @type {Record<string, () => void>} */
     const acts = {
       ArrowDown: () => this.#goTo(this.#visible[index + 1]),
