@@ -145,6 +145,10 @@ session.addEventListener("goal", () => {
   connection.refresh();
 });
 tree.addEventListener("select", draw);
+tree.addEventListener("open", () => {
+  drawAll();
+  byId("node", HTMLElement).scrollIntoView({ block: "nearest" });
+});
 tree.addEventListener("break", (event) => {
   const path = /** @type {CustomEvent} */ (event).detail;
   controls.setBreakpoint(path, !status?.breakpoints.includes(path));

@@ -223,6 +223,28 @@ def test_two_recordings_are_compared_at_one_moment(open_page: Open, page_server:
     tab.locator("#comparison").wait_for(state="hidden")
 
 
+TOPS = """['left', 'failure', 'comparison', 'now'].map((id) =>
+  document.getElementById(id)).filter((each) => !each.hidden).map((each) =>
+  Math.round(each.getBoundingClientRect().top))"""
+
+
+@pytest.mark.parametrize("width", [1000, 1280])
+def test_the_column_on_the_right_has_no_hole(
+    open_page: Open, page_server: Served, width: int
+) -> None:
+    run(page_server, 13, 13, 11)
+    tab = open_page(viewport={"width": width, "height": 800})
+    shows(tab, "#shown", "nothing, recorded")
+    left, now = tab.evaluate(TOPS)
+    assert now == left
+    tab.click("#runs .run:has-text('task 13')")
+    shows(tab, "#shown", "^task 13 fail, recorded$")
+    tab.select_option("#compare", index=2)
+    tab.locator("#comparison").wait_for()
+    left, failure, comparison, now = tab.evaluate(TOPS)
+    assert left == failure < comparison < now < failure + 700
+
+
 def test_another_comparison_is_plotted(open_page: Open, page_server: Served) -> None:
     run(page_server, *[Move((f"joint_1={angle}deg",), False, 1.0) for angle in (0, 10, 20, 10)])
     tab = open_page()

@@ -230,3 +230,24 @@ def test_the_tree_keeps_the_focus_as_rows_come_and_go(
     goals.send(LARGE)  # its rows are others
     shows(tab, "#running", "^Wait$")
     assert focused(tab) == "large"
+
+
+@pytest.mark.parametrize(("width", "height"), [(1280, 800), (1000, 700), (390, 844)])
+def test_the_details_of_a_node_are_seen_when_it_is_clicked(
+    open_page: Open, page_server: Served, width: int, height: int
+) -> None:
+    write_tasks(page_server)
+    ended(page_server, 20)
+    tab = open_page(viewport={"width": width, "height": height})
+    shows(tab, "#shown", "recorded")
+    for act in (lambda: tab.click(row("show")), lambda: tab.keyboard.press("Enter")):
+        tab.evaluate("scrollTo(0, 0)")
+        act()
+        shows(tab, "#node", "show.yaml")
+        tab.wait_for_function(
+            """() => {
+              const [node, player] = ['node', 'player'].map((id) =>
+                document.getElementById(id).getBoundingClientRect());
+              return node.top >= 0 && node.bottom <= player.top;
+            }"""
+        )

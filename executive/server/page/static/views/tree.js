@@ -21,7 +21,7 @@ export function mark(status) {
   return MARKS[status] ?? ["?", status.toLowerCase()];
 }
 
-/** Events: `select` with the selected node, `break` with the path of a breakpoint to switch. */
+/** Events: `select` with the selected node, `open` when it was clicked, `break` with the path of a breakpoint to switch. */
 export class TreeView extends EventTarget {
   #shown;
   #list = byId("tree", HTMLElement);
@@ -276,7 +276,13 @@ export class TreeView extends EventTarget {
     const { path } = row.dataset;
     if (event.target.closest(".point")) this.#break(path);
     else if (event.target.closest(".fold")) this.#fold(path, row.getAttribute("aria-expanded") !== "true");
-    else this.#select(path);
+    else this.#open(path);
+  }
+
+  /** @param {string} path */
+  #open(path) {
+    this.#select(path);
+    this.dispatchEvent(new Event("open"));
   }
 
   /** @param {string} path */
@@ -306,7 +312,7 @@ export class TreeView extends EventTarget {
       ArrowLeft: () => (expanded === "true" ? this.#fold(node.path, false) : this.#goTo(node.parent)),
       Home: () => this.#goTo(this.#visible[0]),
       End: () => this.#goTo(this.#visible.at(-1)),
-      Enter: () => this.#select(node.path),
+      Enter: () => this.#open(node.path),
       b: () => this.#break(node.path),
     };
     const act = acts[event.key];
