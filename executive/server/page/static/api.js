@@ -62,6 +62,14 @@ export class Refused extends Error {
   }
 }
 
+/**
+ * Return what went wrong, for people.
+ * @param {unknown} error
+ */
+export function wordsOf(error) {
+  return error instanceof Error ? error.message : String(error);
+}
+
 /** @param {string} words of the server, with code between backticks */
 function plain(words) {
   return words.replaceAll("`", "");

@@ -51,6 +51,17 @@ export function setText(target, text) {
 }
 
 /**
+ * Return whether an element is to be drawn of something else than the last time.
+ * @param {HTMLElement} target
+ * @param {string} key what it is drawn of
+ */
+export function isNew(target, key) {
+  if (target.dataset.key === key) return false;
+  target.dataset.key = key;
+  return true;
+}
+
+/**
  * Let a button act, or not. It keeps the focus, which `disabled` would take from it.
  * @param {HTMLButtonElement} button
  * @param {boolean} usable

@@ -113,11 +113,6 @@ export class RecordedRun extends EventTarget {
     this.dispatchEvent(new Event("change"));
   }
 
-  /** @returns {number} the moment that is shown [s] */
-  get at() {
-    return this.#time;
-  }
-
   /** @returns {boolean} True while the moment that is shown is not here yet */
   get waits() {
     return this.#window === null;

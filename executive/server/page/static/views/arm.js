@@ -3,7 +3,7 @@
 import { addBodies, pathOf } from "../arm/motion.js";
 import { ArmModel } from "../arm/model.js";
 import { Stage } from "../arm/stage.js";
-import { byId, element, setText } from "../dom.js";
+import { byId, element, isNew, setText } from "../dom.js";
 import { loadLibraries } from "../libraries/load.js";
 
 /** @typedef {import("../arm/model.js").Robot} Robot */
@@ -176,8 +176,7 @@ export class ArmView {
   #drawPositions(pose, measured) {
     const joints = this.#robot?.joints.filter((each) => each.type !== "fixed" && !each.mimic) ?? [];
     const key = `${joints.map(({ name }) => name).join(" ")}, ${measured ? "measured" : ""}`;
-    if (this.#positions.dataset.key !== key) {
-      this.#positions.dataset.key = key;
+    if (isNew(this.#positions, key)) {
       setText(byId("measured-note", HTMLElement), measured ? ", and measured as a ghost" : "");
       const also = () => (measured ? [element("dd", { class: "quiet", title: "measured" })] : []);
       const rows = joints.map(({ name }) => element("div", {}, element("dt", {}, name), element("dd"), ...also()));

@@ -1,6 +1,6 @@
 /** Two recordings at one moment: what differs between them. */
 
-import { byId, element, setText } from "../dom.js";
+import { byId, element, isNew, setText } from "../dom.js";
 import { RecordedRun } from "../model/recorded_run.js";
 import { stateWords } from "./header.js";
 import { nameOf } from "./runs.js";
@@ -57,8 +57,7 @@ export class Comparison extends EventTarget {
     if (!this.#other) return;
     const rows = differences(shown.run, this.#other.run, this.units);
     const key = JSON.stringify(rows);
-    if (this.#table.dataset.key === key) return;
-    this.#table.dataset.key = key;
+    if (!isNew(this.#table, key)) return;
     const cells = rows.map((row) =>
       element("tr", {}, element("th", { scope: "row" }, row[0]), ...row.slice(1).map((each) => element("td", {}, each))),
     );
@@ -90,8 +89,7 @@ export class Comparison extends EventTarget {
   #drawChoice(shown, recordings) {
     const offered = recordings.filter((each) => each.name !== shown && each.state !== "UNFINISHED");
     const key = [shown, ...offered.map((each) => each.name)].join("\n");
-    if (this.#choice.dataset.key === key) return;
-    this.#choice.dataset.key = key;
+    if (!isNew(this.#choice, key)) return;
     const chosen = this.#choice.value;
     const options = offered.map((each) => element("option", { value: each.name }, nameOf(each)));
     this.#choice.replaceChildren(element("option", { value: "" }, "Compare with…"), ...options);

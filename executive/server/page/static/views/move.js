@@ -1,6 +1,6 @@
 /** Moves in small planned steps: joints and tool. Each is a goal like any other. */
 
-import { get, isSignedIn, sendGoal, session } from "../api.js";
+import { get, isSignedIn, sendGoal, session, wordsOf } from "../api.js";
 import { byId, element, setAttribute, setText, setUsable } from "../dom.js";
 
 /** @typedef {import("../connection.js").Status} Status */
@@ -172,7 +172,7 @@ export class MoveView {
       return true;
     } catch (error) {
       this.#own = "";
-      setText(this.#note, error instanceof Error ? error.message : String(error));
+      setText(this.#note, wordsOf(error));
       return false;
     }
   }

@@ -1,6 +1,6 @@
 /** The player of a recorded run: the moment that is shown, and what is done with the recording. */
 
-import { isSignedIn, pathOf, post, request } from "../api.js";
+import { isSignedIn, pathOf, post, request, wordsOf } from "../api.js";
 import { byId, element, setAttribute, setText, setUsable } from "../dom.js";
 
 /** @typedef {import("../model/shown_run.js").ShownRun} ShownRun */
@@ -54,7 +54,7 @@ export class Player extends EventTarget {
    * @param {unknown} error
    */
   say(error) {
-    setText(this.#note, error instanceof Error ? error.message : String(error));
+    setText(this.#note, wordsOf(error));
   }
 
   /** @param {Recording[]} recordings those that are listed */

@@ -1,6 +1,6 @@
 /** The poses: moves to them, saves where the arm is, and removes them. */
 
-import { get, isSignedIn, post, sendGoal } from "../api.js";
+import { get, isSignedIn, post, sendGoal, wordsOf } from "../api.js";
 import { byId, element, setAttribute, setText, setUsable } from "../dom.js";
 
 /** @typedef {import("../connection.js").Status} Status */
@@ -105,7 +105,7 @@ export class PosesView {
     try {
       await act();
     } catch (error) {
-      setText(this.#note, error instanceof Error ? error.message : String(error));
+      setText(this.#note, wordsOf(error));
     }
   }
 }

@@ -1,6 +1,6 @@
 /** Questions of tasks, and buttons to answer them. */
 
-import { isSignedIn, post } from "../api.js";
+import { isSignedIn, post, wordsOf } from "../api.js";
 import { byId, element, setText } from "../dom.js";
 
 /**
@@ -42,7 +42,7 @@ function questionCard(question) {
     try {
       await post(`api/questions/${question.question_id}/answer`, { answer });
     } catch (error) {
-      setText(note, error instanceof Error ? error.message : String(error));
+      setText(note, wordsOf(error));
     }
   }
   const input = element("input", { type: "text", required: true, "aria-label": "Answer" });

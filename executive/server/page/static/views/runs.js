@@ -1,7 +1,7 @@
 /** The recordings: searched, filtered, opened; and the goals and tasks that the server knows. */
 
-import { get, isSignedIn, pathOf, post } from "../api.js";
-import { byId, element, setAttribute, setText } from "../dom.js";
+import { get, isSignedIn, pathOf, post, wordsOf } from "../api.js";
+import { byId, element, isNew, setAttribute, setText } from "../dom.js";
 import { goalTitle } from "../model/run.js";
 import { stateWords } from "./header.js";
 
@@ -76,8 +76,7 @@ export class RunsView extends EventTarget {
   /** @param {string} shown name of the recording that is shown; empty for none */
   draw(shown) {
     const key = JSON.stringify([shown, isSignedIn(), this.recordings]);
-    if (this.#list.dataset.key === key) return;
-    this.#list.dataset.key = key;
+    if (!isNew(this.#list, key)) return;
     const items = this.recordings.map((each) => this.#item(each, each.name === shown));
     const focused = this.#list.contains(document.activeElement) ? document.activeElement?.id : "";
     this.#list.replaceChildren(...(items.length ? items : [element("li", { class: "quiet" }, "none")]));
@@ -102,7 +101,7 @@ export class RunsView extends EventTarget {
       this.#search.focus(); // the button goes away
       setText(this.#note, `Restored ${nameOf(recording)}.`);
     } catch (error) {
-      setText(this.#note, error instanceof Error ? error.message : String(error));
+      setText(this.#note, wordsOf(error));
     }
     await this.#load(false);
   }
@@ -134,7 +133,7 @@ export class RunsView extends EventTarget {
       this.recordings = more ? [...this.recordings, ...recordings] : recordings;
       this.#more.hidden = recordings.length < SHOWN;
     } catch (error) {
-      setText(this.#note, error instanceof Error ? error.message : String(error));
+      setText(this.#note, wordsOf(error));
     }
     this.dispatchEvent(new Event("change"));
   }
@@ -155,8 +154,7 @@ export class RunsView extends EventTarget {
     for (const { task, title } of this.recordings)
       if (task !== null && !names.has(task)) names.set(task, task < 0 ? "moves" : title);
     const key = [...names].join("\n");
-    if (this.#task.dataset.key === key) return;
-    this.#task.dataset.key = key;
+    if (!isNew(this.#task, key)) return;
     const chosen = this.#task.value;
     const options = [...names].map(([task, name]) => element("option", { value: task }, name));
     this.#task.replaceChildren(element("option", { value: "" }, "any task"), ...options);

@@ -1,7 +1,7 @@
 /** Beside the tree: what runs now, why the goal failed, and the selected node. */
 
 import { hintOf, post } from "../api.js";
-import { byId, element, setText } from "../dom.js";
+import { byId, element, isNew, setText } from "../dom.js";
 import { recordingHash } from "./player.js";
 import { mark } from "./tree.js";
 
@@ -43,8 +43,7 @@ export function drawRunning(shown) {
   const { running } = now ? shown.live : shown.run;
   setText(byId("running-title", HTMLElement), now ? "Running now" : "Running at this moment");
   const key = running.map((node) => `${node.path}\n${node.message}`).join("\n\n");
-  if (list.dataset.key === key) return;
-  list.dataset.key = key;
+  if (!isNew(list, key)) return;
   const items = running.map((node) => {
     const message = element("span", { class: "message" }, node.message);
     return element("li", {}, link(node.path, node.name), message);
@@ -60,8 +59,7 @@ export function drawRunning(shown) {
 export function drawWaiting(status, runs) {
   const list = byId("waiting", HTMLElement);
   const waiting = status?.waiting ?? [];
-  if (list.dataset.key === waiting.join(" ")) return;
-  list.dataset.key = waiting.join(" ");
+  if (!isNew(list, waiting.join(" "))) return;
   const items = waiting.map((identity) => {
     const cancel = element("button", { type: "button" }, "Cancel");
     cancel.addEventListener("click", () => post(`api/goals/${identity}/cancel`).catch(() => undefined));
@@ -80,8 +78,7 @@ export function drawFailure(shown) {
   const hint = cause ? hintOf(cause) : "";
   const recording = run.outcome?.recording.split("/").at(-1) ?? "";
   const key = `${run.goalId} ${place}`;
-  if (!cause || card.dataset.key === key) return;
-  card.dataset.key = key;
+  if (!cause || !isNew(card, key)) return;
   card.replaceChildren(
     element("h2", {}, `${run.title} ${shown.planned ? "would fail" : "failed"}`),
     element("p", { class: "cause" }, cause.message),
@@ -115,8 +112,7 @@ export function drawNode(shown, path) {
   if (!node) return;
   const known = shown.facts.get(path);
   const key = JSON.stringify([path, node.status, node.message, node.began, node.inputs, known?.line, shown.run.goalId]);
-  if (card.dataset.key === key) return;
-  card.dataset.key = key;
+  if (!isNew(card, key)) return;
   const began = node.began === null ? "" : `${(node.began - shown.run.began).toFixed(2)} s after the goal began`;
   card.replaceChildren(
     element("h2", {}, node.name),

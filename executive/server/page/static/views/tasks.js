@@ -1,6 +1,6 @@
 /** The tasks: each with a form of its parameters, and what its last run did. */
 
-import { isSignedIn, post, sendGoal } from "../api.js";
+import { isSignedIn, post, sendGoal, wordsOf } from "../api.js";
 import { byId, element, setText, setUsable } from "../dom.js";
 import { stateWords } from "./header.js";
 
@@ -108,7 +108,7 @@ function taskItem(task, preview) {
       setText(found, dryRunWords(events, unknown));
       preview(events);
     } catch (error) {
-      setText(note, error instanceof Error ? error.message : String(error));
+      setText(note, wordsOf(error));
     }
   });
   const title = element("span", { class: "name" }, `${task.task} ${task.name}`);
