@@ -150,6 +150,12 @@ class RecordingEmpty(RecordingError):
     """A recording was cut off before its first message."""
 
 
+class RecordingKept(RecordingError):
+    """A recording may not be deleted; the message says what to do instead."""
+
+    hint = ""
+
+
 class NoSuchRecording(RecordingError):
     """No recording has the given name, or several recordings match it."""
 

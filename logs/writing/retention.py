@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from logs.errors import LogError, RecordingError
+from logs.errors import LogError, RecordingError, RecordingKept
 from logs.reading.file_state import is_complete, is_ours, locked
 from logs.reading.tolerant_reader import TolerantReader
 
@@ -62,16 +62,16 @@ def delete(recording: Path) -> None:
 
     Raises:
         RecordingInUse: The recording is being written.
-        RecordingError: The recording does not exist, is pinned, is unfinished, or is of another
-            program.
+        RecordingKept: The recording is pinned, is unfinished, or is of another program.
+        RecordingError: The recording does not exist.
         OSError: The folder cannot be changed.
     """
     with locked(recording):
         if pinned(recording):
-            raise RecordingError(recording, "is pinned; unpin it first")
+            raise RecordingKept(recording, "is pinned; unpin it first")
         if not (is_ours(recording) and is_complete(recording, every_byte=False)):
             why = "is unfinished, or another program wrote it; delete the file yourself"
-            raise RecordingError(recording, why)
+            raise RecordingKept(recording, why)
         os.rename(recording, _deleted(recording))
 
 

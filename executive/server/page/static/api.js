@@ -10,6 +10,7 @@ const KEY = "armtree-token";
 
 /** Cookies of other programs on this machine could make a stop too long to be served first. */
 const isLocal = ["localhost", "127.0.0.1", "[::1]"].includes(location.hostname);
+/** @type {RequestCredentials} */
 const CREDENTIALS = isLocal ? "omit" : "same-origin";
 
 /**
@@ -170,7 +171,7 @@ export async function sendGoal(path, body) {
 }
 
 /**
- * Send a request; throw Refused if the server refuses it.
+ * Send a request; throw Refused if the server refuses it, another error if it does not answer.
  * @param {string} path
  * @param {RequestInit} options
  */
@@ -178,11 +179,9 @@ export async function request(path, options) {
   const headers = new Headers(options.headers);
   const token = sessionStorage.getItem(KEY);
   if (token !== null) headers.set("authorization", `Bearer ${token}`);
-  const response = await fetch(path, {
-    ...options,
-    headers,
-    cache: "no-store",
-    credentials: CREDENTIALS,
+  const all = { ...options, headers, cache: /** @type {const} */ ("no-store"), credentials: CREDENTIALS };
+  const response = await fetch(path, all).catch((cause) => {
+    throw new Error("The server does not answer.", { cause });
   });
   if (response.ok) return response;
   const cause = await response.json();

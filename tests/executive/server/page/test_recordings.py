@@ -279,7 +279,7 @@ def test_what_is_done_with_a_recording(open_page: Open, page_server: Served) -> 
     shows(tab, "#player-note", "never deleted")
     shows(tab, "#runs .name", "◆ task 0 home")
     tab.click("#delete")
-    shows(tab, "#player-note", "is pinned; unpin it first")
+    shows(tab, "#player-note", "is pinned; unpin it first$")
     forget(tab, "409")
     tab.click("#pin")
     shows(tab, "#player-note", "No longer pinned")
@@ -325,3 +325,65 @@ def test_recordings_are_viewed_without_an_arm(open_page: Open, page_server: Serv
         shows(tab, "#session", "signed in")
         expect(tab, "#delete").to_be_enabled()
         tab.context.close()
+
+
+def test_a_verdict_is_shown_with_its_own_recording(open_page: Open, page_server: Served) -> None:
+    run(page_server, 11, 13)
+    held: list[Any] = []
+
+    def hold(asked: Any) -> None:
+        held.append(asked)
+
+    tab = open_page(prepare=lambda empty: empty.route("**/verify", hold))
+    shows(tab, "#shown", "^task 13 fail, recorded$")
+    with tab.expect_request("**/verify"):
+        tab.click("#verify")
+    tab.click("#runs .run:has(.name:text-is('task 11 nothing')) >> nth=0")
+    shows(tab, "#shown", "^task 11 nothing, recorded$")
+    with tab.expect_response("**/verify"):
+        held[0].fulfill(json={"verdicts": [], "error": "of the first"})
+    tab.wait_for_timeout(300)  # until it would be shown
+    assert tab.inner_text("#player-note") == ""
+
+
+def test_a_moment_is_linked_without_a_clipboard(open_page: Open, page_server: Served) -> None:
+    run(page_server, 11)
+    without = "Object.defineProperty(navigator, 'clipboard', {value: undefined})"
+    tab = open_page(prepare=lambda empty: empty.add_init_script(without))
+    shows(tab, "#shown", "recorded$")
+    tab.click("#link")
+    shows(tab, "#player-note", "^The address of this page is that of this moment; copy it there.$")
+    assert f"#recording={tab.inner_text('#player-name')}&t=" in tab.url
+
+
+def test_more_recordings_stay_listed(open_page: Open, page_server: Served) -> None:
+    folder = run(page_server, 11)
+    source = max(folder.glob("*Z-11.mcap")).read_bytes()
+    copies = [folder / f"20260101T0000{second:02}.000Z-11.mcap" for second in range(60)]
+    for each in copies:
+        each.write_bytes(source)
+    tab = open_page()
+    expect(tab, "#runs .run").to_have_count(50)
+    tab.click("#runs-more")
+    expect(tab, "#runs .run").not_to_have_count(50)
+    listed = tab.locator("#runs .run").count()
+    tab.focus("#runs .run >> nth=-1")
+    run(page_server, 11)
+    expect(tab, "#runs .run").to_have_count(listed + 1)
+    expect(tab, "#runs .run >> nth=-1").to_be_focused()
+    for each in copies:
+        each.unlink()
+
+
+def test_the_list_says_that_the_server_does_not_answer_only_while_so(
+    open_page: Open, page_server: Served
+) -> None:
+    tab = open_page()
+    shows(tab, "#arm-state", "active")
+    tab.context.set_offline(True)
+    tab.fill("#runs-search", "a")
+    shows(tab, "#runs-note", "^The server does not answer.$")
+    tab.context.set_offline(False)
+    tab.locator("#connection").wait_for(state="hidden")
+    expect(tab, "#runs-note").to_have_text("")
+    forget(tab, "ERR_INTERNET_DISCONNECTED")

@@ -130,9 +130,14 @@ export class Player extends EventTarget {
     acts[event.key]();
   }
 
-  /** @param {() => Promise<void>} act */
+  /**
+   * Act, and show the result, unless another recording is shown by then.
+   * @param {() => Promise<string | Node>} act
+   */
   async #act(act) {
-    await act().catch((error) => this.say(error));
+    const recording = this.#recording;
+    const result = await act().catch(wordsOf);
+    if (recording === this.#recording) this.#note.replaceChildren(result);
   }
 
   async #verify() {
@@ -147,28 +152,33 @@ export class Player extends EventTarget {
       ),
     );
     if (error) lines.push(element("li", { class: "failed" }, error));
-    this.#note.replaceChildren(element("ul", {}, ...lines));
+    return element("ul", {}, ...lines);
   }
 
   async #switchPin() {
-    const row = await post(`${pathOf(this.#recording)}/pin`, { on: !this.#pinned });
-    this.#pinned = row.pinned;
-    setText(this.#note, row.pinned ? "Pinned: it is never deleted." : "No longer pinned.");
+    const recording = this.#recording;
+    const { pinned } = await post(`${pathOf(recording)}/pin`, { on: !this.#pinned });
+    if (recording === this.#recording) this.#pinned = pinned;
     this.dispatchEvent(new Event("change"));
+    return pinned ? "Pinned: it is never deleted." : "No longer pinned.";
   }
 
   async #download() {
-    const file = await (await request(`${pathOf(this.#recording)}/file`, {})).blob();
+    const name = this.#recording;
+    const file = await (await request(`${pathOf(name)}/file`, {})).blob();
     const address = URL.createObjectURL(file);
-    element("a", { href: address, download: this.#recording }).click();
+    element("a", { href: address, download: name }).click();
     setTimeout(() => URL.revokeObjectURL(address), 60_000);
+    return "";
   }
 
   async #copyLink() {
     const link = `${location.origin}${location.pathname}${recordingHash(this.#recording, this.#cursor.time)}`;
     history.replaceState(null, "", link);
-    await navigator.clipboard?.writeText(link);
-    setText(this.#note, "The address of this moment is copied.");
+    // Browsers have a clipboard only for this machine and over HTTPS.
+    if (!navigator.clipboard) return "The address of this page is that of this moment; copy it there.";
+    await navigator.clipboard.writeText(link);
+    return "The address of this moment is copied.";
   }
 }
 

@@ -1,6 +1,6 @@
 /** The recordings: searched, filtered, opened; and the goals and tasks that the server knows. */
 
-import { get, isSignedIn, pathOf, post, wordsOf } from "../api.js";
+import { Refused, get, isSignedIn, pathOf, post, wordsOf } from "../api.js";
 import { byId, element, isNew, setAttribute, setText } from "../dom.js";
 import { goalTitle } from "../model/run.js";
 import { stateWords } from "./header.js";
@@ -22,7 +22,9 @@ import { stateWords } from "./header.js";
  */
 
 const SHOWN = 50; // of goals, and of recordings at a time
+const MOST = 150; // in one answer
 const WAIT = 200; // after the last key of a search [ms]
+const RETRY = 1000; // after a request without an answer [ms]
 const DAY = 24 * 60 * 60 * 1000; // [ms]
 
 /** Events: `open` with the Recording to show, `change` when the list has changed. */
@@ -36,6 +38,8 @@ export class RunsView extends EventTarget {
   #note = byId("runs-note", HTMLElement);
   #timer = 0;
   #asked = 0;
+  #wanted = SHOWN; // recordings to list
+  #error = ""; // why they could not be listed
   /** @type {Goal[]} newest first */
   goals = [];
   /** @type {import("./tasks.js").Task[]} */
@@ -50,14 +54,18 @@ export class RunsView extends EventTarget {
     for (const filter of [this.#search, this.#state, this.#task, this.#day])
       filter.addEventListener("input", () => {
         clearTimeout(this.#timer);
-        this.#timer = setTimeout(() => this.#load(false), WAIT);
+        this.#wanted = SHOWN;
+        this.#timer = setTimeout(() => this.#load(), WAIT);
       });
-    this.#more.addEventListener("click", () => this.#load(true));
+    this.#more.addEventListener("click", () => {
+      this.#wanted += SHOWN;
+      this.#load();
+    });
   }
 
-  /** Ask for the recordings, goals and tasks again. Without an answer they stay, until the next stream asks. */
+  /** Ask for the recordings, goals and tasks again. Without an answer they stay. */
   async refresh() {
-    await Promise.all([this.#load(false), this.#loadGoals().catch(() => undefined)]);
+    await Promise.all([this.#load(), this.#loadGoals().catch(() => undefined)]);
   }
 
   /**
@@ -70,7 +78,7 @@ export class RunsView extends EventTarget {
     undo.addEventListener("click", () => this.#restore(recording));
     this.#note.replaceChildren(`Deleted ${nameOf(recording)}. `, undo);
     undo.focus();
-    await this.#load(false);
+    await this.#load();
   }
 
   /** @param {string} shown name of the recording that is shown; empty for none */
@@ -103,7 +111,7 @@ export class RunsView extends EventTarget {
     } catch (error) {
       setText(this.#note, wordsOf(error));
     }
-    await this.#load(false);
+    await this.#load();
   }
 
   async #loadGoals() {
@@ -113,27 +121,38 @@ export class RunsView extends EventTarget {
     this.tasks = tasks;
   }
 
-  /** @param {boolean} more True to add the next ones, False to list from the newest */
-  async #load(more) {
+  /** Ask for the recordings from the newest on, as many as are wanted. */
+  async #load() {
     const asked = (this.#asked += 1);
-    const query = new URLSearchParams({ limit: String(SHOWN) });
+    const query = new URLSearchParams();
     if (this.#search.value.trim()) query.set("search", this.#search.value);
     if (this.#state.value) query.set("state", this.#state.value);
     if (this.#task.value) query.set("task", this.#task.value);
-    const last = this.recordings.at(-1);
-    if (more && last) query.set("before", last.name);
     const day = new Date(`${this.#day.value}T00:00`).getTime(); // of this place
     if (this.#day.value && day >= 0) {
       query.set("since", `${BigInt(day) * 1_000_000n}`);
       query.set("until", `${BigInt(day + DAY) * 1_000_000n}`);
     }
+    /** @type {Recording[]} */
+    const found = [];
     try {
-      const { recordings } = await get(`api/recordings?${query}`);
-      if (asked !== this.#asked) return; // another search was faster
-      this.recordings = more ? [...this.recordings, ...recordings] : recordings;
-      this.#more.hidden = recordings.length < SHOWN;
+      for (let limit = 0, got = 0; got === limit && found.length < this.#wanted; ) {
+        limit = Math.min(this.#wanted - found.length, MOST);
+        query.set("limit", String(limit));
+        const { recordings } = await get(`api/recordings?${query}`);
+        if (asked !== this.#asked) return; // another search was faster
+        found.push(...recordings);
+        got = recordings.length;
+        query.set("before", found.at(-1)?.name ?? "");
+      }
+      this.recordings = found;
+      this.#more.hidden = found.length < this.#wanted;
+      if (this.#note.textContent === this.#error) setText(this.#note, "");
     } catch (error) {
-      setText(this.#note, wordsOf(error));
+      this.#error = wordsOf(error);
+      setText(this.#note, this.#error);
+      clearTimeout(this.#timer);
+      if (!(error instanceof Refused)) this.#timer = setTimeout(() => this.#load(), RETRY);
     }
     this.dispatchEvent(new Event("change"));
   }
