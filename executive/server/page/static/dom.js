@@ -51,6 +51,25 @@ export function setText(target, text) {
 }
 
 /**
+ * Replace the children of an element. One that stays keeps the focus.
+ * @param {Element} target
+ * @param {Element[]} children
+ */
+export function setChildren(target, children) {
+  const focused = document.activeElement;
+  target.replaceChildren(...children);
+  if (focused instanceof HTMLElement && target.contains(focused)) focused.focus({ preventScroll: true });
+}
+
+/**
+ * Scroll as little as shows an element.
+ * @param {Element} target
+ */
+export function reveal(target) {
+  target.scrollIntoView({ block: "nearest" });
+}
+
+/**
  * Return whether an element is to be drawn of something else than the last time.
  * @param {HTMLElement} target
  * @param {string} key what it is drawn of

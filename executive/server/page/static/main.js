@@ -2,7 +2,7 @@
 
 import { get, isSignedIn, pathOf, session, signIn } from "./api.js";
 import { Connection } from "./connection.js";
-import { byId, ignoreUnusable, oncePerFrame, setText } from "./dom.js";
+import { byId, ignoreUnusable, oncePerFrame, reveal, setText } from "./dom.js";
 import { Cursor } from "./model/cursor.js";
 import { ShownRun } from "./model/shown_run.js";
 import { ArmView } from "./views/arm.js";
@@ -60,7 +60,7 @@ function drawAll() {
   tree.draw(status?.breakpoints, cursor.time);
   drawRunning(shown);
   drawWaiting(status, runs);
-  drawFailure(shown);
+  const fails = drawFailure(shown);
   drawNode(shown, tree.selected);
   drawPause(shown, status?.paused ?? false);
   controls.draw(status);
@@ -74,6 +74,7 @@ function drawAll() {
   log.draw(shown.history);
   tree.scroll();
   log.scroll();
+  if (fails) bringIntoView(byId("failure", HTMLElement));
 }
 
 /** @type {unknown[]} what the acts were drawn of */
@@ -147,7 +148,7 @@ session.addEventListener("goal", () => {
 tree.addEventListener("select", draw);
 tree.addEventListener("open", () => {
   drawAll();
-  byId("node", HTMLElement).scrollIntoView({ block: "nearest" });
+  reveal(byId("node", HTMLElement));
 });
 tree.addEventListener("break", (event) => {
   const path = /** @type {CustomEvent} */ (event).detail;

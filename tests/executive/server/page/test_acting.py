@@ -375,3 +375,54 @@ def test_goals_wait_and_are_canceled_from_the_list(browser: Any, serve: Serve) -
     served.executive.result(goals[2])
     tab.wait_for_function("() => document.querySelectorAll('#waiting li').length === 1")
     tab.context.close()
+
+
+def test_an_open_question_can_be_answered_after_signing_in(
+    open_page: Open, page_server: Served
+) -> None:
+    tab = open_page(page_server.server.url)
+    page_server.executive.send(14)
+    shows(tab, "#questions", "Free?")
+    expect(tab, "#questions button >> nth=0").to_be_hidden()
+    expect(tab, "#questions p.quiet").to_have_text("Sign in to answer.")
+    code = page_server.server.sign_in.link().partition("#")[2]
+    tab.evaluate("code => { location.hash = code }", code)
+    shows(tab, "#session", "^signed in$")
+    expect(tab, "#questions p.quiet").to_be_hidden()
+    tab.click("#questions button:text-is('yes')")
+    shows(tab, "#goal-state", "^done$")
+
+
+def test_a_form_keeps_what_was_typed_when_another_task_changes(
+    open_page: Open, page_server: Served
+) -> None:
+    other = page_server.tasks / "22_other.yaml"
+    other.write_text("task: 22\nname: other\ndescription: Old.\ntree:\n  Succeed: {}\n")
+    tab = open_page()
+    tab.click(f"{task('12 say')} summary")
+    tab.fill("#task-12-what", "half a sen")
+    other.write_text("task: 22\nname: other\ndescription: New.\ntree:\n  Succeed: {}\n")
+    page_server.executive.send(11)
+    expect(tab, f"{task('22 other')} p.quiet >> nth=0").to_have_text("New.")
+    expect(tab, "#task-12-what").to_have_value("half a sen")
+    expect(tab, "#task-12-what").to_be_focused()
+    tab.keyboard.type("tence")
+    expect(tab, "#task-12-what").to_have_value("half a sentence")
+
+
+def test_what_asks_or_answers_is_brought_into_view(open_page: Open, page_server: Served) -> None:
+    tab = open_page(viewport={"width": 1280, "height": 600})
+    for name in ("13 fail", "12 say"):
+        tab.click(f"{task(name)} summary")
+    tab.click(f"{task('12 say')} button:text-is('Dry run')")
+    shows(tab, f"{task('12 say')} [role=status]", "^Dry run")
+    expect(tab, f"{task('12 say')} [role=status]").to_be_in_viewport(ratio=1)
+    tab.click("#live")
+    page_server.executive.send(14)
+    shows(tab, "#questions", "Free?")
+    expect(tab, "#questions section").to_be_in_viewport(ratio=1)
+    tab.click("#questions button:text-is('yes')")
+    shows(tab, "#goal-state", "^done$")
+    tab.click(f"{task('13 fail')} button:text-is('Run')")
+    shows(tab, "#failure", "fail failed")
+    expect(tab, "#failure .cause").to_be_in_viewport(ratio=1)

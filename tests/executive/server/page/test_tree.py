@@ -204,9 +204,7 @@ def test_a_thousand_nodes_are_folded_around_what_runs(open_page: Open, page_serv
     shows(tab, "#runs [aria-current]", "large")
 
 
-def test_the_tree_keeps_the_focus_as_rows_come_and_go(
-    open_page: Open, page_server: Served
-) -> None:
+def test_the_tree_keeps_the_focus_as_rows_come_and_go(open_page: Open, page_server: Served) -> None:
     write_tasks(page_server)
     tab = open_page()
     goals = page_server.executive

@@ -1,7 +1,7 @@
 /** Questions of tasks, and buttons to answer them. */
 
-import { isSignedIn, post, wordsOf } from "../api.js";
-import { byId, element, setText } from "../dom.js";
+import { post, wordsOf } from "../api.js";
+import { byId, element, reveal, setText } from "../dom.js";
 
 /**
  * @typedef {object} Question
@@ -31,6 +31,7 @@ export class QuestionsView {
     const card = questionCard(question);
     this.#open.set(question.question_id, card);
     this.#box.append(card);
+    reveal(card);
   }
 }
 
@@ -56,8 +57,9 @@ function questionCard(question) {
     button.addEventListener("click", () => send(choice));
     return button;
   });
-  const controls = buttons.length ? element("div", { class: "buttons" }, ...buttons) : form;
-  const help = element("p", { class: "quiet" }, "Sign in to answer.");
+  const given = buttons.length ? element("div", { class: "buttons" }, ...buttons) : form;
+  const controls = element("div", { class: "signed-in-only" }, given);
+  const help = element("p", { class: "quiet signed-out-only" }, "Sign in to answer.");
   const title = element("h2", {}, question.text);
-  return element("section", { class: "panel question" }, title, isSignedIn() ? controls : help, note);
+  return element("section", { class: "panel question" }, title, controls, help, note);
 }

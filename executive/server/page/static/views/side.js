@@ -68,7 +68,10 @@ export function drawWaiting(status, runs) {
   list.replaceChildren(...items);
 }
 
-/** @param {ShownRun} shown */
+/**
+ * @param {ShownRun} shown
+ * @returns {boolean} True if it shows another failure than before
+ */
 export function drawFailure(shown) {
   const { run } = shown;
   const card = byId("failure", HTMLElement);
@@ -77,8 +80,8 @@ export function drawFailure(shown) {
   const place = cause ? places(shown, cause.node) : "";
   const hint = cause ? hintOf(cause) : "";
   const recording = run.outcome?.recording.split("/").at(-1) ?? "";
-  const key = `${run.goalId} ${place}`;
-  if (!cause || !isNew(card, key)) return;
+  const key = `${run.goalId} ${place} ${cause?.message}`;
+  if (!cause || !isNew(card, key)) return false;
   card.replaceChildren(
     element("h2", {}, `${run.title} ${shown.planned ? "would fail" : "failed"}`),
     element("p", { class: "cause" }, cause.message),
@@ -91,6 +94,7 @@ export function drawFailure(shown) {
       ["Recording", recording && element("a", { href: recordingHash(recording) }, recording)],
     ]),
   );
+  return true;
 }
 
 /**

@@ -1,7 +1,7 @@
 /** The tasks: each with a form of its parameters, and what its last run did. */
 
 import { isSignedIn, post, sendGoal, wordsOf } from "../api.js";
-import { byId, element, setText, setUsable } from "../dom.js";
+import { byId, element, isNew, reveal, setChildren, setText, setUsable } from "../dom.js";
 import { stateWords } from "./header.js";
 
 /** @typedef {import("../model/run.js").Goal} Goal */
@@ -42,7 +42,8 @@ const POLICIES = /** @type {Record<string, string>} */ ({
 /** Lists the tasks. Events: `preview` with the events of a dry run. */
 export class TasksView extends EventTarget {
   #list = byId("tasks", HTMLElement);
-  #key = "";
+  /** @type {Map<string, HTMLElement>} by what they show */
+  #items = new Map();
 
   /**
    * @param {Task[]} tasks
@@ -52,10 +53,9 @@ export class TasksView extends EventTarget {
    */
   draw(tasks, goals, status, idle) {
     this.#drawArm(status);
-    const key = JSON.stringify(tasks);
-    if (key !== this.#key) {
-      this.#key = key;
-      this.#list.replaceChildren(...tasks.map((task) => taskItem(task, (events) => this.#preview(events))));
+    if (isNew(this.#list, JSON.stringify(tasks))) {
+      this.#items = new Map(tasks.map((task) => this.#item(task)));
+      setChildren(this.#list, [...this.#items.values()]);
     }
     setText(byId("policy", HTMLElement), POLICIES[status?.policy ?? ""] ?? "");
     const active = status?.arm === "active";
@@ -68,6 +68,16 @@ export class TasksView extends EventTarget {
       setUsable(run, isSignedIn() && active);
       setUsable(dry, isSignedIn() && idle);
     }
+  }
+
+  /**
+   * Return an item by what it shows. One that shows the same stays, with what was typed into it.
+   * @param {Task} task
+   * @returns {[string, HTMLElement]}
+   */
+  #item(task) {
+    const key = JSON.stringify(task);
+    return [key, this.#items.get(key) ?? taskItem(task, (events) => this.#preview(events))];
   }
 
   /** @param {any[]} events */
@@ -107,8 +117,10 @@ function taskItem(task, preview) {
       const { events, unknown } = await post("api/plan", goal);
       setText(found, dryRunWords(events, unknown));
       preview(events);
+      reveal(found);
     } catch (error) {
       setText(note, wordsOf(error));
+      reveal(note);
     }
   });
   const title = element("span", { class: "name" }, `${task.task} ${task.name}`);
