@@ -239,6 +239,9 @@ _JOINT = _object(
         "xyz": _VECTOR,
         "rpy": _VECTOR,
         "axis": _VECTOR,
+        "limits": described(
+            array(NUMBER), "Smallest and largest position, of those that there are."
+        ),
         "mimic": {
             "type": ["array", "null"],
             "description": "The joint that it follows, the factor, and the offset.",

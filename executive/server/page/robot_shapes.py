@@ -1,6 +1,7 @@
 """The robot for the page: joints, shapes, and meshes by the hash of their content."""
 
 import hashlib
+import math
 import threading
 from functools import cached_property
 from pathlib import Path
@@ -51,10 +52,32 @@ class RobotScene:
             "name": robot.name,
             "opening": robot.open_effect,
             "links": list(urdf.links),
-            "joints": [_joint(each) for each in urdf.joints],
+            "joints": [self._joint(each) for each in sorted(urdf.joints, key=self._place)],
             "shapes": [self._shape(s) for s in urdf.visible_shapes(self._load_mesh)],
             "groups": {name: list(joints) for name, joints in robot.groups.items()},
             "tool": tool,
+        }
+
+    def _place(self, joint: UrdfJoint) -> int:
+        """Return a number that sorts joints as the robot file does, and others after them."""
+        names = [each.name for each in self._robot.joints]
+        return names.index(joint.name) if joint.name in names else len(names)
+
+    def _joint(self, joint: UrdfJoint) -> dict[str, Any]:
+        mimic = joint.mimic
+        known = [each for each in self._robot.joints if each.name == joint.name]
+        limits = [limit for each in known for limit in (each.lower, each.upper)]
+        return {
+            "name": joint.name,
+            "type": joint.type,
+            "unit": joint.unit,
+            "parent": joint.parent,
+            "child": joint.child,
+            "xyz": joint.xyz,
+            "rpy": joint.rpy,
+            "axis": joint.axis,
+            "limits": [limit for limit in limits if math.isfinite(limit)],
+            "mimic": mimic and [mimic.leader, mimic.multiplier, mimic.offset],
         }
 
     def _load_mesh(self, name: str) -> bool:
@@ -80,19 +103,3 @@ class RobotScene:
             "rpy": shape.rpy,
             "color": shape.color,
         }
-
-
-def _joint(joint: UrdfJoint) -> dict[str, Any]:
-    mimic = joint.mimic
-    follows = mimic and [mimic.leader, mimic.multiplier, mimic.offset]
-    return {
-        "name": joint.name,
-        "type": joint.type,
-        "unit": joint.unit,
-        "parent": joint.parent,
-        "child": joint.child,
-        "xyz": joint.xyz,
-        "rpy": joint.rpy,
-        "axis": joint.axis,
-        "mimic": follows,
-    }

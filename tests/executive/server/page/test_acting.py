@@ -426,3 +426,17 @@ def test_what_asks_or_answers_is_brought_into_view(open_page: Open, page_server:
     tab.click(f"{task('13 fail')} button:text-is('Run')")
     shows(tab, "#failure", "fail failed")
     expect(tab, "#failure .cause").to_be_in_viewport(ratio=1)
+
+
+def test_long_names_of_joints_are_not_cut(open_page: Open) -> None:
+    def rename(asked: Any) -> None:
+        answer = asked.fetch().json()
+        units = {f"shoulder_{name}": unit for name, unit in answer["units"].items()}
+        limits = {f"shoulder_{name}": pair for name, pair in answer["limits"].items()}
+        asked.fulfill(json={**answer, "units": units, "limits": limits})
+
+    tab = open_page(prepare=lambda empty: empty.route("**/api/where", rename))
+    tab.click("#move summary")
+    tab.get_by_label("shoulder_joint_1 more").wait_for()
+    cut = "each => each.scrollWidth > each.clientWidth"
+    assert not tab.locator(".move-row span").first.evaluate(cut)

@@ -146,3 +146,22 @@ def test_a_mesh_that_is_not_one_leaves_the_rest(open_page: Open) -> None:
     tab.locator("#arm canvas").wait_for()
     until_seen(tab, is_drawn)
     assert any(each.endswith("0" * 32) for each in served)
+
+
+# Contrast of the darkest part of the arm to what is behind it.
+CONTRAST = """async () => {
+  const { shapes } = await (await fetch("/api/robot")).json();
+  const light = (rgb) => [0.2126, 0.7152, 0.0722].reduce((sum, part, index) =>
+    sum + part * ((rgb[index] + 0.055) / 1.055) ** 2.4, 0);
+  const colors = shapes.map((each) => each.color).filter(Boolean);
+  const darkest = Math.min(...colors.map(light));
+  const { backgroundColor } = getComputedStyle(document.querySelector("#arm canvas"));
+  const behind = light(backgroundColor.match(/[0-9.]+/g).map((each) => each / 255));
+  return (behind + 0.05) / (darkest + 0.05);
+}"""
+
+
+def test_dark_parts_of_the_arm_are_seen_in_the_dark(open_page: Open) -> None:
+    tab = open_page(webgl=True, color_scheme="dark")
+    tab.locator("#arm canvas").wait_for()
+    assert tab.evaluate(CONTRAST) > 1.8

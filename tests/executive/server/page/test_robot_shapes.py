@@ -71,3 +71,11 @@ def test_a_link_whose_visual_cannot_be_shown_has_its_collision_shape(
     (tmp_path / "a.stl").write_bytes(BEAM.read_bytes())
     (shape,) = scene_of(tmp_path, visual).description()["shapes"]
     assert (shape["kind"], shape["sizes"], shape["color"]) == ("box", (0.1, 0.2, 0.3), None)
+
+
+def test_joints_are_in_the_order_of_the_robot_file_with_their_limits() -> None:
+    robot = load_robot(Path("so101"))
+    joints = RobotScene(robot).description()["joints"]
+    actuated = robot.actuated
+    assert [each["name"] for each in joints[: len(actuated)]] == [each.name for each in actuated]
+    assert joints[0]["limits"] == [actuated[0].lower, actuated[0].upper]

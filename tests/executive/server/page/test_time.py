@@ -1,6 +1,8 @@
 """A run over time in a browser: plots, phases and log, all at one cursor."""
 
 import logging
+from collections.abc import Callable
+from typing import Any
 
 import pytest
 
@@ -108,3 +110,23 @@ def test_a_recorded_run_is_plotted_too(open_page: Open, page_server: Served) -> 
     assert tab.locator(late).evaluate(
         "each => new Set(each.getContext('2d').getImageData(60, 10, 300, 80).data).size > 2"
     )
+
+
+def test_position_limits_are_plotted(open_page: Open, page_server: Served) -> None:
+    def unlimited(asked: Any) -> None:
+        robot = asked.fetch().json()
+        for joint in robot["joints"]:
+            joint["limits"] = []
+        asked.fulfill(json=robot)
+
+    def plotted(prepare: Callable[[Tab], object]) -> str:
+        tab = open_page(prepare=prepare)
+        shows(tab, "#shown", "recorded")
+        shows(tab, "#plot-joints", r"joint_1\s*90\.0 deg")
+        canvas = tab.locator("#plots canvas").first
+        return str(canvas.evaluate("each => each.toDataURL()"))
+
+    executive = page_server.executive
+    executive.result(executive.send(Move(("joint_1=90deg",))).identity)
+    assert plotted(id) == plotted(id)
+    assert plotted(id) != plotted(lambda empty: empty.route("**/robot", unlimited))

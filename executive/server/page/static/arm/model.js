@@ -17,6 +17,7 @@ import { get } from "../api.js";
  * @property {Vector} xyz
  * @property {Vector} rpy
  * @property {Vector} axis
+ * @property {number[]} limits smallest and largest position, of those that there are [rad or m]
  * @property {[string, number, number] | null} mimic joint, factor and offset
  */
 

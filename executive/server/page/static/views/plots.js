@@ -160,7 +160,8 @@ export class PlotsView {
       this.#plot(`Velocity [${this.#units("/s")}]${others}`, joints, { range: () => this.#velocityRange() }, style),
       this.#plot("Frames, lateness [ms]", [dots], { range: (_plot, low, high) => [Math.min(low, 0), Math.max(high, 1)] }, style),
     ];
-    this.#plots[1].hooks.draw?.push((plot) => this.#drawLimits(plot, style.color));
+    this.#plots[0].hooks.draw?.push((plot) => drawLines(plot, this.#limits((joint) => joint.limits), ink));
+    this.#plots[1].hooks.draw?.push((plot) => drawLines(plot, this.#velocityLimits(), ink));
     this.#fill();
   }
 
@@ -284,41 +285,25 @@ export class PlotsView {
 
   /** @returns {[number, number]} */
   #velocityRange() {
-    const most = Math.max(0, ...this.#limits().keys()) * 1.1 || 1;
+    const most = Math.max(0, ...this.#velocityLimits()) * 1.1 || 1;
     return [-most, most];
   }
 
-  /** @returns {Map<number, string[]>} the joints that are shown, by their velocity limit */
-  #limits() {
-    /** @type {Map<number, string[]>} */
-    const found = new Map();
-    for (const joint of this.#joints) {
+  /** @returns {Set<number>} */
+  #velocityLimits() {
+    return this.#limits((joint) => {
       const limit = this.#history?.limits.get(joint.name);
-      if (limit === undefined || this.#off.has(joint.name)) continue;
-      const value = limit * scaleOf(joint);
-      found.set(value, [...(found.get(value) ?? []), joint.name]);
-    }
-    return found;
+      return limit === undefined ? [] : [-limit, limit];
+    });
   }
 
   /**
-   * @param {Plot} plot
-   * @param {string} color
+   * Return the limits of the joints that are shown, in the units of the plots.
+   * @param {(joint: Joint) => number[]} limitsOf those of a joint
    */
-  #drawLimits(plot, color) {
-    const { ctx, bbox } = plot;
-    ctx.save();
-    ctx.strokeStyle = color;
-    ctx.setLineDash([2 * devicePixelRatio, 4 * devicePixelRatio]);
-    for (const limit of this.#limits().keys())
-      for (const value of [limit, -limit]) {
-        const y = plot.valToPos(value, "y", true);
-        ctx.beginPath();
-        ctx.moveTo(bbox.left, y);
-        ctx.lineTo(bbox.left + bbox.width, y);
-        ctx.stroke();
-      }
-    ctx.restore();
+  #limits(limitsOf) {
+    const shown = this.#joints.filter((joint) => !this.#off.has(joint.name));
+    return new Set(shown.flatMap((joint) => limitsOf(joint).map((limit) => limit * scaleOf(joint))));
   }
 
   /** @param {History} history */
@@ -388,6 +373,29 @@ export class PlotsView {
     if (width) for (const plot of this.#plots) plot.setSize({ width, height: HEIGHT });
     this.#drawCursor(true);
   }
+}
+
+/**
+ * Draw dotted lines at values, if they are within the plot.
+ * @param {Plot} plot
+ * @param {Iterable<number>} values
+ * @param {string} color
+ */
+function drawLines(plot, values, color) {
+  const { ctx, bbox } = plot;
+  const { min = 0, max = 0 } = plot.scales.y;
+  ctx.save();
+  ctx.strokeStyle = color;
+  ctx.setLineDash([2 * devicePixelRatio, 4 * devicePixelRatio]);
+  for (const value of values) {
+    if (value < min || value > max) continue;
+    const y = plot.valToPos(value, "y", true);
+    ctx.beginPath();
+    ctx.moveTo(bbox.left, y);
+    ctx.lineTo(bbox.left + bbox.width, y);
+    ctx.stroke();
+  }
+  ctx.restore();
 }
 
 /** @param {History} history */
