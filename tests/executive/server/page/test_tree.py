@@ -227,7 +227,7 @@ def test_the_tree_keeps_the_focus_as_rows_come_and_go(open_page: Open, page_serv
     shows(tab, "#goal-state", "^canceled$")
     goals.send(LARGE)  # its rows are others
     shows(tab, "#running", "^Wait$")
-    assert focused(tab) == "large"
+    tab.wait_for_function("() => document.activeElement.dataset.path === 'large'")
 
 
 @pytest.mark.parametrize(("width", "height"), [(1280, 800), (1000, 700), (390, 844)])
@@ -238,9 +238,12 @@ def test_the_details_of_a_node_are_seen_when_it_is_clicked(
     ended(page_server, 20)
     tab = open_page(viewport={"width": width, "height": height})
     shows(tab, "#shown", "recorded")
-    for act in (lambda: tab.click(row("show")), lambda: tab.keyboard.press("Enter")):
+    for by_key in (False, True):
         tab.evaluate("scrollTo(0, 0)")
-        act()
+        if by_key:
+            tab.keyboard.press("Enter")
+        else:
+            tab.click(row("show"))
         shows(tab, "#node", "show.yaml")
         tab.wait_for_function(
             """() => {

@@ -39,6 +39,7 @@ export class TreeView extends EventTarget {
   #breakpoints = "";
   #goal = "";
   #followed = "";
+  #lost = ""; // path of the row that had the focus, until another goal has rows
   #time = 0; // the moment that is shown [s]
   #size = 0; // steps from the first size
   selected = "";
@@ -82,7 +83,7 @@ export class TreeView extends EventTarget {
     const now = [run, run.goalId, facts, facts.size, marked, this.#search.value, this.#folds, this.selected];
     const redraw = now.some((each, index) => each !== this.#last[index]);
     if (!redraw && run.changed.size === 0) return this.#drawTimes();
-    const focused = this.#focused();
+    const focused = this.#focused() ?? (document.activeElement === document.body ? this.#lost : "");
     if (run.goalId !== this.#goal) this.#begin(run.goalId);
     this.#last = now;
     this.#breakpoints = marked;
@@ -91,8 +92,8 @@ export class TreeView extends EventTarget {
     if (visible.some((node, index) => node !== this.#visible[index]) || visible.length !== this.#visible.length) {
       this.#visible = visible;
       this.#list.replaceChildren(...visible.map((node) => this.#row(node)));
-      if (focused !== undefined) this.#refocus(focused);
     }
+    if (focused && !this.#list.contains(document.activeElement)) this.#refocus(focused);
     const points = new Set(marked.split("\n"));
     for (const node of visible)
       if (redraw || run.changed.has(node) || !this.#row(node).dataset.status)
@@ -114,13 +115,15 @@ export class TreeView extends EventTarget {
   }
 
   /**
-   * Focus a row, or the nearest one above it that is not folded away.
+   * Focus a row, or the nearest one above it that is not folded away, or the first one.
    * @param {string} path
    */
   #refocus(path) {
     let node = this.#shown.run.nodes.get(path) ?? null;
     while (node && !this.#row(node).isConnected) node = node.parent;
+    node ??= this.#visible[0] ?? null;
     if (node) this.#row(node).focus({ preventScroll: true });
+    this.#lost = node ? "" : path;
   }
 
   /** Show the node that runs, or the one that failed the run. This needs the layout of the page, so call it when all else is drawn. */
