@@ -74,7 +74,7 @@ function drawAll() {
   log.draw(shown.history);
   tree.scroll();
   log.scroll();
-  if (fails) bringIntoView(byId("failure", HTMLElement));
+  if (fails && shown.run.task >= 0) bringIntoView(byId("failure", HTMLElement));
 }
 
 /** @type {unknown[]} what the acts were drawn of */
@@ -89,7 +89,7 @@ function drawActs() {
   acts = now;
   const idle = status !== null && goal === null;
   tasks.draw(runs.tasks, runs.goals, status, idle);
-  move.draw(status, goal, positions);
+  move.draw(status, goal, positions, runs.goals);
   poses.draw(status, idle);
 }
 

@@ -440,3 +440,17 @@ def test_long_names_of_joints_are_not_cut(open_page: Open) -> None:
     tab.get_by_label("shoulder_joint_1 more").wait_for()
     cut = "each => each.scrollWidth > each.clientWidth"
     assert not tab.locator(".move-row span").first.evaluate(cut)
+
+
+def test_a_step_that_fails_says_why_beside_it(open_page: Open, page_server: Served) -> None:
+    executive = page_server.executive
+    executive.result(executive.send(Move(("joint_1=90deg",))).identity)
+    tab = open_page()
+    tab.click("#move summary")
+    more = "[aria-label='joint_1 more']"
+    expect(tab, more).to_be_enabled()
+    tab.evaluate("window.scrollTo(0, 300)")
+    tab.locator(more).evaluate("each => each.click()")
+    shows(tab, "#move-error", "joint_1 = 95 deg is outside its limits")
+    shows(tab, "#failure", "joint_1 = 95 deg is outside its limits")
+    assert tab.evaluate("scrollY") > 250  # the next click finds the same button

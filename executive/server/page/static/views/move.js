@@ -62,8 +62,14 @@ export class MoveView {
    * @param {Status | null} status
    * @param {string | null} goal identity of the goal under way; null for none
    * @param {Record<string, number> | null} positions commanded, by joint [rad or m]
+   * @param {import("../model/run.js").Goal[]} goals
    */
-  draw(status, goal, positions) {
+  draw(status, goal, positions, goals) {
+    const cause = goals.find((each) => each.goal_id === this.#own)?.result?.cause;
+    if (cause) {
+      setText(this.#note, cause.message);
+      this.#own = ""; // it is said once
+    }
     const active = isSignedIn() && status?.arm === "active";
     const waits = active && (goal === null || this.#own === null || goal === this.#own);
     const stops = status?.stops ?? 0;
