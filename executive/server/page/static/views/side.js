@@ -80,8 +80,10 @@ export function drawFailure(shown) {
   const place = cause ? places(shown, cause.node) : "";
   const hint = cause ? hintOf(cause) : "";
   const recording = run.outcome?.recording.split("/").at(-1) ?? "";
-  const key = `${run.goalId} ${place} ${cause?.message}`;
-  if (!cause || !isNew(card, key)) return false;
+  const failure = `${run.goalId} ${cause?.message}`;
+  if (!cause || !isNew(card, `${failure} ${place}`)) return false;
+  const isOther = card.dataset.failure !== failure; // its place may come later
+  card.dataset.failure = failure;
   card.replaceChildren(
     element("h2", {}, `${run.title} ${shown.planned ? "would fail" : "failed"}`),
     element("p", { class: "cause" }, cause.message),
@@ -94,7 +96,7 @@ export function drawFailure(shown) {
       ["Recording", recording && element("a", { href: recordingHash(recording) }, recording)],
     ]),
   );
-  return true;
+  return isOther;
 }
 
 /**
