@@ -3,13 +3,16 @@
 import json
 import re
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from click.testing import CliRunner, Result
 
 from executive.cli.main import cli
 from executive.testing import SimulatedArm
+from logs import Goal, Note
 from tests.logs.test_run import RUNS, record
 from tests.support.paths import DATA, EXAMPLES, ROOT, TASKS
 from trees import FileError, UnknownTask
@@ -198,6 +201,16 @@ def test_the_last_outcome_of_a_task_is_listed(tmp_path: Path) -> None:
         1: "CANCELED",
         2: "unknown,",
     }
+
+
+def test_outcomes_of_another_robot_or_of_another_task_are_not_listed(tmp_path: Path) -> None:
+    record(tmp_path / "20261121T170228.553Z-1.mcap", RUNS["ok"])
+    goal, *rest = RUNS["canceled"]
+    assert isinstance(goal, Goal)
+    other: list[Any] = [Note("robot", {"file": "arm5.toml"}), goal, *rest]
+    record(tmp_path / "20261121T180228.553Z-1.mcap", other)
+    record(tmp_path / "20261121T190228.553Z-1.mcap", [replace(goal, name="grab"), *rest])
+    assert "last: SUCCEEDED 2026-11-21 17:02 UTC" in _tasks(tmp_path)
 
 
 def _tasks(recordings: Path, *options: str) -> str:
