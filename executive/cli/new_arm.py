@@ -128,10 +128,11 @@ def new_arm(
         echo(line)
     for line in _warnings(robot, allowed, guesses):
         echo(f"warning: {line}", err=True)
-    echo(
-        f"\nNext, type: {shlex.join(['armtree', *first_motion(robot), '--robot', str(output)])}",
-        whole=True,
+    command = shlex.join(["armtree", *first_motion(robot), "--robot", str(output)])
+    saves = (
+        f"The line `robot = {json.dumps(str(output))}` in armtree.toml saves the option --robot."
     )
+    echo(f"\n{saves}\nNext, type: {command}", whole=True)
 
 
 def _ask_link(robot: "Robot", guess: str) -> str:

@@ -259,3 +259,9 @@ def test_the_page_explains_every_kind_of_node() -> None:
     options = {name: {*re.findall(r"`(\w+): ", cell)} for name, cell in rows}
     expected = {name: {*kind.options, kind.condition} - {""} for name, kind in KINDS.items()}
     assert options == expected | {"subtree": {"with"}, "task": {"with"}}
+
+
+@pytest.mark.parametrize("name", ["latest", "latest:pick", "x.mcap"])
+def test_a_recording_is_replayed_not_run(name: str) -> None:
+    refused = armtree("run", name, "--port", "virtual")
+    assert f"{name} is a recording: `armtree replay {name}` plays it" in refused.output
