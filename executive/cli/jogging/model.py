@@ -143,8 +143,8 @@ class Jog:
         waiting: The next move, or None. Only the last key pressed during a move counts, so that the
             arm stops soon after a key is released.
         calling: The command to execute when the arm is still, or None.
-        dropped: Number of ignored keys during a move. It is kept until the first key after the
-            move.
+        dropped: Number of ignored keys during a move. It is kept until the next move or the first
+            key after the move.
         lost: True if the arm is lost. Then only q has an effect: it leaves.
         prompt: Key of the command whose text is being typed, or empty.
         typed: Text that was typed so far.
@@ -400,7 +400,7 @@ class Jog:
         return replace(self, waiting=go, dropped=dropped).said(""), None
 
     def _started(self, go: Go) -> tuple["Jog", Action]:
-        return replace(self, moving=go, message="", failed=False), go
+        return replace(self, moving=go, dropped=0, message="", failed=False), go
 
     def _call(self, key: str) -> tuple["Jog", Action | None]:
         if self.calling:
