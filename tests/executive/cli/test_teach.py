@@ -191,7 +191,7 @@ def test_a_task_is_taught_by_hand_and_runs(tmp_path: Path) -> None:
         push(bus, shoulder_pan=30, gripper=20)
         terminal.until("shoulder_pan        30.0 deg", "gripper             20.0 deg")
         terminal.type("t")
-        terminal.until("Step 1: move to shoulder_pan: 29.971 deg")
+        terminal.until("Step 1: move to shoulder_pan: 29.97 deg")
         terminal.type(RIGHT)
         terminal.until("hw.torque_off")
         push(bus, shoulder_lift=163)
