@@ -161,6 +161,15 @@ def test_a_text_that_is_wrong_can_be_corrected() -> None:
     assert (plain.prompt, plain.message, plain.failed) == ("", "no step", True)
 
 
+def test_the_help_explains_the_commands_and_hidden_ones_are_in_no_line() -> None:
+    commands = {"t": KeyCommand("take", about="takes this pose as a step"), "f": KeyCommand()}
+    jog, _ = pressed(Jog.start(WHERE, commands, 1.0, ""), "?")
+    assert "t takes this pose as a step. Of the keys pressed during a move, the last" in jog.message
+    shown = " ".join(drawn(jog))
+    assert ("t take" in shown, " f " in shown) == (True, False)
+    assert pressed(jog, "f")[1] == Call("f", "")
+
+
 def test_escape_outside_a_prompt_clears_the_message() -> None:
     jog, action = begun().press(ESCAPE)
     assert (action, jog.message) == (None, "")
