@@ -268,6 +268,12 @@ class Urdf:
                     where = f"the {shape.tag} of {link.get('name', '')}"
                     yield self._lines[shape], where, key, _numbers(shape.get(key, ""))
 
+    def mesh_scales(self) -> Iterator[tuple[int, str, list[float]]]:
+        """Yield line, name and scale of each mesh of a collision shape."""
+        for mesh in self._root.findall("link/collision/geometry/mesh"):
+            scale = _numbers(mesh.get("scale", "1 1 1"))
+            yield self._lines[mesh], mesh.get("filename", ""), scale
+
     def shape_counts(self, kind: str = "collision") -> dict[str, int]:
         """Return the number of `collision` or `visual` shapes of each link."""
         links = self._root.findall("link")
