@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from hardware import Robot
     from trees import Declaration
 
+_MOST_NAMED = 3  # largest number of files in the last line of `armtree check`
 _MOST_RECORDINGS = 200  # largest number of recordings that `armtree tasks` opens, to be quick
 
 _output_option = click.option(
@@ -147,7 +148,7 @@ def check(
     """Check task files and report every mistake with its line. Nothing moves.
 
     Without FILE, checks all files of --trees. A FILE is checked together with the other files of
-    its folder. The exit status is 3 if there is a mistake.
+    its folder. Of a folder, all files are checked. The exit status is 3 if there is a mistake.
     """
     source = click.get_current_context().get_parameter_source("trees")
     if files and source is click.core.ParameterSource.COMMANDLINE:
@@ -174,8 +175,9 @@ def check(
         echo(json.dumps(row))
     elif mistakes:
         echo(*mistakes, err=True)
-        wrong = ", ".join(dict.fromkeys(str(mistake.place.path) for mistake in mistakes))
-        echo(f"{plural(count, 'mistake')} in {wrong}; {checked} checked", err=True)
+        wrong = list(dict.fromkeys(str(mistake.place.path) for mistake in mistakes))
+        where = ", ".join(wrong) if len(wrong) <= _MOST_NAMED else plural(len(wrong), "file")
+        echo(f"{plural(count, 'mistake')} in {where}; {checked} checked", err=True)
     else:
         right = f"{checked} {'is' if len(findings.files) == 1 else 'are'} right"
         notes = f"no mistakes, but {plural(len(findings.notes), 'note')}; {checked} checked"

@@ -265,3 +265,11 @@ def test_the_page_explains_every_kind_of_node() -> None:
 def test_a_recording_is_replayed_not_run(name: str) -> None:
     refused = armtree("run", name, "--port", "virtual")
     assert f"{name} is a recording: `armtree replay {name}` plays it" in refused.output
+
+
+def test_of_many_wrong_files_the_last_line_has_the_number(tmp_path: Path) -> None:
+    for number in range(3, 7):
+        (tmp_path / f"{number}_x{number}.yaml").write_text("a: 1\n")
+        *_, last = armtree("check", str(tmp_path)).stderr.splitlines()
+        assert ("_x3.yaml" in last) == (number < 6)
+    assert re.fullmatch(r"\d+ mistakes in 4 files; 4 files checked", last)
