@@ -37,6 +37,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (("300", "0", "100"), 4, "of this arm, 0.26 m; did you mean 300mm 0 100mm? [goal."),
         (("--by", "10", "0", "1cm"), 4, "did you mean 10mm 0 1cm? [goal."),
         pytest.param(("0.5", "0", "0.1"), 5, "The tool cannot reach", marks=pytest.mark.slow),
+        pytest.param(("--by", "0", "0", "50cm"), 5, "cannot reach (", marks=pytest.mark.slow),
     ],
 )
 def test_a_wrong_move_opens_no_port(
