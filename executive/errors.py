@@ -367,14 +367,19 @@ class TooSlow(TooMuch):
 
 
 class PoseUnconfirmed(HardwareError):
-    """The position of the arm is unknown, and no person has confirmed it."""
+    """The position of the arm is unknown, and no person has confirmed it.
+
+    Args:
+        message: The cause.
+        hint: Advice. Default: that of the class.
+    """
 
     code = "hw.pose_unconfirmed"
     hint = "give --pose last, or --pose boot"
 
-    def __init__(self, message: str) -> None:
+    def __init__(self, message: str, hint: str = hint) -> None:
         super().__init__(message)
-        self.hint = self.hint  # the message names no option; the command line adds the hint
+        self.hint = hint  # the message names no option; the command line adds the hint
 
 
 class RecordingBehind(WriteRefused):

@@ -5,6 +5,7 @@ The command line, the server and the Python interface all use this class.
 
 import logging
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -12,6 +13,7 @@ from typing import TYPE_CHECKING
 import logs
 from hardware import (
     TRANSITIONS,
+    VIRTUAL,
     Ability,
     Arm,
     ArmEvent,
@@ -46,7 +48,14 @@ from .api import Policy
 from .api.events import Event, Status, Where
 from .api.move import Move
 from .api.outcome import Acceptance, CancelResult, GoalState, GoalStatus, Outcome, cause_of
-from .errors import GoalUnderWay, NotExecuting, NotPaused, SentBeforeStop, TooManyBreakpoints
+from .errors import (
+    GoalUnderWay,
+    NotExecuting,
+    NotPaused,
+    PoseUnconfirmed,
+    SentBeforeStop,
+    TooManyBreakpoints,
+)
 from .goals.event_subscribers import EventSubscribers
 from .goals.executor import GoalExecutor
 from .goals.history import load_goal_history
@@ -464,21 +473,36 @@ class Executive:
         """Return the error of a move, or None, and the text of the move."""
         try:
             read = read_move(move, self.robot, self.library.latest.poses()[0])
-            if read.point and not move.relative:
-                self._check_reach(read.point)
+            if read.point and (start := self._known_start(move.relative)):
+                self._check_reach(read.point, start, move.relative)
             return None, move_text(move, read)
         except (SkillError, TreeError, Unreachable) as error:
             vars(error).update(heading="", hint="")  # the message is complete without the cause
             return error, ""
 
-    def _check_reach(self, point: Vector) -> None:
+    def _known_start(self, relative: bool) -> Mapping[str, float] | None:
+        """Return the pose to check a point from; None if a change of an unknown pose is checked.
+
+        An active arm may move until the change begins, so the skill checks it then.
+        """
+        robot, commanded = self.robot, self._commanded()
+        if not relative:
+            return commanded or robot.by_joint(robot.boot_pose)
+        reported = robot.firmware.reports_pose and self.port != VIRTUAL
+        if not self.setup.single_user or commanded or reported:
+            return None
+        with suppress(PoseUnconfirmed):
+            return robot.by_joint(self.start_pose.find())
+        return None
+
+    def _check_reach(self, point: Vector, start: Mapping[str, float], relative: bool) -> None:
         """Check that the tool can reach a point in an empty world.
 
         Raises:
             Unreachable: The tool cannot reach the point.
         """
-        start = Positions(self._commanded() or self.robot.by_joint(self.robot.boot_pose))
-        query = query_tool_target(self.robot, {"point": point, "start": start})
+        given = {"point": point, "relative": relative, "start": Positions(start)}
+        query = query_tool_target(self.robot, given)
         self._pool.start()  # planners of a single user start with the first motion
         answer = self._pool.ask(replace(query, timeout=self.setup.planning_timeout))
         if isinstance(answer, Unreachable):

@@ -31,7 +31,7 @@ from .declarations import Declaration
 from .errors import FileError, Mistake, Place, TreeError
 from .reading.document import Located, StandIn, nested
 from .reading.grammar import PosesFile
-from .reading.library import AS_TEXT, Library
+from .reading.library import AS_TEXT, Library, with_robot
 from .reading.lines import added_above, block
 from .reading.literals import in_other_unit, in_radians, in_smaller_units, near_limit
 
@@ -66,8 +66,9 @@ def check(robot: Robot, folder: Path | None, files: Sequence[Path] = ()) -> Find
     Args:
         robot: The robot.
         folder: Folder of the user's files; None for only those that ship.
-        files: Files to check; empty for all.
+        files: Files to check, and folders whose files to check; empty for all.
     """
+    files = [path for file in files for path in _files(file, robot.name)]
     context = _context(robot)
     findings = Findings()
     collisions = CollisionChecks(robot, context.pool)
@@ -211,6 +212,12 @@ def compile_task(
     return tree
 
 
+def _files(file: Path, robot: str) -> Sequence[Path]:
+    """Return the files of a folder for a robot; a file or an empty folder itself."""
+    folders = with_robot(file, robot) if file.is_dir() else ()
+    return [path for folder in folders for path in sorted(folder.glob("*.yaml"))] or [file]
+
+
 def _jobs(
     robot: str, folder: Path | None, files: Sequence[Path]
 ) -> Iterator[tuple[Path, Library, Named]]:
@@ -240,7 +247,7 @@ def _jobs(
             if saved := AS_TEXT.fullmatch(file.name):
                 wrong = f"is not read, because its name ends in .txt; rename it {saved[1]}"
             if file.is_dir():
-                wrong = f"is a folder; check all its files with --trees {file}"
+                wrong = "is a folder without files of tasks"
             yield file, library, FileError([Mistake(Place(file, 1, 1), wrong)])
 
 

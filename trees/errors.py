@@ -372,6 +372,7 @@ class UnknownTask(TreeError):
         task: Number or name.
         known: The numbers or names of all tasks.
         robot: Name of the robot of these tasks.
+        instead: What the task may be instead, such as a pose; empty if that is unknown.
     """
 
     code = "goal.unknown_task"
@@ -380,15 +381,21 @@ class UnknownTask(TreeError):
     hint = "`armtree tasks` lists the tasks"
 
     def __init__(
-        self, task: int | str, known: Iterable[int | str], robot: str = SHIPPED_ROBOT
+        self,
+        task: int | str,
+        known: Iterable[int | str],
+        robot: str = SHIPPED_ROBOT,
+        instead: str = "",
     ) -> None:
-        self.task, self.known, self.robot = task, tuple(known), robot
+        self.task, self.known, self.robot, self.instead = task, tuple(known), robot, instead
         if isinstance(task, str):
             words = f"Invalid task name {task}; {there_are(task, map(str, self.known))}"
         else:
             there = there_are_numbers(task, (each for each in self.known if isinstance(each, int)))
             words = f"Invalid task number {task}; {there}"
-        if not self.known:
+        if instead:
+            words = instead
+        elif not self.known:
             words += f". No task is for the robot {robot}; `armtree new` writes one, and "
             words += "`armtree move` moves it without a task"
         elif any(str(task) in path.stem.split("_", 1) for path in EXAMPLES.glob("*.yaml")):

@@ -74,4 +74,4 @@ def saving(robot: "Robot", folder: Path) -> "dict[str, tuple[KeyCommand, Act]]":
                 f"Replace the pose {name}?", lambda: saved(replace=True)
             ) from None
 
-    return {"s": (KeyCommand("save pose", "Name of the pose"), save)}
+    return {"s": (KeyCommand("save pose", "Name of the pose", "saves the pose"), save)}

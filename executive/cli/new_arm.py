@@ -4,6 +4,7 @@ import json
 import shlex
 import sys
 from collections import Counter
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -115,7 +116,8 @@ def new_arm(
     taken = output.stem in shipped_robots()  # tasks and poses of this robot are for its joints
     robot = replace(robot, name=f"my_{output.stem}" if taken else output.stem)
     echo("Loading the shapes, and checking 10,000 configurations ...", err=True)
-    allowed = find_allowed_pairs(robot, guess_gripper_poses(robot))
+    guesses = guess_gripper_poses(robot)
+    allowed = find_allowed_pairs(robot, guesses)
     boots = robot.by_joint(allowed.boot)
     moved = [replace(joint, boot=boots.get(joint.name, joint.boot)) for joint in robot.joints]
     robot = replace(robot, joints=tuple(moved))
@@ -124,10 +126,13 @@ def new_arm(
     saved = create_poses(robot, trees, allowed.poses, _SWAP) if allowed.poses else None
     for line in _report(robot, allowed, saved):
         echo(line)
-    echo(
-        f"\nNext, type: {shlex.join(['armtree', *first_motion(robot), '--robot', str(output)])}",
-        whole=True,
+    for line in _warnings(robot, allowed, guesses):
+        echo(f"warning: {line}", err=True)
+    command = shlex.join(["armtree", *first_motion(robot), "--robot", str(output)])
+    saves = (
+        f"The line `robot = {json.dumps(str(output))}` in armtree.toml saves the option --robot."
     )
+    echo(f"\n{saves}\nNext, type: {command}", whole=True)
 
 
 def _ask_link(robot: "Robot", guess: str) -> str:
@@ -145,7 +150,8 @@ def _report(robot: "Robot", allowed: "AllowedPairs", saved: Path | None) -> list
     counts = ", ".join(f"{count} {reason}" for reason, count in reasons.items())
     unchecked = f"not checked: {counts}" if counts else "all are checked"
     away = [f"{joint.name} {joint.words(joint.boot, 4)}" for joint in robot.actuated if joint.boot]
-    pose = f"{', '.join(away)}, others 0" if away else "all joints at 0"
+    others = ["others 0"] * (len(away) < len(robot.actuated))
+    pose = ", ".join([*away, *others]) if away else "all joints at 0"
     poses = ", ".join(f"{name} {robot.words(each)}" for name, each in allowed.poses.items())
     free = "no links are checked there"
     if nearest:
@@ -163,3 +169,18 @@ def _report(robot: "Robot", allowed: "AllowedPairs", saved: Path | None) -> list
         *(f"  {name:<11}{value}" for name, value in lines.items()),
         *(f"  {'shapes':<11}{why}" for why in shape_warnings(robot)),
     ]
+
+
+def _warnings(
+    robot: "Robot", allowed: "AllowedPairs", guesses: Mapping[str, Mapping[str, float]]
+) -> Iterator[str]:
+    """Yield what collisions have changed: pairs that are not checked, and poses."""
+    off = [pair for pair, reason in allowed.reasons.items() if reason == "default"]
+    if off:
+        pairs = ", ".join(" and ".join(pair) for pair in off)
+        why = f"{pairs} collide in the start pose, and no free pose was found"
+        yield f"{why}. Collisions between them are not checked; correct the shapes or `boot`"
+    for name, guess in guesses.items():
+        if (free := allowed.poses[name]) != guess:
+            why = f"pose {name}: at {robot.words(guess)} the gripper collides in the start pose"
+            yield f"{why}; saved {robot.words(free)}, the nearest free position"

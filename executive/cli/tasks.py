@@ -2,7 +2,7 @@
 
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,8 +24,10 @@ from .support.options import (
 from .terminal.streams import echo, fit
 
 if TYPE_CHECKING:
+    from hardware import Robot
     from trees import Declaration
 
+_MOST_NAMED = 3  # largest number of files in the last line of `armtree check`
 _MOST_RECORDINGS = 200  # largest number of recordings that `armtree tasks` opens, to be quick
 
 _output_option = click.option(
@@ -42,9 +44,9 @@ def tasks(trees: Path | None, robot: Path | None, recordings: Path, as_json: boo
     """List the tasks of a robot, their parameters and their last outcomes."""
     from trees import FileError
 
-    _, library = load_library(trees, robot)
+    loaded, library = load_library(trees, robot)
     mistakes = list(library.mistakes)
-    outcomes = _last_outcomes(recordings)
+    outcomes = _last_outcomes(recordings, loaded, library.names())
     for number in library.numbers():
         try:
             task = library.head(number)
@@ -91,27 +93,44 @@ def _declared(declared: "Declaration") -> str:
     return f"{declared.type.upper()}{limits}{choices}" + (f" (default{value})" if value else "")
 
 
-def _last_outcomes(folder: Path) -> dict[int, str]:
-    """Return the outcome of the last recorded run of each task, by task number."""
+def _last_outcomes(folder: Path, robot: "Robot", names: Mapping[str, int]) -> dict[int, str]:
+    """Return the outcome of the last recorded run of each task of a robot, by task number."""
     from logs.reading.find import runs
 
-    latest: dict[int, tuple[str, Path]] = {}
+    tasks = {number: name for name, number in names.items()}
+    outcomes, opened = dict[int, str](), 0
     for time, number, path in runs(folder):
-        latest.setdefault(number, (time, path))
-    newest = list(latest.items())[:_MOST_RECORDINGS]
-    return {number: _outcome(time, path) for number, (time, path) in newest}
+        if number not in tasks or number in outcomes:
+            continue
+        if opened == _MOST_RECORDINGS:
+            break
+        opened += 1
+        if outcome := _outcome(time, path, robot, tasks[number]):
+            outcomes[number] = outcome
+    return outcomes
 
 
-def _outcome(time: str, path: Path) -> str:
-    from logs import LogError, read
+def _outcome(time: str, path: Path, robot: "Robot", name: str) -> str:
+    """Return the outcome of a run; empty if it was of another robot or of a task of another name.
+
+    Robots are the same if their files have the same name.
+    """
+    from logs import Goal, LogError, Recording, Result
 
     when = f"{time[:4]}-{time[4:6]}-{time[6:8]} {time[9:11]}:{time[11:13]} UTC"
+    outcome, same_task = f"unknown, {path.name} is not complete", True
     try:
-        for message in read(path, ["/result"]):
-            return f"{message.fields()['state']} {when}"
+        recording = Recording(path)
+        for record in recording.records(Goal, Result):
+            if isinstance(record, Goal):
+                same_task = record.name == name
+            elif isinstance(record, Result):
+                outcome = f"{record.state} {when}"
+        own = robot.path.name
+        same_robot = recording.notes.get("robot", {}).get("file", own) == own
     except LogError:
-        pass  # reported as incomplete
-    return f"unknown, {path.name} is not complete"
+        return outcome  # reported as incomplete
+    return outcome if same_task and same_robot else ""
 
 
 @command()
@@ -129,7 +148,7 @@ def check(
     """Check task files and report every mistake with its line. Nothing moves.
 
     Without FILE, checks all files of --trees. A FILE is checked together with the other files of
-    its folder. The exit status is 3 if there is a mistake.
+    its folder. Of a folder, all files are checked. The exit status is 3 if there is a mistake.
     """
     source = click.get_current_context().get_parameter_source("trees")
     if files and source is click.core.ParameterSource.COMMANDLINE:
@@ -156,8 +175,9 @@ def check(
         echo(json.dumps(row))
     elif mistakes:
         echo(*mistakes, err=True)
-        wrong = ", ".join(dict.fromkeys(str(mistake.place.path) for mistake in mistakes))
-        echo(f"{plural(count, 'mistake')} in {wrong}; {checked} checked", err=True)
+        wrong = list(dict.fromkeys(str(mistake.place.path) for mistake in mistakes))
+        where = ", ".join(wrong) if len(wrong) <= _MOST_NAMED else plural(len(wrong), "file")
+        echo(f"{plural(count, 'mistake')} in {where}; {checked} checked", err=True)
     else:
         right = f"{checked} {'is' if len(findings.files) == 1 else 'are'} right"
         notes = f"no mistakes, but {plural(len(findings.notes), 'note')}; {checked} checked"

@@ -26,6 +26,10 @@ if TYPE_CHECKING:
     from .jogging.model import KeyCommand
     from .jogging.screen import Act, JogArm
 
+_ACTIVATE = "activate it: `armtree arm activate`"
+_MEASURES_NOTHING = "This arm's servos measure nothing, so it cannot be moved by hand"
+_TORQUE = "switches the torque off, to move the arm by hand, or on again"
+
 
 @command()
 @click.argument("number", type=Whole(0, 2**31 - 1))
@@ -66,20 +70,23 @@ def teach(number: int, name: str, server: str | None, speed: float, **options: A
 
     robot, folder = load_robot(options["robot"]), options["trees"] or Path("trees")
     task = TaughtTask(robot, folder, number, name)
-    teaching = _Teaching(task)
 
     def commands(arm: "JogArm") -> "dict[str, tuple[KeyCommand, Act]]":
-        by_hand: dict[str, tuple[KeyCommand, Act]] = {}
-        if robot.can(Ability.TORQUE) and robot.can(Ability.MEASURE):
+        own, key = isinstance(arm, OwnArm), KeyCommand
+        teaching = _Teaching(task, "move it first" if own else _ACTIVATE)
+        if not (robot.can(Ability.TORQUE) and robot.can(Ability.MEASURE)):
+            hidden = KeyCommand(), lambda _where, _text: _MEASURES_NOTHING
+            by_hand = {"f": hidden, "r": hidden}
+        else:
             hand = _Hand(arm, task) if isinstance(arm, OwnArm) else _ServersHand()
             by_hand = {
-                "f": (KeyCommand("torque off, on"), hand.switch_torque),
-                "r": (KeyCommand("path"), hand.record),
+                "f": (key("torque off, on", about=_TORQUE), hand.switch_torque),
+                "r": (key("path", about="records a path of the hand, or ends it"), hand.record),
             }
         return {
-            "t": (KeyCommand("take"), teaching.take),
-            "w": (KeyCommand("wait", "How long, such as 500ms"), teaching.wait),
-            "u": (KeyCommand("undo"), teaching.undo),
+            "t": (key("take", about="takes this pose as a step"), teaching.take),
+            "w": (key("wait", "How long, such as 500ms", "adds a wait"), teaching.wait),
+            "u": (key("undo", about="removes the last step"), teaching.undo),
             **by_hand,
             **saving(robot, folder),
         }
@@ -153,17 +160,22 @@ def _is_listed(path: Path, url: str) -> bool:
 
 
 class _Teaching:
-    """The commands of keys that make steps."""
+    """The commands of keys that make steps.
 
-    def __init__(self, task: "TaughtTask") -> None:
-        self._task = task
+    Args:
+        task: The task.
+        way_out: Advice for an inactive arm.
+    """
+
+    def __init__(self, task: "TaughtTask", way_out: str) -> None:
+        self._task, self._way_out = task, way_out
 
     def take(self, where: "Where", _text: str) -> str:
         """Take the pose of the arm as a step: the measured pose, if the driver measures it."""
         from hardware import NotActive
 
         if not (positions := where.measured or where.commanded):
-            raise NotActive("The pose of an inactive arm is not known; move it first")
+            raise NotActive(f"The pose of an inactive arm is not known; {self._way_out}")
         step = self._task.move(positions)
         return self._taken(step.words) if step else "The arm has not moved since the last step"
 

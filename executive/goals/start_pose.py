@@ -59,18 +59,22 @@ class StartPose:
                     does = f"is reset when the port opens, and the arm {robot.open_effect}"
                 raise PoseUnconfirmed(
                     f"The board on port {self._port} {does}; "
-                    'the pose "last" is for robots whose file says reset_on_open = false'
+                    'the pose "last" is for robots whose file says reset_on_open = false',
+                    "leave out --pose last",
                 )
             return robot.boot_pose
         if confirmed == "boot":
             return robot.boot_pose
         last = self._last or last_command(robot, self._recordings)
-        if confirmed is None:
+        if confirmed is None and last:
             raise PoseUnconfirmed(_offer(robot, last))
+        if confirmed is None:
+            raise PoseUnconfirmed(_offer(robot, last), "give --pose boot")
         if last is None:
             raise PoseUnconfirmed(
                 f"No recording in {self._recordings} holds a commanded pose; move the arm to its "
-                f'{robot.firmware.words.start_pose}, then confirm the pose "boot"'
+                f'{robot.firmware.words.start_pose}, then confirm the pose "boot"',
+                "give --pose boot",
             )
         return last.positions
 

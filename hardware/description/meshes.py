@@ -2,13 +2,16 @@
 
 import os
 import stat
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from operator import mul
 from pathlib import Path
+from struct import unpack_from
 from urllib.parse import unquote
 
 from .urdf import Urdf, UrdfError
 
 MAX_MESH_BYTES = 2**26
+_TRIANGLES = 1000  # number of triangles of a mesh that are measured
 _PACKAGE = "package://"
 
 
@@ -76,6 +79,41 @@ def mesh_mistakes(urdf: Path, names: Iterable[str]) -> Iterator[UrdfError]:
                 files = ", ".join(name.removeprefix(f"{_PACKAGE}{package}/") for name in lost)
                 what = f"{len(lost)} meshes of {_PACKAGE}{package} are not found: {files}"
         yield MeshMissing(f"{what}; {_advice(urdf, *lost)}")
+
+
+def mesh_size_mistakes(path: Path, urdf: Urdf, largest: float) -> Iterator[UrdfError]:
+    """Yield the collision meshes in mm. Only binary STL is checked, by some of its triangles.
+
+    Args:
+        path: The URDF file.
+        urdf: The URDF.
+        largest: Size of a mesh along an axis from which it is in mm [m].
+    """
+    reported = set[str]()
+    for line, name, scale in urdf.mesh_scales():
+        try:
+            file = find_mesh(path, name)
+            size = max(map(mul, _stl_size(file), map(abs, scale)), default=0.0)
+        except (UrdfError, OSError):  # `mesh_mistakes` reports them
+            continue
+        if size > largest and name not in reported:
+            reported.add(name)
+            right = " ".join(f"{each / 1e3:g}" for each in scale)
+            why = f"the mesh {file.name} is {size:.0f} m long, which looks like mm"
+            yield UrdfError(f'{why}; write scale="{right}" in its <mesh>', line)
+
+
+def _stl_size(path: Path) -> Sequence[float]:
+    """Return a lower bound of the size of a binary STL along x, y and z; empty for other files."""
+    data = path.read_bytes()
+    count = int.from_bytes(data[80:84], "little")
+    if not count or len(data) != 84 + 50 * count:
+        return ()
+    corners = list[tuple[float, ...]]()
+    for k in range(0, count, max(1, count // _TRIANGLES)):
+        nine = unpack_from("<9f", data, 84 + 50 * k + 12)
+        corners += nine[:3], nine[3:6], nine[6:]
+    return [max(axis) - min(axis) for axis in zip(*corners, strict=True)]
 
 
 def visual_mesh_warnings(path: Path, urdf: Urdf) -> Iterator[UrdfError]:

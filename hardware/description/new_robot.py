@@ -16,7 +16,7 @@ from hardware.spelling import closest, did_you_mean, there_are
 
 from .gripper import closing
 from .groups import Tree, guess_gripper, guess_tool
-from .meshes import mesh_mistakes, visual_mesh_warnings
+from .meshes import mesh_mistakes, mesh_size_mistakes, visual_mesh_warnings
 from .robot import CollisionRules, Robot, Serial, Tool
 from .urdf import MAX_BYTES, Urdf, UrdfError, UrdfJoint
 
@@ -125,6 +125,7 @@ def draft_robot(
     ]
     used = [name for name, collides in urdf.meshes().items() if name and collides]
     mistakes += mesh_mistakes(path, used)
+    mistakes += mesh_size_mistakes(path, urdf, _LONGEST)
     mistakes += _gripper_mistakes(gripper or (), urdf)
     if tool is not None and urdf.links and tool not in urdf.links:
         why = f"there is no link {tool} for the tool; {there_are(tool, urdf.links)}"

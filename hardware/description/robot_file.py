@@ -60,6 +60,17 @@ def load_robot(
         collision = _collision(root.table("collision"), described.links)
     with root.later():
         tool = _tool(root.table("tool"), described.links) if "tool" in root else None
+    with root.later():
+        home = tuple(root.text("home", default="").split())
+    with root.later():
+        acceleration_sum = root.number("acceleration_sum", above=0, default=math.inf)
+    with root.later():
+        needs_calibration = root.boolean("needs_calibration", default=False)
+    with root.later():
+        brake = root.number("brake_s", least=0, most=MAX_BRAKE, default=0.0)
+    has_gripper, has_guards = "gripper" in root, "guards" in root
+    with root.later():
+        root.done()
     root.raise_mistakes()
     groups = _groups(root, joints)
     robot = Robot(
@@ -73,16 +84,15 @@ def load_robot(
         firmware=firmware,
         collision=collision,
         tool=tool,
-        gripper=_gripper(root, joints, groups, described) if "gripper" in root else None,
-        guards=_guards(root, firmware) if "guards" in root else Guards(),
+        gripper=_gripper(root, joints, groups, described) if has_gripper else None,
+        guards=_guards(root, firmware) if has_guards else Guards(),
         links=described.links,
-        home=tuple(root.text("home", default="").split()),
-        acceleration_sum=root.number("acceleration_sum", above=0, default=math.inf),
-        needs_calibration=root.boolean("needs_calibration", default=False),
+        home=home,
+        acceleration_sum=acceleration_sum,
+        needs_calibration=needs_calibration,
         calibration=file if calibration else None,
-        brake=root.number("brake_s", least=0, most=MAX_BRAKE, default=0.0),
+        brake=brake,
     )
-    root.done()
     driver.check(root, robot.actuated, firmware)
     if firmware is not NO_FIRMWARE:
         _check_serial(root.table("serial"), serial, firmware)

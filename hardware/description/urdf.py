@@ -262,11 +262,15 @@ class Urdf:
     def shape_sizes(self) -> Iterator[tuple[int, str, str, list[float]]]:
         """Yield line, name, key and numbers [m] of each size of a collision or visual shape."""
         for link in self._root.findall("link"):
-            paths = ("collision/geometry/*", "visual/geometry/*")
-            for shape in (shape for path in paths for shape in link.findall(path)):
+            for shape in link.findall("*/geometry/*"):
                 for key in _SIZES.get(shape.tag, {}):
                     where = f"the {shape.tag} of {link.get('name', '')}"
                     yield self._lines[shape], where, key, _numbers(shape.get(key, ""))
+
+    def mesh_scales(self) -> Iterator[tuple[int, str, list[float]]]:
+        """Yield line, name and scale of each mesh of a collision shape."""
+        for mesh in self._root.findall("link/collision/geometry/mesh"):
+            yield self._lines[mesh], mesh.get("filename", ""), _numbers(mesh.get("scale", "1 1 1"))
 
     def shape_counts(self, kind: str = "collision") -> dict[str, int]:
         """Return the number of `collision` or `visual` shapes of each link."""

@@ -112,17 +112,27 @@ def _latest(folder: Path, task: str) -> Path:
             return path
     if not found:
         raise NoSuchRecording(folder, "no recording of a run is here")
-    titles = ", ".join(goal_title(number) for number in sorted({number for _, number, _ in found}))
-    raise NoSuchRecording(folder, f"no run of {task} is recorded here; there are runs of {titles}")
+    newest: dict[int, Path] = {}
+    for _, number, path in found:
+        newest.setdefault(number, path)
+    titles = (_name(path) or goal_title(number) for number, path in sorted(newest.items()))
+    there = ", ".join(dict.fromkeys(titles))
+    raise NoSuchRecording(folder, f"no run of {task} is recorded here; there are runs of {there}")
 
 
 def _is_task(task: str, number: int, path: Path) -> bool:
     """Return True if a run was of the task with this number or name; False if unreadable."""
     if task.isdecimal() or number == MOVE:
         return task == str(number)
+    return _name(path) == task
+
+
+def _name(path: Path) -> str:
+    """Return the name of a run's task; empty for a move, or if the file is unreadable."""
     try:
         for message in read(path, ["/goal"]):
-            return message.fields().get("name") == task
+            fields = message.fields()
+            return "" if fields.get("task") == MOVE else str(fields.get("name", ""))
     except (LogError, OSError):
         pass  # a file of another program, or a deleted file
-    return False
+    return ""

@@ -14,6 +14,7 @@ from typing import Any
 from hardware import DISPLAY_UNITS, ArmtreeError
 from hardware.printable import plural
 
+NEARER = "choose a point within reach"  # advice for a point that is too far
 _MISSING_LIBRARY = re.compile(r"(\w+)\.so\.(\d+): cannot open shared object file")
 
 
@@ -223,7 +224,7 @@ class Unreachable(MotionError):
         self.direction, self.tolerance = direction, tolerance
         far = distance > tolerance
         if far:
-            self.hint = "choose a point within reach"
+            self.hint = NEARER
         elif direction is None:
             self.hint = "turn it another way, or move joints"
         else:

@@ -48,6 +48,8 @@ _CONTINUED = 8  # best results that are continued with more steps
 _POINT_FIRST_SEEDS = 16  # random starting points, and earlier results, of the point-first round
 _SEPARATION = 0.1  # smallest RMS distance of two starting points, as a share of the joint ranges
 _POINT_TOLERANCE = 1e-6  # [m]
+# A stretched arm that steps sideways misses the point by microns. That is reached, too.
+_NEARLY = 5e-6  # [m]
 _AXIS_TOLERANCE = 1e-4  # [rad]
 _AXIS_WEIGHT = 0.1  # weight of 1 rad of axis error against 1 m of position error [m/rad]
 _SMALL_AXIS_WEIGHT = 1e-3  # the weight in the point-first round [m/rad]
@@ -97,15 +99,21 @@ def solve_ik(
     def duration(solution: _Result) -> float:
         return chain.duration(start, solution.joints)
 
+    def is_free(solution: _Result) -> bool:
+        row = group.full(start, solution.joints[None, :])
+        return validity.first_invalid(row, margin) is None
+
     for results in _Search(chain, start, point, query.seed, deadline).rounds():
         reached = sorted((each for each in results if each.reached), key=duration)
         solutions += reached
         misses += [each for each in results if not each.reached]
         for solution in reached:
-            if validity.first_invalid(group.full(start, solution.joints[None, :]), margin) is None:
+            if is_free(solution):
                 return Reached(tuple(solution.joints.tolist()), len(solutions))
     if not solutions:
         best = min(_nearest(misses), key=lambda miss: miss.angle)
+        if best.aligned and best.distance <= _NEARLY and is_free(best):
+            return Reached(tuple(best.joints.tolist()), 1)
         points = tuple(point.tolist()), tuple(best.point.tolist())
         raise Unreachable(*points, best.distance, best.angle, query.direction, _POINT_TOLERANCE)
     contact = validity.nearest(group.full(start, min(solutions, key=duration).joints[None, :])[0])
@@ -122,14 +130,18 @@ class _Result:
         point: Position of the tool (3,) [m].
         distance: Distance of the tool from the point [m].
         angle: Largest angle between an axis of the tool and its target [rad].
-        reached: True if the distance and the angle are within their tolerances.
+        aligned: True if the angle is within its tolerance.
     """
 
     joints: Array
     point: Array
     distance: float
     angle: float
-    reached: bool
+    aligned: bool
+
+    @property
+    def reached(self) -> bool:
+        return self.aligned and self.distance <= _POINT_TOLERANCE
 
     @property
     def error(self) -> float:
@@ -374,8 +386,7 @@ class ToolChain:
         chord = max((float(np.linalg.norm(rotation @ own - to)) for own, to in pairs), default=0.0)
         angle = 2.0 * math.asin(min(1.0, 0.5 * chord))
         distance = float(np.linalg.norm(position - point))
-        reached = distance <= _POINT_TOLERANCE and angle <= self._tolerance
-        return _Result(joints, position, distance, angle, reached)
+        return _Result(joints, position, distance, angle, angle <= self._tolerance)
 
 
 def _unit(vector: tuple[float, ...]) -> Array:

@@ -273,9 +273,15 @@ def test_files_that_are_no_tasks(robot: Robot, tmp_path: Path, name: str) -> Non
     assert check(robot, None, [path]).mistakes
 
 
-def test_a_folder_is_no_file(robot: Robot, tmp_path: Path) -> None:
+def test_of_a_folder_all_files_are_checked(robot: Robot, tmp_path: Path) -> None:
     (mistake,) = check(robot, None, [tmp_path]).mistakes
-    assert mistake.message == f"is a folder; check all its files with --trees {tmp_path}"
+    assert mistake.message == "is a folder without files of tasks"
+    (tmp_path / robot.name).mkdir()
+    for path in (tmp_path / "3_x.yaml", tmp_path / robot.name / "4_y.yaml"):
+        path.write_text("a: 1\n")
+    findings = check(robot, None, [tmp_path])
+    assert {path.name for path in findings.files} == {"3_x.yaml", "4_y.yaml"}
+    assert {each.place.path.name for each in findings.mistakes} == {"3_x.yaml", "4_y.yaml"}
 
 
 def test_a_users_task_takes_the_place_of_a_shipped_one_only_when_it_says_so(

@@ -1,14 +1,13 @@
 """Saves and removes poses in the poses file of the user. Does not change other bytes."""
 
 import io
-import math
 from collections.abc import Collection, Mapping
 from pathlib import Path
 
 from ruamel.yaml import YAML
 from ruamel.yaml.nodes import CollectionNode, Node
 
-from hardware import Joint, Robot, write_file
+from hardware import DISPLAY_UNITS, Joint, Robot, write_file
 from hardware.spelling import did_you_mean, there_are
 from trees.declarations import UNITS
 from trees.errors import FileError, Mistake, Place, PoseUnknown
@@ -156,10 +155,15 @@ def pose_text(robot: Robot, positions: Mapping[str, float]) -> str:
 
 
 def _written(joint: Joint, q: float) -> str:
-    """Return a position rounded for people, or the exact number if rounding exceeds a limit."""
-    words = joint.words(q)
-    near = math.radians(float(words.partition(" ")[0]))
-    return words if joint.unit == "rad" and joint.lower <= near <= joint.upper else repr(q)
+    """Return a position to a hundredth of a degree or mm; exactly if that exceeds a limit.
+
+    The position of a prismatic joint is in m without a unit, which is what task files accept.
+    """
+    scale, unit = DISPLAY_UNITS[joint.unit]
+    near = round(scale * q, 2) / scale
+    if not joint.lower <= near <= joint.upper:
+        return repr(q)
+    return f"{scale * near:z.7g} {unit}" if joint.unit == "rad" else f"{near:z.7g}"
 
 
 def _rewrite(path: Path, text: str, new: str, name: str) -> None:

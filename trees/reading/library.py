@@ -18,6 +18,7 @@ from itertools import count
 from pathlib import Path
 from typing import Protocol
 
+from hardware import shipped_robots
 from hardware.spelling import there_are
 from trees.errors import (
     SHIPPED_ROBOT,
@@ -270,7 +271,7 @@ class Library:
             return task
         names = self.names()
         if task not in names:
-            raise UnknownTask(task, names, self.robot)
+            raise UnknownTask(task, names, self.robot, self._instead(task))
         return names[task]
 
     def subtrees(self) -> list[str]:
@@ -291,8 +292,22 @@ class Library:
             called = re.compile(rf"0*{source}(?![0-9])")
             if meant := [m for m in self.mistakes if called.match(m.place.path.name)]:
                 raise FileError(meant)
-            raise UnknownTask(source, self.numbers(), self.robot)
+            raise UnknownTask(source, self.numbers(), self.robot, self._instead(source))
         return self._paths[source]
+
+    def _instead(self, task: int | str) -> str:
+        """Return what an unknown task may be instead: a pose, or a task of another robot."""
+        with suppress(FileError):  # `check` reports the mistakes of the poses
+            if task in self.poses()[0]:
+                return f"{task} is a pose, not a task: `armtree move {task}`"
+        for path in sorted(self.folder.glob("*/*_*.yaml")) if self.folder else ():
+            named, robot = _TASK.fullmatch(path.name), path.parent.name
+            if named and task in (int(named[1]), _name(path)):
+                file = f"{robot}.toml"
+                known = file if Path(file).is_file() else robot if robot in shipped_robots() else ""
+                way = f"add --robot {known}" if known else "give its robot file with --robot"
+                return f"{task} is a task of {robot}: {way}"
+        return ""
 
     def task(self, number: int) -> TaskFile:
         """Read a task.

@@ -120,12 +120,14 @@ class KeyCommand:
     """A command of a key that does not move the arm.
 
     Attributes:
-        title: Action of the command, for the help, such as `save pose`.
+        title: Action of the command, for the line of keys, such as `save pose`; empty to hide it.
         prompt: Question that a text answers; empty for a command without a text.
+        about: What the command does, for the help of ?.
     """
 
-    title: str
+    title: str = ""
     prompt: str = ""
+    about: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,8 +145,8 @@ class Jog:
         waiting: The next move, or None. Only the last key pressed during a move counts, so that the
             arm stops soon after a key is released.
         calling: The command to execute when the arm is still, or None.
-        dropped: Number of ignored keys during a move. It is kept until the first key after the
-            move.
+        dropped: Number of ignored keys during a move. It is kept until the next move or the first
+            key after the move.
         lost: True if the arm is lost. Then only q has an effect: it leaves.
         prompt: Key of the command whose text is being typed, or empty.
         typed: Text that was typed so far.
@@ -233,7 +235,8 @@ class Jog:
         if key == ESCAPE:
             return self.said("")
         if key == "?":
-            return self.said(_ABOUT)
+            about = (f"{key} {each.about}" for key, each in self.commands.items() if each.about)
+            return self.said(". ".join([*about, _ABOUT]))
         if key.isdecimal():
             joints = ", ".join(axis.name for axis in self.axes[: min(self._joints, 9)])
             why = f"there is no joint {key}; 1 to {min(self._joints, 9)} choose {joints}"
@@ -361,7 +364,7 @@ class Jog:
         if self.lost:
             return ["q leave"]
         count = min(self._joints, 9)
-        more = (f"{key} {each.title}" for key, each in self.commands.items())
+        more = (f"{key} {each.title}" for key, each in self.commands.items() if each.title)
         keys = ("<- -> move", f"up down 1-{count} x y z choose", "+ - step", "space stop")
         poses = ("h home", "o c gripper") if self.gripper else ("h home",)
         words = [each.replace(" ", _HARD) for each in (*keys, *poses, *more, "q leave")]
@@ -400,7 +403,7 @@ class Jog:
         return replace(self, waiting=go, dropped=dropped).said(""), None
 
     def _started(self, go: Go) -> tuple["Jog", Action]:
-        return replace(self, moving=go, message="", failed=False), go
+        return replace(self, moving=go, dropped=0, message="", failed=False), go
 
     def _call(self, key: str) -> tuple["Jog", Action | None]:
         if self.calling:

@@ -14,8 +14,11 @@ from executive.api.outcome import Cause, Outcome, cause_of
 from executive.cli.terminal.key_screen import KeyScreen
 from executive.errors import ClientError, GoalCanceled, Refused, ServerLost, ServerUnreachable
 from hardware import NotActive
+from skills.motion.errors import NEARER, MotionError
 
 from .model import Action, Call, Go, Jog, KeyCommand, Leave, Stop, Yes
+
+_STRETCHED = "the arm is stretched out or at a limit: move a joint first"
 
 
 class JogArm(Protocol):
@@ -251,6 +254,8 @@ def outcome_words(outcome: Outcome) -> tuple[str, bool]:
 
 
 def cause_words(cause: Cause) -> str:
-    """Return a cause in words. The screen may cut its end."""
+    """Return a cause in words, without the planner that failed. The screen may cut its end."""
     hint = f" -> {cause.advice}" if cause.advice else ""
-    return f"{cause.code}: {cause.message}{hint}"
+    node = cause.node.rpartition("/")[2]
+    words = cause.message.removeprefix(f"{MotionError.heading}: ").removeprefix(f"{node}: ")
+    return f"{cause.code}: {words.replace(NEARER, _STRETCHED)}{hint}"

@@ -7,6 +7,8 @@ from urllib.parse import urlsplit
 
 import click
 
+from hardware.spelling import did_you_mean
+
 PATH = click.Path(path_type=Path)
 
 
@@ -19,15 +21,26 @@ class Finite(click.FloatRange):
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> float:
         """Return the number. Raise a usage error for any other text."""
-        try:
-            number = float(value)
-        except ValueError:
-            number = math.nan
+        number = _number(value)
         if not math.isfinite(number):
-            self.fail(f"{value} is not a finite number", param, ctx)
+            share = _number(str(value).removesuffix("%")) / 100
+            self.fail(f"{value} is not a finite number{self._instead(share)}", param, ctx)
         if why := _outside(self, number):
-            self.fail(f"{value} {why}", param, ctx)
+            self.fail(f"{value} {why}{self._instead(number / 100)}", param, ctx)
         return number
+
+    def _instead(self, share: float) -> str:
+        """Return a question for a share that may have been given in %."""
+        possible = self.max == 1.0 and math.isfinite(share) and not _outside(self, share)
+        return did_you_mean(f"{share:g}") if possible else ""
+
+
+def _number(text: Any) -> float:
+    """Return the number of a text, or NaN."""
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan
 
 
 class Whole(click.IntRange):

@@ -36,6 +36,8 @@ from .log_handler import recorded_log
 from .own_arms import stoppable
 from .process import make_punctual
 
+_SERVER_STEPS = "configure and activate"
+
 
 def execute(
     setup: Setup,
@@ -98,7 +100,9 @@ def execute(
         interrupts.on_cancel(cancel)
         with recorded_log(executive):
             report = partial(_report, view, executive, settings) if known else view.put
-            outcomes = interrupts.run(lambda: runner.run_all(tasks, arguments, report))
+            outcomes = interrupts.run(
+                lambda: runner.run_all(tasks, arguments, lambda each: report(without_server(each)))
+            )
         remaining = [number_of(task) for task in tasks]
         for outcome in outcomes:
             remaining.remove(outcome.task)
@@ -135,6 +139,15 @@ def _report(view: View, executive: Executive, settings: Sequence[str], outcome: 
         hint = _held_by(server, executive, outcome.task, settings) or cause.hint
         outcome = replace(outcome, cause=replace(cause, hint=hint))
     view.put(outcome)
+
+
+def without_server(outcome: Outcome) -> Outcome:
+    """Return an outcome whose hint has no steps that only an arm of a server has."""
+    cause = outcome.cause
+    if cause and cause.hint.endswith(_SERVER_STEPS):
+        hint = cause.hint.removesuffix(_SERVER_STEPS) + "run again"
+        outcome = replace(outcome, cause=replace(cause, hint=hint))
+    return outcome
 
 
 def _held_by(

@@ -2,7 +2,7 @@
 
 import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import logs
 from executive.api.events import QuestionStatus, Where, event_to_json
@@ -12,6 +12,8 @@ from hardware.printable import printable
 from .live.run_state import RunState
 from .streams import LastingStream, fit, is_screen
 from .view import Item, Prompt, View
+
+_FIRST = "SetStart"  # the skill that begins a motion
 
 
 class _Lines(View):
@@ -46,12 +48,15 @@ def _json_line(item: Item) -> str:
 class _TextLine:
     """Converts a goal, an ended node with a message, a question or an outcome to a line.
 
+    The first node of a step is preceded by a line with the names of its subtrees.
+
     Args:
         verbose: True to also return a line for each frame.
     """
 
     def __init__(self, verbose: bool) -> None:
         self._verbose, self._state = verbose, RunState()
+        self._step: Sequence[str] = []  # names of the subtrees around the last node
 
     def __call__(self, item: Item) -> str:
         """Return the line for an item, or "" for no line."""
@@ -68,7 +73,7 @@ class _TextLine:
             case QuestionStatus():
                 return item.text_with_command() if item.open else ""
             case logs.Goal():
-                self._state = self._state.begun(item)
+                self._state, self._step = self._state.begun(item), []
                 return self._state.title
             case _:
                 self._state.update(item)
@@ -80,10 +85,27 @@ class _TextLine:
             case logs.NodeStatus(status="SUCCESS" | "FAILURE") if (
                 record.message and self._state.has_nodes
             ):
-                return f"  {record.name:<12} {record.status.lower()}  {record.message}"
+                words = f"  {record.name:<12} {record.status.lower()}  {record.message}"
+                return f"{self._heading(record)}{words}"
             case logs.Sent() if self._verbose:
                 return f"  {'sent':<12} {record.text}"
         return ""
+
+    def _heading(self, record: logs.NodeStatus) -> str:
+        """Return the line of a new step, or "". A subtree within a step is a step if it moves."""
+        step = _subtrees(record.path)
+        within = bool(self._step) and step[: len(self._step)] == self._step
+        if step == self._step or (within and record.name != _FIRST):
+            return ""
+        self._step = step
+        return f"  {' / '.join(step)}:\n" if step else ""
+
+
+def _subtrees(path: str) -> Sequence[str]:
+    """Return the names of the subtrees around a node, without the task."""
+    from trees.nodes import KINDS
+
+    return [each for each in path.split("/")[1:-1] if each.rpartition(":")[2] not in KINDS]
 
 
 def view_for(as_json: bool, verbose: bool, now: Callable[[], float] | None = None) -> View:

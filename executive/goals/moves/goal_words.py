@@ -89,11 +89,11 @@ def read_words(
             degrees or mm.
     """
     units = {joint.name: joint.unit for joint in robot.actuated}
-    _check_spelling(words, units, quoted)
+    _check_spelling(words, robot, quoted)
     _check_poses([word for word in words if word in poses], poses)
     if of_tool := _read_tool_words(words, robot, units, poses):
         return of_tool
-    joints, changes, once = dict[str, float](), dict[str, float](), set[str]()
+    joints, changes, given = dict[str, float](), dict[str, float](), dict[str, str]()
     for word in words:
         name, equals, text = word.partition("=")
         joint = name.removesuffix("+")
@@ -111,9 +111,10 @@ def read_words(
             joints |= _at_width(robot, text)
             continue
         _check_names((joint,), robot, words)
-        if joint in once:
-            raise BadTarget(f"{joint} is given twice; give it once, with the sum of its changes")
-        once.add(joint)
+        if joint in given:
+            total = ", with the sum of its changes" if given[joint] == name != joint else ""
+            raise BadTarget(f"{joint} is given twice; give it once{total}")
+        given[joint] = name
         errors = joint_errors if joint == name else distance_errors
         value = _joint_value(robot, joint, text, errors)
         if joint == name:
@@ -139,7 +140,11 @@ def _read_tool_words(
 
 
 def _read_point(words: Sequence[str], robot: Robot) -> tuple[float, float, float]:
-    """Return x, y, z. Suggest a smaller unit if a point is near enough only in that unit."""
+    """Return x, y, z.
+
+    Suggest a smaller unit for each number that cannot be in metres: cm beside numbers in metres, if
+    the arm reaches that far, otherwise mm.
+    """
 
     def read(words: Sequence[str]) -> tuple[float, float, float]:
         text = f"[{', '.join(words)}]"
@@ -150,11 +155,14 @@ def _read_point(words: Sequence[str], robot: Robot) -> tuple[float, float, float
     try:
         return read(words)
     except BadTarget as error:
-        for unit in ("mm", "cm"):
-            near = [f"{word}{unit}" if _plain(word) else word for word in words]
+        plain = [word for word in words if _plain(word)]
+        large = [word for word in plain if _error(read, (word, "0", "0"))]
+        if large:
+            near_in_cm = max(abs(float(word)) for word in large) / 100 <= robot.reach
+            unit = "cm" if near_in_cm and large != plain else "mm"
+            near = [f"{word}{unit}" if word in large else word for word in words]
             if not _error(read, near):
                 error.args = (f"{error}{did_you_mean(' '.join(near))}",)
-                break
         raise
 
 
@@ -260,30 +268,30 @@ def read_value(name: str, text: str, wanted: Declaration) -> Any:
         raise BadTarget(f"{name}: {error.mistakes[0].message}") from error
 
 
-def _check_spelling(words: Sequence[str], units: Mapping[str, str], quoted: bool) -> None:
+def _check_spelling(words: Sequence[str], robot: Robot, quoted: bool) -> None:
     """Check that each value is one word, and that = is between a name and its value.
 
     Args:
         words: The words.
-        units: Unit of each actuated joint, by name.
+        robot: Description of the robot.
         quoted: True if the words are already in quotes.
     """
     if any("," in word for word in words):
         text, decimals = " ".join(words), all(re.search(r"\d,\d", word) for word in words)
         right = text.replace(",", ".") if decimals and len(words) > 1 else text.replace(",", " ")
         raise BadTarget(f"{text!r} contains commas; write {' '.join(right.split())}")
-    joint = next(iter(units))
+    joints = [joint.name for joint in robot.actuated]
     for number, word in enumerate(words):
         named, _, rest = re.sub("[: ]+", "=", word).partition("=")
-        if "=" not in word and named in {*units, WIDTH}:
-            raise BadTarget(_with_sign(word, named, rest, words[number + 1 :], units))
+        if "=" not in word and named in {*joints, WIDTH}:
+            raise BadTarget(_with_sign(word, named, rest, words[number + 1 :], robot))
         name, equals, value = word.partition("=")
         sign = "+=" if name.endswith("+") else "="
         name = name.removesuffix("+")
         if equals and not name.strip():
-            raise BadTarget(f"{word!r} names no joint; write one word, such as {joint}=0.5")
+            raise BadTarget(f"{word!r} names no joint; write one word, such as {joints[0]}=0.5")
         if equals and name != name.strip():
-            right = f"{name.strip()}{sign}{value.strip()}"
+            right = f"{name.strip()}{sign}{''.join(value.split())}"
             raise BadTarget(f"{word!r} contains spaces; write {right}")
     for before, word in pairwise(words):
         if any(word in units for units in UNITS.values()):
@@ -291,24 +299,44 @@ def _check_spelling(words: Sequence[str], units: Mapping[str, str], quoted: bool
             raise BadTarget(why if quoted else f"{why}, or both in quotes")
 
 
-def _with_sign(
-    word: str, name: str, value: str, following: Sequence[str], units: Mapping[str, str]
-) -> str:
+def _with_sign(word: str, name: str, value: str, following: Sequence[str], robot: Robot) -> str:
     """Return the message for a word without =, with the word as it should be.
 
     Args:
         word: The word.
-        name: Name of its joint.
+        name: Name of its joint, or `WIDTH`.
         value: Its value; empty if the word has none.
         following: The words after it.
-        units: Unit of each actuated joint, by name.
+        robot: Description of the robot.
     """
     first, second, *_ = [*following, "", ""]
     found = _VALUE.fullmatch(first + second if first in ("=", "+=") else first)
     if found and not value:
-        return f"{word!r} is separated from its value; write {name}{found[1] or '='}{found[2]}"
-    example = value or ("20deg" if units.get(name) == "rad" else "20mm")
+        sign = found[1] or "="
+        right = f"{name}{sign}{_with_unit(robot, name, sign, found[2])}"
+        return f"{word!r} is separated from its value; write {right}"
+    units = {joint.name: joint.unit for joint in robot.actuated}
+    example = "20deg" if units.get(name) == "rad" else "20mm"
+    if value:
+        example = _with_unit(robot, name, "=", "".join(value.split()))
     return f"{word!r} has no =; write {name}={example}"
+
+
+def _with_unit(robot: Robot, name: str, sign: str, text: str) -> str:
+    """Return a value of a joint; if it is valid only in a smaller unit, with that unit."""
+    if name == WIDTH:
+        return text
+    errors = distance_errors if sign == "+=" else joint_errors
+
+    def check(q: float) -> None:
+        refuse(errors(robot, Positions({name: q})))
+
+    number = parse_value(text, name).value
+    if isinstance(number, int | float) and _error(check, number):
+        for near, factor in in_smaller_units(number, robot.joint(name).unit):
+            if not _error(check, number * factor):
+                return near.replace(" ", "")
+    return text
 
 
 def _check_poses(names: Sequence[str], poses: Poses) -> None:

@@ -4,7 +4,7 @@ The reasons are those of its `collision_default`. Neighbours touch by design. So
 every configuration, some in none, and some at the start of the arm.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -61,7 +61,8 @@ def find_allowed_pairs(
     Adjacent: no other link with a shape is between them. Always: closer than the margin in 95 % of
     the samples. Never: their convex hulls keep the margin plus 10 mm in all 10,000 samples.
     Default: closer than the margin at the boot positions. This reason is used only if the arm is in
-    collision there and in the middle of its limits.
+    collision there, in the middle of its limits, and in all samples. Otherwise the arm starts in
+    the free sample that is nearest to the middle.
 
     Args:
         robot: The robot, with its margin and boot positions. Its allowed pairs are ignored.
@@ -90,8 +91,7 @@ def find_allowed_pairs(
             if np.mean(hits) >= _ALWAYS:
                 reasons[pair] = "always"
     checker = CollisionChecker(_scene(robot, reasons, scene.robot_model))
-    middle = tuple(0.5 * sum(_range(joint)) for joint in robot.actuated)
-    starts = robot.boot_pose, middle
+    starts = (robot.boot_pose, *_from_middle(robot, samples))
     boot = next((each for each in starts if _free(checker, each, margin)), robot.boot_pose)
     while invalid := checker.first_invalid_contact(np.array([boot]), margin):
         reasons[invalid[1].first, invalid[1].second] = "default"
@@ -130,6 +130,19 @@ def _free_pose(
             break
     positions = zip(robot.actuated, row, strict=True)
     return {joint.name: float(q) for joint, q in positions if joint.name in pose}
+
+
+def _from_middle(robot: Robot, samples: Array) -> Iterator[tuple[float, ...]]:
+    """Yield the middle of the limits, then the samples by their distance from it.
+
+    The distance is the largest share of a joint's range.
+    """
+    lower, upper = np.transpose([_range(joint) for joint in robot.actuated])
+    middle = 0.5 * (lower + upper)
+    ranges = np.maximum(upper - lower, 1e-9)  # a joint's limits may be equal
+    order = np.abs((samples - middle) / ranges).max(axis=1).argsort()
+    for row in middle, *samples[order]:
+        yield tuple(row.tolist())
 
 
 def _free(checker: CollisionChecker, configuration: tuple[float, ...], margin: float) -> bool:

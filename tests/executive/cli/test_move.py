@@ -37,6 +37,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (("300", "0", "100"), 4, "of this arm, 0.26 m; did you mean 300mm 0 100mm? [goal."),
         (("--by", "10", "0", "1cm"), 4, "did you mean 10mm 0 1cm? [goal."),
         pytest.param(("0.5", "0", "0.1"), 5, "The tool cannot reach", marks=pytest.mark.slow),
+        pytest.param(("--by", "0", "0", "50cm"), 5, "cannot reach (", marks=pytest.mark.slow),
     ],
 )
 def test_a_wrong_move_opens_no_port(
@@ -131,13 +132,28 @@ def test_moves_on_the_server_of_this_machine(serve: Serve, folder: Path) -> None
 
 
 @pytest.mark.parametrize("command", [("move", "folded"), ("home",), ("jog",), ("teach", "5", "a")])
-@pytest.mark.parametrize("speed", ["3", "0", "nan", "-1"])
+@pytest.mark.parametrize("speed", ["300", "0", "nan", "-1"])
 def test_a_speed_is_a_share(folder: Path, command: tuple[str, ...], speed: str) -> None:
     status, out, error = type_command(folder, *command, "--port", "virtual", "--speed", speed)
     assert (status, out) == (2, "")
     assert error.startswith(f"Error: --speed: {speed} is ")
     assert error.endswith(f"; see armtree {command[0]} --help [usage]\n")
     assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("speed", "why"),
+    [
+        ("20%", "20% is not a finite number; did you mean 0.2? [usage]"),
+        ("20", "20 is more than 1; did you mean 0.2? [usage]"),
+        ("200%", "200% is not a finite number; see armtree move --help [usage]"),
+    ],
+)
+def test_a_speed_in_percent_is_corrected(folder: Path, speed: str, why: str) -> None:
+    assert (
+        f"--speed: {why}"
+        in type_command(folder, "move", "joint_1=0", "--port", "virtual", "--speed", speed)[2]
+    )
 
 
 def test_a_move_needs_an_active_arm(typed: tuple[Served, Typed]) -> None:

@@ -4,6 +4,7 @@ import dataclasses
 import json
 import os
 import pty
+import re
 from pathlib import Path
 
 import pytest
@@ -87,6 +88,7 @@ def test_what_was_guessed_is_said_and_can_be_given(folder: Path) -> None:
     said = armtree("new-arm", "arm.urdf").output
     assert "  arm        shoulder, elbow\n  gripper    gripper\n  tool       b\n" in said
     assert "  start pose all joints at 0; no links are checked there\n  pairs      none\n" in said
+    assert '\nThe line `robot = "arm.toml"` in armtree.toml saves the option --robot.\nNext' in said
     given = ("--gripper", "none", "--tool", "a", "-o", "other.toml")
     assert armtree("new-arm", "arm.urdf", *given).exit_code == 0
     robot = load_robot(folder / "other.toml")
@@ -129,6 +131,46 @@ def test_poses_that_exist_are_kept(folder: Path) -> None:
     (folder / "trees/arm/poses.yaml").write_text("poses: {open: {gripper: 0.5}}")
     assert "  poses      none saved\n" in armtree("new-arm", "arm.urdf").output
     assert (folder / "trees/arm/poses.yaml").read_text() == "poses: {open: {gripper: 0.5}}"
+
+
+HULLS = (
+    ("base", "0.1 0.1 2", "0 0 1"),
+    ("below", "0.1 0.1 2", "0 0 -1"),
+    ("upper", "0.1 0.02 0.02", "0.2 0 0"),
+    ("finger", "0.1 0.02 0.02", "-0.3 0 0"),
+)
+
+
+def colliding(lower: str) -> str:
+    """A URDF whose finger is inside the base or the link below it, if it is near its middle."""
+    links = [
+        f'<link name="{name}"><collision><origin xyz="{at}"/><geometry><box size="{size}"/>'
+        "</geometry></collision></link>"
+        for name, size, at in HULLS
+    ]
+    limit = '<axis xyz="0 1 0"/><limit lower="{}" upper="{}" velocity="2" effort="1"/>'
+    joints = [
+        f'<joint name="{child}_j" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+        f'<origin xyz="{at}"/>{ends}</joint>'
+        for child, parent, kind, at, ends in (
+            ("below", "base", "fixed", "0 0 0", ""),
+            ("upper", "base", "revolute", "0 0 0", limit.format("-1", "1")),
+            ("finger", "upper", "revolute", "0.3 0 0", limit.format(lower, "0.25")),
+        )
+    ]
+    return f'<robot name="r">{"".join(links + joints)}</robot>'
+
+
+def test_collisions_that_are_not_checked_and_poses_that_were_moved_are_named(folder: Path) -> None:
+    (folder / "arm.urdf").write_text(colliding("-0.25"))
+    said = armtree("new-arm", "arm.urdf", "--gripper", "none").stderr
+    why = "collide in the start pose, and no free pose was found. Collisions between them are not"
+    assert re.search(rf"warning: (base|below) and finger(, \w+ and finger)? {why} checked", said)
+    (folder / "arm.urdf").write_text(colliding("-2"))
+    said = armtree("new-arm", "arm.urdf", "--gripper", "finger_j", "-o", "b.toml").stderr
+    why = "pose closed: at finger_j 14.3 deg the gripper collides in the start pose; saved finger_j"
+    assert f"warning: {why} -" in said
+    assert "not checked" not in said
 
 
 def test_all_wrong_options_are_reported_at_once(folder: Path) -> None:

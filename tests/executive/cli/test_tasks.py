@@ -3,13 +3,16 @@
 import json
 import re
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from click.testing import CliRunner, Result
 
 from executive.cli.main import cli
 from executive.testing import SimulatedArm
+from logs import Goal, Note
 from tests.logs.test_run import RUNS, record
 from tests.support.paths import DATA, EXAMPLES, ROOT, TASKS
 from trees import FileError, UnknownTask
@@ -200,6 +203,16 @@ def test_the_last_outcome_of_a_task_is_listed(tmp_path: Path) -> None:
     }
 
 
+def test_outcomes_of_another_robot_or_of_another_task_are_not_listed(tmp_path: Path) -> None:
+    record(tmp_path / "20261121T170228.553Z-1.mcap", RUNS["ok"])
+    goal, *rest = RUNS["canceled"]
+    assert isinstance(goal, Goal)
+    other: list[Any] = [Note("robot", {"file": "arm5.toml"}), goal, *rest]
+    record(tmp_path / "20261121T180228.553Z-1.mcap", other)
+    record(tmp_path / "20261121T190228.553Z-1.mcap", [replace(goal, name="grab"), *rest])
+    assert "last: SUCCEEDED 2026-11-21 17:02 UTC" in _tasks(tmp_path)
+
+
 def _tasks(recordings: Path, *options: str) -> str:
     return armtree("tasks", "--recordings", str(recordings), *options).output
 
@@ -246,3 +259,17 @@ def test_the_page_explains_every_kind_of_node() -> None:
     options = {name: {*re.findall(r"`(\w+): ", cell)} for name, cell in rows}
     expected = {name: {*kind.options, kind.condition} - {""} for name, kind in KINDS.items()}
     assert options == expected | {"subtree": {"with"}, "task": {"with"}}
+
+
+@pytest.mark.parametrize("name", ["latest", "latest:pick", "x.mcap"])
+def test_a_recording_is_replayed_not_run(name: str) -> None:
+    refused = armtree("run", name, "--port", "virtual")
+    assert f"{name} is a recording: `armtree replay {name}` plays it" in refused.output
+
+
+def test_of_many_wrong_files_the_last_line_has_the_number(tmp_path: Path) -> None:
+    for number in range(3, 7):
+        (tmp_path / f"{number}_x{number}.yaml").write_text("a: 1\n")
+        *_, last = armtree("check", str(tmp_path)).stderr.splitlines()
+        assert ("_x3.yaml" in last) == (number < 6)
+    assert re.fullmatch(r"\d+ mistakes in 4 files; 4 files checked", last)

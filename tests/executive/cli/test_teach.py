@@ -44,6 +44,11 @@ def begin(terminal: PseudoTerminal) -> None:
     terminal.until("The first step opens the port")
     terminal.type("t")
     terminal.until("move it first")
+    for key in "fr":
+        terminal.type(key)
+        terminal.until("measure nothing, so it cannot be moved by hand")
+    terminal.type("?")
+    terminal.until("t takes this pose as a step", "w adds a wait")
     terminal.type(RIGHT)
     terminal.at_rest("joint_1              2.0 deg", "arm active")
     terminal.type("t")
@@ -95,6 +100,17 @@ def test_a_task_is_taught_and_runs(command: list[str], tmp_path: Path, robot: Pa
         assert outcome.success, outcome.text()
         assert arm.frames[-1] == "b092,s090,e090,g080,"
         assert verify(Path(outcome.recording)).holds
+
+
+def test_an_inactive_arm_of_a_server_is_activated_first(serve: Serve) -> None:
+    served = serve()
+    assert typed(served.folder, "arm", "deactivate")[0] == 0
+    with PseudoTerminal(served.folder, "teach", "5", "fetch") as terminal:
+        terminal.until("arm inactive")
+        terminal.type("t")
+        terminal.until("is not known; activate it: `armtree arm activate`")
+        terminal.type("q")
+        assert terminal.end()[0] == 0
 
 
 def taught(served: Served, folder: Path) -> str:
@@ -191,7 +207,7 @@ def test_a_task_is_taught_by_hand_and_runs(tmp_path: Path) -> None:
         push(bus, shoulder_pan=30, gripper=20)
         terminal.until("shoulder_pan        30.0 deg", "gripper             20.0 deg")
         terminal.type("t")
-        terminal.until("Step 1: move to shoulder_pan: 29.971 deg")
+        terminal.until("Step 1: move to shoulder_pan: 29.97 deg")
         terminal.type(RIGHT)
         terminal.until("hw.torque_off")
         push(bus, shoulder_lift=163)

@@ -182,17 +182,21 @@ def test_a_later_activation_starts_from_the_last_commanded_pose(
 
 
 def test_there_is_nothing_to_confirm(robot: Robot, tmp_path: Path) -> None:
-    with pytest.raises(PoseUnconfirmed, match="no recording holds a commanded pose"):
+    with pytest.raises(PoseUnconfirmed, match="no recording holds a commanded pose") as offer:
         StartPose(unreset(robot), "/dev/ttyX", tmp_path, None).find()
-    with pytest.raises(PoseUnconfirmed, match='confirm the pose "boot"'):
+    with pytest.raises(PoseUnconfirmed, match='confirm the pose "boot"') as refusal:
         StartPose(unreset(robot), "/dev/ttyX", tmp_path, "last").find()
+    assert offer.value.hint == refusal.value.hint == "give --pose boot"
 
 
 def test_a_board_that_resets_starts_in_its_boot_pose(robot: Robot, tmp_path: Path) -> None:
     assert StartPose(robot, "/dev/ttyX", tmp_path, None).find() == robot.boot_pose
     assert StartPose(unreset(robot), "virtual", tmp_path, None).find() == robot.boot_pose
-    with pytest.raises(PoseUnconfirmed, match="is reset when the port opens, and the arm moves"):
+    with pytest.raises(
+        PoseUnconfirmed, match="is reset when the port opens, and the arm moves"
+    ) as no:
         StartPose(robot, "/dev/ttyX", tmp_path, "last").find()
+    assert no.value.hint == "leave out --pose last"
 
 
 def robot_file(folder: Path, robot: Robot, line: str) -> Path:

@@ -3,6 +3,7 @@
 import re
 import tomllib
 from pathlib import Path
+from struct import pack
 
 import pytest
 
@@ -177,6 +178,20 @@ def test_limits_and_shapes_in_mm_are_reported(tmp_path: Path) -> None:
         "2: the radius of the sphere of 1, 60, looks like mm, but a URDF has metres; "
         'write radius="0.06"',
     ]
+
+
+def test_a_mesh_in_mm_is_found_beside_other_mistakes(tmp_path: Path) -> None:
+    corners = (0.0, 0.0, 0.0), (0.0, 0.0, 200.0), (0.0, 30.0, 0.0)
+    triangle = pack("<12fH", 0.0, 0.0, 1.0, *(x for corner in corners for x in corner), 0)
+    (tmp_path / "upper.stl").write_bytes(bytes(80) + pack("<I", 1) + triangle)
+    mesh = '<collision><geometry>\n<mesh filename="upper.stl"/></geometry></collision>'
+    text = urdf([*ARM, 'c -> d: prismatic slide <limit lower="0" upper="20"/>'])
+    text = text.replace('<link name="a">', f'<link name="a">{mesh}')
+    assert [line.partition("write")[0] for line in mistakes(written(tmp_path, text))][-1:] == [
+        "2: the mesh upper.stl is 200 m long, which looks like mm; "
+    ]
+    scaled = text.replace('"upper.stl"', '"upper.stl" scale="0.001 0.001 0.001"')
+    assert not any("mesh" in line for line in mistakes(written(tmp_path, scaled)))
 
 
 def test_a_name_that_two_joints_have_hides_no_mistake(tmp_path: Path) -> None:

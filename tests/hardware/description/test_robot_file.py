@@ -104,7 +104,7 @@ WRONG = {
     "joint not in the urdf": ("[joints.joint_1]", "[joints.joint_0]", "[joints.joint_0]", "joints.joint_0: the URDF has no such joint; it has joint_1"),
     "mimic with a servo": ("[joints.joint_4]", "[joints.joint_5]", "[joints.joint_5]", "joints.joint_5: follows another joint"),
     "no joints": (TOML[TOML.index("[joints.joint_1]") : TOML.index("[collision]")], "[joints]\n", "[joints]", "joints: "),
-    "joint is not a table": ("[joints.joint_1]", "[joints]\njoint_1 = 3\n[nothing]", "joint_1 = 3", "joints.joint_1: 3 is not a table"),
+    "joint is not a table": ("[joints.joint_1]", "[joints]\njoint_1 = 3\n[groups.nothing]", "joint_1 = 3", "joints.joint_1: 3 is not a table"),
     "velocity is zero": ("velocity = 1.0", "velocity = 0", "velocity = 0", "joints.joint_1.velocity: 0 is not allowed; it must be greater than 0"),
     "velocity is not a number": ("velocity = 1.0", "velocity = nan", "velocity = nan", "joints.joint_1.velocity: nan is not allowed"),
     "velocity is beyond floats": ("velocity = 1.0", f"velocity = {10**400}", "velocity = 1000", "joints.joint_1.velocity: inf is not allowed"),
@@ -166,6 +166,7 @@ def test_all_mistakes_of_joints_and_tables_are_reported_at_once(tmp_path: Path) 
         'letter = "s"': 'letter = "ss"',
         "baud = 115200": "baud = 1",
         "margin_m = 0.005": "margin_m = -1",
+        'home = "upright open"': "brakes = 1",
     }
     toml = TOML
     for old, new in slips.items():
@@ -174,7 +175,7 @@ def test_all_mistakes_of_joints_and_tables_are_reported_at_once(tmp_path: Path) 
     numbered = list(enumerate(toml.splitlines(), 1))
     line = {new: next(n for n, text in numbered if new in text) for new in slips.values()}
     first, *lines = refusal(path).splitlines()
-    assert first == f"{path}: 7 mistakes"
+    assert first == f"{path}: 8 mistakes"
     for said, (new, why) in zip(
         lines,
         {
@@ -185,6 +186,7 @@ def test_all_mistakes_of_joints_and_tables_are_reported_at_once(tmp_path: Path) 
             "[group]": r"group: unknown key; did you mean groups\?$",
             "baud = 1": "serial.baud: 1 is not from 1200",
             "margin_m = -1": "collision.margin_m: -1 is not allowed",
+            "brakes = 1": "brakes: unknown key; did you mean brake_s",
         }.items(),
         strict=True,
     ):

@@ -70,8 +70,8 @@ def test_a_path_is_itself(folder: Path) -> None:
             f"no recording here begins with x; the newest: {SERVER}, {MOVED}, {NEWEST}, ",
         ),
         ("lates", "no recording here begins with lates; did you mean latest?"),
-        ("latest:7", "no run of 7 is recorded here; there are runs of move, task 0, task 1"),
-        ("latest:rest", "no run of rest is recorded here; there are runs of move, task 0, task 1"),
+        ("latest:7", "no run of 7 is recorded here; there are runs of move, home, other"),
+        ("latest:rest", "no run of rest is recorded here; there are runs of move, home, other"),
     ],
 )
 def test_a_wrong_name_is_reported_with_the_right_ones(folder: Path, given: str, why: str) -> None:

@@ -134,6 +134,14 @@ def test_a_point_slightly_out_of_reach_is_shown_with_enough_digits(planner: Plan
     assert re.search(r", 0\.0[12]\d* mm away \(tolerance: 0\.001 mm\); ", str(error))
 
 
+def test_a_point_that_is_missed_by_microns_is_reached(planner: Planner) -> None:
+    """As at a step sideways of a stretched arm."""
+    far = refusal(planner, ToolQuery("arm", HOME, FAR))
+    out = np.subtract(far.point, far.nearest) / far.distance
+    x, y, z = (np.array(far.nearest) + 3e-6 * out).tolist()
+    assert planner.reach(ToolQuery("arm", HOME, (x, y, z))).positions
+
+
 def test_a_number_that_is_not_finite_is_named(planner: Planner) -> None:
     axis = (0.0, 1.0, float("inf"))
     with pytest.raises(NotFinite, match=r"^The z of the axis is inf; give") as caught:

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from hardware import Robot
-from tests.support.paths import TASKS
+from hardware import Robot, load_robot
+from tests.support.paths import DATA, TASKS
 from trees import FileError, Library
-from trees.export.saved_poses import remove_pose, save_pose
+from trees.export.saved_poses import pose_text, remove_pose, save_pose
 
 LEFT = {"joint_1": radians(70.0), "joint_2": 0.0, "joint_3": -0.25}
-WRITTEN = "left: {joint_1: 70 deg, joint_2: 0 deg, joint_3: -14.324 deg}"
+WRITTEN = "left: {joint_1: 70 deg, joint_2: 0 deg, joint_3: -14.32 deg}"
 
 BLOCK = """\
 # Mine.
@@ -131,6 +131,17 @@ def test_a_position_at_a_limit_stays_within_it(robot: Robot, tmp_path: Path) -> 
     for name, q in poses(tmp_path)["edge"].items():
         assert q <= limits[name]
         assert q == pytest.approx(limits[name], abs=1e-4)
+
+
+def test_positions_are_written_for_people(tmp_path: Path) -> None:
+    robot = load_robot(DATA / "seven_axes.toml")
+    finger = next(joint for joint in robot.actuated if joint.unit == "m")
+    names = [joint.name for joint in robot.actuated_in("arm")][:2]
+    positions = {names[0]: -3.8e-18, names[1]: radians(0.024723), finger.name: 0.0152500001}
+    assert pose_text(robot, positions) == (
+        f"{{{names[0]}: 0 deg, {names[1]}: 0.02 deg, {finger.name}: 0.01525}}"
+    )
+    assert pose_text(robot, {names[0]: -2.9}) == f"{{{names[0]}: -2.9}}"  # -166.158 deg
 
 
 @pytest.mark.parametrize("name", ["", "2nd", "a b", "a/b", "joint_1", "deg", "ä", "-x"])

@@ -26,7 +26,7 @@ def test_a_task_is_taught_and_runs(robot: Robot, tmp_path: Path) -> None:
     assert not task.path.exists()
     taught = [task.move(HERE), task.wait("250 ms"), task.move(LIFTED), task.move(CLOSED)]
     assert [step.words for step in taught if step] == [
-        "move to joint_1: 20 deg, joint_2: 5.7296 deg, joint_3: 0 deg, open",
+        "move to joint_1: 20 deg, joint_2: 5.73 deg, joint_3: 0 deg, open",
         "wait 0.25 s",
         "move to lifted",
         "move to closed",
@@ -40,7 +40,7 @@ def test_a_task_is_taught_and_runs(robot: Robot, tmp_path: Path) -> None:
         "tree:\n"
         "  sequence:\n"
         "    - subtree: move_joints\n"
-        "      with: {joints: {joint_1: 20 deg, joint_2: 5.7296 deg, joint_3: 0 deg}}\n"
+        "      with: {joints: {joint_1: 20 deg, joint_2: 5.73 deg, joint_3: 0 deg}}\n"
         "    - subtree: move_joints\n"
         "      with: {joints: open}\n"
         "    - Wait: {duration: 0.25 s}\n"

@@ -165,3 +165,22 @@ def test_a_list_of_tasks_needs_neither_skills_nor_py_trees() -> None:
     code = "import sys; from trees import Library; [Library().head(n) for n in Library().numbers()]"
     code += "; sys.exit({'numpy', 'py_trees', 'skills'} & set(sys.modules) or None)"
     assert subprocess.run([sys.executable, "-P", "-c", code], check=False).returncode == 0
+
+
+def test_an_unknown_task_may_be_of_another_robot_or_a_pose(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "arm5").mkdir()
+    (tmp_path / "arm5/1_grab.yaml").touch()
+    (tmp_path / "arm5/7_lift.yaml").touch()
+    library = Library(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(
+        UnknownTask, match=r"^grab is a task of arm5: give its robot file with --robot$"
+    ):
+        library.number("grab")
+    (tmp_path / "arm5.toml").touch()
+    with pytest.raises(UnknownTask, match=r"^7 is a task of arm5: add --robot arm5.toml$"):
+        library.path(7)
+    with pytest.raises(UnknownTask, match=r"^folded is a pose, not a task: `armtree move folded`$"):
+        library.number("folded")

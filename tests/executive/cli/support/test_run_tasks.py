@@ -4,6 +4,9 @@ from pathlib import Path
 
 import pytest
 
+from executive.api.outcome import GoalState, Outcome, cause_of
+from executive.cli.support.run_tasks import without_server
+from hardware.errors import PortBusy, PortLost
 from tests.support.arms.bus_arms import so101_file
 from tests.support.command_line.typed import typed
 from tests.support.servers.serving import Serve
@@ -54,3 +57,12 @@ def test_a_servo_near_its_limits_is_warned_of(tmp_path: Path, options: tuple[str
     assert status == 0, out
     assert (out + err).count(line) == 1
     assert (f"warning: {line}" in out) is not bool(options)
+
+
+def test_an_arm_without_a_server_is_not_to_be_activated() -> None:
+    lost = Outcome.of(1, GoalState.ABORTED, cause_of(PortLost("/dev/ttyX", "unplugged")))
+    cause = without_server(lost).cause
+    assert cause
+    assert cause.hint == "check the cable, then run again"
+    other = Outcome.of(1, GoalState.ABORTED, cause_of(PortBusy("/dev/ttyX", 1)))
+    assert without_server(other) == other

@@ -112,7 +112,27 @@ def test_a_move_is_canceled_like_any_goal(rig: RigMaker, shared_clock: Simulated
         (("pitch+=5deg", "roll"), False, 1.0, "goal.bad_target", "write roll+=5deg"),
         (("pitch+=5deg", "folded"), False, 1.0, "goal.bad_target", "cannot be combined"),
         (("yaw+=5deg", "joint_1=0"), False, 1.0, "goal.bad_target", "make two moves"),
-        (("yaw=5deg", "yaw=5deg"), True, 1.0, "goal.bad_target", "yaw is given twice"),
+        (
+            ("yaw=5deg", "yaw=5deg"),
+            True,
+            1.0,
+            "goal.bad_target",
+            "twice; give it once, with the sum",
+        ),
+        (("0.1", "0.1", "8"), False, 1.0, "goal.bad_target", "did you mean 0.1 0.1 8cm?"),
+        (("100", "0.1", "80"), False, 1.0, "goal.bad_target", "did you mean 100mm 0.1 80mm?"),
+        (("joint_1 = 20 deg",), False, 1.0, "goal.bad_target", "write joint_1=20deg"),
+        (("joint_1", "20"), False, 1.0, "goal.bad_target", "value; write joint_1=20deg"),
+        (("joint_1", "200"), False, 1.0, "goal.bad_target", "value; write joint_1=200"),
+        (("joint_1", "+=", "100"), False, 1.0, "goal.bad_target", "value; write joint_1+=100deg"),
+        (("joint_1:20",), False, 1.0, "goal.bad_target", "has no =; write joint_1=20deg"),
+        (("joint_1=0", "joint_1=1"), False, 1.0, "goal.bad_target", "is given twice; give it once"),
+        (("joint_1=0", "joint_1+=1"), False, 1.0, "goal.bad_target", "twice; give it once"),
+        (
+            ("joint_1+=0.1", "joint_1+=1"),
+            *(False, 1.0, "goal.bad_target"),
+            "once, with the sum of its changes",
+        ),
         ((), False, 1.0, "goal.bad_target", "needs a target"),
         (("folded",), False, 1.01, "goal.bad_target", "not between 0.01 and 1"),
         (("folded",), False, math.nan, "goal.bad_target", "not between 0.01 and 1"),
@@ -125,6 +145,7 @@ def test_a_wrong_move_is_refused(
     answer = arm.executive.send(Move(words, relative, speed))
     assert (answer.accepted, answer.code) == (False, code)
     assert why in answer.message
+    assert ("sum" in answer.message) == ("sum" in why)
     assert answer.cause
     assert answer.cause.hint == ""  # the message says it
     assert not answer.message.startswith(("Target position", "The target"))

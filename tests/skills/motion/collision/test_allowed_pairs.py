@@ -84,16 +84,24 @@ def test_a_link_without_a_shape_does_not_separate_neighbours(tmp_path: Path) -> 
     assert reasons(find_allowed_pairs(chain(tmp_path, bare, *top)))["lower", "top"] == "adjacent"
 
 
-FOLDED = '<limit lower="{}" upper="3" velocity="2" effort="1"/>'
+FOLDED = '<limit lower="{}" upper="{}" velocity="2" effort="1"/>'
 
 
-def folding(folder: Path, lower: str) -> Robot:
+def folding(
+    folder: Path,
+    lower: str,
+    upper: str = "3",
+    base: str = "0.1 0.1 0.1",
+    at: str = "0 0 0",
+    *more: str,
+) -> Robot:
     """An arm whose last link is inside the base if all joints are at 0."""
     return arm(
         folder,
-        *(link("base", "0.1 0.1 0.1"), link("upper", "0.1 0.02 0.02", "0.2 0 0")),
+        *(link("base", base, at), link("upper", "0.1 0.02 0.02", "0.2 0 0")),
         *(link("lower", "0.1 0.02 0.02", "-0.3 0 0"), joint("a", "base", "upper", "0 0 0")),
-        joint("b", "upper", "lower", "0.3 0 0", FOLDED.format(lower)),
+        joint("b", "upper", "lower", "0.3 0 0", FOLDED.format(lower, upper)),
+        *more,
     )
 
 
@@ -103,10 +111,23 @@ def test_the_arm_starts_in_the_middle_if_it_collides_at_zero(tmp_path: Path) -> 
     assert "default" not in found.reasons.values()
 
 
-def test_where_no_start_is_free_what_touches_there_is_not_checked(tmp_path: Path) -> None:
+def test_the_arm_starts_in_the_free_sample_nearest_to_the_middle_if_that_collides_too(
+    tmp_path: Path,
+) -> None:
     found = find_allowed_pairs(folding(tmp_path, "-3"))
+    assert "default" not in found.reasons.values()
+    assert found.nearest
+    assert found.nearest.distance >= 0.005
+    assert 0.1 < abs(found.boot[1]) < 1.0
+
+
+def test_where_no_start_is_free_what_touches_there_is_not_checked(tmp_path: Path) -> None:
+    weld = '<joint name="w" type="fixed"><parent link="base"/><child link="below"/></joint>'
+    wall = (link("below", "0.1 0.1 2", "0 0 -1"), weld)
+    robot = folding(tmp_path, "-0.25", "0.25", "0.1 0.1 2", "0 0 1", *wall)
+    found = find_allowed_pairs(robot)
     assert found.boot == (0.0, 0.0)
-    assert found.reasons["base", "lower"] == "default"
+    assert "default" in found.reasons.values()
 
 
 def test_a_pose_in_collision_is_moved_towards_the_start(tmp_path: Path) -> None:
