@@ -139,7 +139,8 @@ export class Run {
         this.schedule = event;
         break;
       case "status":
-        this.updateGoal(event);
+        if (event.result && event.goal_id === this.goalId) this.end(event);
+        else this.updateGoal(event);
         this.complete ||= event.goal_id === this.goalId && event.result !== null;
         break;
     }
