@@ -193,6 +193,8 @@ class Result:
         value: The wrong value: a position [rad], a distance [m], or a time [s].
         limit: The limit of that value, in the same unit.
         hint: Advice for the user.
+        place: Place of a node that is refused before the run, and the places that refer to it;
+            else empty.
     """
 
     time: float
@@ -209,6 +211,7 @@ class Result:
     value: float | None = None
     limit: float | None = None
     hint: str = ""
+    place: str = ""
 
     def queued(self, goal: Goal) -> float:
         """Return the time of the goal in the queue [s]; 0 if it started at once."""

@@ -76,7 +76,7 @@ export function drawFailure(shown) {
   const card = byId("failure", HTMLElement);
   const cause = run.state === "ABORTED" ? run.outcome?.cause : null;
   card.hidden = !cause;
-  const place = cause ? places(shown, cause.node) : "";
+  const place = cause ? cause.place || places(shown, cause.node) : "";
   const hint = cause ? hintOf(cause) : "";
   const recording = run.outcome?.recording.split("/").at(-1) ?? "";
   const key = `${run.goalId} ${place}`;
