@@ -41,6 +41,7 @@ class _Attempt:
         task: Its task file; None if it cannot be read.
         tree: Its tree; None if it could not be built.
         error: First error outside the tree, or None.
+        node: Path of the skill that moved the arm when the arm failed; else empty.
         warning: Warning about the task files; empty for none.
     """
 
@@ -48,6 +49,7 @@ class _Attempt:
     task: TaskFile | None = None
     tree: Tree | None = None
     error: Exception | None = None
+    node: str = ""
     warning: str = ""
 
 
@@ -146,7 +148,7 @@ class GoalExecutor:
             self._try(attempt, self._open)
             if attempt.error is None:
                 self._try(attempt, self._run)
-        end = decide_outcome(attempt.tree, attempt.error, goal.mailbox.canceled)
+        end = decide_outcome(attempt.tree, attempt.error, goal.mailbox.canceled, attempt.node)
         self._stopper.end(goal, *end)
         if not self._single_user:
             self._recordings.goal_ended()
@@ -210,6 +212,9 @@ class GoalExecutor:
         run = Run(attempt.goal, attempt.tree, self._arm, self._stopper, self._clock, record)
         try:
             run.execute()
+        except HardwareError:
+            attempt.node = run.moving
+            raise
         except _KNOWN:
             raise
         except Exception:
