@@ -4,13 +4,14 @@ import dataclasses
 import logging
 import uuid
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from threading import Lock, Thread
 
 import logs
 from executive.errors import GoalError
 from executive.recording.recordings import Recordings
-from hardware import ActivationStopped, HardwareError, State
+from hardware import ActivationStopped, HardwareError, NotActive, State
 from skills import Context, SkillError
 from skills.motion import MotionError
 from trees import FileError, Located, TaskFile, TaskLibrary, TreeError, UnknownTask
@@ -198,7 +199,10 @@ class GoalExecutor:
         goal, name = attempt.goal, ""
         if attempt.task:
             name = attempt.task.description if goal.text else attempt.task.name
-        self._recordings.open(goal.status, name, self._context.seed, attempt.tree)
+        start: dict[str, float] = {}
+        with suppress(NotActive):
+            start = self._context.robot.by_joint(self._arm.commanded)
+        self._recordings.open(goal.status, name, self._context.seed, attempt.tree, start)
         # Log after that, so that the lines are in the recording after its first event.
         sender = f" from {goal.client}" if goal.client else ""
         logger.info("Executing the goal for %s (%s)%s", *goal.name, sender)

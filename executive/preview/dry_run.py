@@ -66,7 +66,8 @@ def dry_run(
     assumed = {each.node for each in motions if each.assumed_start}
     messages = (*unknown, *(f"{node}: its start is known only in a run" for node in assumed))
     identity, name = uuid.uuid4().hex, library.head(number).name
-    events: list[Event] = [logs.Goal(0.0, identity, number, name, context.seed)]
+    pose = context.robot.by_joint(start)
+    events: list[Event] = [logs.Goal(0.0, identity, number, name, context.seed, pose)]
     events += (_node(0.0, path, "INVALID") for _, path in paths(tree.root))
     outcome = Outcome.of(number, GoalState.SUCCEEDED, None)
     time = 0.0

@@ -134,6 +134,8 @@ class Goal:
         name: Name of the task; empty if there is no such task. For a move, its description, such
             as `move folded`.
         seed: Seed of the planners; 0 if the goal has a recording of its own.
+        start: Commanded position of every actuated joint [rad], by name; empty if the arm was not
+            active.
     """
 
     time: float
@@ -141,6 +143,7 @@ class Goal:
     task: int
     name: str
     seed: int
+    start: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def elsewhere(self) -> bool:

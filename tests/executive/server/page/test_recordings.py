@@ -126,6 +126,7 @@ def test_a_recording_is_found_played_and_linked(open_page: Open, page_server: Se
     run(page_server, 0, 13, 12)
     tab = open_page()
     shows(tab, "#shown", "^task 12 say, recorded$")
+    shows(tab, "#positions", r"joint_1\s*-?\d")  # the pose at its start, though nothing moved
     tab.fill("#runs-search", "task 0")
     shows(tab, "#runs li:first-child", "task 0 home")
     tab.focus("#runs button >> nth=0")

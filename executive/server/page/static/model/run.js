@@ -232,6 +232,7 @@ export class Run {
     this.title = goalTitle(event.task, event.name);
     this.state = "EXECUTING";
     this.began = event.time_s;
+    if (Object.keys(event.start).length) this.positions = event.start;
   }
 
   /** @param {any} event */
