@@ -105,9 +105,11 @@ def _play(context: Context, query: Query, begin: float, events: list[Event]) -> 
     contact = context.pool.ask(verify_query(robot, start, schedule, query.timeout, query.world))
     if isinstance(contact, MotionError):
         raise contact
-    for setpoint in schedule.setpoints:
+    for number, setpoint in enumerate(schedule.setpoints, 1):
         time = begin + setpoint.time
-        frame = FrameSent(time, setpoint.frame.data, setpoint.positions, scheduled=time)
+        # After its last frame, the arm is where the motion ends.
+        there = schedule.end if number == len(schedule.setpoints) else setpoint.positions
+        frame = FrameSent(time, setpoint.frame.data, there, scheduled=time)
         events.append(arm_record(frame, robot))
     return begin + schedule.duration
 
