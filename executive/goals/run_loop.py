@@ -212,7 +212,10 @@ def _of_tree(root: Behaviour) -> Cause:
         return cause_of(TaskFailed(f"{root.name} failed by its own tree"))
     node, error = failed[0]
     planning = getattr(error, "code", "").startswith("plan.")
-    words = (f"{node.name}: {error}" if planning else str(error) for node, error in failed)
+    names = dict[str, list[str]]()  # planners that report the same
+    for each, failure in failed:
+        names.setdefault(str(failure), []).append(each.name)
+    words = [f"{', '.join(own)}: {said}" if planning else said for said, own in names.items()]
     return cause_of(error, dict(paths(root))[node], "; ".join(words))
 
 
