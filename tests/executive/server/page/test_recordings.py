@@ -218,7 +218,7 @@ def test_two_recordings_are_compared_at_one_moment(open_page: Open, page_server:
     is_accessible(tab)
     tab.focus("#moment")
     tab.keyboard.press("Home")
-    shows(tab, "#comparison", "Phase|Nothing differs")
+    shows(tab, "#comparison tr", r"joint_1 *20\.0° *10\.0°")  # where the goals began
     tab.select_option("#compare", "")
     shows(tab, "#plots figcaption", "^Position .deg.$")
     tab.locator("#comparison").wait_for(state="hidden")
