@@ -229,7 +229,7 @@ class PortLost(LinkError):
     def __init__(self, port: str, why: str) -> None:
         super().__init__(
             port,
-            f"{why}: the port {port} is gone. Check the cable and the power, then run again",
+            f"{why}: the port {port} is gone. Check the cable and the power",
         )
 
 
@@ -243,7 +243,7 @@ class PortStalled(LinkError):
         super().__init__(
             port,
             f"{why}: the port {port} accepts no more bytes. Check the cable and the power of the "
-            "board, then run again",
+            "board",
         )
 
 

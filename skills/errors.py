@@ -18,6 +18,7 @@ class SkillError(ArmtreeError):
         location: Location of the invalid value: its port, then keys and indices within it; empty if
             no value in the task is invalid.
         node: Path of the node if the error was found before the run; else empty.
+        place: Its place in a file, and the places that refer to it; empty with `node`.
     """
 
     code = "skill.error"
@@ -26,6 +27,7 @@ class SkillError(ArmtreeError):
     hint = "report this bug"
     heading = "The task failed"
     node = ""
+    place = ""
     location: tuple[str | int, ...] = ()
 
     def at(self, *location: str | int) -> Self:

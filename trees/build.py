@@ -1,6 +1,6 @@
 """Builds a tree that can run from a task file: compiled, analysed and wired, but not ticked."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -87,7 +87,7 @@ def build(
     if found := tree.mistakes.found:
         raise wrong([*found, *(refusal.mistake for refusal in refused)], given)
     if refused:
-        raise _cause(refused, dict(paths(tree.root)), in_file)
+        raise _cause(refused, tree, in_file)
     for leaf in tree.leaves.values():
         _wire(leaf)
     files = {FILE: as_text(given)} if given else {}
@@ -106,9 +106,7 @@ def refusals(tree: CompiledTree, robot: Robot) -> list[RefusedInput]:
     return tree.hooks.refused
 
 
-def _cause(
-    refused: Sequence[RefusedInput], nodes: Mapping[Behaviour, str], in_file: bool
-) -> Exception:
+def _cause(refused: Sequence[RefusedInput], tree: CompiledTree, in_file: bool) -> Exception:
     """Combine refusals into one error with the class and node of the first, and all messages."""
     for refusal in refused if in_file else ():
         place = refusal.place
@@ -117,8 +115,19 @@ def _cause(
     cause = combine_errors([refusal.error for refusal in refused])
     (first,) = (refusal for refusal in refused if refusal.error is cause)
     if isinstance(cause, SkillError):
-        cause.node = nodes[first.node]
+        cause.node = dict(paths(tree.root))[first.node]
+        cause.place = ", used by ".join(_places(tree, first.node)) if in_file else ""
     return cause
+
+
+def _places(tree: CompiledTree, node: Behaviour) -> Iterator[str]:
+    """Yield the place of a node, and the places that refer to its subtree."""
+    yield tree.places[node].file_line
+    above: Behaviour | None = node
+    while above:
+        if call := tree.calls.get(above):
+            yield call.file_line
+        above = above.parent
 
 
 def _wire(leaf: Leaf) -> None:

@@ -27,6 +27,7 @@ from .compile.arguments import wrong
 from .compile.compiler import CompiledTree, TreeCompiler
 from .compile.data_flow import short_name
 from .compile.port_types import declarations, known_skills
+from .compile.skill_hooks import RefusedInput
 from .declarations import Declaration
 from .errors import FileError, Mistake, Place, TreeError
 from .reading.document import Located, StandIn, nested
@@ -208,7 +209,8 @@ def compile_task(
         mistakes = [refusal.mistake for refusal in refusals(tree, robot)]
         raise wrong([*tree.mistakes.found, *mistakes], arguments or {})
     if validated and (refused := refusals(tree, robot)):
-        raise FileError(refusal.mistake for refusal in refused)
+        given = arguments or {}
+        raise wrong([_of_argument(each, given) or each.mistake for each in refused], given)
     return tree
 
 
@@ -216,6 +218,15 @@ def _files(file: Path, robot: str) -> Sequence[Path]:
     """Return the files of a folder for a robot; a file or an empty folder itself."""
     folders = with_robot(file, robot) if file.is_dir() else ()
     return [path for folder in folders for path in sorted(folder.glob("*.yaml"))] or [file]
+
+
+def _of_argument(refusal: RefusedInput, arguments: Mapping[str, Located]) -> Mistake | None:
+    """Return the refusal of an argument, as its mistake; None for a value of a file."""
+    for name, each in arguments.items():
+        value = refusal.value
+        if value and (value.place, value.value) == (each.place, each.value):
+            return Mistake(each.place, f"{name}: {refusal.error}")
+    return None
 
 
 def _jobs(

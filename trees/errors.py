@@ -65,6 +65,11 @@ class Place:
         return f"{self.path}:{self.line}:{self.column}" if self.line else str(self.path)
 
     @property
+    def file_line(self) -> str:
+        """Name of the file, and the line."""
+        return f"{self.path.name}:{self.line}"
+
+    @property
     def brackets(self) -> str:
         """Text from the bracket at this place to its end; empty if it ends in another line."""
         depth, line = 0, self.lines[self.line - 1] if 0 < self.line <= len(self.lines) else ""

@@ -55,6 +55,8 @@ class Cause:
         value: Wrong value: a position [rad], a distance [m] or a time [s].
         limit: Limit of the value, in the same unit.
         hint: Advice for the user.
+        place: Place of a node that is refused before the run, and the places that refer to it, as
+            `FILE:LINE, used by FILE:LINE`; else empty.
     """
 
     code: str
@@ -64,6 +66,7 @@ class Cause:
     value: float | None = None
     limit: float | None = None
     hint: str = ""
+    place: str = ""
 
     def __str__(self) -> str:
         """Return the message, with the code and the node."""
@@ -328,6 +331,7 @@ def cause_of(error: Exception, node: str = "", message: str = "") -> Cause:
         value=_number(error, _VALUES),
         limit=_limit(error),
         hint=known.hint,
+        place=str(getattr(error, "place", "")),
     )
 
 

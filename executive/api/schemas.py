@@ -165,6 +165,9 @@ ERROR = answer(
         "node": described(TEXT, "Path in the tree; empty if the cause is outside it."),
         "value": described(_or_null(NUMBER), "The wrong value [rad], [m] or [s]."),
         "limit": described(_or_null(NUMBER), "The limit of the value, in the same unit."),
+        "place": described(
+            TEXT, "`FILE:LINE, used by FILE:LINE` of a node that is refused before the run."
+        ),
     },
 )
 _ANY_TASK = described(

@@ -4,13 +4,14 @@ import dataclasses
 import logging
 import uuid
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from threading import Lock, Thread
 
 import logs
 from executive.errors import GoalError
 from executive.recording.recordings import Recordings
-from hardware import ActivationStopped, HardwareError, State
+from hardware import ActivationStopped, HardwareError, NotActive, State
 from skills import Context, SkillError
 from skills.motion import MotionError
 from trees import FileError, Located, TaskFile, TaskLibrary, TreeError, UnknownTask
@@ -41,6 +42,7 @@ class _Attempt:
         task: Its task file; None if it cannot be read.
         tree: Its tree; None if it could not be built.
         error: First error outside the tree, or None.
+        node: Path of the skill that moved the arm when the arm failed; else empty.
         warning: Warning about the task files; empty for none.
     """
 
@@ -48,6 +50,7 @@ class _Attempt:
     task: TaskFile | None = None
     tree: Tree | None = None
     error: Exception | None = None
+    node: str = ""
     warning: str = ""
 
 
@@ -146,7 +149,7 @@ class GoalExecutor:
             self._try(attempt, self._open)
             if attempt.error is None:
                 self._try(attempt, self._run)
-        end = decide_outcome(attempt.tree, attempt.error, goal.mailbox.canceled)
+        end = decide_outcome(attempt.tree, attempt.error, goal.mailbox.canceled, attempt.node)
         self._stopper.end(goal, *end)
         if not self._single_user:
             self._recordings.goal_ended()
@@ -196,7 +199,10 @@ class GoalExecutor:
         goal, name = attempt.goal, ""
         if attempt.task:
             name = attempt.task.description if goal.text else attempt.task.name
-        self._recordings.open(goal.status, name, self._context.seed, attempt.tree)
+        start: dict[str, float] = {}
+        with suppress(NotActive):
+            start = self._context.robot.by_joint(self._arm.commanded)
+        self._recordings.open(goal.status, name, self._context.seed, attempt.tree, start)
         # Log after that, so that the lines are in the recording after its first event.
         sender = f" from {goal.client}" if goal.client else ""
         logger.info("Executing the goal for %s (%s)%s", *goal.name, sender)
@@ -210,6 +216,9 @@ class GoalExecutor:
         run = Run(attempt.goal, attempt.tree, self._arm, self._stopper, self._clock, record)
         try:
             run.execute()
+        except HardwareError:
+            attempt.node = run.moving
+            raise
         except _KNOWN:
             raise
         except Exception:

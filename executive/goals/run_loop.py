@@ -9,7 +9,7 @@ from py_trees.common import Status
 
 from executive.api.outcome import Cause, GoalState, cause_of
 from executive.errors import GoalCanceled
-from hardware import ActivationStopped, Arm, Clock
+from hardware import ActivationStopped, Arm, Clock, HardwareError
 from logs import Feedback, NodeStatus, Record
 from skills import Skill, SkillBroken, TaskFailed
 from trees.build import Tree
@@ -33,6 +33,15 @@ class _Node:
         self.node, self.path = node, path
         self.status: Status | None = None
         self.start_count = 0
+
+    @property
+    def moving(self) -> bool:
+        """True for a skill that moves the arm, or that failed because of the arm."""
+        skill = self.node
+        if not (isinstance(skill, Skill) and skill.moves):
+            return False
+        failed = skill.status is Status.FAILURE and isinstance(skill.failure, HardwareError)
+        return failed or skill.status is Status.RUNNING
 
     def update(self) -> bool:
         """Update the status; return True if the change must be recorded."""
@@ -58,6 +67,9 @@ class Run:
         stopper: Waits for the end of a stopped tree.
         clock: Time source.
         record: Receives every change of the tree and of its progress.
+
+    Attributes:
+        moving: Path of the skill that moved the arm at the end of the run; empty if there is none.
     """
 
     def __init__(
@@ -74,6 +86,7 @@ class Run:
         self._nodes = [_Node(node, path) for node, path in paths(tree.root)]
         self._progress = Progress(tree)
         self._broken: SkillBroken | None = None
+        self.moving = ""
 
     def execute(self) -> None:
         """Tick until the tree ends, the goal is canceled, or something fails.
@@ -99,6 +112,7 @@ class Run:
             if mailbox.stopping:
                 break
             self._guard(self._pause if mailbox.paused else self._tick)
+        self.moving = next((each.path for each in self._nodes if each.moving), "")
         # The skill may fail due to the stop.
         if root.status is not Status.SUCCESS and mailbox.stopping:
             root.stop(Status.INVALID)
@@ -169,7 +183,7 @@ class Run:
 
 
 def decide_outcome(
-    tree: Tree | None, error: Exception | None, canceled: bool
+    tree: Tree | None, error: Exception | None, canceled: bool, node: str = ""
 ) -> tuple[GoalState, Cause | None]:
     """Decide the final state of a goal.
 
@@ -177,12 +191,13 @@ def decide_outcome(
         tree: The tree; None if it could not be built.
         error: Error outside the tree, or None.
         canceled: True if the goal was canceled.
+        node: Path of the node that the error ended; empty if there is none.
 
     Returns:
         The final state, and the cause; None for success.
     """
     if error is not None and not (canceled and isinstance(error, ActivationStopped)):
-        return GoalState.ABORTED, cause_of(error)
+        return GoalState.ABORTED, cause_of(error, node)
     if tree is not None and tree.root.status is Status.SUCCESS:
         return GoalState.SUCCEEDED, None
     if tree is not None and tree.root.status is Status.FAILURE:
@@ -197,7 +212,10 @@ def _of_tree(root: Behaviour) -> Cause:
         return cause_of(TaskFailed(f"{root.name} failed by its own tree"))
     node, error = failed[0]
     planning = getattr(error, "code", "").startswith("plan.")
-    words = (f"{node.name}: {error}" if planning else str(error) for node, error in failed)
+    names = dict[str, list[str]]()  # planners that report the same
+    for each, failure in failed:
+        names.setdefault(str(failure), []).append(each.name)
+    words = [f"{', '.join(own)}: {said}" if planning else said for said, own in names.items()]
     return cause_of(error, dict(paths(root))[node], "; ".join(words))
 
 

@@ -83,7 +83,9 @@ def run_lines(row: Mapping[str, Any], window: Mapping[str, Any]) -> Iterator[str
     if cause:
         yield f"{cause['message']} [{cause['code']}]"
         yield from (
-            f"{key} {cause[key]}" for key in ("node", "joint", "value", "limit") if cause[key]
+            f"{key} {cause[key]}"
+            for key in ("node", "place", "joint", "value", "limit")
+            if cause[key]
         )
         if cause["hint"]:
             yield f"-> {cause['hint']}"

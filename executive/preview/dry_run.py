@@ -66,7 +66,8 @@ def dry_run(
     assumed = {each.node for each in motions if each.assumed_start}
     messages = (*unknown, *(f"{node}: its start is known only in a run" for node in assumed))
     identity, name = uuid.uuid4().hex, library.head(number).name
-    events: list[Event] = [logs.Goal(0.0, identity, number, name, context.seed)]
+    pose = context.robot.by_joint(start)
+    events: list[Event] = [logs.Goal(0.0, identity, number, name, context.seed, pose)]
     events += (_node(0.0, path, "INVALID") for _, path in paths(tree.root))
     outcome = Outcome.of(number, GoalState.SUCCEEDED, None)
     time = 0.0
@@ -104,9 +105,11 @@ def _play(context: Context, query: Query, begin: float, events: list[Event]) -> 
     contact = context.pool.ask(verify_query(robot, start, schedule, query.timeout, query.world))
     if isinstance(contact, MotionError):
         raise contact
-    for setpoint in schedule.setpoints:
+    for number, setpoint in enumerate(schedule.setpoints, 1):
         time = begin + setpoint.time
-        frame = FrameSent(time, setpoint.frame.data, setpoint.positions, scheduled=time)
+        # After its last frame, the arm is where the motion ends.
+        there = schedule.end if number == len(schedule.setpoints) else setpoint.positions
+        frame = FrameSent(time, setpoint.frame.data, there, scheduled=time)
         events.append(arm_record(frame, robot))
     return begin + schedule.duration
 

@@ -103,7 +103,9 @@ class Recordings:
         if failed:
             self._finish_later(failed)
 
-    def open(self, goal: GoalStatus, name: str, seed: int, tree: Tree | None) -> None:
+    def open(
+        self, goal: GoalStatus, name: str, seed: int, tree: Tree | None, start: Mapping[str, float]
+    ) -> None:
         """Open the recording of a goal, and record the goal.
 
         Args:
@@ -111,6 +113,7 @@ class Recordings:
             name: Name of its task, or words of a move.
             seed: Seed of the planners.
             tree: The goal's tree, whose files are attached; None if it could not be built.
+            start: Commanded positions [rad], by joint; empty if unknown.
 
         Raises:
             LogError: The recording cannot be created.
@@ -120,7 +123,7 @@ class Recordings:
             self._recorder, self.path, self.frames = recorder, str(recorder.path), 0
         self._meshes.clear()
         self._exchanges.restart()
-        record = logs.Goal(self._clock.now(), goal.identity, goal.task, name, seed)
+        record = logs.Goal(self._clock.now(), goal.identity, goal.task, name, seed, start)
         recorder.put(*self._setup(tree), *self._early_lines(), record, self._arm_state(record.time))
         self._watch(record)
 

@@ -134,6 +134,8 @@ class Goal:
         name: Name of the task; empty if there is no such task. For a move, its description, such
             as `move folded`.
         seed: Seed of the planners; 0 if the goal has a recording of its own.
+        start: Commanded position of every actuated joint [rad], by name; empty if the arm was not
+            active.
     """
 
     time: float
@@ -141,6 +143,7 @@ class Goal:
     task: int
     name: str
     seed: int
+    start: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def elsewhere(self) -> bool:
@@ -193,6 +196,8 @@ class Result:
         value: The wrong value: a position [rad], a distance [m], or a time [s].
         limit: The limit of that value, in the same unit.
         hint: Advice for the user.
+        place: Place of a node that is refused before the run, and the places that refer to it;
+            else empty.
     """
 
     time: float
@@ -209,6 +214,7 @@ class Result:
     value: float | None = None
     limit: float | None = None
     hint: str = ""
+    place: str = ""
 
     def queued(self, goal: Goal) -> float:
         """Return the time of the goal in the queue [s]; 0 if it started at once."""

@@ -253,6 +253,8 @@ def test_unplugged_while_it_moves(rig: RigMaker, number: int) -> None:
     (outcome,) = arm.run(1)
     assert (outcome.state, outcome.code) == (GoalState.ABORTED, "hw.port_lost")
     assert "port board" in outcome.message
+    assert outcome.cause
+    assert outcome.cause.node.endswith("/Execute")
     assert len(arm.frames) == number
     check_given_up(arm)
 

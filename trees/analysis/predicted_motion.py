@@ -32,6 +32,7 @@ from trees.reading.lines import added_above
 from trees.reading.literals import in_unit_of
 
 _INSIDE = 1e-3  # distance of a suggested point from the end of the reach [m]
+ROUNDS = 100  # largest number of rounds of loops, in addition to the first of each
 _UNNAMED = "bodies named at run time"
 _UNKNOWN = "its start or target is known only during a run"
 
@@ -101,7 +102,8 @@ class PredictedMotions:
 
     Attributes:
         motions: Motions with a known target, in order.
-        unknown: Further nodes that move the arm, and the reason that their target is unknown.
+        unknown: Further nodes that move the arm, and the reason that their target is unknown; and
+            loops, and the rounds that are left out.
         absent: Places of used bodies that are certainly missing, with the name of the body, a
             similar present name or "", and the place of the node.
         mistakes: Points that the tool cannot reach without a collision, and detached bodies that no
@@ -142,7 +144,7 @@ def predict_motions(
             time.
     """
     duration = duration or (lambda _, motion: motion.least_time(robot))
-    walk = _Walk(tree, robot, carry, hooks or tree.hooks, reach, duration)
+    walk = _Walk(tree, robot, carry, hooks or tree.hooks, reach, duration, ROUNDS)
     walk.through(tree.root, _State(world, start))
     return walk.found
 
@@ -195,9 +197,9 @@ class _Walk:
     _hooks: SkillHooks
     _reach: Callable[[ToolQuery], Reached] | None
     _duration: Callable[[Leaf, Motion], float]
+    _rounds_left: int  # rounds that may still be added
     found: PredictedMotions = field(default_factory=PredictedMotions)
     _why: str = _UNKNOWN  # reason that the next target is unknown
-    _again: bool = False  # True in the second round of a loop
     # The motion to the last target: None if the arm is there, empty if unknown.
     _ahead: tuple[Motion, ...] | None = None
 
@@ -222,19 +224,34 @@ class _Walk:
         return _common(states)
 
     def _rounds(self, node: Behaviour, rounds: int | None, now: _State) -> _State:
-        """Return the part of the state that holds after any round. Add motions of later rounds."""
-        once = self._in_turn(node, now)
-        if rounds == 1 or once == now:  # further rounds would give the same state
-            return once
-        if self._again:  # nested loops would double the work at each level
-            return _common((now, once))
+        """Return the part of the state that holds after the last round. Add motions of all rounds.
+
+        If any number of rounds is possible, add those of the first two. A round is left out if the
+        motions before it have the same targets and worlds.
+        """
         motions = self.found.motions
-        first, self._again = len(motions), True
-        twice = self._in_turn(node, once)
-        self._again = False
-        known = {(motion.pose, motion.world) for motion in motions[:first]}
-        motions[first:] = [m for m in motions[first:] if (m.pose, m.world) not in known]
-        return _common((once, twice))
+        before = len(motions)
+        states = [self._in_turn(node, now)]
+        moves, stable, shown = len(motions) > before, states == [now], 1
+        while not stable and len(states) < (rounds or 2) and self._rounds_left:
+            self._rounds_left -= 1  # loops in each other share it: each would multiply the work
+            first = len(motions)
+            states.append(self._in_turn(node, states[-1]))
+            stable = states[-1] == states[-2]
+            known = {(motion.pose, motion.world) for motion in motions[:first]}
+            if all((motion.pose, motion.world) in known for motion in motions[first:]):
+                del motions[first:]
+            else:
+                shown += 1
+        if not stable and len(states) != rounds:  # also if their number is unknown
+            self.found.unknown[node] = f"its rounds after number {len(states)} are left out"
+            return _common(states)
+        if rounds is None:
+            return _common(states)
+        if moves and shown < rounds:
+            left = f"{rounds - shown} of its {rounds} rounds"
+            self.found.unknown[node] = f"{left} have the targets of earlier ones and are left out"
+        return states[-1]
 
     def _in_turn(self, node: Behaviour, now: _State) -> _State:
         for child in node.children:

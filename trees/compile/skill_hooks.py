@@ -50,6 +50,7 @@ class RefusedInput:
         error: The error of the skill.
         place: Place of the value, or of the skill.
         instead: The corrected lines; None if unknown.
+        value: The value; None if unknown.
     """
 
     node: Behaviour
@@ -57,6 +58,7 @@ class RefusedInput:
     error: Fault
     place: Place
     instead: Correction | None = None
+    value: Located | None = None
 
     @property
     def mistake(self) -> Mistake:
@@ -147,7 +149,7 @@ class SkillHooks:
                 # The exception may be raised again.
                 fault.args = (in_other_unit(words, value, unit, right),)
                 instead = value.instead(right)
-            self._refuse(RefusedInput(leaf.skill, kind.__name__, fault, place, instead))
+            self._refuse(RefusedInput(leaf.skill, kind.__name__, fault, place, instead, value))
 
     def _other_pose(
         self, leaf: Leaf, robot: Robot, inputs: Mapping[str, Any], fault: BadTarget, value: Located

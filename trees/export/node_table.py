@@ -4,7 +4,6 @@ from typing import Any
 
 from trees.compile.compiler import CompiledTree
 from trees.compile.node_paths import paths
-from trees.errors import Place
 
 from .outline import outline
 
@@ -20,9 +19,7 @@ def node_table(tree: CompiledTree) -> list[dict[str, Any]]:
     for (node, path), entry in zip(paths(tree.root), outline(tree).walk(), strict=True):
         place, call = tree.places[node], tree.calls.get(node)
         row = {"path": path, "kind": entry.kind, "file": place.path.name, "line": place.line}
-        found.append(row | {"called_at": _words(call) if call else "", "ports": dict(entry.ports)})
+        found.append(
+            row | {"called_at": call.file_line if call else "", "ports": dict(entry.ports)}
+        )
     return found
-
-
-def _words(place: Place) -> str:
-    return f"{place.path.name}:{place.line}"

@@ -9,7 +9,7 @@ from hardware import NotActive, Robot
 from hardware.spelling import choices
 from skills import BadTarget
 from trees import Library
-from trees.export.saved_poses import save_pose
+from trees.export.saved_poses import PoseExists, save_pose
 
 from .move_task import poses_with_home
 
@@ -49,13 +49,17 @@ def save_where(
     Raises:
         BadTarget: The robot has no such group.
         NotActive: The position of the arm is unknown.
-        FileError: The name is in use or invalid, or the file cannot be written.
+        PoseExists: The name is in use; `home` always is.
+        FileError: The name is invalid, or the file cannot be written.
     """
     if group not in (*robot.groups, ALL):
         known = choices(group, (*robot.groups, ALL))
         raise BadTarget(f"the robot has no group {group}; there are {known}")
     if where.commanded is None:
         raise NotActive("The pose of an inactive arm is not known; activate it, or move it first")
+    if name == HOME and not replace:
+        why = f"pose {HOME} is that of the robot; give another name, or --replace to use yours"
+        raise PoseExists.at(folder, why)
     joints = robot.actuated if group == ALL else robot.actuated_in(group)
     positions = {joint.name: where.commanded[joint.name] for joint in joints}
     return save_pose(robot, folder, name, positions, replace), positions

@@ -18,10 +18,11 @@ from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 import logs
-from executive.errors import NotFound, TooMuch
+from executive.errors import NotFound, ServerRestarted, TooMuch
 from executive.recording.archive import restore_robot
 from executive.recording.recordings import is_server_recording
 from executive.server.page.robot_shapes import RobotScene
+from logs.reading.file_state import being_written
 from logs.reading.find import by_name
 from logs.reading.indexed import IndexedRecording
 from logs.writing.recovery import copy_valid
@@ -128,7 +129,10 @@ class RecordingFolder:
             NotFound: There is no such recording.
             LogError: The recording cannot be read.
         """
-        return self._get(self._timelines, name, Timeline)
+        written = being_written(self.path(name))
+        return self._get(
+            self._timelines, name, lambda path: Timeline(path, written=written), written
+        )
 
     def scene(self, name: str) -> RobotScene:
         """Return the robot of a recording.
@@ -219,8 +223,8 @@ class RecordingFolder:
         restore(self._folder / name)
         return self._row(self._folder / name)
 
-    def _get(self, cache: "_Cache[T]", name: str, make: Callable[[Path], T]) -> T:
-        """Return a value computed from a recording. It is cached.
+    def _get(self, cache: "_Cache[T]", name: str, make: Callable[[Path], T], *more: Hashable) -> T:
+        """Return a value computed from a recording, and from more values. It is cached.
 
         Raises:
             NotFound: There is no such recording.
@@ -229,7 +233,7 @@ class RecordingFolder:
         path = self.path(name)
         readable = self._readable(path)
         try:
-            return cache.get(_version(readable), lambda: make(readable))
+            return cache.get((_version(readable), *more), lambda: make(readable))
         except logs.RecordingError as error:
             raise logs.RecordingError(path, str(error).replace(f"{readable}: ", "")) from error
 
@@ -345,6 +349,9 @@ def _summary(path: Path) -> Json:
     if isinstance(result, logs.Result):
         row |= {"state": result.state, "code": result.code, "message": result.message}
         row["duration_s"] = result.duration
+    elif isinstance(goal, logs.Goal):
+        lost = ServerRestarted()
+        row |= {"state": "UNFINISHED", "code": lost.code, "message": str(lost)}
     return {k: v[:_MAX_TEXT] if isinstance(v, str) else v for k, v in row.items()}
 
 

@@ -9,14 +9,15 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
-from itertools import groupby, takewhile
+from itertools import chain, groupby, takewhile
 from math import isfinite
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 import logs
 from executive.api.events import EVENTS, STATUS, QuestionStatus, event_to_json
-from executive.api.outcome import GoalState, GoalStatus, Outcome
+from executive.api.outcome import GoalState, GoalStatus, Outcome, cause_of
+from executive.errors import ServerRestarted
 from logs.reading.indexed import Chunk, Entry, IndexedRecording, OpenChunk
 from logs.reading.mcap_records import Decoder
 from logs.reading.recording import topic_filter
@@ -148,6 +149,8 @@ class Timeline:
 
     Args:
         path: The recording.
+        written: True if the run may still be under way. If False, and the recording has no end of
+            the run, the last event is that the server ended first.
 
     Attributes:
         goal: The goal, or None.
@@ -155,7 +158,7 @@ class Timeline:
         duration: Time from `began` to the last message [s].
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, written: bool = False) -> None:
         """Read the whole recording once, decoding only a part.
 
         Raises:
@@ -177,6 +180,8 @@ class Timeline:
         self._read()
         self.began = self.goal.time if self.goal else self._time(recording.begin_ns)
         self.duration = max(0.0, self._time(recording.end_ns) - self.began)
+        self._ended = bool(recording.with_topic((_RESULT,)))
+        self._cut_off = not (self._ended or written)
         self.steps = sorted({round(max(0.0, each - self.began), 6) for each in self.steps})
 
     def to_json(self) -> Json:
@@ -185,7 +190,7 @@ class Timeline:
             "name": self._recording.path.name,
             "began_s": self.began,
             "duration_s": self.duration,
-            "ended": bool(self._recording.with_topic((_RESULT,))),
+            "ended": self._ended,
         }
 
     def events(self, at: float) -> Json:
@@ -218,7 +223,10 @@ class Timeline:
             "from_s": begin,
             "to_s": end,
             "state": self._state(window, take),
-            "events": map(self._event, self._records(window.first, until, take)),
+            "events": chain(
+                map(self._event, self._records(window.first, until, take)),
+                self._lost_end() if is_last else (),
+            ),
             "previous_s": self.steps[before - 1] if before else None,
             "next_s": None if after >= len(self.steps) else self.steps[after],
         }
@@ -416,12 +424,22 @@ class Timeline:
     def _event(self, record: logs.Record) -> Json:
         if isinstance(record, logs.Result):
             outcome = Outcome.from_record(record, str(self._recording.path))
-            stamp_ns = self._recording.epoch_ns + round(self.began * 1e9)
-            goal = GoalStatus(
-                record.goal_id, record.task, GoalState[record.state], stamp_ns, outcome
-            )
-            return {**event_to_json(goal), "event": STATUS, "time_s": record.time}
+            return self._end(record.goal_id, outcome, record.time)
         return event_to_json(record)
+
+    def _lost_end(self) -> Iterator[Json]:
+        """Yield the end of a run whose recording was cut off."""
+        if self.goal and self._cut_off:
+            cause, path = cause_of(ServerRestarted()), str(self._recording.path)
+            outcome = Outcome.of(
+                self.goal.task, GoalState.ABORTED, cause, duration=self.duration, recording=path
+            )
+            yield self._end(self.goal.goal_id, outcome, self.began + self.duration)
+
+    def _end(self, goal_id: str, outcome: Outcome, time: float) -> Json:
+        stamp_ns = self._recording.epoch_ns + round(self.began * 1e9)
+        goal = GoalStatus(goal_id, outcome.task, outcome.state, stamp_ns, outcome)
+        return {**event_to_json(goal), "event": STATUS, "time_s": time}
 
 
 def _is_of_frame(message: logs.Message) -> bool:

@@ -104,6 +104,15 @@ def test_both_planners_with_their_names() -> None:
     assert "; PlanGripper: " in message
 
 
+def test_planners_with_the_same_message() -> None:
+    failed = tree(
+        Status.FAILURE, Failed("PlanArm", PlanTimeout(5.0)), Failed("PlanGripper", PlanTimeout(5.0))
+    )
+    _, _, message = said(failed, None, False)
+    assert message.startswith("One or more planners failed: PlanArm, PlanGripper: ")
+    assert message.count(str(PlanTimeout(5.0))) == 1
+
+
 def test_one_planner() -> None:
     failed = tree(Status.FAILURE, Failed("PlanArm", None), Failed("PlanGripper", PlanCanceled()))
     _, code, message = said(failed, None, False)

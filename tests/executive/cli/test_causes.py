@@ -31,9 +31,10 @@ def test_a_failure_is_reported_the_same_everywhere(
     (served.tasks / "15_far.yaml").write_text(FAR)
     goal = type_in("send", "15")[1].strip()
     cause = served.ask("GET", f"/api/goals/{goal}/result")[1]["cause"]
-    assert [cause[key] for key in ("code", "node", "joint", "value", "limit", "hint")] == [
+    assert [cause[key] for key in ("code", "node", "joint", "value", "limit", "hint", "place")] == [
         *("goal.out_of_bounds", "far/CheckBounds", "joint_1", 9.0),
         *(pytest.approx(1.5707963), "choose a target within the limits"),
+        "reach.yaml:11, used by 15_far.yaml:5",
     ]
     reported = type_in("send", "15", "--wait", "--json")[1].splitlines()
     assert json.loads(reported[-1])["cause"] == cause

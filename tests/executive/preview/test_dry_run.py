@@ -1,5 +1,6 @@
 """Dry runs and poses over HTTP: what a page asks before it moves the arm."""
 
+import math
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -58,6 +59,19 @@ def test_a_dry_run_plans_the_frames_of_the_run_and_sends_none(serve: Serve) -> N
     assert times == sorted(times)
 
 
+FAR = """
+task: 21
+name: far
+description: Go far.
+parameters:
+  far: {type: angle, default: 60 deg, min: 0 deg, max: 170 deg, description: how far}
+tree:
+  sequence:
+    - subtree: move_joints
+      with: {joints: {joint_1: $far}}
+"""
+
+
 def test_a_dry_run_says_why_the_run_would_fail(serve: Serve) -> None:
     served = serve()
     (served.tasks / "20_collide.yaml").write_text(COLLIDE)
@@ -68,6 +82,13 @@ def test_a_dry_run_says_why_the_run_would_fail(serve: Serve) -> None:
     assert cause["node"] == "collide/2:move_joints/Target"
     wrong = {"task": 20, "arguments": {"far": 80}}
     assert served.ask("POST", "/api/plan", wrong)[1]["code"] == "goal.bad_arguments"
+    (served.tasks / "21_far.yaml").write_text(FAR)
+    last = [each for each in planned(served, 21)["events"] if each["event"] == "sent"][-1]
+    assert last["positions"][0] == pytest.approx(math.radians(60))
+    wrong = {"task": 21, "arguments": {"far": "120 deg"}}
+    error = served.ask("POST", "/api/plan", wrong)[1]
+    limits = "joint_1 = 120 deg is outside its limits, -90 deg to 90 deg"
+    assert (error["code"], error["message"]) == ("goal.bad_arguments", f"arguments: far: {limits}")
     assert planned(served, 11)["unknown"] == []
     served.executive.send(10)
     assert served.ask("POST", "/api/plan", {"task": 1})[1]["code"] == "goal.under_way"

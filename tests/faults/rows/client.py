@@ -215,7 +215,9 @@ def escapes(scene: Scene) -> None:
         (scene.armtree("show", "60", "--ports", *trees, *skills), 0),
     ]
     fields = {"code": "goal.busy", "message": FORGED, "hint": FORGED, "node": EVIL}
-    error = json.dumps({**fields, "joint": "", "value": None, "limit": None}).encode()
+    error = json.dumps(
+        {**fields, "joint": "", "place": EVIL, "value": None, "limit": None}
+    ).encode()
     with program(answer(error, "409 Conflict")) as url:
         ends.append((scene.armtree("status", "--server", url), 4))
         for command, status in ends:

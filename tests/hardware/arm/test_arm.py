@@ -185,7 +185,7 @@ def test_the_log(rig: Rig, caplog: pytest.LogCaptureFixture) -> None:
         "INFO Starting the arm on port board: it moves to its boot pose",
         "INFO The arm on port board is ready to take commands",
         "ERROR Something went wrong while listening: the port board is gone. "
-        "Check the cable and the power, then run again",
+        "Check the cable and the power",
     ]
 
 

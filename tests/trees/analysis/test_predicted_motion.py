@@ -10,6 +10,7 @@ from executive.cli.main import cli
 from hardware import Robot
 from skills import BadTarget
 from trees import FileError
+from trees.analysis import predicted_motion
 from trees.check import check
 
 pytestmark = pytest.mark.slow
@@ -101,6 +102,10 @@ def test_plan_goes_round_what_the_task_puts_there(tmp_path: Path) -> None:
 def test_plan_shows_a_round_again_only_where_it_differs(tmp_path: Path) -> None:
     same = f"{{repeat: {{sequence: [{COME}, {GO}]}}, times: 3}}"
     assert len(planned(tmp_path, same)) == 2
+    left_out = (
+        "Not seen  x/repeat: 2 of its 3 rounds have the targets of earlier ones and are left out"
+    )
+    assert left_out in all_said(tmp_path, same)
     differs = f"{{repeat: {{sequence: [{COME}, {GO}, {{{TALL}}}]}}, times: 3}}"
     reported = planned(tmp_path, differs)
     assert ["Around    tall" in motion for motion in reported] == [False, False, True, True]
@@ -120,6 +125,7 @@ def goals(reported: list[str]) -> list[float]:
         ((TURN, FURTHER, TURN.replace("joint_1: -80 deg", "joint_2: 0.1")), [-80, -90, -90]),
         ((GO, FURTHER.replace("-10", "40")), [-80.2, -40.2]),
         ((f"{{selector: [{TURN}, {FURTHER}]}}", FURTHER), [-80]),  # its position is unknown then
+        ((f"{{repeat: {{sequence: [{FURTHER}]}}, times: 3}}", FURTHER), [-10, -20, -30, -40]),
         (("{SetStart: {start: $s}}", f"{{repeat: {{sequence: [{FURTHER}]}}, times: 2}}",
           "{Target: {start: $s, joints: {joint_2: 0.1}, goal: $g}}",
           "{subtree: go, with: {start: $s, goal: $g}}"), [-10, -20, 0]),
@@ -157,6 +163,22 @@ def test_repeats_within_each_other_are_not_walked_round_by_round(
         inner = f"{{repeat: {inner}, times: 2}}"
     (mistake,) = check(robot, None, [written(tmp_path, inner)]).mistakes
     assert re.search("this pose collides: .* deep in post", mistake.message)
+
+
+def test_a_later_round_may_leave_the_limits(tmp_path: Path) -> None:
+    round_and_round = f"{{repeat: {{sequence: [{FURTHER}]}}, times: 10}}"
+    with pytest.raises(FileError, match=r"joint_1 .*-100 deg"):
+        planned(tmp_path, round_and_round)
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_the_rounds_of_a_long_loop_are_left_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(predicted_motion, "ROUNDS", 2)
+    said = all_said(tmp_path, f"{{repeat: {{sequence: [{FURTHER}]}}, times: 5}}", FURTHER)
+    assert "Not seen  x/repeat: its rounds after number 3 are left out" in said
+    assert "Not seen  x/move_relative" in said
 
 
 def test_plan_says_why_it_foresees_nothing(tmp_path: Path) -> None:

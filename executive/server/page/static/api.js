@@ -20,6 +20,7 @@ const CREDENTIALS = isLocal ? "omit" : "same-origin";
  * @property {string} node path of the node; empty if the cause is outside the tree
  * @property {string} joint empty if the cause concerns none
  * @property {string} hint
+ * @property {string} place lines of a node that was refused before the run; else empty
  */
 
 /** What to do on this page, by code; the hints of the server name commands. */

@@ -15,7 +15,7 @@ import { Player } from "./views/player.js";
 import { PlotsView } from "./views/plots.js";
 import { PosesView } from "./views/poses.js";
 import { QuestionsView } from "./views/questions.js";
-import { RunsView } from "./views/runs.js";
+import { RunsView, isFinished } from "./views/runs.js";
 import { drawFailure, drawNode, drawPause, drawRunning, drawWaiting } from "./views/side.js";
 import { showStop } from "./views/stop.js";
 import { TasksView } from "./views/tasks.js";
@@ -189,7 +189,7 @@ async function catchUp() {
   live.end(goal);
   const recording = runs.recordings.find((each) => each.name === runs.recordingOf(live));
   if (!shown.isLive || !recording) return;
-  if (recording.state !== "UNFINISHED") await open(recording.name, undefined, false);
+  if (isFinished(recording)) await open(recording.name, undefined, false);
   else setTimeout(() => runs.refresh().then(catchUp).then(draw), FINISHING);
 }
 
@@ -243,7 +243,7 @@ async function open(name, time, held) {
 /** Show the moment that the address names: `#recording=NAME&t=3.2`, or else the newest run. */
 async function openAddress() {
   const words = new URLSearchParams(location.hash.slice(1));
-  const newest = runs.recordings.find((each) => each.state !== "UNFINISHED")?.name;
+  const newest = runs.recordings.find(isFinished)?.name;
   const name = words.get("recording") ?? newest;
   const time = words.has("t") ? Math.max(0, Number(words.get("t"))) || 0 : undefined;
   if (name) await open(name, time, location.hash !== "");

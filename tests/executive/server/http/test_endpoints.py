@@ -106,7 +106,7 @@ def test_a_second_goal_is_refused_by_the_policy(serve: Serve) -> None:
     send(served, 10)
     status, error = served.ask("POST", "/api/goals", {"task": 11})
     assert (status, error["code"]) == (409, "goal.busy")
-    assert set(error) == {"code", "message", "node", "joint", "value", "limit", "hint"}
+    assert set(error) == {"code", "message", "node", "joint", "value", "limit", "hint", "place"}
 
 
 def test_a_full_queue_refuses_goals(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:

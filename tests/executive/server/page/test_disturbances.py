@@ -48,7 +48,7 @@ def tell_unfinished(asked: Any) -> None:
     """Answer as the server does before the recording of a goal that has ended is complete."""
     answer = asked.fetch().json()
     for each in answer["recordings"]:
-        each["state"] = "UNFINISHED"
+        each |= {"state": "UNFINISHED", "code": "log.in_use"}
     asked.fulfill(json=answer)
 
 
@@ -161,6 +161,13 @@ def test_a_server_that_is_killed_and_restarts_is_found_again(
     shows(tab, "#goal-state", "^failed$")  # and is not shown as running for ever
     shows(tab, "#failure", "the server ended before this goal did")
     shows(tab, "#running", "^nothing$")
+    tab.select_option("#runs-state", "UNFINISHED")
+    shows(tab, "#runs li", "^task 10 wait.*cut off")
+    tab.click("#runs li button")
+    shows(tab, "#failure", "the server ended before this goal did")
+    shows(tab, "#running", "^nothing$")
+    tab.evaluate("scrollTo(0, 0)")
+    tab.click("#live")
     again.executive.send(10)
     shows(tab, "#running", "^wait$")
     tab.keyboard.press("Escape")

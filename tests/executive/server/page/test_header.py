@@ -85,7 +85,7 @@ def test_an_old_status_does_not_undo_the_end_of_a_goal(open_page: Open) -> None:
     state = open_page().evaluate(
         """import('/page/model/run.js').then(({Run}) => {
           const run = new Run(), status = {goal_id: 'a', state: 'EXECUTING', result: null};
-          run.update({event: 'goal', goal_id: 'a', task: 1, name: 'pick', time_s: 1});
+          run.update({event: 'goal', goal_id: 'a', task: 1, name: 'pick', time_s: 1, start: {}});
           run.update({...status, event: 'status', state: 'CANCELED', result: {state: 'CANCELED'}});
           run.updateGoal(status);
           return [run.state, run.active];

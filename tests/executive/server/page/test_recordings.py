@@ -126,6 +126,7 @@ def test_a_recording_is_found_played_and_linked(open_page: Open, page_server: Se
     run(page_server, 0, 13, 12)
     tab = open_page()
     shows(tab, "#shown", "^task 12 say, recorded$")
+    shows(tab, "#positions", r"joint_1\s*-?\d")  # the pose at its start, though nothing moved
     tab.fill("#runs-search", "task 0")
     shows(tab, "#runs li:first-child", "task 0 home")
     tab.focus("#runs button >> nth=0")
@@ -217,7 +218,7 @@ def test_two_recordings_are_compared_at_one_moment(open_page: Open, page_server:
     is_accessible(tab)
     tab.focus("#moment")
     tab.keyboard.press("Home")
-    shows(tab, "#comparison", "Phase|Nothing differs")
+    shows(tab, "#comparison tr", r"joint_1 *20\.0° *10\.0°")  # where the goals began
     tab.select_option("#compare", "")
     shows(tab, "#plots figcaption", "^Position .deg.$")
     tab.locator("#comparison").wait_for(state="hidden")

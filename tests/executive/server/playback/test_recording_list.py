@@ -11,6 +11,7 @@ from mcap.writer import IndexType, Writer
 from executive.server.playback import recording_list as folder_of_recordings
 from executive.server.playback.recording_list import RecordingFilter, RecordingFolder
 from logs.writing.compaction import Copy
+from logs.writing.recovery import recover
 from tests.support.recordings.alterations import records_of
 from tests.support.recordings.finished import at_rest, rest
 from tests.support.servers.serving import Serve, Served
@@ -31,6 +32,10 @@ def rows(served: Served, query: str = "") -> list[dict[str, Any]]:
     assert status == 200
     found: list[dict[str, Any]] = answer["recordings"]
     return found
+
+
+def ends(window: dict[str, Any]) -> list[dict[str, Any]]:
+    return [each for each in window["events"] if each["event"] == "status"]
 
 
 def test_recordings_are_listed_and_found(serve: Serve) -> None:
@@ -120,6 +125,7 @@ def test_what_is_there_of_an_unfinished_recording_is_shown(serve: Serve) -> None
     window = served.ask("GET", f"{path}/events?at=1000")[1]
     nodes = {each["path"]: each for each in window["events"] if each["event"] == "node"}
     assert nodes["wait"]["status"] == "RUNNING"
+    assert ends(window) == []
     assert served.ask("GET", f"{path}/nodes")[1]["nodes"][0]["file"].endswith("10_wait.yaml")
     assert served.ask("GET", f"{path}/robot")[1]["name"] == "arduinobot"
     content = (served.folder / "recordings" / row["name"]).read_bytes()
@@ -131,6 +137,14 @@ def test_what_is_there_of_an_unfinished_recording_is_shown(serve: Serve) -> None
     killed.write_bytes(content[:-20])  # as after kill -9
     assert served.ask("GET", f"/api/recordings/{killed.name}")[1]["ended"] is False
     assert killed.read_bytes() == content[:-20]
+    (end,) = ends(served.ask("GET", f"/api/recordings/{killed.name}/events?at=1000")[1])
+    assert end["result"]["code"] == "server.restarted"
+    assert recover(killed)  # as the next server does
+    (row,) = rows(served, "?state=UNFINISHED")
+    assert (row["name"], row["title"]) == (killed.name, "task 10 wait")
+    assert (row["code"], row["message"]) == ("server.restarted", end["result"]["message"])
+    (again,) = ends(served.ask("GET", f"/api/recordings/{killed.name}/events?at=1000")[1])
+    assert (again["state"], again["result"]["code"]) == ("ABORTED", "server.restarted")
     empty = killed.with_name("20990102T000000.000Z-10.mcap")
     for data in (b"", content[:10], content[:2000]):
         empty.write_bytes(data)

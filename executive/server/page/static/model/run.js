@@ -139,7 +139,8 @@ export class Run {
         this.schedule = event;
         break;
       case "status":
-        this.updateGoal(event);
+        if (event.result && event.goal_id === this.goalId) this.end(event);
+        else this.updateGoal(event);
         this.complete ||= event.goal_id === this.goalId && event.result !== null;
         break;
     }
@@ -231,6 +232,7 @@ export class Run {
     this.title = goalTitle(event.task, event.name);
     this.state = "EXECUTING";
     this.began = event.time_s;
+    if (Object.keys(event.start).length) this.positions = event.start;
   }
 
   /** @param {any} event */

@@ -14,6 +14,7 @@ const WORDS = /** @type {Record<string, string>} */ ({
   SUCCEEDED: "done",
   CANCELED: "canceled",
   ABORTED: "failed",
+  UNFINISHED: "cut off",
 });
 
 /**

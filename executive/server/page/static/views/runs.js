@@ -98,7 +98,7 @@ export class RunsView extends EventTarget {
    */
   recordingOf({ outcome, active, task }) {
     if (outcome) return outcome.recording.split("/").at(-1) ?? "";
-    const written = this.recordings.find((each) => each.state === "UNFINISHED" && each.task === task);
+    const written = this.recordings.find((each) => !isFinished(each) && each.task === task);
     return (active && written?.name) || "";
   }
 
@@ -201,6 +201,14 @@ export class RunsView extends EventTarget {
     button.addEventListener("click", () => this.dispatchEvent(new CustomEvent("open", { detail: recording })));
     return element("li", {}, button);
   }
+}
+
+/**
+ * Return whether a recording is finished: its file, though its run may have been cut off.
+ * @param {Recording} recording
+ */
+export function isFinished({ state, code }) {
+  return state !== "UNFINISHED" || code === "server.restarted";
 }
 
 /**

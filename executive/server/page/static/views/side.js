@@ -77,7 +77,7 @@ export function drawFailure(shown) {
   const card = byId("failure", HTMLElement);
   const cause = run.state === "ABORTED" ? run.outcome?.cause : null;
   card.hidden = !cause;
-  const place = cause ? places(shown, cause.node) : "";
+  const place = cause ? cause.place || places(shown, cause.node) : "";
   const hint = cause ? hintOf(cause) : "";
   const recording = run.outcome?.recording.split("/").at(-1) ?? "";
   const failure = `${run.goalId} ${cause?.message}`;
