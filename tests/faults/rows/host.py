@@ -411,7 +411,7 @@ def stuck_skill(scene: Scene) -> None:
     scene.check(server.post("/api/goals", {"task": 31})["code"] == "server.held", "a new goal")
     server.stop()
     server.signal(signal.SIGTERM)
-    time.sleep(scene.random.uniform(0.0, 1.0))  # noqa: TID251, a random moment
+    time.sleep(scene.random.uniform(0.6, 1.2))  # noqa: TID251, a second one counts after 0.5 s
     if server.popen.poll() is None:
         server.signal(signal.SIGTERM)
     server.wait()
@@ -462,7 +462,7 @@ def stuck_validation(scene: Scene) -> None:
     scene.check(board.data() == b"", "something was sent")
     for _ in range(2):
         server.signal(signal.SIGTERM)
-        time.sleep(scene.random.uniform(0.2, 1.0))  # noqa: TID251, a random moment
+        time.sleep(scene.random.uniform(0.6, 1.2))  # noqa: TID251, a second one counts after 0.5 s
         if server.popen.poll() is not None:
             break
     server.wait()
