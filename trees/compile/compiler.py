@@ -416,7 +416,7 @@ class TreeCompiler:
         ports = declarations(kind)
         ported = by_port(spec.ports, ports, (spec.skill, spec.skill), self._wrong)
         given = self._known_ports(ported, ports, f"port of {spec.skill}", scope)
-        if kind.condition:
+        if kind.condition and not any(isinstance(value, Key) for value in given.values()):
             given = {port: self._named_key(value, scope) for port, value in given.items()}
         wired = {
             port: self._resolve(value, scope)

@@ -13,8 +13,6 @@ from .live.run_state import RunState
 from .streams import LastingStream, fit, is_screen
 from .view import Item, Prompt, View
 
-_FIRST = "SetStart"  # the skill that begins a motion
-
 
 class _Lines(View):
     """Prints lines.
@@ -92,20 +90,20 @@ class _TextLine:
         return ""
 
     def _heading(self, record: logs.NodeStatus) -> str:
-        """Return the line of a new step, or "". A subtree within a step is a step if it moves."""
+        """Return the line of a new step, or ""."""
         step = _subtrees(record.path)
-        within = bool(self._step) and step[: len(self._step)] == self._step
-        if step == self._step or (within and record.name != _FIRST):
+        if step == self._step:
             return ""
         self._step = step
         return f"  {' / '.join(step)}:\n" if step else ""
 
 
 def _subtrees(path: str) -> Sequence[str]:
-    """Return the names of the subtrees around a node, without the task."""
+    """Return the names of the outer two subtrees around a node, without the task."""
     from trees.nodes import KINDS
 
-    return [each for each in path.split("/")[1:-1] if each.rpartition(":")[2] not in KINDS]
+    subtrees = [each for each in path.split("/")[1:-1] if each.rpartition(":")[2] not in KINDS]
+    return subtrees[:2]
 
 
 def view_for(as_json: bool, verbose: bool, now: Callable[[], float] | None = None) -> View:

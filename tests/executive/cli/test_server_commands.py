@@ -424,12 +424,12 @@ def test_a_person_is_asked_for_the_pose_when_the_arm_is_activated(shell: Shell) 
     shell.serve(*nowhere)
     activating = shell.type("arm", "activate")
     assert activating.returncode == 6
-    assert "or --pose boot" in activating.stderr
+    assert "give --pose boot" in activating.stderr
     assert "There is no serial port" in shell.type("arm", "activate", "--pose", "boot").stderr
     assert shell.end(signal.SIGTERM) == 0
     command = ("serve", *nowhere, "--robot", str(shell.robot), "--activate", "--tcp-port", "0")
     at_once = shell.type(*command)
-    assert (at_once.returncode, "or --pose boot" in at_once.stderr) == (6, True)
+    assert (at_once.returncode, "give --pose boot" in at_once.stderr) == (6, True)
 
 
 def test_without_a_server_the_answer_comes_at_once() -> None:
