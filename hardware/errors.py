@@ -452,10 +452,14 @@ class TransitionRefused(HardwareError):
 
 
 class ActivationStopped(TransitionRefused):
-    """The arm was stopped while its board booted. It is inactive."""
+    """The arm was stopped while its board booted, or while its joints moved to their limits."""
 
     code = "hw.activation_stopped"
     hint = "activate the arm again"
+
+    def __init__(self, why: str, hint: str | None = None) -> None:
+        super().__init__(why)
+        self.hint = hint or self.hint
 
 
 class CancelTimeout(HardwareError):

@@ -176,12 +176,16 @@ class Arm:
                 during the boot; the arm is then unconfigured.
             BoardError: The robot file names another board, or the arm may not move from its pose.
             DriverFailed: The driver raised another exception.
-            ActivationStopped: `stop` was called during the boot, or while a joint that was outside
-                its limits moved to them.
+            ActivationStopped: `stop` was called during the boot; the arm is then inactive. Or it
+                was called before all joints were within their limits; the arm then holds where it
+                is measured, and is unconfigured, as after a fault.
             TransitionRefused: The transition is not legal now.
         """
         self._start_pose, self._meanwhile = start_pose or self.robot.boot_pose, meanwhile
         self._request("activate", State.ACTIVE)
+        if self._canceled and (stopped := self._activation_ended):  # after the last look at it
+            self.deactivate()
+            raise stopped
         if connection := self._connection:
             connection.send_start_commands()
         with self._signal:  # another thread may report a fault, and first holds the arm
@@ -294,7 +298,8 @@ class Arm:
             NotAble: The board of the robot cannot do this.
             NotActive: The arm is not active.
             PoseOutsideLimits: The arm is outside its limits. The torque is still off.
-            ActivationStopped: The arm was stopped while a joint moved to its limit.
+            ActivationStopped: The arm was stopped before all joints were within their limits. It
+                holds where it is measured, and is unconfigured, as after a fault.
         """
         self.robot.require(Ability.TORQUE)
         connection = self._connection

@@ -116,7 +116,7 @@ class Connection:
         try:
             self.guard.send_start_commands()
             if self._robot.can(Ability.TORQUE):
-                self._switch_torque(True)
+                self._switch_torque(True, 0)  # a stop since the guard was made counts
         except NotActive:
             return  # a fault came first
         except Exception as error:  # a driver may raise any exception
@@ -128,10 +128,15 @@ class Connection:
         Raises:
             NotActive: The arm is not active.
             PoseOutsideLimits: The arm is outside its limits. The torque is still off.
-            ActivationStopped: The arm was stopped while a joint moved to its limit.
+            ActivationStopped: The arm was stopped before all joints were within their limits. It
+                holds where it is measured, and is unconfigured, as after a fault.
         """
-        self.guard.release_torque()
-        self._switch_torque(on)
+        generation = self.guard.release_torque()
+        try:
+            self._switch_torque(on, generation)
+        except ActivationStopped as error:
+            self._fault(error)
+            raise
 
     def wait_for_torque(self) -> None:
         """Wait until the torque of the servos has been switched."""
@@ -139,15 +144,19 @@ class Connection:
             while self._switching and not self._closed:
                 self._waiting.wait(None)
 
-    def _switch_torque(self, on: bool) -> None:
+    def _switch_torque(self, on: bool, generation: int) -> None:
+        """Send the commands for the torque. If they move a joint, a later generation ends them."""
         self._switching = True
         try:
-            commands, generation = self.session.torque_commands(on), self.guard.generation
+            commands = self.session.torque_commands(on)
             moves = on and self._start_from_held_pose()
             due, period = self._clock.now(), 1 / self._robot.firmware.rate
             for command in commands:
                 if moves and self.guard.generation != generation:
-                    raise ActivationStopped("the arm was stopped while a joint moved to its limit")
+                    raise ActivationStopped(
+                        "the arm was stopped before its joints were within their limits; it holds",
+                        "configure and activate the arm again",
+                    )
                 while not self.guard.send_torque_command(command):
                     self._pause(self.session.free_at)
                 due = max(due + period, self._clock.now())  # a wait for the line delays one command

@@ -152,8 +152,11 @@ class WriteGuard:
             self._send_command(self._session.start_commands())
         self._outbox.deliver()
 
-    def release_torque(self) -> None:
+    def release_torque(self) -> int:
         """End the claim and allow no frames, before the torque of the servos is switched.
+
+        Returns:
+            The new generation.
 
         Raises:
             NotActive: The arm is not active.
@@ -162,6 +165,7 @@ class WriteGuard:
             self._check_active()
             self._end_claim()
             self.torque = self._hold_due = False
+            return self.generation
 
     def send_torque_command(self, data: bytes) -> bool:
         """Send a part of the commands that switch the torque of the servos.

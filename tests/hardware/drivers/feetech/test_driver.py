@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from hardware import (
+    Arm,
     BoardLink,
     CommandSent,
     DescriptionError,
@@ -21,6 +22,7 @@ from hardware import (
     State,
     load_robot,
 )
+from hardware.arm.connection import Connection
 from hardware.arm.streamer import Streamer
 from hardware.description.calibration import calibration_file, write_calibration
 from hardware.drivers.feetech.packets import Instruction, Packet, take_packets
@@ -191,14 +193,62 @@ def test_a_stop_ends_an_activation_that_moves_a_joint_to_its_limit(tmp_path: Pat
     with rig(tmp_path) as made:
         rest(made, 3312, holds=False)
         made.after(0.8, made.arm.stop)
-        with pytest.raises(ActivationStopped, match="while a joint moved to its limit"):
+        with pytest.raises(ActivationStopped, match="before its joints were within") as caught:
             made.arm.activate()
+        assert (made.arm.state, caught.value.hint[:13]) == (State.UNCONFIGURED, "configure and")
         made.bus.state(made.clock.now())
         stopped = made.bus.servos[0].position
         made.wait(1.0)
         made.bus.state(made.clock.now())
         assert 3100 < made.bus.servos[0].position < 3300
         assert abs(made.bus.servos[0].position - stopped) < 20
+        assert made.bus.servos[0].get("torque_enable")
+
+
+@pytest.mark.parametrize("moment", [State.ACTIVATING, State.ACTIVE])
+def test_a_stop_at_the_end_of_the_boot_moves_no_joint_to_its_limit(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, moment: State
+) -> None:
+    sweep_widely(tmp_path)
+    start, boot = Connection.send_start_commands, Arm._boot
+
+    def stopped_when_active(connection: Connection) -> None:
+        made.arm.stop()
+        start(connection)
+
+    def stopped_after_boot(arm: Arm, connection: Connection) -> None:
+        boot(arm, connection)
+        arm.stop()
+
+    if moment is State.ACTIVE:
+        monkeypatch.setattr(Connection, "send_start_commands", stopped_when_active)
+    else:
+        monkeypatch.setattr(Arm, "_boot", stopped_after_boot)
+    with rig(tmp_path) as made:
+        rest(made, 3312, holds=False)
+        with pytest.raises(ActivationStopped):
+            made.arm.activate()
+        made.wait(1.5)
+        made.bus.state(made.clock.now())
+        assert made.bus.servos[0].position == 3312
+        assert made.arm.state is not State.ACTIVE
+
+
+def test_a_stop_while_torque_comes_back_leaves_an_arm_that_holds(tmp_path: Path) -> None:
+    sweep_widely(tmp_path)
+    with rig(tmp_path) as made:
+        rest(made, 2048, holds=False)
+        made.arm.activate()
+        made.arm.switch_torque(False)
+        made.bus.servos[0].push(3312)
+        made.wait(0.5)
+        made.after(0.8, made.arm.stop)
+        with pytest.raises(ActivationStopped):
+            made.arm.switch_torque(True)
+        assert made.arm.state is State.UNCONFIGURED
+        made.wait(1.0)
+        made.bus.state(made.clock.now())
+        assert 3100 < made.bus.servos[0].position < 3300
         assert made.bus.servos[0].get("torque_enable")
 
 
