@@ -195,7 +195,7 @@ class ExecutorBlocked(GoalError):
 
 
 class ServerRestarted(GoalError):
-    """The server ended before the goal ended."""
+    """The server or command that ran the goal ended first."""
 
     code = "server.restarted"
     exit_status = 13
@@ -203,8 +203,8 @@ class ServerRestarted(GoalError):
 
     def __init__(self) -> None:
         super().__init__(
-            "the server ended before this goal did, and no server resumes it; check the position "
-            "of the arm, then send the goal again"
+            "the server or command that ran this goal ended first, and nothing resumes the goal; "
+            "check the position of the arm, then send it again"
         )
 
 

@@ -173,7 +173,7 @@ def _finish(
     _show(changes)
     replaces = ", which is replaced" if calibrator.path.exists() else ""
     if error := calibrator.difference:
-        echo("", f"{error}. Copy the file first if --restore shall work for that arm")
+        echo("", f"{error}.", "Copy the file first if --restore shall work for that arm.")
     file = f"the file {calibrator.path}{replaces}"
     with _leavable():
         _confirm(f"Write {_values(changes)} to the servos, and {file}?")

@@ -218,8 +218,7 @@ class CalibrationDiffers(BoardError):
         super().__init__(
             f"Servo {servo} of {joint} keeps {name} = {kept}; the calibration file has {expected}. "
             "The file is of another arm, or another program calibrated this arm. Connect the right "
-            "arm, "
-            "or run `armtree calibrate`"
+            "arm, or run `armtree calibrate --robot ROBOT --port PORT`"
         )
 
 
@@ -232,8 +231,8 @@ class WrongMode(BoardError):
     def __init__(self, servo: int, joint: str, mode: int) -> None:
         super().__init__(
             f"Servo {servo} of {joint} is in the mode {mode}, and not in that for positions (0): "
-            "with torque it may turn without end. Another program has set this. Run `armtree "
-            "calibrate`, which sets it back"
+            "with torque it may turn without end. Another program has set this; "
+            "`armtree calibrate --robot ROBOT --port PORT` sets it back"
         )
 
 

@@ -79,7 +79,7 @@ class Message:
             text = _plain_text(self.cdr)
             fields = _json(self.data.data if text is None else text)
         except (ValueError, RecursionError) as cause:
-            what = f"a message on {self.topic} is not JSON, or too deep ({cause})"
+            what = f"a message on {self.topic} cannot be read as JSON: {cause}"
             raise RecordingError(self.path, what) from cause
         if not isinstance(fields, dict):
             raise RecordingError(self.path, f"a message on {self.topic} is not a JSON object")

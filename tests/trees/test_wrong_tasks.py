@@ -466,6 +466,15 @@ def _words(mistake: Mistake) -> tuple[str, str]:
     )
 
 
+@pytest.mark.parametrize("kind", ["[number]", "{a: number}"])
+def test_a_type_that_is_no_word_is_reported(robot: Robot, tmp_path: Path, kind: str) -> None:
+    (tmp_path / "20_m.yaml").write_text(
+        f"task: 20\nname: m\ndescription: x\nparameters:\n  a: {{type: {kind}, default: 1}}\n"
+        "tree: Succeed\n"
+    )
+    assert any("no type" in str(each) for each in check(robot, tmp_path).mistakes)
+
+
 def test_subtrees_that_use_each_other_are_reported_once(robot: Robot, tmp_path: Path) -> None:
     for name, other in (("aa", "bb"), ("bb", "aa")):
         text = f"subtree: {name}\ndescription: x\ntree:\n  sequence:\n    - subtree: {other}\n"

@@ -460,7 +460,7 @@ class _Parser:
         kind = value.value
         if isinstance(kind, str) and (kind in TYPES or (opaque and kind[:1].isupper())):
             return kind
-        units = (each for each, names in UNITS.items() if kind in names)
+        units = (each for each, names in UNITS.items() if str(kind) in names)
         near = likely or _OTHER_TYPES.get(str(kind)) or next(units, closest(str(kind), TYPES))
         why = f"{what}: no type {kind}; there are {_types()}{did_you_mean(near)}"
         self._wrong(value.place, why, value.instead(near))

@@ -31,7 +31,7 @@ _WORDS = Words(
     unit="ticks",
     reset_effect="stays where it is",
     advice_outside="turn it inwards by hand, with the power off if it holds; or calibrate again "
-    "with `armtree calibrate`",
+    "with `armtree calibrate --robot ROBOT --port PORT`",
 )
 
 

@@ -153,7 +153,9 @@ def so101_bus() -> Iterator[BoardProcess]:
 
 
 def push(bus: BoardProcess, **joints: float) -> None:
-    """Moves joints of an SO-101 by hand, all at once [deg]."""
+    """Moves joints of an SO-101 by hand, all at once [deg], as soon as none has torque."""
     names = [joint.name for joint in load_robot(Path("so101")).actuated]
     ticks = {names.index(name) + 1: 2048 + round(q * 4096 / 360) for name, q in joints.items()}
+    while any(bus.state().torque.values()):
+        pass  # the command that ends it is on its way
     bus.call("push", ticks)
