@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from executive.api.codes import INTERRUPTED_EXIT
 from executive.cli.support import process
 from tests.support.paths import ROOT
 
@@ -46,6 +47,31 @@ def test_only_a_child_process_can_end_or_go_elsewhere() -> None:
         *("5", "6"),
     ]
     assert (run.returncode, run.stderr) == (7, b"")
+
+
+LOST = """
+import threading
+from executive import __main__
+from executive.cli import main
+
+class Late:
+    def __del__(self):
+        raise KeyboardInterrupt  # as a Ctrl-C does that comes here
+
+def command():
+    Late()
+    threading.Event().wait(20.0)
+
+main.main = command
+__main__.main()
+"""
+
+
+def test_a_ctrl_c_that_python_ignores_is_repeated() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", LOST], cwd=ROOT, check=False, capture_output=True, text=True
+    )
+    assert (done.returncode, done.stderr) == (INTERRUPTED_EXIT, "")
 
 
 class Niceness:
