@@ -147,7 +147,12 @@ class RecordingError(LogError, ValueError):
 
 
 class RecordingEmpty(RecordingError):
-    """A recording was cut off before its first message."""
+    """A recording has no message yet, or was cut off before its first one."""
+
+    hint = "read it again later"
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path, "has no message yet; its run has just begun, or was killed then")
 
 
 class RecordingKept(RecordingError):

@@ -263,8 +263,9 @@ def _epoch_ns(path: Path) -> int:
                 return 0
             case Message():
                 break
-    kind = RecordingError if reader.intact or reader.messages else RecordingEmpty
-    raise kind(path, "was not recorded by armtree, or lacks its head")
+    if reader.intact or reader.messages:
+        raise RecordingError(path, "was not recorded by armtree, or lacks its head")
+    raise RecordingEmpty(path)
 
 
 def _is_time(epoch: str) -> bool:

@@ -88,8 +88,9 @@ class RecordingEndpoints:
 
     def _answer(self, name: str, read: Callable[[Timeline], Json]) -> Response:
         """Return what a thread reads from the timeline of a recording."""
+        found = read(self._recordings.timeline(name))
         try:
-            text = _text(read(self._recordings.timeline(name)))
+            text = _text(found)
         except ValueError as cause:
             what = "has a number that is not finite; another program recorded it"
             raise RecordingError(self._recordings.path(name), what) from cause

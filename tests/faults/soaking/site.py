@@ -22,7 +22,8 @@ WRONG = (
     *("internal", "skill.", "hw.driver", "hw.too_fast", "hw.joint", "hw.claimed", "hw.bad", "log."),
     *("server", "file", "plan.bad", "plan.error", "plan.model", "plan.not_finite"),
 )
-OF_THE_DISK = {"log.behind", "log.incomplete", "log.disk_full"}
+# `log.unreadable`: a recording whose first write takes long.
+OF_THE_DISK = {"log.behind", "log.incomplete", "log.disk_full", "log.unreadable"}
 _INCOMPLETE = 10
 
 

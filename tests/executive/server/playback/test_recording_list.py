@@ -148,9 +148,10 @@ def test_what_is_there_of_an_unfinished_recording_is_shown(serve: Serve) -> None
     empty = killed.with_name("20990102T000000.000Z-10.mcap")
     for data in (b"", content[:10], content[:2000]):
         empty.write_bytes(data)
-        status, error = served.ask("GET", f"/api/recordings/{empty.name}")
-        assert (status, error["code"]) == (409, "log.unreadable")
-        assert error["message"].startswith(f"{empty}: ")
+        for part in ("", "/events?at=1", "/series", "/nodes"):
+            status, error = served.ask("GET", f"/api/recordings/{empty.name}{part}")
+            assert (status, error["code"]) == (409, "log.unreadable")
+            assert error["message"].startswith(f"{empty}: has no message yet")
 
 
 def test_a_recording_without_an_index_is_copied(
