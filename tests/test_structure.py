@@ -33,6 +33,7 @@ CROWDED = {
     "tests/faults/rows": (20, "one file per part that fails"),
     "tests/executive": (18, "one folder per part, as the code"),
     "tests/executive/cli": (28, "one file per group of commands, as the code"),
+    "tests/trees": (14, "one folder per part, as the code"),
     "tests/executive/server": (16, "one file per promise of the server"),
     "tests/skills/motion": (
         14,
