@@ -25,7 +25,7 @@ from executive.session import open_executive, port_line
 from executive.setup import Setup
 from executive.task_runner import TaskRunner
 from hardware import VIRTUAL, HardwareError
-from hardware.errors import PortBusy
+from hardware.errors import ACTIVATE_AGAIN, PortBusy
 from hardware.link.serial_ports import owner_of
 from trees import TreeError
 from trees.compile.arguments import read_arguments
@@ -35,8 +35,6 @@ from .interrupts import CANCELING, Interrupts
 from .log_handler import recorded_log
 from .own_arms import stoppable
 from .process import make_punctual
-
-_SERVER_STEPS = "configure and activate"
 
 
 def execute(
@@ -143,11 +141,10 @@ def _report(view: View, executive: Executive, settings: Sequence[str], outcome: 
 
 def without_server(outcome: Outcome) -> Outcome:
     """Return an outcome whose hint has no steps that only an arm of a server has."""
-    cause = outcome.cause
-    if cause and cause.hint.endswith(_SERVER_STEPS):
-        hint = cause.hint.removesuffix(_SERVER_STEPS) + "run again"
-        outcome = replace(outcome, cause=replace(cause, hint=hint))
-    return outcome
+    if not (cause := outcome.cause):
+        return outcome
+    hint = cause.hint.replace(ACTIVATE_AGAIN, "run again")
+    return replace(outcome, cause=replace(cause, hint=hint))
 
 
 def _held_by(
