@@ -274,7 +274,7 @@ def _gripper_mistakes(gripper: Sequence[str], urdf: Urdf) -> Iterator[UrdfError]
     for name in gripper if independent else ():
         if name not in independent:
             near = did_you_mean(leaders.get(closest(name, leaders), ""))
-            why = f"--gripper: {name} is no joint that moves by itself"
+            why = f"--gripper: {name} is not a joint that moves by itself"
             yield UrdfError(why + (near or f"; {there_are(name, independent)}"))
     if independent and set(independent) <= set(gripper):
         yield UrdfError("all joints are in the gripper; leave at least one for the arm")

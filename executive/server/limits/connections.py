@@ -269,7 +269,7 @@ class HttpConnection(_QueuedProtocol, H11Protocol):
             self._update_head_timer()
 
     def take_stop(self, data: bytes) -> int:
-        """Execute a complete stop of a client that may stop the arm, and then answer it.
+        """Execute a stop that has arrived as a whole, if its client may stop the arm. Answer it.
 
         Later data is dropped, because it was sent before the answer.
         """
