@@ -27,7 +27,7 @@ from trees import Library
 from trees.compile.arguments import read_arguments
 
 # Commands that the tests start load compiled files, even if the environment forbids to write them:
-# compiling armtree takes almost half of the time of a short command.
+# compiling armtree is more than a third of the work of a short command.
 sys.dont_write_bytecode = False
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 # Under nohup a hang-up is ignored, in the background of a script Ctrl-C is, by whatever the tests

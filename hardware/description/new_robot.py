@@ -25,7 +25,8 @@ _MARGIN = 0.005  # [m]
 _PLAUSIBLE = {"rad": 3.5, "m": 1.0}  # [rad/s], [m/s]
 _CAUTIOUS = {"rad": 1.0, "m": 0.1}  # [rad/s], [m/s]
 _DEGREES = 4 * math.pi, 720.0  # magnitude of limits that are degrees by mistake
-_STROKE = 5.0, 1e4  # magnitude of limits that are mm by mistake
+# Magnitude of limits that are mm by mistake: fingers of 5 mm are common, axes of 5 m are not.
+_STROKE = 5.0, 1e4
 _TIME_TO_SPEED = 0.5  # [s]
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 
