@@ -2,17 +2,16 @@
 
 import re
 from collections.abc import Iterator, Mapping
-from inspect import cleandoc
 from types import NoneType, UnionType
 from typing import Any, get_args, get_origin, get_type_hints
 
+from executive.api.schemas import field_words
 from logs.records.conversions import Timing, sent_timing
 from logs.records.topics import TOPICS, Topic
 
 _JSON = "std_msgs/msg/String"
 _URDF = "/robot_description"
 _WORDS = {float: "number", int: "integer", str: "text", bool: "true or false", NoneType: "null"}
-_ATTRIBUTE = re.compile(r"^    (\w+): (.*(?:\n {5,}.*)*)", re.MULTILINE)
 _UNIT = re.compile(r" \[([^\]]+)\]")
 
 
@@ -26,9 +25,9 @@ def _rows(topic: Topic) -> Iterator[str]:
     if topic.type != _JSON or topic.name == _URDF:
         return
     kind: type = Timing if topic.convert is sent_timing else topic.record
-    reported = dict(_ATTRIBUTE.findall(cleandoc(kind.__doc__ or "")))
+    reported = field_words(kind)
     for name, of in get_type_hints(kind).items():
-        words = " ".join(reported[name].split())
+        words = reported[name]
         unit = ", ".join(_UNIT.findall(words)) or "-"
         meaning = _UNIT.sub("", words).rstrip(".").replace("None", "null")
         place = topic.name.replace("record.", "")

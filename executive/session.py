@@ -16,7 +16,8 @@ from trees.nodes.kind import reserved_names
 
 from .api.events import Event
 from .executive import Executive
-from .setup import Setup, check_host
+from .host_limits import check_host
+from .setup import Setup
 
 logger = logging.getLogger(__name__)
 

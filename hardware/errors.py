@@ -11,6 +11,9 @@ import os
 from pathlib import Path
 from typing import Any, ClassVar
 
+# End of the hint of a fault. `armtree run` replaces it, because its next run activates the arm.
+ACTIVATE_AGAIN = "configure and activate"
+
 _LIMITS = {errno.EMFILE: "`ulimit -n`", errno.EFBIG: "`ulimit -f`", errno.ENOMEM: "`ulimit -v`"}
 _NO_THREAD = "can't start new thread"  # message of the interpreter
 
@@ -224,7 +227,7 @@ class PortLost(LinkError):
     """The serial port disappeared while it was open. The last bytes may be lost."""
 
     code = "hw.port_lost"
-    hint = "check the cable, then configure and activate"
+    hint = f"check the cable, then {ACTIVATE_AGAIN}"
 
     def __init__(self, port: str, why: str) -> None:
         super().__init__(
@@ -237,7 +240,7 @@ class PortStalled(LinkError):
     """The board accepts no more bytes. Unwritten bytes are never sent again."""
 
     code = "hw.port_stalled"
-    hint = "check the power of the board, then configure and activate"
+    hint = f"check the power of the board, then {ACTIVATE_AGAIN}"
 
     def __init__(self, port: str, why: str) -> None:
         super().__init__(
@@ -336,7 +339,7 @@ class JointNotFollowing(MeasuredFault):
     """A joint is too far from its commanded position."""
 
     code = "hw.not_following"
-    hint = "free the joint and check its servo, then configure and activate"
+    hint = f"free the joint and check its servo, then {ACTIVATE_AGAIN}"
 
     def __init__(
         self, joint: str, commanded: float, measured: float, limit: float, effect: str
@@ -357,7 +360,7 @@ class JointStalled(MeasuredFault):
     """A joint pushes with its full effort and does not reach its commanded position."""
 
     code = "hw.stalled"
-    hint = "free the joint, then configure and activate"
+    hint = f"free the joint, then {ACTIVATE_AGAIN}"
 
     def __init__(
         self, joint: str, effort: float, limit: float, error: float, effect: str, opens: bool
@@ -399,7 +402,7 @@ class ServoTooHot(MeasuredFault):
     """A servo is too hot."""
 
     code = "hw.servo_hot"
-    hint = "let the servo cool down, then configure and activate"
+    hint = f"let the servo cool down, then {ACTIVATE_AGAIN}"
 
     def __init__(self, joint: str, celsius: float, limit: float, effect: str) -> None:
         words = f"The servo of {joint} has {celsius:g} degrees Celsius; the limit is {limit:g} "
@@ -410,7 +413,7 @@ class SupplyTooLow(MeasuredFault):
     """The supply of a servo has too low a voltage."""
 
     code = "hw.voltage_low"
-    hint = "use a stronger supply, then configure and activate"
+    hint = f"use a stronger supply, then {ACTIVATE_AGAIN}"
 
     def __init__(self, joint: str, volts: float, limit: float, effect: str) -> None:
         words = f"The servo of {joint} has {volts:g} V; the limit is {limit:g} V (least_v). Use a "
@@ -466,7 +469,7 @@ class CancelTimeout(HardwareError):
     """A goal did not stop in time, so the arm is no longer active."""
 
     code = "hw.cancel_timeout"
-    hint = "fix the skill that the message names, then configure and activate"
+    hint = f"fix the skill that the message names, then {ACTIVATE_AGAIN}"
 
 
 class WriteRefused(HardwareError):

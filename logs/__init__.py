@@ -53,7 +53,7 @@ if typing.TYPE_CHECKING:
     )
     from .views.run_figure import plot as plot
     from .views.table import table as table
-    from .writing.compaction import Summary as Summary, compact as compact
+    from .writing.compaction import Summary as Summary
     from .writing.recorder import Recorder as Recorder
     from .writing.recovery import recover as recover, recover_all as recover_all
 else:

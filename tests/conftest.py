@@ -2,6 +2,7 @@
 
 import os
 import signal
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -25,6 +26,10 @@ from tests.support.arms.virtual_boards import virtual_board
 from trees import Library
 from trees.compile.arguments import read_arguments
 
+# Commands that the tests start load compiled files, even if the environment forbids to write them:
+# compiling armtree is more than a third of the work of a short command.
+sys.dont_write_bytecode = False
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 # Under nohup a hang-up is ignored, in the background of a script Ctrl-C is, by whatever the tests
 # start, too; some tests want them to count.
 signal.signal(signal.SIGHUP, signal.SIG_DFL)

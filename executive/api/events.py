@@ -64,7 +64,8 @@ EVENTS: dict[type, str] = {
 STATUS = "status"
 KINDS = frozenset({STATUS, *EVENTS.values()})
 
-UNITS = {"time": "time_s", "duration": "duration_s", "scheduled": "scheduled_s"}
+# Names in JSON of fields whose unit is not in their name.
+UNITS = {each: f"{each}_s" for each in ("boot_wait", "duration", "scheduled", "time", "uptime")}
 
 _RECORDS = {name: kind for kind, name in EVENTS.items()}
 _FIELDS = {unit: name for name, unit in UNITS.items()}
@@ -115,10 +116,8 @@ class Status:
 
     def to_json(self) -> dict[str, Any]:
         """Return the status as a JSON object."""
-        plain = dataclasses.asdict(self) | {"goal": self.goal and self.goal.to_json()}
-        plain["uptime_s"] = round(plain.pop("uptime"), 3)
-        plain["time_s"] = plain.pop("time")
-        return plain
+        goal = self.goal and self.goal.to_json()
+        return _by_json_name(self) | {"goal": goal, "uptime_s": round(self.uptime, 3)}
 
     @classmethod
     def from_json(cls, plain: Mapping[str, Any]) -> "Status":
@@ -128,15 +127,13 @@ class Status:
             KeyError: A key is missing.
         """
         values = {
-            **plain,
+            **_by_field_name(plain),
             "arm": State(plain["arm"]),
             "fault": plain["fault"] and Cause.from_json(plain["fault"]),
             "goal": plain["goal"] and GoalStatus.from_json(plain["goal"]),
             "waiting": tuple(plain["waiting"]),
             "policy": Policy(plain["policy"]),
             "breakpoints": tuple(plain["breakpoints"]),
-            "uptime": plain["uptime_s"],
-            "time": plain["time_s"],
         }
         return from_fields(cls, values)
 
@@ -232,9 +229,7 @@ class Where:
 
     def to_json(self) -> dict[str, Any]:
         """Return the position as a JSON object."""
-        plain = dataclasses.asdict(self)
-        plain["boot_wait_s"] = plain.pop("boot_wait")
-        return plain
+        return _by_json_name(self)
 
     @classmethod
     def from_json(cls, plain: Mapping[str, Any]) -> "Where":
@@ -244,10 +239,9 @@ class Where:
             KeyError: A key is missing.
         """
         values = {
-            **plain,
+            **_by_field_name(plain),
             "arm": State(plain["arm"]),
             "limits": {name: pair and tuple(pair) for name, pair in plain["limits"].items()},
-            "boot_wait": plain["boot_wait_s"],
             "tool": plain["tool"] and tuple(plain["tool"]),
             "turns": tuple(plain["turns"]),
         }
@@ -256,6 +250,14 @@ class Where:
 
 def _finite(lower: float, upper: float) -> tuple[float, float] | None:
     return (lower, upper) if math.isfinite(upper - lower) else None
+
+
+def _by_json_name(value: Any) -> dict[str, Any]:
+    return {UNITS.get(name, name): each for name, each in dataclasses.asdict(value).items()}
+
+
+def _by_field_name(plain: Mapping[str, Any]) -> dict[str, Any]:
+    return {_FIELDS.get(key, key): each for key, each in plain.items()}
 
 
 def kind_of(event: Event) -> str:
@@ -267,7 +269,7 @@ def event_to_json(event: Event) -> dict[str, Any]:
     """Return an event as a JSON object. It must have a name: see `kind_of`."""
     if isinstance(event, GoalStatus):
         return {"event": STATUS, **event.to_json()}
-    fields = {UNITS.get(key, key): value for key, value in dataclasses.asdict(event).items()}
+    fields = _by_json_name(event)
     for key, value in fields.items():
         if isinstance(value, bytes):
             fields[key] = wire_text(value)
@@ -282,7 +284,7 @@ def event_from_json(plain: Mapping[str, Any]) -> Event:
     """
     if plain["event"] == STATUS:
         return GoalStatus.from_json(plain)
-    values = {_FIELDS.get(key, key): frozen(value) for key, value in plain.items()}
+    values = {key: frozen(value) for key, value in _by_field_name(plain).items()}
     if "data" in values:
         values["data"] = wire_bytes(values["data"])
     return cast("Event", from_fields(_RECORDS[plain["event"]], values))

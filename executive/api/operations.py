@@ -163,7 +163,7 @@ _ROWS = (
         Access.SIGN_IN,
         "/api/session",
         "sign_in",
-        "Exchange the code of a link, which works once, for the token.",
+        "Exchange the code of a one-time link for the token.",
         s.answer("SignedIn", token=s.TEXT),
         body=s.body("code", code=s.words("The code in the link.")),
     ),

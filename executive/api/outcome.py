@@ -48,7 +48,7 @@ class Cause:
     """Cause of the failure of a goal or a request.
 
     Attributes:
-        code: Stable name.
+        code: Stable name; the page *Messages* lists all.
         message: Description for people.
         node: Path of the failed node in the tree; empty if the cause is outside the tree.
         joint: Name of the joint; empty if the cause concerns no joint.

@@ -1,13 +1,16 @@
 """JSON Schemas of the requests and answers of the server."""
 
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields
-from typing import Any
+from enum import Enum
+from inspect import cleandoc
+from types import NoneType
+from typing import Any, get_args, get_origin
 
-from executive.api import Policy
 from hardware import DISPLAY_UNITS, State
 
-from .events import UNITS
+from .events import UNITS, Status, Where
 from .outcome import CancelCode, Cause, GoalState, Outcome
 
 Schema = Mapping[str, Any]
@@ -100,20 +103,51 @@ def _or_null(schema: Any) -> dict[str, Any]:
     return {"anyOf": [schema, {"type": "null"}]}
 
 
-def _plain_fields(kind: Any) -> dict[str, Any]:
-    """Return the schemas of a dataclass's texts and numbers, by their names in JSON."""
-    return {
-        UNITS.get(field.name, field.name): _TYPES[field.type]
-        for field in fields(kind)
-        if field.type in _TYPES
-    }
+def field_words(kind: type) -> dict[str, str]:
+    """Return the meaning of the fields of a dataclass, from its docstring and those above it."""
+    docstrings = (cleandoc(each.__doc__ or "") for each in reversed(kind.__mro__))
+    found = (pair for each in docstrings for pair in _ATTRIBUTE.findall(each))
+    return {name: " ".join(words.split()) for name, words in found}
+
+
+def _fields(kind: type, **others: Any) -> dict[str, Any]:
+    """Return the schemas of a dataclass's fields, by their names in JSON.
+
+    Args:
+        kind: The dataclass. The types and the docstring make the schemas.
+        others: Schemas that the types do not give, by name in JSON.
+    """
+    words, schemas = field_words(kind), dict[str, Any]()
+    for field in fields(kind):
+        name = UNITS.get(field.name, field.name)
+        meaning = words.get(field.name, "").replace("None", "null")
+        given = others.pop(name) if name in others else _of_type(field.type)
+        schemas[name] = {"description": meaning, **given}
+    return schemas | others
+
+
+def _of_type(kind: Any) -> Any:
+    """Return the schema of the values of a type."""
+    if kind in _TYPES:
+        return _TYPES[kind]
+    if isinstance(kind, type) and issubclass(kind, Enum):
+        return choice(each.value for each in kind)
+    inner = get_args(kind)
+    if NoneType in inner:
+        return _or_null(_of_type(inner[0]))
+    if get_origin(kind) is Mapping:
+        return by_name(_of_type(inner[1]))
+    if inner[-1] is Ellipsis:
+        return array(_of_type(inner[0]))
+    return array(_of_type(inner[0]), minItems=len(inner), maxItems=len(inner))
 
 
 TEXT = {"type": "string"}
 NUMBER = {"type": "number"}
 COUNT = {"type": "integer", "minimum": 0}
 BOOLEAN = {"type": "boolean"}
-_TYPES: dict[Any, Any] = {str: TEXT, int: COUNT, float: NUMBER, float | None: _or_null(NUMBER)}
+_TYPES: dict[Any, Schema] = {str: TEXT, int: COUNT, float: NUMBER, bool: BOOLEAN}
+_ATTRIBUTE = re.compile(r"^    (\w+): (.*(?:\n {5,}.*)*)", re.MULTILINE)  # of a docstring
 
 GOAL_ID = text("^[0-9a-f]{32}$", 32, "32 lower-case hexadecimal digits", minLength=32)
 QUESTION_ID = text("^[0-9a-f]{8}$", 8, minLength=8)
@@ -157,29 +191,20 @@ def words(description: str) -> Schema:
 
 # Answers
 
-ERROR = answer(
-    "Error",
-    **_plain_fields(Cause)
-    | {
-        "code": described(TEXT, "Stable name; the page *Messages* lists all."),
-        "node": described(TEXT, "Path in the tree; empty if the cause is outside it."),
-        "value": described(_or_null(NUMBER), "The wrong value [rad], [m] or [s]."),
-        "limit": described(_or_null(NUMBER), "The limit of the value, in the same unit."),
-        "place": described(
-            TEXT, "`FILE:LINE, used by FILE:LINE` of a node that is refused before the run."
-        ),
-    },
-)
+ERROR = answer("Error", **_fields(Cause))
 _ANY_TASK = described(
     integer(-(2**31), 2**31 - 1), "Number in the request; clients of rosbridge may send any int32."
 )
 RESULT = answer(
     "Result",
     goal_id=GOAL_ID,
-    state=choice(["SUCCEEDED", "CANCELED", "ABORTED"]),
     success=BOOLEAN,
-    cause=_or_null(ERROR),
-    **_plain_fields(Outcome) | {"task": _ANY_TASK},
+    **_fields(
+        Outcome,
+        task=_ANY_TASK,
+        state=choice(["SUCCEEDED", "CANCELED", "ABORTED"]),
+        cause=_or_null(ERROR),
+    ),
 )
 GOAL = answer(
     "Goal",
@@ -208,25 +233,13 @@ POSE = answer(
 )
 STATUS = answer(
     "Status",
-    arm=ARM_STATE,
-    fault=described(
-        _or_null(ERROR), "The fault that deactivated the arm; null after the next activation."
+    **_fields(
+        Status,
+        fault=_or_null(ERROR),
+        goal=_or_null(GOAL),
+        percentage=_or_null(integer(0, 100)),
+        waiting=array(GOAL_ID),
     ),
-    port=TEXT,
-    commanded=_or_null(_BY_JOINT),
-    measured=_or_null(_BY_JOINT),
-    goal=_or_null(GOAL),
-    percentage=_or_null(integer(0, 100)),
-    phase=TEXT,
-    node=TEXT,
-    attempt=COUNT,
-    waiting=array(GOAL_ID),
-    policy=choice(policy.value for policy in Policy),
-    paused=BOOLEAN,
-    breakpoints=array(TEXT),
-    stops=described(COUNT, "Stops since the start, also of an idle arm."),
-    uptime_s=NUMBER,
-    time_s=described(NUMBER, "Time of this status, on the clock of the events."),
 )
 DIGEST = described(
     text("^([0-9a-f]{32}|[0-9a-f]{12}_[^/]+)$", 250, "the digest of a mesh"),
@@ -274,42 +287,7 @@ ROBOT = answer(
     groups=described(by_name(array(TEXT)), "Actuated joints of each group."),
     tool=_or_null(_object({"link": TEXT, "offset": _VECTOR})),
 )
-WHERE = answer(
-    "Where",
-    arm=ARM_STATE,
-    units=described(by_name(choice(DISPLAY_UNITS)), "Unit of the position of each joint."),
-    limits=described(
-        by_name(_or_null(array(NUMBER, minItems=2, maxItems=2))),
-        "Smallest and largest position of each joint; null if it has no limits.",
-    ),
-    boot_wait_s=NUMBER,
-    turns=described(
-        array(TEXT), "Turns that the arm can make with its tool in place: `roll`, `pitch`, `yaw`."
-    ),
-    gripper=described(BOOLEAN, "True if the arm has a gripper."),
-    commanded=described(
-        _or_null(_BY_JOINT), "Commanded position by joint; null if the arm is not active."
-    ),
-    measured=described(
-        _or_null(_BY_JOINT), "Measured position by joint; null if the board measures none."
-    ),
-    measured_velocity=described(_or_null(_BY_JOINT), "Measured velocity by joint."),
-    measured_effort=described(
-        _or_null(_BY_JOINT),
-        "Measured part of the largest torque of the servo, -1 to 1, by joint.",
-    ),
-    temperature=described(_or_null(_BY_JOINT), "Temperature of the servo [C], by joint."),
-    voltage=described(_or_null(_BY_JOINT), "Voltage of its supply [V], by joint."),
-    current=described(_or_null(_BY_JOINT), "Current of the servo [A], by joint."),
-    lost=described(
-        _or_null(_BY_JOINT),
-        "Number of lost answers of the servo since the port was opened, by joint.",
-    ),
-    tool=described(_or_null(_VECTOR), "x, y, z of the tool at the commanded position [m]."),
-    width=described(
-        _or_null(NUMBER), "Distance between the fingers at the commanded position [m]."
-    ),
-)
+WHERE = answer("Where", **_fields(Where, units=by_name(choice(DISPLAY_UNITS))))
 _INPUT = _object(
     {
         "type": TEXT,

@@ -54,7 +54,7 @@ def jog(server: str | None, speed: float, **options: Any) -> None:
 def saving(robot: "Robot", folder: Path) -> "dict[str, tuple[KeyCommand, Act]]":
     """Return the command that saves a pose to a folder of tasks, by its key."""
     from executive.goals.moves.poses import save_where
-    from trees.export.saved_poses import PoseExists
+    from trees.writing.saved_poses import PoseExists
 
     from .jogging.model import KeyCommand
     from .jogging.screen import ConfirmationNeeded

@@ -94,7 +94,7 @@ def new_arm(
     )
     from skills.motion.collision.allowed_pairs import find_allowed_pairs
     from skills.motion.validation import MAX_MAGNITUDE
-    from trees.export.saved_poses import create_poses
+    from trees.writing.saved_poses import create_poses
 
     output, wrong = output or Path(f"{urdf.stem}.toml"), ""
     if output.exists():

@@ -132,7 +132,7 @@ def show(name: str, robot: Path | None, trees: Path | None, as_json: bool) -> No
 def rm(name: str, robot: Path | None, trees: Path) -> None:
     """Remove a pose from your file. A pose that ships stays."""
     from hardware import load_robot
-    from trees.export.saved_poses import remove_pose
+    from trees.writing.saved_poses import remove_pose
 
     path = remove_pose(load_robot(robot), trees, name)
     echo(f"{path}: pose {name} is removed; `armtree check` finds tasks that used it")

@@ -127,7 +127,7 @@ def status(client: "Client", as_json: bool, robot: Path | None) -> None:
 
 @command()
 @click.argument("recording", required=False, type=RECORDING)
-@click.option("--print", "only_print", is_flag=True, help="Print the link, and open no browser.")
+@click.option("--print", "only_print", is_flag=True, help="Print the link. Open no browser.")
 @_with_client
 def view(client: "Client", as_json: bool, recording: Path | None, only_print: bool) -> None:
     """Open the page of a server in a browser, signed in.

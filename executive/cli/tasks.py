@@ -312,7 +312,7 @@ def new(number: int, name: str, trees: Path, robot: Path | None) -> None:
       armtree new 3 wave
     """  # noqa: D301
     from hardware import load_robot
-    from trees.export.new_task import write_task
+    from trees.writing.new_task import write_task
 
     path = write_task(load_robot(robot), trees, number, name)
     given = "" if trees == Path("trees") else f" --trees {trees}"

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from executive.api.events import Where
-    from trees.export.taught_task import TaughtTask
+    from trees.writing.taught_task import TaughtTask
 
     from .jogging.arms import OwnArm
     from .jogging.model import KeyCommand
@@ -61,7 +61,7 @@ def teach(number: int, name: str, server: str | None, speed: float, **options: A
       armtree teach 5 fetch
     """  # noqa: D301
     from hardware import Ability, load_robot
-    from trees.export.taught_task import TaughtTask
+    from trees.writing.taught_task import TaughtTask
 
     from .jogging.arms import OwnArm
     from .jogging.model import KeyCommand

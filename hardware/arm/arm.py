@@ -31,7 +31,6 @@ from .lifecycle import Lifecycle, Result, State
 from .reconnect import ReconnectWatcher
 from .schedule import Schedule
 from .streamer import Playback, Streamer
-from .write_guard import WriteGuard
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -62,6 +61,8 @@ def _at_once(timeout: float) -> bool:
 
 class Arm:
     """A robot arm. It moves open loop: a motion starts at the last commanded positions.
+
+    This is the arm of an executive. Programs use `armtree.Arm`, which runs tasks on one.
 
     The end of a `with` block and the exit of the interpreter shut the arm down. Garbage collection
     of the arm closes its port.
@@ -133,7 +134,7 @@ class Arm:
         Raises:
             NotActive: The arm is not active, so its pose is unknown.
         """
-        return self._guard().commanded
+        return self._active_connection().guard.commanded
 
     @property
     def measured(self) -> Measurement | None:
@@ -253,7 +254,7 @@ class Arm:
         Raises:
             NotActive: The arm is not active.
         """
-        return self._guard().generation
+        return self._active_connection().guard.generation
 
     def play(
         self, schedule: Schedule, on_change: Callable[[], None], owner: str, generation: int
@@ -286,7 +287,7 @@ class Arm:
         Raises:
             NotActive: The arm is not active.
         """
-        return self._guard().torque
+        return self._active_connection().guard.torque
 
     def switch_torque(self, on: bool) -> None:
         """Switch the torque of all servos, and wait for the end. This ends any motion.
@@ -302,10 +303,7 @@ class Arm:
                 holds where it is measured, and is unconfigured, as after a fault.
         """
         self.robot.require(Ability.TORQUE)
-        connection = self._connection
-        if self.state is not State.ACTIVE or connection is None:
-            raise self._not_active()
-        connection.switch_torque(on)
+        self._active_connection().switch_torque(on)
 
     def stop(self) -> None:
         """Drop the rest of the motion and hold. Allowed in any state, any number of times.
@@ -398,11 +396,16 @@ class Arm:
         connection = self._connection
         return connection.streamer if connection else None
 
-    def _guard(self) -> WriteGuard:
+    def _active_connection(self) -> Connection:
+        """Return the connection of an active arm.
+
+        Raises:
+            NotActive: The arm is not active.
+        """
         connection = self._connection
         if self.state is not State.ACTIVE or connection is None:
             raise self._not_active()
-        return connection.guard
+        return connection
 
     def _not_active(self) -> NotActive:
         failing = self.state in (State.ACTIVE, State.ERRORPROCESSING)

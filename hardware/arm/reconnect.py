@@ -41,7 +41,7 @@ class ReconnectWatcher:
         return self._clock.spawn(self._watch, "reconnect")
 
     def stop(self) -> None:
-        """Stop watching for good. Does nothing if it was not started."""
+        """Stop watching. Does nothing if it was not started."""
         with self._signal:
             self._stopped = True
             self._signal.notify()

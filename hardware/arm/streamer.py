@@ -89,7 +89,7 @@ class Playback:
 
     def note_acknowledged(self, acknowledged: int) -> None:
         """Update `arrived` from the number of frames acknowledged since the port was opened."""
-        arrived = min(acknowledged - self._sent_before, self.written)  # a hold is no setpoint
+        arrived = min(acknowledged - self._sent_before, self.written)  # a hold is not a setpoint
         self.arrived = max(self.arrived, arrived)
 
     def finish(self, state: PlaybackState, error: HardwareError | None = None) -> None:

@@ -73,26 +73,14 @@ class ForwardKinematics:
             link, offset = each.parent, (a + x, b + y, c + z)
         return offset
 
-    def joints_above(self, link: str) -> list[str]:
-        """Return the names of the joints between a link and the root, nearest joint first."""
+    def joints_above(self, link: str) -> list[UrdfJoint]:
+        """Return the joints between a link and the root, nearest joint first."""
         above = {joint.child: joint for joint, *_ in self._joints}
-        names = []
+        joints = []
         while joint := above.get(link):
-            names.append(joint.name)
+            joints.append(joint)
             link = joint.parent
-        return names
-
-    def moved_above(self, link: str) -> list[str]:
-        """Return the links between a link and the root, both included, that a joint moves itself.
-
-        The first one is nearest to the link.
-        """
-        above = {joint.child: joint for joint, *_ in self._joints}
-        links = []
-        while joint := above.get(link):
-            links += [link] if joint.type != "fixed" else []
-            link = joint.parent
-        return links
+        return joints
 
 
 def reach(urdf: Urdf) -> float:

@@ -11,6 +11,7 @@ from urllib.parse import unquote
 from .urdf import Urdf, UrdfError
 
 MAX_MESH_BYTES = 2**26
+MAX_SIZE = 20.0  # a mesh, a shape or a distance that is longer along an axis is in mm [m]
 _TRIANGLES = 1000  # number of triangles of a mesh that are measured
 _PACKAGE = "package://"
 
@@ -81,13 +82,12 @@ def mesh_mistakes(urdf: Path, names: Iterable[str]) -> Iterator[UrdfError]:
         yield MeshMissing(f"{what}; {_advice(urdf, *lost)}")
 
 
-def mesh_size_mistakes(path: Path, urdf: Urdf, largest: float) -> Iterator[UrdfError]:
+def mesh_size_mistakes(path: Path, urdf: Urdf) -> Iterator[UrdfError]:
     """Yield the collision meshes in mm. Only binary STL is checked, by some of its triangles.
 
     Args:
         path: The URDF file.
         urdf: The URDF.
-        largest: Size of a mesh along an axis from which it is in mm [m].
     """
     reported = set[str]()
     for line, name, scale in urdf.mesh_scales():
@@ -96,11 +96,22 @@ def mesh_size_mistakes(path: Path, urdf: Urdf, largest: float) -> Iterator[UrdfE
             size = max(map(mul, _stl_size(file), map(abs, scale)), default=0.0)
         except (UrdfError, OSError):  # `mesh_mistakes` reports them
             continue
-        if size > largest and name not in reported:
+        if size > MAX_SIZE and name not in reported:
             reported.add(name)
-            right = " ".join(f"{each / 1e3:g}" for each in scale)
-            why = f"the mesh {file.name} is {size:.0f} m long, which looks like mm"
-            yield UrdfError(f'{why}; write scale="{right}" in its <mesh>', line)
+            yield UrdfError(mesh_in_mm(file.name, size, scale), line)
+
+
+def mesh_in_mm(name: str, size: float, scale: Sequence[float]) -> str:
+    """Return the words for a mesh in mm.
+
+    Args:
+        name: Name of the file.
+        size: Its largest size along an axis [m].
+        scale: Its scale in the URDF along x, y and z.
+    """
+    right = " ".join(f"{each / 1e3:g}" for each in scale)
+    why = f"the mesh {name} is {size:.0f} m long, which looks like mm"
+    return f'{why}; write scale="{right}" in its <mesh>'
 
 
 def _stl_size(path: Path) -> Sequence[float]:

@@ -16,7 +16,7 @@ from hardware.spelling import closest, did_you_mean, there_are
 
 from .gripper import closing
 from .groups import Tree, guess_gripper, guess_tool
-from .meshes import mesh_mistakes, mesh_size_mistakes, visual_mesh_warnings
+from .meshes import MAX_SIZE, mesh_mistakes, mesh_size_mistakes, visual_mesh_warnings
 from .robot import CollisionRules, Robot, Serial, Tool
 from .urdf import MAX_BYTES, Urdf, UrdfError, UrdfJoint
 
@@ -25,8 +25,8 @@ _MARGIN = 0.005  # [m]
 _PLAUSIBLE = {"rad": 3.5, "m": 1.0}  # [rad/s], [m/s]
 _CAUTIOUS = {"rad": 1.0, "m": 0.1}  # [rad/s], [m/s]
 _DEGREES = 4 * math.pi, 720.0  # magnitude of limits that are degrees by mistake
-_LONGEST = 20.0  # largest distance of a joint from its parent along an axis, and size [m]
-_STROKE = 5.0, 1e4  # magnitude of limits that are mm by mistake
+# Magnitude of limits that are mm by mistake: fingers of 5 mm are common, axes of 5 m are not.
+_STROKE = 5.0, 1e4
 _TIME_TO_SPEED = 0.5  # [s]
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 
@@ -121,11 +121,11 @@ def draft_robot(
     mistakes += [
         UrdfError(f"the {key} of {where}, {_words(size)}, {_metres(size, key)}", line)
         for line, where, key, size in urdf.shape_sizes()
-        if _LONGEST < max(size, default=0.0) <= largest
+        if MAX_SIZE < max(size, default=0.0) <= largest
     ]
     used = [name for name, collides in urdf.meshes().items() if name and collides]
     mistakes += mesh_mistakes(path, used)
-    mistakes += mesh_size_mistakes(path, urdf, _LONGEST)
+    mistakes += mesh_size_mistakes(path, urdf)
     mistakes += _gripper_mistakes(gripper or (), urdf)
     if tool is not None and urdf.links and tool not in urdf.links:
         why = f"there is no link {tool} for the tool; {there_are(tool, urdf.links)}"
@@ -241,7 +241,7 @@ def _joint_mistakes(urdf: Urdf) -> Iterator[UrdfError]:
             why = f"joint {name}: its limits {joint.lower:g} and {joint.upper:g} look like mm"
             right = f'lower="{joint.lower / 1e3:g}" upper="{joint.upper / 1e3:g}"'
             yield UrdfError(f"{why}, but a URDF has metres; write {right}", line)
-        if max(map(abs, joint.xyz)) > _LONGEST:
+        if max(map(abs, joint.xyz)) > MAX_SIZE:
             why = f"joint {name}: its origin {_words(joint.xyz)} {_metres(joint.xyz, 'xyz')}"
             yield UrdfError(why, line)
         if joint.mimic and joint.mimic.leader not in leaders:
@@ -275,7 +275,7 @@ def _gripper_mistakes(gripper: Sequence[str], urdf: Urdf) -> Iterator[UrdfError]
     for name in gripper if independent else ():
         if name not in independent:
             near = did_you_mean(leaders.get(closest(name, leaders), ""))
-            why = f"--gripper: {name} is no joint that moves by itself"
+            why = f"--gripper: {name} is not a joint that moves by itself"
             yield UrdfError(why + (near or f"; {there_are(name, independent)}"))
     if independent and set(independent) <= set(gripper):
         yield UrdfError("all joints are in the gripper; leave at least one for the arm")

@@ -213,7 +213,7 @@ def _joints(
             why = f"the URDF's {name} follows {described.mimic.leader}"
             root.fail("joints", f"{why}; let it follow one of those described: {', '.join(own)}")
         elif name not in own:
-            root.fail("joints", f"the URDF's joint {name} is not described")
+            root.fail("joints", f"the joint {name} of the URDF is missing; add [joints.{name}]")
     return (*own.values(), *mimics)
 
 

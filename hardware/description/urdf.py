@@ -356,7 +356,7 @@ def _tree_mistakes(joints: list[Element], bodies: list[Element]) -> Iterator[_Mi
             if not link:
                 yield joint, f'joint {name} has no {tag}; write <{tag} link="NAME"/> in it'
             elif link not in links:
-                why = f"joint {name}: its {tag} {link} is no link; {there_are(link, links)}"
+                why = f"joint {name}: its {tag} {link} is not a link; {there_are(link, links)}"
                 if not why.endswith("?"):
                     why += f'; name one of them, or add <link name="{link}"/>'
                 yield joint, why
@@ -451,7 +451,7 @@ def _vector(origin: Element, key: str, wanted: str, wrong: list[_Mistake]) -> Ve
 def _limits(joint: Element, wrong: list[_Mistake]) -> tuple[float, float, float]:
     """Return lower and upper position, and velocity; infinite if the URDF omits one.
 
-    A velocity of 0 is the placeholder of an unknown one, so it is no limit.
+    A velocity of 0 is the placeholder of an unknown one, so it is not a limit.
     """
     kind, limit = joint.get("type", ""), joint.find("limit")
     bounded, unit = kind in ("revolute", "prismatic"), _unit(kind)

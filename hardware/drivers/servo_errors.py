@@ -21,7 +21,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from hardware.errors import BoardError, BoardSilent, HardwareError
+from hardware.errors import ACTIVATE_AGAIN, BoardError, BoardSilent, HardwareError
 
 _DOCTOR = "`armtree doctor --open` shows what is on the bus"
 
@@ -99,7 +99,7 @@ class ServoSilent(BoardError):
     """Servos on a bus stopped answering."""
 
     code = "hw.servo_silent"
-    hint = "check cables, power and ids of the servos, then configure and activate"
+    hint = f"check cables, power and ids of the servos, then {ACTIVATE_AGAIN}"
 
     def __init__(
         self, servos: Sequence[str], total: int, cycles: int, twice: Iterable[int], noise: int
@@ -165,7 +165,7 @@ class ServoFault(BoardError):
     """
 
     code = "hw.servo_fault"
-    hint = "free the joint, let the servo cool down, then configure and activate"
+    hint = f"free the joint, let the servo cool down, then {ACTIVATE_AGAIN}"
 
     def __init__(self, servo: int, joint: str, errors: Sequence[str], health: ServoHealth) -> None:
         self.joint = joint
@@ -183,7 +183,7 @@ class TorqueLost(BoardError):
     """A servo on a bus lost its torque while the arm was active."""
 
     code = "hw.torque_lost"
-    hint = "support the arm and check the supply, then configure and activate"
+    hint = f"support the arm and check the supply, then {ACTIVATE_AGAIN}"
 
     def __init__(self, servo: int, joint: str) -> None:
         super().__init__(

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from logs.errors import RecordingError
-from logs.reading.file_state import locked
 from logs.reading.tolerant_reader import TolerantReader
 from logs.records.file_format import DIGESTS, RECOVERED, UNFINISHED
 
@@ -56,8 +55,8 @@ class Summary:
         )
 
 
-def compact(journal: Path) -> Summary:
-    """Replace a journal with a finished recording of its valid content.
+def rewrite(journal: Path) -> Summary:
+    """Replace a journal with a finished recording of its valid content. The caller holds the lock.
 
     It accepts any state: a closed journal, a journal that was cut anywhere, and a finished
     recording, which keeps its content. A file without a complete header becomes an empty recording.
@@ -65,17 +64,10 @@ def compact(journal: Path) -> Summary:
     a copy of the journal is kept.
 
     Raises:
-        RecordingInUse: The journal is being written.
         RecordingError: The file does not exist, is not an MCAP file, or the new file lacks
             messages. The journal is unchanged.
         OSError: The disk failed or is full. The journal is unchanged.
     """
-    with locked(journal):
-        return rewrite(journal)
-
-
-def rewrite(journal: Path) -> Summary:
-    """Compact a journal like `compact`. The caller holds the lock."""
     records = TolerantReader(journal)
     new = part_of(journal)
     try:

@@ -45,7 +45,7 @@ class Journal:
     """Writes each record immediately; `kill -9` loses at most the record being written.
 
     Not thread-safe. A closed journal is a complete MCAP file without a summary. An open journal is
-    the valid beginning of such a file. `compact` makes the final recording from either.
+    the valid beginning of such a file. `compaction.rewrite` makes the final recording from either.
     """
 
     def __init__(self, stream: BufferedWriter, epoch_ns: int) -> None:

@@ -65,7 +65,7 @@ class Recorder:
         self.path = path
         self._epoch_ns = epoch_ns
         self._on_failure = on_failure
-        # Frames that were put, and that were written. A comparison tells the streamer that all are
+        # Frames that were put, and that were written. A comparison shows the streamer that all are
         # written; a question to the writing thread takes 40 us, and 3 ms beside a busy thread.
         self._sent = self._kept = 0
         self._lost = 0
@@ -86,7 +86,7 @@ class Recorder:
 
         Args:
             items: Items to write as one piece. Only the streamer's thread puts a frame (`Sent`),
-                alone.
+                and a frame is the only item of its call.
         """
         if isinstance(items[0], Sent):
             self._sent += 1

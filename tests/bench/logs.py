@@ -35,6 +35,7 @@ from executive.replay.verification import verify_all
 from hardware import RealClock, load_robot
 from logs.writing.journal import Journal
 from tests.bench.table import Row, arguments, show
+from tests.support.recordings.compact import compact
 from tests.support.recordings.file_damage import FOOTER_BYTES, Damage, failure, take
 
 ARMTREE = [sys.executable, "-P", "-m", "executive"]
@@ -145,7 +146,7 @@ def truncations(every: int, flips: int) -> int:
         path = Path(folder) / "x.mcap"
         journal_of(path, 100_000)
         files = {"journal": path.read_bytes()}
-        logs.compact(path)
+        compact(path)
         files["finished"] = path.read_bytes()
     rng = random.Random(1)
     damages = []
@@ -182,7 +183,7 @@ def size_ratio() -> float:
         path = Path(folder) / "x.mcap"
         journal_of(path, 8_000_000)
         packed = len(zstandard.compress(path.read_bytes()))
-        return logs.compact(path).bytes / packed
+        return compact(path).bytes / packed
 
 
 def verified_per_core(count: int, jobs: int) -> float:

@@ -35,6 +35,7 @@ def every_error() -> set[type[Exception]]:
     return found
 
 
+@pytest.mark.slow
 def test_every_error_with_a_code_is_listed() -> None:
     codes = {kind: getattr(kind, "code", None) for kind in every_error()}
     assert len(codes) > 50

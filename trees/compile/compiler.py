@@ -530,7 +530,7 @@ class TreeCompiler:
     def _unnamed(self, value: Located, kind: str, what: str, port: str, scope: Scope) -> None:
         """Report an output port that has a plain value instead of a key.
 
-        Treat a name without $ as written.
+        A text without $ counts as that key, so that its readers are not reported too.
         """
         text = value.value if isinstance(value.value, str) else ""
         instead = value.instead(f"${text}") if text.isidentifier() else None

@@ -64,7 +64,7 @@ class ReactiveSelector(_Reactive, composites.Selector):
     """A selector without memory: while a later child runs, it repeats the earlier ones."""
 
 
-class _InTurn(ControlNodeKind, register=False):
+class _SequentialKind(ControlNodeKind, register=False):
     """Children that run one after the other, with or without memory.
 
     Attributes:
@@ -103,7 +103,7 @@ class _InTurn(ControlNodeKind, register=False):
                 )
 
 
-class SequenceKind(_InTurn):
+class SequenceKind(_SequentialKind):
     """Runs its children one after the other, until one fails."""
 
     name = "sequence"
@@ -118,7 +118,7 @@ class SequenceKind(_InTurn):
         return all_of(children, sum(each.shortest for each in children))
 
 
-class SelectorKind(_InTurn):
+class SelectorKind(_SequentialKind):
     """Runs its children one after the other, until one succeeds."""
 
     name = "selector"

@@ -40,7 +40,7 @@ class OwnRun:
     process: int
 
     def stop(self) -> None:
-        """Tell the command to stop its arm and end."""
+        """Request the command to stop its arm and end."""
         with suppress(ProcessLookupError):  # it has just ended
             signal.pidfd_send_signal(self.process, STOP)
 
@@ -106,7 +106,7 @@ def _find(file: Path, stack: ExitStack) -> OwnRun | None:
     except (FileNotFoundError, ProcessLookupError):  # it has just ended
         return None
     stack.callback(os.close, process)
-    # If the lock is still held, `process` is no later process with the same id.
+    # If the lock is still held, `process` is not a later process with the same id.
     return OwnRun(int(pid), stream.read(), process) if _locked(stream) else None
 
 

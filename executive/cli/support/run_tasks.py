@@ -25,7 +25,7 @@ from executive.session import open_executive, port_line
 from executive.setup import Setup
 from executive.task_runner import TaskRunner
 from hardware import VIRTUAL, HardwareError
-from hardware.errors import PortBusy
+from hardware.errors import ACTIVATE_AGAIN, PortBusy
 from hardware.link.serial_ports import owner_of
 from trees import TreeError
 from trees.compile.arguments import read_arguments
@@ -35,8 +35,6 @@ from .interrupts import CANCELING, Interrupts
 from .log_handler import recorded_log
 from .own_arms import stoppable
 from .process import make_punctual
-
-_SERVER_STEPS = "configure and activate"
 
 
 def execute(
@@ -86,11 +84,9 @@ def execute(
         reported = executive.robot.firmware.reports_pose and executive.port != VIRTUAL
         if isinstance(tasks[0], Move) and not reported:
             start.append(_start_line(executive))
-        source = click.get_current_context().get_parameter_source("port")
-        if known and executive.port == VIRTUAL and source is not ParameterSource.COMMANDLINE:
-            for server in token_file.running():
-                if held := _held_by(server, executive, number_of(tasks[0]), settings):
-                    raise Refusal(f"{held}; to run on a virtual arm instead, add --port virtual")
+        for server in perhaps_meant(executive.port) if known else ():
+            if held := _held_by(server, executive, number_of(tasks[0]), settings):
+                raise Refusal(f"{held}; to run on a virtual arm instead, add --port virtual")
         runner = TaskRunner(executive)
 
         def cancel() -> None:
@@ -134,20 +130,16 @@ def _show(view: View, start: list[str], verbose: bool, event: Event) -> None:
 
 def _report(view: View, executive: Executive, settings: Sequence[str], outcome: Outcome) -> None:
     """Report an outcome. If a server has the arm, add the command that sends the task to it."""
-    cause = outcome.cause
-    if cause and cause.code == PortBusy.code and (server := server_with(executive.port)):
-        hint = _held_by(server, executive, outcome.task, settings) or cause.hint
-        outcome = replace(outcome, cause=replace(cause, hint=hint))
-    view.put(outcome)
+    hint = partial(_held_by, executive=executive, task=outcome.task, settings=settings)
+    view.put(with_holder(outcome, executive.port, hint))
 
 
 def without_server(outcome: Outcome) -> Outcome:
     """Return an outcome whose hint has no steps that only an arm of a server has."""
-    cause = outcome.cause
-    if cause and cause.hint.endswith(_SERVER_STEPS):
-        hint = cause.hint.removesuffix(_SERVER_STEPS) + "run again"
-        outcome = replace(outcome, cause=replace(cause, hint=hint))
-    return outcome
+    if not (cause := outcome.cause):
+        return outcome
+    hint = cause.hint.replace(ACTIVATE_AGAIN, "run again")
+    return replace(outcome, cause=replace(cause, hint=hint))
 
 
 def _held_by(
@@ -180,10 +172,29 @@ def _held_by(
     return f"an armtree server has the arm; give {shlex.join(words)}"
 
 
-def server_with(port: str) -> token_file.ServerInfo | None:
-    """Return the server of this user that has locked a port."""
+def perhaps_meant(port: str) -> Sequence[token_file.ServerInfo]:
+    """Return the servers whose arm a user may mean: all, if no option chose the virtual arm."""
+    source = click.get_current_context().get_parameter_source("port")
+    chosen = port != VIRTUAL or source is ParameterSource.COMMANDLINE
+    return () if chosen else token_file.running()
+
+
+def with_holder(
+    outcome: Outcome, port: str, hint: Callable[[token_file.ServerInfo], str]
+) -> Outcome:
+    """Return an outcome whose hint is about the server of this user that has the port, if one has.
+
+    Args:
+        outcome: The outcome.
+        port: The port.
+        hint: Callback that returns the hint; empty to keep that of the outcome.
+    """
+    cause = outcome.cause
+    if not cause or cause.code != PortBusy.code:
+        return outcome
     owner = owner_of(port)
-    return next((server for server in token_file.running() if server.pid == owner), None)
+    hints = (hint(server) for server in token_file.running() if server.pid == owner)
+    return replace(outcome, cause=replace(cause, hint=next(hints, "") or cause.hint))
 
 
 def _prompt(view: View) -> Callable[[str], None]:

@@ -3,17 +3,12 @@
 import sys
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
-
-import click
-from click.core import ParameterSource
 
 from executive.api import token_file
 from executive.api.codes import INTERRUPTED_EXIT, OK
 from executive.api.move import LEADER, Move
-from executive.api.outcome import Outcome
 from executive.cli.jogging.arms import OwnArm
 from executive.cli.jogging.run_jog import pose_words
 from executive.cli.support.failures import Refusal
@@ -21,7 +16,7 @@ from executive.cli.support.interrupts import Interrupts
 from executive.cli.support.log_handler import recorded_log
 from executive.cli.support.own_arms import stoppable
 from executive.cli.support.process import make_punctual
-from executive.cli.support.run_tasks import server_with
+from executive.cli.support.run_tasks import perhaps_meant, with_holder
 from executive.cli.support.server_requests import holds
 from executive.cli.terminal.keyboard import key_by_key
 from executive.cli.terminal.streams import echo
@@ -31,8 +26,7 @@ from executive.errors import ClientError
 from executive.session import open_executive, port_line
 from executive.setup import Setup
 from executive.task_runner import TaskRunner
-from hardware import VIRTUAL, Robot, load_robot
-from hardware.errors import PortBusy
+from hardware import Robot, load_robot
 
 from .screen import TeleopScreen
 from .servo_leader import HandGuidedArm
@@ -86,7 +80,7 @@ def run_teleop(
         # The leader does not lead yet, so this goal ends as soon as the arm is active.
         outcome = interrupts.run(lambda: runner.run(Move((LEADER,))))
         if outcome.code != OK:
-            echo(_with_advice(outcome, executive.port).text())
+            echo(with_holder(outcome, executive.port, _server_words).text())
             return exit_status(outcome.code)
         try:
             leader.open()
@@ -101,25 +95,13 @@ def run_teleop(
     return INTERRUPTED_EXIT if screen.left else 0
 
 
-def _with_advice(outcome: Outcome, port: str) -> Outcome:
-    """Return an outcome whose hint names the server that has the arm, if one has it."""
-    cause = outcome.cause
-    if not (cause and cause.code == PortBusy.code and (server := server_with(port))):
-        return outcome
-    return replace(outcome, cause=replace(cause, hint=_server_words(server)))
-
-
 def _check_servers(setup: Setup, robot: Robot) -> None:
     """Check that no server has the robot, if no port is given and the arm would be virtual.
 
     Raises:
         Refusal: A server has it, so the user may mean the arm of that server.
     """
-    given = click.get_current_context().get_parameter_source("port")
-    port = robot.serial.port if setup.port is None else setup.port
-    if port != VIRTUAL or given is ParameterSource.COMMANDLINE:
-        return
-    for server in token_file.running():
+    for server in perhaps_meant(robot.serial.port if setup.port is None else setup.port):
         with suppress(ClientError), Client(server.url) as client:
             if holds(client.robot(), robot):
                 words = "To have a virtual arm follow instead, add --port virtual"

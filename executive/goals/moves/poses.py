@@ -9,7 +9,7 @@ from hardware import NotActive, Robot
 from hardware.spelling import choices
 from skills import BadTarget
 from trees import Library
-from trees.export.saved_poses import PoseExists, save_pose
+from trees.writing.saved_poses import PoseExists, save_pose
 
 from .move_task import poses_with_home
 

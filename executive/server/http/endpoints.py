@@ -27,8 +27,8 @@ from executive.server.page.robot_shapes import RobotScene
 from executive.server.security import is_authenticated
 from executive.server.sign_in import SignIn
 from hardware import utc_ns
-from trees.export.saved_poses import remove_pose
 from trees.live_library import LiveLibrary
+from trees.writing.saved_poses import remove_pose
 
 from .recording_endpoints import RecordingEndpoints
 

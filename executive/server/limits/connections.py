@@ -25,6 +25,7 @@ from websockets.utils import apply_mask
 from executive.api.operations import OPERATIONS, Operation
 from executive.api.outcome import CancelResult, cause_of
 from executive.errors import BadRequest
+from executive.host_limits import spare_files
 from executive.server.security import AccessRules, is_authenticated
 
 from .fair_queue import CHUNK, FairQueue
@@ -36,6 +37,7 @@ MAX_HEAD = 8 * 1024  # largest head of a request [bytes]
 MAX_HEAD_LINES = 100  # largest number of lines in a head; parsing a line takes 5 us
 READ_AT_ONCE = 4 * 1024  # largest queued data of a connection [bytes]; asyncio would read 256 KiB
 DISCARDED = 256 * 1024  # largest number of bytes that are dropped before a connection is closed
+MAX_CONNECTIONS = 128  # enough for all streams, subscribers and rosbridge clients together
 HEAD_SECONDS = 5.0  # longest time for a head, from the acceptance or the last answer on [s]
 STALL_SECONDS = 5.0  # time without reading after which a client is disconnected [s]
 
@@ -53,6 +55,20 @@ _PEEK = int(socket.MSG_PEEK | socket.MSG_DONTWAIT)
 _TCP_ESTABLISHED = 1  # first byte of TCP_INFO while the client has not closed its side
 _ROSBRIDGE_CANCEL = re.compile(rb"cancel_action_goal|_action/cancel_goal")
 _TEXT_FRAME = 0x81  # first byte of a WebSocket frame with a whole text message
+
+
+def max_connections(planners: int) -> int:
+    """Return the largest number of served connections. The same number may wait.
+
+    Call this before the server opens its first connection.
+
+    Args:
+        planners: Number of planner processes.
+
+    Raises:
+        HostLimit: The limit of the operating system leaves no descriptors for connections.
+    """
+    return spare_files(planners, least=2, most=2 * MAX_CONNECTIONS) // 2
 
 
 class SharedState(ServerState):
@@ -253,7 +269,7 @@ class HttpConnection(_QueuedProtocol, H11Protocol):
             self._update_head_timer()
 
     def take_stop(self, data: bytes) -> int:
-        """Execute a complete stop of a client that may stop the arm, and then answer it.
+        """Execute a stop that has arrived as a whole, if its client may stop the arm. Answer it.
 
         Later data is dropped, because it was sent before the answer.
         """

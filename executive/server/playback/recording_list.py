@@ -255,7 +255,7 @@ class RecordingFolder:
                 logs.Recording(path)  # the file is a recording
                 if not copy_valid(path, copy) or not IndexedRecording(copy).with_topic(_GOAL):
                     copy.unlink()
-                    raise logs.RecordingError(path, "holds no goal of a run")
+                    raise logs.RecordingError(path, "has no goal")
         return copy
 
     @cached_property

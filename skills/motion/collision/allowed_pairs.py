@@ -12,6 +12,7 @@ import coal
 import numpy as np
 
 from hardware import Joint, Robot
+from hardware.description.meshes import MAX_SIZE, mesh_in_mm
 from hardware.description.neighbours import adjacent_links
 from skills.motion.arrays import Array
 from skills.motion.errors import ModelUnusable
@@ -28,7 +29,6 @@ _ALWAYS = 0.95  # share of samples in contact from which a pair counts as always
 # Hulls that keep the margin plus this distance in all samples never touch [m]. The addition covers
 # configurations between two samples.
 _RESERVE = 0.01
-_LONGEST = 20.0  # largest size of a mesh along an axis [m]
 _SHARES = np.linspace(1.0, 0.0, 41)  # shares of the way from the start to a pose
 NO_POSES: Mapping[str, Mapping[str, float]] = {}
 
@@ -103,10 +103,9 @@ def find_allowed_pairs(
 def _check_meshes(robot: Robot, model: RobotModel) -> None:
     for shape in model.exact:
         longest = np.ptp(corners(shape), axis=0).max()
-        if isinstance(shape.geometry, coal.BVHModelBase) and longest > _LONGEST:
-            why = f"the mesh {Path(shape.meshPath).name} is {longest:.0f} m long, which looks like"
-            scale = " ".join(f"{each / 1e3:g}" for each in shape.meshScale)
-            raise ModelUnusable(str(robot.urdf), f'{why} mm; write scale="{scale}" in its <mesh>')
+        if isinstance(shape.geometry, coal.BVHModelBase) and longest > MAX_SIZE:
+            why = mesh_in_mm(Path(shape.meshPath).name, longest, shape.meshScale)
+            raise ModelUnusable(str(robot.urdf), why)
 
 
 def _scene(

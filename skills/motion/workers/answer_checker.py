@@ -110,7 +110,8 @@ class AnswerChecker:
         _check_positions(reached, group)
         link, offset, axis = request.link, np.array(request.offset), request.axis or (0.0, 0.0, 1.0)
         if not link:
-            if not own or not set(self._robot.kinematics.joints_above(own.link)) & set(group.names):
+            above = self._robot.kinematics.joints_above(own.link) if own else []
+            if not own or {joint.name for joint in above}.isdisjoint(group.names):
                 return
             link, offset, axis = own.link, offset + own.offset, request.axis or own.axis
         start = joint_positions("start", request.start, self._joints)
@@ -134,7 +135,8 @@ class AnswerChecker:
                 ends = [self._locate(link, offset + each, configuration) for each in axes]
                 return np.array(ends) - origin
 
-            *_, first = moved = self._robot.kinematics.moved_above(link) or ("",)
+            above = self._robot.kinematics.joints_above(link)
+            *_, first = moved = [each.child for each in above if each.type != "fixed"] or [""]
             points = (self._locate(each, np.zeros(3), start) for each in (moved[0], first))
             tool = self._locate(link, offset, start)
             wanted = turned(before := seen(start), request.turn, tool, *points)

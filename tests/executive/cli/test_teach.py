@@ -14,7 +14,7 @@ from tests.support.arms.bus_arms import push, so101_bus, so101_file
 from tests.support.command_line.pseudo_terminal import ARMTREE, PseudoTerminal
 from tests.support.command_line.typed import typed
 from tests.support.servers.serving import Serve, Served
-from trees.export.taught_task import TaughtTask
+from trees.writing.taught_task import TaughtTask
 
 pytestmark = pytest.mark.slow
 

@@ -17,6 +17,8 @@ from hardware import RealClock
 from tests.support.servers.cuttable_proxy import CuttableProxy
 from tests.support.servers.free_port import free_port
 
+pytestmark = pytest.mark.slow
+
 
 def test_the_token_is_sent_only_to_the_address_of_the_server(tmp_path: Path) -> None:
     """Another user's program may listen on the same port of another address."""

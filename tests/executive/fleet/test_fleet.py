@@ -34,6 +34,8 @@ from tests.support.servers.cuttable_proxy import CuttableProxy
 from tests.support.servers.fleet_arms import CLOCK, ended, joined, sent
 from tests.support.servers.simulated_arms import SimulatedArm
 
+pytestmark = pytest.mark.slow
+
 pytest_plugins = ["tests.support.servers.fleet_fixtures"]
 LOST_ID = "d" * 32
 
@@ -432,7 +434,6 @@ def test_a_name_is_taken_only_while_its_worker_lives(
     asyncio.run(main())
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("keeps_its_disk", [True, False])
 def test_a_result_waits_until_the_nats_server_is_back(
     options: NatsOptions, keeps_its_disk: bool, monkeypatch: pytest.MonkeyPatch

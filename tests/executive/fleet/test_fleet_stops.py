@@ -24,6 +24,8 @@ from executive.fleet.worker import Worker
 from tests.support.servers.fleet_arms import CLOCK, ended, joined, sent
 from tests.support.servers.simulated_arms import SimulatedArm
 
+pytestmark = pytest.mark.slow
+
 pytest_plugins = ["tests.support.servers.fleet_fixtures"]
 
 

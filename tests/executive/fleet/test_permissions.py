@@ -24,6 +24,8 @@ from hardware import RealClock
 from tests.support.servers.free_port import free_port
 from tests.support.servers.simulated_arms import SimulatedArm
 
+pytestmark = pytest.mark.slow
+
 CLOCK = RealClock()
 
 

@@ -328,6 +328,7 @@ HOSTILE: list[tuple[str, dict[str, Any]]] = [
 ]
 
 
+@pytest.mark.slow
 def test_a_hostile_client_changes_nothing(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("executive.mcp.mcp_server.BURST", 1000.0)
     served = serve()
@@ -349,6 +350,7 @@ def test_a_hostile_client_changes_nothing(serve: Serve, monkeypatch: pytest.Monk
     drive(Caller(server), act)
 
 
+@pytest.mark.slow
 def test_a_flood_is_refused_and_a_stop_is_not(serve: Serve) -> None:
     served = serve()
 
@@ -370,6 +372,7 @@ def test_a_flood_is_refused_and_a_stop_is_not(serve: Serve) -> None:
     drive(Caller(make_server(served.server.url)), act)
 
 
+@pytest.mark.slow
 def test_a_flood_of_waits_leaves_streams_for_people(serve: Serve) -> None:
     served = serve()
 

@@ -142,6 +142,7 @@ def test_a_calibration_is_recorded_with_the_robot(tmp_path: Path) -> None:
     assert load_robot(file).actuated == calibrated.actuated
 
 
+@pytest.mark.slow
 def test_threads_restore_it_at_the_same_time(site: Path) -> None:
     recording = Recording(recorded(site))
 

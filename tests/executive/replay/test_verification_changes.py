@@ -7,7 +7,6 @@ from typing import Any
 
 import pytest
 
-import logs
 from executive.replay.verification import verify
 from logs.reading.digests import changed_part as changed_in
 from logs.records.cdr import decode, encode
@@ -24,6 +23,7 @@ from tests.support.recordings.alterations import (
     retold,
     rewritten,
 )
+from tests.support.recordings.compact import compact
 from tests.support.recordings.single_changes import single_changes
 
 pytestmark = pytest.mark.slow
@@ -276,7 +276,7 @@ def test_topics_that_an_older_armtree_did_not_know_are_not_missing(rig: RigMaker
         if (r.id if type(r).__name__ == "Channel" else getattr(r, "channel_id", -1)) not in gone
         and not (type(r).__name__ == "Metadata" and r.name in new)
     ]
-    logs.compact(rewritten(path, kept))  # it writes digests of what is left
+    compact(rewritten(path, kept))  # it writes digests of what is left
     verification = verify(path)
     assert verification.holds, verification.text()
 

@@ -14,7 +14,7 @@ from executive.api.events import Event
 from executive.api.outcome import CancelResult
 from executive.server import event_hub
 from executive.server.http import app, endpoints as api
-from executive.server.limits import connections, descriptors, fair_queue
+from executive.server.limits import connections, fair_queue
 from hardware import HostLimit
 from tests.support.servers.foreign_clients import GOAL, UPGRADE, answer, head, raw, stops
 from tests.support.servers.serving import Serve
@@ -35,7 +35,7 @@ def test_idle_connections_are_closed_to_make_room(serve: Serve) -> None:
         assert stops(served)
         goal = served.ask("POST", "/api/goals", {"task": 11})[1]["goal_id"]
         assert served.ask("GET", f"/api/goals/{goal}/result")[1]["success"]
-        assert served.server.connections <= descriptors.MAX_CONNECTIONS
+        assert served.server.connections <= connections.MAX_CONNECTIONS
 
 
 def test_a_stop_is_not_queued(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -134,7 +134,7 @@ def test_stops_that_come_together_share_one(serve: Serve, monkeypatch: pytest.Mo
 def test_a_stop_is_answered_if_streams_take_all_connections(
     serve: Serve, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(descriptors, "MAX_CONNECTIONS", 2)
+    monkeypatch.setattr(connections, "MAX_CONNECTIONS", 2)
     served = serve(rosbridge=True)
     own = f"host: 127.0.0.1:{served.server.port}"
     watch = ("GET /api/events HTTP/1.1", own, "")
@@ -151,7 +151,7 @@ def test_a_stop_is_answered_if_streams_take_all_connections(
 def test_the_websocket_that_is_idle_for_longest_makes_room(
     serve: Serve, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(descriptors, "MAX_CONNECTIONS", 4)
+    monkeypatch.setattr(connections, "MAX_CONNECTIONS", 4)
     served = serve(rosbridge=True)
     subscribe = Frame(Opcode.TEXT, b'{"op": "subscribe", "topic": "/joint_states"}').serialize(
         mask=True
@@ -199,7 +199,7 @@ def test_idle_strangers_do_not_end_a_hold(serve: Serve) -> None:
         assert served.ask("GET", "/api/health")[0] == 200
         holding.sendall(b"0\r\n\r\n")
         assert b'"canceled":true' in answer(holding)
-        assert served.server.connections <= descriptors.MAX_CONNECTIONS
+        assert served.server.connections <= connections.MAX_CONNECTIONS
 
 
 def test_a_flood_does_not_disturb_a_motion(serve: Serve) -> None:

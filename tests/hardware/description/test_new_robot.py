@@ -152,7 +152,7 @@ def test_a_misspelt_link_of_a_joint_is_one_mistake(tmp_path: Path, end: str) -> 
         draft_robot(written(tmp_path, text), LARGEST)
     names = "there are arm, base, hand, wrist; did you mean wrist?"
     joint = {"child": "k", "parent": "l"}[end]
-    said = f"arm.urdf:1: joint {joint}: its {end} wirst is no link; {names}"
+    said = f"arm.urdf:1: joint {joint}: its {end} wirst is not a link; {names}"
     assert str(caught.value).endswith(said)
 
 
@@ -239,7 +239,7 @@ def test_everything_that_is_wrong_is_reported_at_once(tmp_path: Path) -> None:
             for what, value in (("rpy of an origin", "'0'"), ("size of the box", "'0 1 1'"))
         ),
         "the mesh package://p/m.stl is not found",
-        "--gripper: left is no joint that moves by itself",
+        "--gripper: left is not a joint that moves by itself",
         "there is no link hand for the tool",
     ]
 
@@ -249,7 +249,7 @@ def test_meshes_for_viewers_are_named_beside_a_mistake(tmp_path: Path) -> None:
     path = written(tmp_path, urdf(ARM, shapes))
     assert draft_robot(path, LARGEST)
     path.write_text(path.read_text().replace('<child link="a"/>', '<child link="x"/>'))
-    with pytest.raises(UrdfUnusable, match=r"child x is no link[\s\S]*nobot/m\.stl is not found; "):
+    with pytest.raises(UrdfUnusable, match=r"x is not a link[\s\S]*nobot/m\.stl is not found; "):
         draft_robot(path, LARGEST)
 
 
@@ -312,9 +312,13 @@ def test_names_that_the_urdf_does_not_have(tmp_path: Path) -> None:
     text = urdf([*ARM, 'c -> d: prismatic right_jaw <mimic joint="lift"/>'])
     path = written(tmp_path, text)
     for gripper, tool, why in (
-        (["shouldr"], "a", "--gripper: shouldr is no joint that moves by itself; did you mean sho"),
-        (["righ_jaw"], "a", "righ_jaw is no joint that moves by itself; did you mean lift.$"),
-        (["thumb"], "a", "--gripper: thumb is no joint that moves by itself; there are elbow"),
+        (
+            ["shouldr"],
+            "a",
+            "--gripper: shouldr is not a joint that moves by itself; did you mean s",
+        ),
+        (["righ_jaw"], "a", "righ_jaw is not a joint that moves by itself; did you mean lift.$"),
+        (["thumb"], "a", "--gripper: thumb is not a joint that moves by itself; there are elbow"),
         (["shoulder", "elbow", "lift"], "a", "leave at least one for the arm"),
         ([], "hand", "there is no link hand for the tool; there are a, b, base, c"),
     ):

@@ -233,7 +233,7 @@ WRONG_URDF = {
     "child above itself": ('<child link="horizontal_arm"/>', '<child link="base_plate"/>', "joint joint_3: its child base_plate is the child of joint_1 already"),
     "parent below itself": ('<parent link="base_link"/>', '<parent link="horizontal_arm"/>', "joint joint_1 is its own ancestor, through joint_3, joint_2; give it another child link"),
     "child is its parent": ('<parent link="base_link"/>', '<parent link="base_plate"/>', "joint joint_1 has the same link as parent and child, base_plate; give"),
-    "no such parent": ('<parent link="base_link"/>', '<parent link="base"/>', "joint joint_1: its parent base is no link; there are .*; did you mean base_link"),
+    "no such parent": ('<parent link="base_link"/>', '<parent link="base"/>', "joint joint_1: its parent base is not a link; there are .*; did you mean base_link"),
     "no child": ('<child link="base_plate"/>', "", 'joint joint_1 has no child; write <child link="NAME"/>'),
     "no such encoding": ('<?xml version="1.0"?>', '<?xml version="1.0" encoding="foo"?>', "cannot be read: unknown encoding: foo"),
     "too long": ("</robot>", " " * 2**20 + "</robot>", "cannot be read: it is larger than 1048576 bytes"),

@@ -82,6 +82,7 @@ def test_a_driver_reads_its_own_keys(robot: Robot) -> None:
         load_robot(robot.path)
 
 
+@pytest.mark.slow
 def test_a_board_that_does_not_reset_cannot_be_told_to(robot: Robot) -> None:
     text = robot.path.read_text().replace("[groups]", "reset_on_open = true\n[groups]", 1)
     robot.path.write_text(text)

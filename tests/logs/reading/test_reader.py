@@ -64,6 +64,7 @@ def test_only_json_has_fields(tmp_path: Path) -> None:
         state.fields()
 
 
+@pytest.mark.slow
 def test_a_large_message_is_one_of_a_motion(tmp_path: Path) -> None:
     motion = plan(1.0, "arm", ("a", "b"), (0.0, 0.0))
     count = 60_000

@@ -10,10 +10,11 @@ from mcap.records import Metadata
 from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
 
-from logs import Attachment, RecordingError, RecordingTruncated, compact, read
+from logs import Attachment, RecordingError, RecordingTruncated, read
 from logs.records.file_format import DIGESTS, RECOVERED
 from logs.writing.journal import Journal
 from tests.logs.test_run import EPOCH_NS, RUNS, record
+from tests.support.recordings.compact import compact
 
 MAGIC = 8
 

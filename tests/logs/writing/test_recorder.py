@@ -26,7 +26,6 @@ from logs import (
     RecordingIncomplete,
     RecordingNotCreated,
     Sent,
-    compact,
     read,
     recording_path,
     recover,
@@ -38,6 +37,7 @@ from logs.writing.compaction import rewrite
 from logs.writing.journal import Journal
 from tests.logs.test_run import EPOCH_NS, fail, node
 from tests.support.paths import ROOT
+from tests.support.recordings.compact import compact
 
 UTC_NS = 1_795_257_115_123_456_789
 

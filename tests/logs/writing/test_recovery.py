@@ -16,7 +16,7 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 
 import logs
-from logs import DiskFull, Recorder, RecordingInUse, compact, recover, recover_all
+from logs import DiskFull, Recorder, RecordingInUse, recover, recover_all
 from logs.folder import recording_path
 from logs.reading.file_state import being_written, is_complete, locked
 from logs.records.file_format import RECOVERED
@@ -29,6 +29,7 @@ from tests.logs.test_run import EPOCH_NS, RUNS, fail, record
 from tests.logs.writing.test_compaction import run_journal
 from tests.logs.writing.test_recorder import sent
 from tests.support.paths import ROOT
+from tests.support.recordings.compact import compact
 
 NOW = 2_000_000_000.0
 DAY = 86400.0

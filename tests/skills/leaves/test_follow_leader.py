@@ -104,6 +104,7 @@ def test_it_follows_within_the_limits_and_the_recording_proves_it(
     assert checked.holds, checked.text()
 
 
+@pytest.mark.slow
 def test_the_recording_has_the_leader_at_every_step(robot: Robot, tmp_path: Path) -> None:
     def path(time: float) -> tuple[float, ...]:
         return (0.2 * time, 0, 0, 0, 0, 0)
@@ -137,6 +138,7 @@ def test_the_recording_has_the_leader_at_every_step(robot: Robot, tmp_path: Path
     assert joints.name == f"{recording.stem}.joints.csv"
 
 
+@pytest.mark.slow
 def test_the_accelerations_together_stay_within_their_limit(robot: Robot, tmp_path: Path) -> None:
     """All joints speed up and slow down at once, on a supply that bears half of that."""
     weak = replace(robot, acceleration_sum=6.0)
@@ -162,6 +164,7 @@ def largest_sum(a: Sent, b: Sent, c: Sent) -> float:
     return sum(abs(q - 2 * p + o) for o, p, q in rows) / 0.02**2
 
 
+@pytest.mark.slow
 def test_a_gripper_that_closes_on_an_object_holds_it(robot: Robot, tmp_path: Path) -> None:
     def path(time: float) -> tuple[float, ...]:
         return (*ZERO[:5], 1.0 if time < 2.0 else 0.0)
@@ -174,6 +177,7 @@ def test_a_gripper_that_closes_on_an_object_holds_it(robot: Robot, tmp_path: Pat
         assert commanded["gripper"] == pytest.approx(0.4 - math.radians(1.5), abs=0.01)
 
 
+@pytest.mark.slow
 def test_a_gripper_that_moves_freely_follows_at_full_speed(robot: Robot, tmp_path: Path) -> None:
     """It may lag by more than the squeeze of a gripper that holds an object."""
     tight = replace(robot, guards=replace(robot.guards, squeeze_deg=0.5))
@@ -188,6 +192,7 @@ def test_a_gripper_that_moves_freely_follows_at_full_speed(robot: Robot, tmp_pat
     assert max(speeds) > 0.9 * robot.joint("gripper").velocity
 
 
+@pytest.mark.slow
 def test_a_collision_stops_it_and_shows_where_it_is_free(robot: Robot, tmp_path: Path) -> None:
     def path(time: float) -> tuple[float, ...]:
         return FLOOR if time < 3.0 else ZERO

@@ -129,10 +129,12 @@ def measured_closed(record: Any) -> None:
     record.data = encode(_MEASURED, measured)
 
 
+@pytest.mark.slow
 def test_a_gripper_that_pushes_in_a_pause_is_loosened_and_the_task_goes_on(tmp_path: Path) -> None:
     paused_while_it_pushes(Setup(recordings=tmp_path, single_user=True), 1)
 
 
+@pytest.mark.slow
 def test_a_pause_of_arm_and_gripper_while_it_grips(tmp_path: Path) -> None:
     (tmp_path / "30_swing.yaml").write_text(SWING)
     setup = Setup(recordings=tmp_path, single_user=True, trees=tmp_path)

@@ -45,6 +45,7 @@ def test_a_task_with_mistakes_leaves_no_recording(tmp_path: Path) -> None:
     assert not list(tmp_path.glob("*.mcap"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("options", [(), ("-v",)])
 def test_a_servo_near_its_limits_is_warned_of(tmp_path: Path, options: tuple[str, ...]) -> None:
     """With -v, the log has the line already."""

@@ -154,6 +154,7 @@ def test_what_is_there_of_an_unfinished_recording_is_shown(serve: Serve) -> None
             assert error["message"].startswith(f"{empty}: has no message yet")
 
 
+@pytest.mark.slow
 def test_a_recording_without_an_index_is_copied(
     serve: Serve, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -65,6 +65,7 @@ def window_at(of: Timeline, at: float) -> Window:
     return {**window, "state": list(window["state"]), "events": list(window["events"])}
 
 
+@pytest.mark.slow
 def test_the_windows_of_a_long_recording_have_every_event_once(
     long: Path, timeline: Timeline, found: list[Window]
 ) -> None:

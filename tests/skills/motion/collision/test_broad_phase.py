@@ -44,6 +44,7 @@ def configurations(robot: Robot, random: np.random.Generator, count: int) -> Arr
     return random.uniform(lower, upper, (count, len(lower)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ROBOTS)
 def test_boxes_miss_nothing(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     robot, random = ROBOTS[name](), np.random.default_rng(1)

@@ -118,6 +118,7 @@ def test_an_arm_with_five_joints_turns_its_tool_up_and_about_its_axis(
         AnswerChecker(so101).check(other, reached)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("roll", [0.0, 0.4])
 @pytest.mark.parametrize(
     ("robot", "start", "elevation"),

@@ -10,13 +10,13 @@ from hardware.printable import plural
 from skills import wait_node
 from trees.declarations import Declaration
 from trees.errors import BadArguments, FileError, Mistake, Place
+from trees.export.schema import NAME
 from trees.reading.grammar import parse_value
 from trees.reading.library import Library
 from trees.reading.literals import fit
 
 from .new_task import prepare_file
 from .saved_poses import pose_text
-from .schema import NAME
 from .taught_path import Sample, simplify, split
 
 _HEAD = """\

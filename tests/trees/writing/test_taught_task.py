@@ -10,9 +10,9 @@ from executive.testing import SimulatedArm
 from hardware import Robot
 from trees import FileError, Library
 from trees.check import check
-from trees.export import taught_task
-from trees.export.saved_poses import save_pose
-from trees.export.taught_task import TaughtTask
+from trees.writing import taught_task
+from trees.writing.saved_poses import save_pose
+from trees.writing.taught_task import TaughtTask
 
 HERE = {"joint_1": radians(20.0), "joint_2": 0.1, "joint_3": 0.0, "joint_4": -0.7}
 LIFTED = HERE | {"joint_2": 0.0}

@@ -11,7 +11,7 @@ import pytest
 from hardware import Robot, load_robot
 from tests.support.paths import DATA, TASKS
 from trees import FileError, Library
-from trees.export.saved_poses import pose_text, remove_pose, save_pose
+from trees.writing.saved_poses import pose_text, remove_pose, save_pose
 
 LEFT = {"joint_1": radians(70.0), "joint_2": 0.0, "joint_3": -0.25}
 WRITTEN = "left: {joint_1: 70 deg, joint_2: 0 deg, joint_3: -14.32 deg}"

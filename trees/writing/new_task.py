@@ -9,10 +9,9 @@ from pathlib import Path
 from hardware import DISPLAY_UNITS, Robot, write_file
 from hardware.spelling import did_you_mean
 from trees.errors import FileError
+from trees.export.schema import NAME as SCHEMA, schema_text
 from trees.reading.library import Library
 from trees.reading.node_parser import NAME, joined
-
-from .schema import NAME as SCHEMA, schema_text
 
 _TEXT = Path(__file__).with_suffix(".yaml.txt")  # template with fields for numbers and names
 _MOST = 60.0  # largest swing [deg or mm]

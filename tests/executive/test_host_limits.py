@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from executive.setup import check_host, spare_files
+from executive.host_limits import check_host, spare_files
 from hardware import HostLimit, host_limit
 from hardware.files import read_file
 

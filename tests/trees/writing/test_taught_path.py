@@ -11,8 +11,8 @@ from executive.testing import SimulatedArm
 from hardware import Robot, load_robot
 from hardware.errors import PoseOutsideLimits
 from trees.check import check
-from trees.export.taught_path import JOINT_TOLERANCE, TOOL_TOLERANCE, Sample, simplify, split
-from trees.export.taught_task import TaughtTask
+from trees.writing.taught_path import JOINT_TOLERANCE, TOOL_TOLERANCE, Sample, simplify, split
+from trees.writing.taught_task import TaughtTask
 
 ARM = ["shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll"]
 TICK = math.tau / 4096

@@ -1,0 +1,46 @@
+"""Limits of the operating system on this process, checked before an arm is opened."""
+
+import os
+import resource
+
+from hardware import HostLimit
+
+# Descriptors that are opened later (measured): the port, the recordings of a session and of a goal,
+# a compaction, starts of planners, and a connection that is accepted before another one is closed.
+_RESERVED = 16
+_PER_PLANNER = 2
+_ADVISED = 1024  # smallest advised limit of open files
+
+
+def check_host(planners: int) -> None:
+    """Check that this process can hold an arm and plan.
+
+    Args:
+        planners: Number of planner processes.
+
+    Raises:
+        HostLimit: The operating system lets this process open too few files.
+        FileNotFoundError: The working folder was deleted; `filename` is None.
+    """
+    os.getcwd()
+    spare_files(planners)
+
+
+def spare_files(planners: int, least: int = 0, most: int = 0) -> int:
+    """Return the number of files that this process may open beside those that an arm needs.
+
+    Args:
+        planners: Number of planner processes.
+        least: Smallest number that is needed.
+        most: Largest number that is useful; it is returned if the limit is higher.
+
+    Raises:
+        HostLimit: The limit of the operating system is too low for `least`.
+    """
+    limit, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+    others = len(os.listdir("/proc/self/fd")) + _RESERVED + _PER_PLANNER * planners
+    spare = most if limit == resource.RLIM_INFINITY else limit - others
+    if spare < least:
+        words = f"this process may open {limit} files, and armtree needs {others + least}"
+        raise HostLimit(words, f"`ulimit -n {max(_ADVISED, others + most)}`")
+    return min(most, spare)

@@ -1,0 +1,1 @@
+"""Writes task files and the poses file of the user."""
