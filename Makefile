@@ -15,7 +15,7 @@ PAGE := $(VENV)/.page
 ROS2 := $(VENV)/.ros2
 
 INSTALL := $(PIP) install --quiet --disable-pip-version-check
-COMPILE := uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header \
+COMPILE := $(VENV)/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header \
 	--no-emit-index-url --no-emit-find-links
 
 .PHONY: demo fleet mcp ros2 docs test quick lint types rooms damage faults soak mutation firmware page pictures lock
@@ -125,8 +125,8 @@ $(ROS2): .ci/lock-ros2.txt executive/ros2/install $(wildcard executive/ros2/ardu
 	executive/ros2/install $(CURDIR)/$(VENV)/bin/python $(CURDIR)/$(VENV)/ros2
 	@touch $@
 
-# For maintainers, with uv: resolve all pins together, then write the locks.
-lock:
+# For maintainers: resolve all pins together, then write the locks.
+lock: $(TOOLS)
 	mkdir -p build
 	$(COMPILE) --upgrade pyproject.toml --group build --group dev --group ros2 -o build/lock.txt
 	$(COMPILE) -c build/lock.txt pyproject.toml --group build -o .ci/lock.txt
