@@ -66,6 +66,12 @@ def test_architecture_fits_on_a_page() -> None:
     assert len((ROOT / "ARCHITECTURE.md").read_text().splitlines()) <= 120
 
 
+def test_readme_fits_on_a_screen() -> None:
+    """A screen has about 32 rows of 110 characters beside the pictures."""
+    shown = re.sub(r"\]\([^)]*\)|<img[^>]*>", "", (ROOT / "README.md").read_text())
+    assert sum(1 + len(line) // 110 for line in shown.splitlines()) <= 32
+
+
 def test_files_that_the_documents_name_exist() -> None:
     for document in ("ARCHITECTURE.md", "README.md"):
         text = (ROOT / document).read_text()
