@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import re
 import shutil
 import threading
 from collections.abc import Iterator
@@ -9,6 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import click
 import fastjsonschema
 import pytest
 from click.testing import CliRunner
@@ -85,6 +87,47 @@ def test_log_of_two_recordings(recording: Path) -> None:
 def test_log_plot(recording: Path) -> None:
     (row,) = printed("log_plot", "log", "plot", recording)
     assert Path(row["file"]).is_file()
+
+
+def commands(of: click.Command, *names: str) -> Iterator[str]:
+    """The names of the commands with --json."""
+    if isinstance(of, click.Group):
+        for name in of.list_commands(click.Context(of)):
+            inner = of.get_command(click.Context(of), name)
+            assert inner
+            yield from commands(inner, *names, name)
+    elif any("--json" in parameter.opts for parameter in of.params):
+        yield " ".join(names)
+
+
+def test_the_page_says_what_each_command_prints() -> None:
+    page, _, _ = (ROOT / "docs/pages/reference/output.md").read_text().partition("## Events")
+    rows = [line.split("|")[1:3] for line in page.splitlines() if line.startswith("| `")]
+    named = {name for words, _ in rows for name in re.findall("`(.+?)`", words)}
+    assert {*commands(cli)} == {name.partition(" --")[0] for name in named}
+    own = {
+        name for words, kind in rows if "its own" in kind for name in re.findall("`(.+?)`", words)
+    }
+    defined = {name.replace(" --", "_").replace(" ", "_") for name in own}
+    assert defined == {*SCHEMA["$defs"]} - {"place", "error"}
+
+
+def test_lists_of_tasks_skills_poses_and_settings() -> None:
+    rows = printed("tasks", "tasks", "--trees", EXAMPLES)
+    assert "wave" in [row["name"] for row in rows]
+    assert "PlanArm" in [row["skill"] for row in printed("skills", "skills")]
+    assert "folded" in [row["pose"] for row in printed("pose_ls", "pose", "ls")]
+    (folded,) = printed("pose_show", "pose", "show", "folded")
+    assert len(folded["tool"]) == 3
+    (opened,) = printed("pose_show", "pose", "show", "open")
+    assert opened["tool"] is None
+    assert {"port", "keep_mb"} <= {row["setting"] for row in printed("config", "config")}
+
+
+@pytest.mark.slow
+def test_verification() -> None:
+    (row,) = printed("replay_verify", "replay", RECORDING, "--verify", "--jobs", 1)
+    assert "plan -> frames" in [each["question"] for each in row["verdicts"]]
 
 
 def test_robots() -> None:
