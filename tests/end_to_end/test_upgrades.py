@@ -16,6 +16,7 @@ import logs
 from executive.testing import SimulatedArm
 from hardware import load_robot
 from tests.support.command_line.typed import typed
+from tests.support.generated.interfaces import lines
 from tests.support.paths import DATA
 
 VERSIONS = sorted((DATA / "upgrades").iterdir())
@@ -39,6 +40,13 @@ def test_the_file_of_settings_is_read(earlier: Path) -> None:
     rows = [json.loads(line) for line in out.splitlines()]
     from_file = {row["setting"] for row in rows if "armtree.toml" in row["source"]}
     assert from_file >= {row["setting"] for row in rows} - {"recordings"}
+
+
+def test_programs_find_every_code_field_and_parameter(earlier: Path) -> None:
+    """New ones may be added. A version that is not released may still change its own."""
+    relied_on = (earlier / "interfaces.txt").read_text().splitlines()
+    assert len(relied_on) > 1000
+    assert sorted({*relied_on} - {*lines()}) == [], "python -m tests.support.generated.interfaces"
 
 
 def test_task_files_are_right(earlier: Path) -> None:
