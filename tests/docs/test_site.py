@@ -74,6 +74,16 @@ SEARCHED = {
     "arm jumps": "troubleshooting/index.html",
     "cancel": "concepts/goals.html",
     "exit status 12": "reference/exit_codes.html",
+    "getting started": "start.html",
+    "report a bug": "troubleshooting/index.html",
+    "web interface": "how_to/page.html",
+    "dry run": "how_to/plan.html",
+    "plugin": "how_to/own_driver.html",
+    "offline": "install.html",
+    "json": "reference/output.html",
+    "graph": "how_to/recordings.html",
+    "vision": "comparison.html",
+    "two arms": "how_to/fleet.html",
 }
 
 _META = "document.querySelector('.md-search-result__meta').textContent"
