@@ -13,7 +13,9 @@ from tempfile import TemporaryDirectory
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
+from tests.support.arms.quick_arm import quick_arm
+from tests.support.paths import ROOT
+
 ROOMS = ("armtree.py", "executive", "hardware", "logs", "skills", "trees")
 BESIDE = ("pyproject.toml", "README.md", "docs/LICENSE", ".ci/build_backend.py")
 # What builds the page's libraries, and recordings of the examples for the tests.
@@ -146,6 +148,7 @@ def test_a_tool_installs_it_as_the_page_says(tool: str, wheel: Path, tmp_path: P
             "XDG_CACHE_HOME": cache,
             "PIPX_DEFAULT_PYTHON": sys.executable,
             "UV_PYTHON": sys.executable,
+            "ARMTREE_ROBOT": quick_arm(tmp_path),
         }
         words = f"{line}\n" if tool == "uvx" else f"{line}\ncommand -v armtree\narmtree doctor\n"
         said = call("env", *(f"{name}={value}" for name, value in own.items()), "sh", "-euc", words,
