@@ -40,8 +40,8 @@ def mcp(port: int | None, allow_move: bool, robot: Path | None, server: str) -> 
         {"command": "armtree", "args": ["mcp"]}}}
 
     The tools list, check, plan and run tasks. A tool can stop the arm at any time. A person
-    activates the arm. Goals are canceled if this command ends. It needs the extra `mcp`:
-    pip install 'armtree[mcp]', or `make mcp` in the repository.
+    activates the arm. Goals are canceled if this command ends. It needs the extra `mcp`: type
+    `make mcp` in the repository, or install the wheel again with [mcp] behind its name.
 
     \b
     Examples:
@@ -58,9 +58,10 @@ def mcp(port: int | None, allow_move: bool, robot: Path | None, server: str) -> 
     except ModuleNotFoundError as error:
         if not str(error.name).startswith("mcp"):
             raise
-        ways = "pip install 'armtree[mcp]', or make mcp in the repository"
-        why = f"the packages of the extra mcp are missing; install them: {ways}"
-        raise click.UsageError(why) from error
+        raise click.UsageError(
+            "the packages of the extra mcp are missing: type `make mcp` in the repository, "
+            "or install the wheel again with [mcp] behind its name"
+        ) from error
     make = partial(make_server, server, load_robot(robot), allow_move)
     listener = listen(port) if port else None
     if port:

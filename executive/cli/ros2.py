@@ -41,8 +41,8 @@ def ros2(ros_arguments: tuple[str, ...], robot: Path | None, server: str) -> Non
         environment = installation.environment()
         if environment is None:
             raise click.UsageError(
-                "there is no ROS 2: source one, or install its wheels: pip install "
-                "'armtree[ros2]', or make ros2 in the repository"
+                "there is no ROS 2: source one, type `make ros2` in the repository, "
+                "or install the wheel again with [ros2] behind its name"
             )
         replace_process(sys.executable, [sys.executable, *sys.orig_argv[1:]], environment)
     import asyncio

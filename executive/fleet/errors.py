@@ -55,10 +55,13 @@ class FleetMissing(FleetError):
     """The libraries of the extra `fleet` are not installed."""
 
     code = "fleet.missing"
-    hint = "`make fleet`, or pip install 'armtree[fleet]'"
+    hint = (
+        "type `make fleet` in the repository, or install the wheel again with [fleet] behind its "
+        "name"
+    )
 
     def __init__(self, what: str) -> None:
-        super().__init__(f"{what} is not installed; type: {self.hint}")
+        super().__init__(f"{what} is not installed; {self.hint}")
 
 
 class FleetUnsafe(FleetError):

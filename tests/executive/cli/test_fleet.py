@@ -42,7 +42,7 @@ def test_a_library_that_is_missing_is_named(command: str) -> None:
     words = [sys.executable, "-c", code, "fleet", command]
     found = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False)
     assert found.returncode == 13
-    assert found.stderr.startswith("Error: nats-py is not installed; type: `make fleet`")
+    assert found.stderr.startswith("Error: nats-py is not installed; type `make fleet`")
 
 
 @pytest.mark.parametrize("content", [None, "garbage"])

@@ -16,4 +16,4 @@ def test_without_its_packages_the_command_says_how_to_install_them(
     monkeypatch.setitem(sys.modules, "mcp", None)
     result = CliRunner().invoke(cli, ["mcp"])
     assert result.exit_code == 2
-    assert "pip install 'armtree[mcp]', or make mcp in the repository" in result.output
+    assert "install the wheel again with [mcp] behind its name" in result.output
