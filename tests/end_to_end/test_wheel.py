@@ -100,7 +100,7 @@ def test_it_runs_without_the_repository(environment: Path, tmp_path: Path) -> No
         return call(environment / "bin" / "armtree", *words, folder=tmp_path)
 
     assert "rest" in armtree("tasks")
-    assert "SUCCEEDED" in armtree("run", "rest", "--port", "virtual")
+    assert "SUCCEEDED" in armtree("run", "rest", "--robot", str(quick_arm(tmp_path)))
     assert "plan -> frames  holds" in armtree("replay", "recordings", "--verify")
     python = environment / "bin" / "python"
     where = "import logs, armtree; print(armtree.Arm.__module__, logs.__file__)"
