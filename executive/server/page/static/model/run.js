@@ -124,7 +124,7 @@ export class Run {
         this.attempt = event.attempt;
         break;
       case "sent":
-        if (event.joints.length) this.positions = zip(event.joints, event.positions);
+        if (event.joints.length) this.positions = zip(event.joints, whereItLeads(event, this.schedule));
         break;
       case "measured":
         this.measured = zip(event.joints, event.position);
@@ -155,9 +155,9 @@ export class Run {
   updateStatus({ commanded, measured, goal, time_s }) {
     if (goal) this.updateGoal(goal);
     if (this.active) this.length = Math.max(this.length, time_s - this.began); // also while nothing happens
-    const idle = !goal && !this.active;
-    if (idle || !this.positions) this.positions = commanded ?? this.positions;
-    if (idle || !this.measured) this.measured = measured ?? this.measured;
+    const idle = !goal && !this.active; // nothing moves, so no event is newer
+    if (idle || !this.positions) this.positions = commanded;
+    if (idle || !this.measured) this.measured = measured;
   }
 
   /**
@@ -289,6 +289,18 @@ export class Run {
  */
 export function goalTitle(task, name = "") {
   return task === MOVE ? name || "move" : `task ${task} ${name}`.trimEnd();
+}
+
+/**
+ * Return where a frame leads. The last one leads to the end of its motion, which its positions may
+ * only be near to.
+ * @param {any} sent event of the frame
+ * @param {Schedule | null} schedule newest motion
+ * @returns {number[]} positions of its joints [rad or m]
+ */
+export function whereItLeads({ data, scheduled_s, positions }, schedule) {
+  const isLast = scheduled_s !== null && data === schedule?.frames.at(-1);
+  return (isLast && schedule?.samples.at(-1)) || positions;
 }
 
 /**

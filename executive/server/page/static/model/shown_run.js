@@ -47,6 +47,14 @@ export class ShownRun extends EventTarget {
     return this.run === this.live;
   }
 
+  /**
+   * @returns {boolean} True if the recording is shown because no run is under way, not because the
+   *   user has opened it
+   */
+  get isLast() {
+    return Boolean(this.recorded?.name) && !this.#held;
+  }
+
   /** @returns {boolean} True for a dry run, in which nothing moves */
   get planned() {
     return this.recorded?.kind === DRY_RUN;
