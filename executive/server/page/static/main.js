@@ -64,7 +64,9 @@ function drawAll() {
   drawNode(shown, tree.selected);
   drawPause(shown, status?.paused ?? false);
   controls.draw(status);
-  arm.draw(shown.run);
+  // Until the user asks for a moment of the last run, the arm is shown where it is now.
+  const isNow = connection.hasArm && shown.isLast && cursor.live;
+  arm.draw(shown.run, isNow ? shown.live : shown.run);
   arm.drawOther(comparison.run);
   runs.draw(shown.recorded?.name ?? runs.recordingOf(shown.live));
   player.draw(runs.recordings);

@@ -76,11 +76,13 @@ def test_a_slow_and_a_hidden_tab_catch_up_and_stop(open_page: Open, page_server:
     tab.context.new_cdp_session(tab).send("Emulation.setCPUThrottlingRate", {"rate": 6})
     page_server.executive.cancel()
     page_server.executive.result(goal)
+    tab.route("**/api/recordings?*", tell_unfinished)
     page_server.executive.send(10)
     shows(tab, "#running", "^wait$")
     tab.keyboard.press("Escape")
     shows(tab, "#stop-note", "^stopped at")
     shows(tab, "#goal-state", "^canceled$")
+    expect(tab, "#runs [data-state] >> nth=0").to_have_text("canceled")
 
 
 def test_what_failed_to_load_is_loaded_later(open_page: Open, page_server: Served) -> None:

@@ -83,7 +83,7 @@ export class RunsView extends EventTarget {
 
   /** @param {string} shown name of the recording that is shown; empty for none */
   draw(shown) {
-    const key = JSON.stringify([shown, isSignedIn(), this.recordings]);
+    const key = JSON.stringify([shown, isSignedIn(), this.recordings, this.goals]);
     if (!isNew(this.#list, key)) return;
     const items = this.recordings.map((each) => this.#item(each, each.name === shown));
     const focused = this.#list.contains(document.activeElement) ? document.activeElement?.id : "";
@@ -167,6 +167,15 @@ export class RunsView extends EventTarget {
     return goal ? goalTitle(goal.task, name) : "a goal";
   }
 
+  /**
+   * Return the state of the goal of a recording that is being written; its end is written last.
+   * @param {string} name
+   */
+  #stateOf(name) {
+    const ended = this.goals.find((each) => each.result?.recording.split("/").at(-1) === name);
+    return ended?.state ?? "EXECUTING";
+  }
+
   /** Offer the tasks of the server and of the recordings as filters. */
   #drawTasks() {
     const names = new Map(this.tasks.map((each) => [each.task, goalTitle(each.task, each.name)]));
@@ -185,15 +194,16 @@ export class RunsView extends EventTarget {
    * @param {boolean} current
    */
   #item(recording, current) {
-    const { state, code, bytes, pinned, task, name, duration_s, message } = recording;
+    const { code, bytes, pinned, task, name, duration_s, message } = recording;
+    const state = code === "log.in_use" ? this.#stateOf(name) : recording.state;
     const known = this.tasks.find((each) => each.task === task);
-    const title = state === "UNFINISHED" && known ? goalTitle(known.task, known.name) : recording.title;
+    const title = recording.state === "UNFINISHED" && known ? goalTitle(known.task, known.name) : recording.title;
     const duration = duration_s === null ? "" : `, ${duration_s.toFixed(1)} s`;
     const button = element(
       "button",
       { type: "button", class: "run", id: `run-${name}`, title: `${name}\n${message}`.trim() },
       element("span", { class: "name" }, `${pinned ? "◆ " : ""}${title || name}`),
-      element("span", { "data-state": state }, stateWords(code === "log.in_use" ? "EXECUTING" : state)),
+      element("span", { "data-state": state }, stateWords(state)),
       element("span", { class: "quiet when" }, when(recording.stamp_ns)),
       element("span", { class: "quiet" }, `${size(bytes)}${duration}`),
     );
