@@ -66,7 +66,7 @@ function drawAll() {
   controls.draw(status);
   // Until the user asks for a moment of the last run, the arm is shown where it is now.
   const isNow = connection.hasArm && shown.isLast && cursor.live;
-  arm.draw(shown.run, isNow ? shown.live : shown.run);
+  arm.draw(shown, isNow ? shown.live : shown.run);
   arm.drawOther(comparison.run);
   runs.draw(shown.recorded?.name ?? runs.recordingOf(shown.live));
   player.draw(runs.recordings);

@@ -8,6 +8,7 @@ from executive.api import Policy
 from executive.api.move import Move
 from executive.api.outcome import Outcome
 from tests.executive.preview.test_dry_run import COLLIDE
+from tests.executive.server.page.test_arm import BLUE, count, until_seen
 from tests.support.servers.browsing import Open, expect, forget, is_accessible, shows
 from tests.support.servers.serving import Serve, Served
 
@@ -262,12 +263,12 @@ def test_the_arm_is_activated_from_the_page(open_page: Open, page_server: Served
     page_server.executive.arm_to("deactivate")
     tab = open_page()
     shows(tab, "#arm-note", "The arm is inactive, so goals fail.")
-    shows(tab, "#arm-title", "commanded pose unknown")
+    shows(tab, "#pose-note", "^Commanded pose unknown$")
     expect(tab, f"{task('0 home')} button >> nth=0").to_be_disabled()
     shows(tab, "#opening", "Activating opens the port; the arm then")
     tab.click("#activate")
     shows(tab, "#arm-state", "^active$")
-    shows(tab, "#arm-title", "^Arm commanded$")
+    shows(tab, "#pose-note", "^Commanded pose$")
     page_server.executive.arm_to("deactivate")
     page_server.executive.arm_to("cleanup")
     shows(tab, "#arm-note", "The arm is unconfigured")
@@ -318,6 +319,8 @@ def test_a_dry_run_shows_the_motion_and_moves_nothing(open_page: Open, page_serv
     shows(tab, f"{task('1 pick')} [role=status]", r"Dry run: \d motions?, \d\.\d s. Nothing moves")
     shows(tab, "#shown", "task 1 pick, dry run: nothing moves")
     shows(tab, "#plot-joints", r"joint_1\s*-80.2 deg")
+    shows(tab, "#pose-note", "^Planned pose$")
+    until_seen(tab, lambda now: count(now, BLUE) > 20)  # of the arm, though the gripper moves last
     is_accessible(tab)
     tab.click(f"{task('20 collide')} summary")
     tab.focus(f"{task('20 collide')} button:text-is('Dry run')")

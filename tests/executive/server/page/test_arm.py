@@ -125,7 +125,7 @@ def test_bodies_have_their_meshes_and_a_measured_pose_is_a_ghost(
     tab.click("#live")
     before = until_seen(tab, is_drawn)
     tab.route("**/api/status", measure)
-    shows(tab, "#measured-note", "and measured as a ghost")
+    shows(tab, "#measured-note", "and the measured one as a ghost")
     until_seen(tab, lambda now: changed(before, now).sum() > 200)
 
 

@@ -167,6 +167,7 @@ def test_a_server_that_is_killed_and_restarts_is_found_again(
     shows(tab, "#runs li", "^task 10 wait.*cut off")
     tab.click("#runs li button")
     shows(tab, "#failure", "the server or command that ran this goal ended first")
+    assert tab.inner_text("#failure").count("check the position") == 1
     shows(tab, "#running", "^nothing$")
     tab.evaluate("scrollTo(0, 0)")
     tab.click("#live")

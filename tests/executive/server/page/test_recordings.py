@@ -212,7 +212,7 @@ def test_two_recordings_are_compared_at_one_moment(open_page: Open, page_server:
     shows(tab, "#shown", "^move joint_1=10deg, recorded$")
     tab.select_option("#compare", index=1)
     tab.locator("#time-panel").scroll_into_view_if_needed()
-    shows(tab, "#plots figcaption", "^Position .deg.; dotted: the other run$")
+    shows(tab, "#plots figcaption span", "^Position .deg.; dotted: the other run$")
     assert tab.evaluate("document.documentElement.scrollWidth") == 390  # nothing is cut
     shows(tab, "#comparison tr", r"joint_1 *1\d\.\d° *[12]\d\.\d° *-\d+\.\d°")
     is_accessible(tab)
@@ -220,7 +220,7 @@ def test_two_recordings_are_compared_at_one_moment(open_page: Open, page_server:
     tab.keyboard.press("Home")
     shows(tab, "#comparison tr", r"joint_1 *20\.0° *10\.0°")  # where the goals began
     tab.select_option("#compare", "")
-    shows(tab, "#plots figcaption", "^Position .deg.$")
+    shows(tab, "#plots figcaption span", "^Position .deg.$")
     tab.locator("#comparison").wait_for(state="hidden")
 
 
@@ -256,9 +256,9 @@ def test_another_comparison_is_plotted(open_page: Open, page_server: Served) -> 
 
     def compare(index: int) -> str:
         tab.select_option("#compare", "")
-        shows(tab, "#plots figcaption", "^Position .deg.$")
+        shows(tab, "#plots figcaption span", "^Position .deg.$")
         tab.select_option("#compare", index=index)
-        shows(tab, "#plots figcaption", "dotted")
+        shows(tab, "#plots figcaption span", "dotted")
         return str(canvas.evaluate("each => each.toDataURL()"))
 
     second = compare(2)

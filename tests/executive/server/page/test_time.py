@@ -129,10 +129,11 @@ def test_position_limits_are_plotted(open_page: Open, page_server: Served) -> No
         tab = open_page(prepare=prepare)
         shows(tab, "#shown", "recorded")
         shows(tab, "#plot-joints", r"joint_1\s*90\.0 deg")
+        beyond.append(tab.locator("#plots .beyond").first.inner_text())
         canvas = tab.locator("#plots canvas").first
         return str(canvas.evaluate("each => each.toDataURL()"))
 
-    executive = page_server.executive
+    executive, beyond = page_server.executive, list[str]()
     executive.result(executive.send(Move(("joint_1=90deg",))).identity)
-    assert plotted(id) == plotted(id)
     assert plotted(id) != plotted(lambda empty: empty.route("**/robot", unlimited))
+    assert beyond == ["next limit -90", ""]

@@ -5,6 +5,8 @@ import { History } from "./history.js";
 import { RecordedRun } from "./recorded_run.js";
 import { Run } from "./run.js";
 
+/** @typedef {import("./run.js").Schedule} Schedule */
+
 /**
  * @typedef {object} NodeFacts What the task's files say of a node.
  * @property {string} path
@@ -58,6 +60,12 @@ export class ShownRun extends EventTarget {
   /** @returns {boolean} True for a dry run, in which nothing moves */
   get planned() {
     return this.recorded?.kind === DRY_RUN;
+  }
+
+  /** @returns {Schedule[]} all motions of a dry run, or the newest one of a run */
+  get motions() {
+    if (this.recorded && this.planned) return this.recorded.motions;
+    return this.run.schedule ? [this.run.schedule] : [];
   }
 
   /** @returns {string} which run is shown; empty for the live one */

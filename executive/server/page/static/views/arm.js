@@ -8,6 +8,8 @@ import { loadLibraries } from "../libraries/load.js";
 
 /** @typedef {import("../arm/model.js").Robot} Robot */
 /** @typedef {import("../model/run.js").Run} Run */
+/** @typedef {import("../model/run.js").Schedule} Schedule */
+/** @typedef {import("../model/shown_run.js").ShownRun} ShownRun */
 
 const GHOST = 0.35; // opacity of the measured arm
 const TURN = Math.PI / 18; // of the camera by a key [rad]
@@ -118,15 +120,17 @@ export class ArmView {
   }
 
   /**
-   * @param {Run} run whose motion and bodies are shown
+   * @param {ShownRun} shown
    * @param {Run} posed whose pose is shown
    */
-  draw(run, { positions: pose, measured: there }) {
+  draw({ run, motions, planned }, { positions: pose, measured: there }) {
+    const kind = planned ? "Planned" : "Commanded";
+    setText(byId("pose-note", HTMLElement), pose ? `${kind} pose` : `${kind} pose unknown`);
     this.#drawPositions(pose, there);
     const now = [JSON.stringify([pose, there]), run.schedule, run.world, run.outcome];
     if (!this.#model || !this.#stage || !this.#three) return;
     if (now.every((each, index) => each === this.#last[index])) return;
-    if (now.slice(1).some((each, index) => each !== this.#last[index + 1])) this.#drawMotion(run);
+    if (now.slice(1).some((each, index) => each !== this.#last[index + 1])) this.#drawMotions(run, motions);
     this.#last = now;
     if (pose) this.#model.setPose(pose);
     this.#stage.include(this.#model.root);
@@ -151,14 +155,17 @@ export class ArmView {
     this.#stage.draw();
   }
 
-  /** @param {Run} run */
-  #drawMotion(run) {
+  /**
+   * @param {Run} run
+   * @param {Schedule[]} motions
+   */
+  #drawMotions(run, motions) {
     if (!this.#model || !this.#stage || !this.#three) return;
     for (const object of this.#drawn) object.removeFromParent();
     this.#drawn = addBodies(this.#three, this.#model, run.world, () => this.#stage?.draw());
-    if (run.schedule) {
-      const color = getComputedStyle(this.#box).getPropertyValue("outline-color");
-      const path = pathOf(this.#three, this.#model, run.schedule, color);
+    const color = getComputedStyle(this.#box).getPropertyValue("outline-color");
+    for (const motion of motions) {
+      const path = pathOf(this.#three, this.#model, motion, color);
       this.#stage.scene.add(path);
       this.#stage.include(this.#model.root, path); // the arm is where its path ends
       this.#drawn.push(path);
@@ -199,9 +206,8 @@ export class ArmView {
   #drawPositions(pose, measured) {
     const joints = this.#robot?.joints.filter((each) => each.type !== "fixed" && !each.mimic) ?? [];
     const key = `${joints.map(({ name }) => name).join(" ")}, ${measured ? "measured" : ""}`;
-    setText(byId("pose-note", HTMLElement), pose ? "commanded" : "commanded pose unknown");
     if (isNew(this.#positions, key)) {
-      setText(byId("measured-note", HTMLElement), measured ? ", and measured as a ghost" : "");
+      setText(byId("measured-note", HTMLElement), measured ? ", and the measured one as a ghost" : "");
       const also = () => (measured ? [element("dd", { class: "quiet", title: "measured" })] : []);
       const rows = joints.map(({ name }) => element("div", {}, element("dt", {}, name), element("dd"), ...also()));
       this.#positions.replaceChildren(...rows);
