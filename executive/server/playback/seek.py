@@ -178,6 +178,7 @@ class Timeline:
         self._plan_topics = set(_topics(recording, (logs.Plan,)))
         self._plans: dict[str, _Place] = {}  # one of each topic
         self.goal: logs.Goal | None = None
+        self._frames = 0  # that were sent
         self._read()
         self.began = self.goal.time if self.goal else self._time(recording.begin_ns)
         self.duration = max(0.0, self._time(recording.end_ns) - self.began)
@@ -356,6 +357,7 @@ class Timeline:
                     newest.pop(topic, None)
                     newest[topic] = _Place(chunk, topic, entry)
             count += sum(map(opened.count, newest_of))
+            self._frames += opened.count(_COMMANDED)
             self._thin(chunk, opened)
         self.steps = list(map(self._time, step_times))
         self._newest = newest
@@ -456,9 +458,8 @@ class Timeline:
         """Yield the end of a run whose recording was cut off."""
         if self.goal and self._cut_off:
             cause, path = cause_of(ServerRestarted()), str(self._recording.path)
-            outcome = Outcome.of(
-                self.goal.task, GoalState.ABORTED, cause, duration=self.duration, recording=path
-            )
+            state, task = GoalState.ABORTED, self.goal.task
+            outcome = Outcome.of(task, state, cause, self._frames, self.duration, path)
             yield self._end(self.goal.goal_id, outcome, self.began + self.duration)
 
     def _end(self, goal_id: str, outcome: Outcome, time: float) -> Json:

@@ -199,6 +199,10 @@ def test_broken_recordings_and_bombs_are_refused(open_page: Open, page_server: S
     shows(tab, "#player-name", r"^cut\.mcap$")  # all of it, but its index
     shows(tab, "#shown", "nothing, recorded")
     assert tab.inner_text("#control-error") == ""
+    tab.click("#runs .run:has(.name:text-is('task 11 nothing')) >> nth=-1")
+    shows(tab, "#shown", "^task 11 nothing, recorded$")
+    tab.select_option("#compare", "cut.mcap")
+    tab.locator("#comparison").wait_for()
     tab.context.close()  # it may still load the robot
     forget(tab, "409")
     for name in (*bombs, "cut"):

@@ -184,3 +184,6 @@ def test_what_cannot_be_read_by_its_index_says_so(run: Path, tmp_path: Path) -> 
     shutil.copyfile(run, silent := tmp_path / "silent.mcap")
     assert Timeline(lacking(silent, "/goal", "/tree")).goal is None
     assert Timeline(silent).to_json()["ended"]
+    shutil.copyfile(run, killed := tmp_path / "killed.mcap")
+    *_, end = Timeline(lacking(killed, "/result")).events(1e9)["events"]
+    assert end["result"]["frames"] == len(list(logs.Recording(run).frames())) > 0

@@ -98,7 +98,7 @@ export class RunsView extends EventTarget {
    */
   recordingOf({ outcome, active, task }) {
     if (outcome) return outcome.recording.split("/").at(-1) ?? "";
-    const written = this.recordings.find((each) => !isFinished(each) && each.task === task);
+    const written = this.recordings.find((each) => isWritten(each) && each.task === task);
     return (active && written?.name) || "";
   }
 
@@ -194,8 +194,8 @@ export class RunsView extends EventTarget {
    * @param {boolean} current
    */
   #item(recording, current) {
-    const { code, bytes, pinned, task, name, duration_s, message } = recording;
-    const state = code === "log.in_use" ? this.#stateOf(name) : recording.state;
+    const { bytes, pinned, task, name, duration_s, message } = recording;
+    const state = isWritten(recording) ? this.#stateOf(name) : recording.state;
     const known = this.tasks.find((each) => each.task === task);
     const title = recording.state === "UNFINISHED" && known ? goalTitle(known.task, known.name) : recording.title;
     const duration = duration_s === null ? "" : `, ${duration_s.toFixed(1)} s`;
@@ -211,6 +211,14 @@ export class RunsView extends EventTarget {
     button.addEventListener("click", () => this.dispatchEvent(new CustomEvent("open", { detail: recording })));
     return element("li", {}, button);
   }
+}
+
+/**
+ * Return whether a recording is being written.
+ * @param {Recording} recording
+ */
+export function isWritten({ code }) {
+  return code === "log.in_use";
 }
 
 /**
