@@ -28,6 +28,7 @@ const shown = new ShownRun();
 const cursor = new Cursor();
 /** @type {import("./connection.js").Status | null} */
 let status = null;
+let finishing = 0; // timer
 /** @type {import("./arm/model.js").Robot | null} the robot of the server */
 let live = null;
 
@@ -115,7 +116,8 @@ connection.addEventListener("event", (event) => {
   if (detail.event === "status") runs.refresh().then(draw);
   if (detail.event !== "status" || !detail.result) return;
   connection.refresh(); // what can be done next
-  setTimeout(() => runs.refresh().then(draw), FINISHING);
+  clearTimeout(finishing);
+  finishing = setTimeout(() => runs.refresh().then(draw), FINISHING);
 });
 connection.addEventListener("status", (event) => {
   status = /** @type {CustomEvent} */ (event).detail;

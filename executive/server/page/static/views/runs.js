@@ -38,6 +38,10 @@ export class RunsView extends EventTarget {
   #note = byId("runs-note", HTMLElement);
   #timer = 0;
   #asked = 0;
+  /** @type {Promise<void> | null} the refresh that is under way */
+  #refreshing = null;
+  /** @type {Promise<void> | null} the one after it */
+  #next = null;
   #wanted = SHOWN; // recordings to list
   #error = ""; // why they could not be listed
   /** @type {Goal[]} newest first */
@@ -63,9 +67,24 @@ export class RunsView extends EventTarget {
     });
   }
 
-  /** Ask for the recordings, goals and tasks again. Without an answer they stay. */
-  async refresh() {
-    await Promise.all([this.#load(), this.#loadGoals().catch(() => undefined)]);
+  /**
+   * Ask for the recordings, goals and tasks again. Without an answer they stay. Many short goals do
+   * not ask more often than the server answers.
+   * @returns {Promise<void>} when the answer to a request that begins now or later is here
+   */
+  refresh() {
+    if (this.#refreshing) {
+      this.#next ??= this.#refreshing.then(() => {
+        this.#next = null;
+        return this.refresh();
+      });
+      return this.#next;
+    }
+    const goals = this.#loadGoals().catch(() => undefined);
+    this.#refreshing = Promise.all([this.#load(), goals]).then(() => {
+      this.#refreshing = null;
+    });
+    return this.#refreshing;
   }
 
   /**
