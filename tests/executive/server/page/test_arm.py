@@ -82,9 +82,10 @@ def test_pose_path_and_refused_plans_are_drawn(open_page: Open, page_server: Ser
     shows(tab, "#goal-state", "^done$")
     after = until_seen(tab, lambda now: count(now, BLUE) > 20 and changed(before, now).sum() > 500)
     tab.focus("#arm")
-    for key in ("ArrowLeft", "+"):
-        tab.keyboard.press(key)
-        after = until_seen(tab, lambda now, seen=after: changed(seen, now).sum() > 500)
+    tab.keyboard.press("ArrowLeft")
+    turned = until_seen(tab, lambda now: changed(after, now).sum() > 500)
+    tab.keyboard.press("+")
+    after = until_seen(tab, lambda now: changed(turned, now).sum() > 500)
     tab.click("#view-top")
     above = until_seen(tab, lambda now: changed(after, now).sum() > 500)
     moved(page_server, "joint_2=-90deg", "joint_3=-90deg")

@@ -4,6 +4,7 @@ from typing import Any
 
 import pytest
 
+from tests.support.recordings.finished import at_rest
 from tests.support.servers.browsing import Open, Tab, expect, forget, is_accessible, shows
 from tests.support.servers.serving import Served
 
@@ -80,6 +81,40 @@ def test_why_an_earlier_run_failed(open_page: Open, page_server: Served) -> None
     tab.fill("#search", "is not there")
     expect(tab, "#tree .name").to_have_text(["deliver", "retry", "sequence", "Fail"])
     is_accessible(tab)
+
+
+FAR = """task: 22
+name: far
+description: Too far.
+tree:
+  sequence:
+    - Say: {text: hello}
+    - subtree: move_joints
+      with: {joints: {joint_1: 200 deg}}
+"""
+
+
+def test_a_task_that_was_refused_before_its_run_has_its_tree(
+    open_page: Open, page_server: Served
+) -> None:
+    (page_server.tasks / "22_far.yaml").write_text(FAR)
+    tab = open_page()
+    tab.locator("#tasks li").first.wait_for()
+    ended(page_server, 22)
+    for when in ("live", "recorded"):
+        shows(tab, "#failure", "joint_1 = 200 deg is outside its limits")
+        tab.click("#failure .link")
+        shows(tab, "#node", "far/move_joints/Target")
+        expect(tab, row("Target")).to_have_attribute("data-status", "FAILURE")
+        expect(tab, "#tree .at-work .name").to_have_text(["far", "move_joints", "Target"])
+        if when == "live":
+            at_rest(page_server.folder / "recordings")
+            tab.reload()
+            shows(tab, "#shown", "far, recorded")
+    tab.focus("#moment")
+    for key, status in (("Home", "INVALID"), ("End", "FAILURE")):
+        tab.keyboard.press(key)
+        expect(tab, row("Target")).to_have_attribute("data-status", status)
 
 
 PHONE = {"width": 390, "height": 844}

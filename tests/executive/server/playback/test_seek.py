@@ -126,7 +126,9 @@ def test_samples_cover_the_whole_recording(run: Path, timeline: Timeline) -> Non
     assert times == sorted(times)
     assert {len(column) for column in positions.values()} == {len(times)}
     frames = list(logs.Recording(run).frames())
-    (end,) = [each.samples[-1] for each in logs.Recording(run).records(logs.Schedule)][-1:]
+    *_, motion = logs.Recording(run).records(logs.Schedule)
+    assert isinstance(motion, logs.Schedule)
+    end = motion.samples[-1]
     assert tuple(column[-1] for column in positions.values()) == end != frames[-1].positions
     values = {q for frame in frames for q in frame.positions} | {*end}
     assert all(q in values for column in positions.values() for q in column)

@@ -180,6 +180,26 @@ export class Run {
     this.updateGoal(goal);
     for (const node of this.nodes.values())
       if (node.status === "RUNNING") this.#change(node, { ...node, status: "HALTED" });
+    this.#markRefused();
+  }
+
+  /**
+   * Take the nodes of the task, if the goal was refused before its tree had any.
+   * @param {Iterable<{ path: string }>} nodes parents first
+   */
+  addNodes(nodes) {
+    if (this.nodes.size || !this.outcome) return;
+    for (const { path } of nodes) this.#newNode({ path, name: path.slice(path.lastIndexOf("/") + 1) });
+    this.#markRefused();
+  }
+
+  /** Show the node that was refused before the run as failed, with those above it. */
+  #markRefused() {
+    const { node: path = "", message = "" } = this.outcome?.cause ?? {};
+    const refused = this.nodes.get(path);
+    if (!refused || [...this.nodes.values()].some(({ starts }) => starts)) return;
+    for (let node = /** @type {TreeNode | null} */ (refused); node; node = node.parent)
+      this.#change(node, { ...UNKNOWN, status: "FAILURE", message: node === refused ? cut(message) : "" });
   }
 
   /** @returns {TreeNode[]} the running leaves */
@@ -212,6 +232,7 @@ export class Run {
       if (!other.nodes.has(node.path)) this.#change(node, { ...UNKNOWN });
     for (const { path, name, status, message, began, ended, starts, inputs } of other.nodes.values())
       this.#change(nodes.get(path) ?? this.#newNode({ path, name }), { status, message, began, ended, starts, inputs });
+    this.#markRefused();
   }
 
   /**

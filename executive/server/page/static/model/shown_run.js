@@ -86,6 +86,12 @@ export class ShownRun extends EventTarget {
     }
     if (this.live.active) this.#liveHistory.add(event, event.time_s - this.live.began);
     this.#findFacts();
+    this.#changed();
+  }
+
+  /** Say that more is known of the run. */
+  #changed() {
+    this.run.addNodes(this.facts.values());
     this.dispatchEvent(new Event("change"));
   }
 
@@ -149,7 +155,7 @@ export class ShownRun extends EventTarget {
 
   /** @param {RecordedRun} recorded */
   #showRecorded(recorded) {
-    recorded.addEventListener("change", () => this.dispatchEvent(new Event("change")));
+    recorded.addEventListener("change", () => this.#changed());
     recorded.addEventListener("error", (event) => {
       const { detail } = /** @type {CustomEvent} */ (event);
       this.dispatchEvent(new CustomEvent("error", { detail }));
@@ -182,6 +188,6 @@ export class ShownRun extends EventTarget {
     if (this.#asked !== goalId) return;
     for (const node of nodes) this.facts.set(node.path, node);
     for (const node of this.run.nodes.values()) this.run.changed.add(node);
-    this.dispatchEvent(new Event("change"));
+    this.#changed();
   }
 }
