@@ -1,5 +1,6 @@
 """The tree of a run in a browser: live and recorded, with its failure, and how it is held."""
 
+from itertools import product
 from typing import Any
 
 import pytest
@@ -265,17 +266,19 @@ def test_the_tree_keeps_the_focus_as_rows_come_and_go(open_page: Open, page_serv
     tab.wait_for_function("() => document.activeElement.dataset.path === 'large'")
 
 
-@pytest.mark.parametrize(("width", "height"), [(1280, 800), (1000, 700), (390, 844)])
 def test_the_details_of_a_node_are_seen_when_it_is_clicked(
-    open_page: Open, page_server: Served, width: int, height: int
+    open_page: Open, page_server: Served
 ) -> None:
     write_tasks(page_server)
     ended(page_server, 20)
-    tab = open_page(viewport={"width": width, "height": height})
+    tab = open_page()
     shows(tab, "#shown", "recorded")
-    for by_key in (False, True):
+    sizes = ((1280, 800), (1000, 700), (390, 844))
+    for (width, height), by_key in product(sizes, (False, True)):
+        tab.set_viewport_size({"width": width, "height": height})
         tab.evaluate("scrollTo(0, 0)")
         if by_key:
+            tab.focus(row("show"))
             tab.keyboard.press("Enter")
         else:
             tab.click(row("show"))
