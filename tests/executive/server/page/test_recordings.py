@@ -22,7 +22,7 @@ pytest_plugins = [
 ]
 
 LONG = "20261101T000000.000Z-2.mcap"
-MESSAGES = 20_000
+MESSAGES = 10_000
 
 # Plays all events of a recording, and compares the state at some moments with what windows give.
 SAME_STATES = """async ([name, count]) => {
@@ -113,10 +113,10 @@ def test_a_state_from_windows_is_that_of_playing_everything(
     source = max(folder.glob("*Z-2.mcap"))
     write_long(source, folder / LONG, MESSAGES)
     tab = open_page()
-    windows, wrong = tab.evaluate(SAME_STATES, [LONG, 60])
+    windows, wrong = tab.evaluate(SAME_STATES, [LONG, 40])
     assert windows > 5
     assert wrong == []
-    assert tab.evaluate(SAME_STATES, [source.name, 30])[1] == []
+    assert tab.evaluate(SAME_STATES, [source.name, 20])[1] == []
     # A deleted recording is not asked for again; one that the server refused for a while is.
     asked = [tab.evaluate(ASKED_AGAIN, [LONG, status]) for status in (404, 401, 429, 0)]
     assert asked == [0, 1, 1, 1]

@@ -400,7 +400,7 @@ function drawLimits(plot, limits, color) {
   const below = Math.max(...[...limits].filter((limit) => limit < min));
   const above = Math.min(...[...limits].filter((limit) => limit > max));
   const beyond = [below, above].filter(Number.isFinite).map((limit) => Number(limit.toFixed(1)));
-  const words = beyond.length ? `next limit ${beyond.join(" and ")}` : "";
+  const words = beyond.length ? `next limit${beyond.length > 1 ? "s" : ""} ${beyond.join(" and ")}` : "";
   const note = plot.root.parentElement?.querySelector(".beyond");
   if (note) setText(note, words);
 }
