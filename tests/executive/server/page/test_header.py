@@ -14,6 +14,7 @@ pytest_plugins = [
     "tests.support.servers.browser_fixtures",
 ]
 
+GREY = "grayscale(1)"
 WAIT = 10  # number of the task that waits for an hour
 
 
@@ -124,7 +125,8 @@ def test_a_lost_connection_greys_the_page_and_comes_back(open_page: Open) -> Non
     shows(tab, "#connection", r"No connection for \d+ s")
     alarm = "STOP cannot reach the server. Switch the servo power off."
     assert tab.inner_text("#stop-note") == alarm  # not the answer to the stop before
-    assert tab.evaluate("getComputedStyle(document.querySelector('main')).filter") == "grayscale(1)"
+    for part in ("main", "#player", ".facts"):
+        assert tab.evaluate(f"getComputedStyle(document.querySelector('{part}')).filter") == GREY
     tab.click("#stop")
     expect(tab, "#stop.busy").to_have_count(0)
     tab.context.set_offline(False)
