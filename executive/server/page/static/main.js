@@ -282,6 +282,10 @@ function trySignIn() {
 ignoreUnusable();
 connection.start();
 trySignIn();
+// The user may come back from a terminal, in which a command has made a recording.
+window.addEventListener("focus", () => {
+  if (connection.alive) runs.refresh();
+});
 window.addEventListener("hashchange", () => {
   trySignIn(); // a new link, opened in this tab
   if (location.hash) openAddress();

@@ -339,7 +339,13 @@ def test_recordings_are_viewed_without_an_arm(open_page: Open, page_server: Serv
         tab.keyboard.press("Escape")  # stops nothing
         shows(tab, "#session", "signed in")
         expect(tab, "#delete").to_be_enabled()
+        listed = tab.locator("#runs .run").count()
+        another = newest.with_name("20990101T000000.000Z-13.mcap")
+        another.write_bytes(newest.read_bytes())
+        tab.evaluate("dispatchEvent(new Event('focus'))")  # back from a terminal
+        expect(tab, "#runs .run").to_have_count(listed + 1)
         tab.context.close()
+        another.unlink()
 
 
 def test_a_verdict_is_shown_with_its_own_recording(open_page: Open, page_server: Served) -> None:
