@@ -113,7 +113,8 @@ connection.addEventListener("event", (event) => {
   const { detail } = /** @type {CustomEvent} */ (event);
   if (detail.event === "question") questions.update(detail);
   shown.update(detail);
-  if (detail.event === "status") runs.refresh().then(draw);
+  // With the event of a goal, its recording has begun.
+  if (detail.event === "status" || detail.event === "goal") runs.refresh().then(draw);
   if (detail.event !== "status" || !detail.result) return;
   connection.refresh(); // what can be done next
   clearTimeout(finishing);

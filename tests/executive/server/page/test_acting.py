@@ -88,6 +88,7 @@ def test_who_runs_a_task_sees_it(open_page: Open, page_server: Served) -> None:
     tab.click(f"{task('10 wait')} button:text-is('Run')")
     expect(tab, "#shown").to_have_text("")
     shows(tab, "#running", "^wait$")
+    shows(tab, "#runs .run", "^task 10 wait.*running")
     tab.click("#runs .run:has(.name:text-is('task 11 nothing')) >> nth=0")
     shows(tab, "#shown", "^task 11 nothing, recorded$")
     tab.click("#running .link:text-is('wait')")  # what runs is named beside any recording
@@ -265,6 +266,8 @@ def test_the_arm_is_activated_from_the_page(open_page: Open, page_server: Served
     tab = open_page()
     shows(tab, "#arm-note", "The arm is inactive, so goals fail.")
     shows(tab, "#pose-note", "^Commanded pose unknown$")
+    tab.click("#move summary")
+    shows(tab, "#move-rows output", "^unknown$")  # not the last one
     expect(tab, f"{task('0 home')} button >> nth=0").to_be_disabled()
     shows(tab, "#opening", "Activating opens the port; the arm then")
     tab.click("#activate")

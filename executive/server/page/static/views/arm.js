@@ -207,7 +207,7 @@ export class ArmView {
     const joints = this.#robot?.joints.filter((each) => each.type !== "fixed" && !each.mimic) ?? [];
     const key = `${joints.map(({ name }) => name).join(" ")}, ${measured ? "measured" : ""}`;
     if (isNew(this.#positions, key)) {
-      setText(byId("measured-note", HTMLElement), measured ? ", and the measured one as a ghost" : "");
+      setText(byId("measured-note", HTMLElement), measured ? ", and the measured one as a ghost and in grey" : "");
       const also = () => (measured ? [element("dd", { class: "quiet", title: "measured" })] : []);
       const rows = joints.map(({ name }) => element("div", {}, element("dt", {}, name), element("dd"), ...also()));
       this.#positions.replaceChildren(...rows);
