@@ -203,8 +203,7 @@ class ServerRestarted(GoalError):
 
     def __init__(self) -> None:
         super().__init__(
-            "the server or command that ran this goal ended first, and nothing resumes the goal; "
-            "check the position of the arm, then send it again"
+            "the server or command that ran this goal ended first, and nothing resumes the goal"
         )
 
 

@@ -3,7 +3,8 @@
 The root is SkillError. TaskFailed and its subclasses report tasks that failed by their own tree.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Self, TypeVar
 
 from hardware import ArmtreeError, BadPosition, HardwareError
@@ -19,6 +20,7 @@ class SkillError(ArmtreeError):
             no value in the task is invalid.
         node: Path of the node if the error was found before the run; else empty.
         place: Its place in a file, and the places that refer to it; empty with `node`.
+        files: Texts of the files of its task, by name; empty with `node`.
     """
 
     code = "skill.error"
@@ -28,6 +30,7 @@ class SkillError(ArmtreeError):
     heading = "The task failed"
     node = ""
     place = ""
+    files: Mapping[str, str] = MappingProxyType({})
     location: tuple[str | int, ...] = ()
 
     def at(self, *location: str | int) -> Self:

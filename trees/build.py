@@ -86,14 +86,13 @@ def build(
     refused = tree.hooks.refused  # also refusals of hooks that the analysis called
     if found := tree.mistakes.found:
         raise wrong([*found, *(refusal.mistake for refusal in refused)], given)
+    files = {**({FILE: as_text(given)} if given else {}), **tree.files}
     if refused:
-        raise _cause(refused, tree, in_file)
+        raise _cause(refused, tree, files, in_file)
     for leaf in tree.leaves.values():
         _wire(leaf)
-    files = {FILE: as_text(given)} if given else {}
-    files |= {**tree.files, RESOLVED: resolved(tree)}
     skills = tuple(leaf.skill for leaf in tree.leaves.values())
-    return Tree(tree.root, skills, files, namespace)
+    return Tree(tree.root, skills, {**files, RESOLVED: resolved(tree)}, namespace)
 
 
 def refusals(tree: CompiledTree, robot: Robot) -> list[RefusedInput]:
@@ -106,7 +105,9 @@ def refusals(tree: CompiledTree, robot: Robot) -> list[RefusedInput]:
     return tree.hooks.refused
 
 
-def _cause(refused: Sequence[RefusedInput], tree: CompiledTree, in_file: bool) -> Exception:
+def _cause(
+    refused: Sequence[RefusedInput], tree: CompiledTree, files: Mapping[str, str], in_file: bool
+) -> Exception:
     """Combine refusals into one error with the class and node of the first, and all messages."""
     for refusal in refused if in_file else ():
         place = refusal.place
@@ -117,6 +118,7 @@ def _cause(refused: Sequence[RefusedInput], tree: CompiledTree, in_file: bool) -
     if isinstance(cause, SkillError):
         cause.node = dict(paths(tree.root))[first.node]
         cause.place = ", used by ".join(_places(tree, first.node)) if in_file else ""
+        cause.files = files
     return cause
 
 

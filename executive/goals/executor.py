@@ -202,7 +202,9 @@ class GoalExecutor:
         start: dict[str, float] = {}
         with suppress(NotActive):
             start = self._context.robot.by_joint(self._arm.commanded)
-        self._recordings.open(goal.status, name, self._context.seed, attempt.tree, start)
+        # A tree that was refused has files, too.
+        files = attempt.tree.files if attempt.tree else getattr(attempt.error, "files", {})
+        self._recordings.open(goal.status, name, self._context.seed, files, start)
         # Log after that, so that the lines are in the recording after its first event.
         sender = f" from {goal.client}" if goal.client else ""
         logger.info("Executing the goal for %s (%s)%s", *goal.name, sender)

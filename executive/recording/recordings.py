@@ -14,7 +14,6 @@ from executive.api.outcome import GoalState, GoalStatus, Outcome
 from hardware import Ability, ArmEvent, Clock, Robot, State, utc_ns
 from logs.writing.compaction_process import CompactionProcess, shared_process
 from skills import Planned, SkillEvent
-from trees.build import Tree
 
 from .archive import RobotMeshes, archive_meshes, archive_world, robot_note
 from .exchanges import Exchanges
@@ -94,7 +93,7 @@ class Recordings:
         """
         self._compaction = shared_process()
         recorder = self._create(_SERVER)
-        recorder.put(*self._setup(None), *self._early_lines(), self._arm_state(self._clock.now()))
+        recorder.put(*self._setup({}), *self._early_lines(), self._arm_state(self._clock.now()))
         self._accepted.clear()
         with self._counting:
             failed, self._server = self._server, recorder
@@ -104,7 +103,12 @@ class Recordings:
             self._finish_later(failed)
 
     def open(
-        self, goal: GoalStatus, name: str, seed: int, tree: Tree | None, start: Mapping[str, float]
+        self,
+        goal: GoalStatus,
+        name: str,
+        seed: int,
+        files: Mapping[str, str],
+        start: Mapping[str, float],
     ) -> None:
         """Open the recording of a goal, and record the goal.
 
@@ -112,7 +116,7 @@ class Recordings:
             goal: Status of the goal.
             name: Name of its task, or words of a move.
             seed: Seed of the planners.
-            tree: The goal's tree, whose files are attached; None if it could not be built.
+            files: Texts of the files of its task, by name; empty if they could not be read.
             start: Commanded positions [rad], by joint; empty if unknown.
 
         Raises:
@@ -124,7 +128,9 @@ class Recordings:
         self._meshes.clear()
         self._exchanges.restart()
         record = logs.Goal(self._clock.now(), goal.identity, goal.task, name, seed, start)
-        recorder.put(*self._setup(tree), *self._early_lines(), record, self._arm_state(record.time))
+        recorder.put(
+            *self._setup(files), *self._early_lines(), record, self._arm_state(record.time)
+        )
         self._watch(record)
 
     def goal_changed(self, status: GoalStatus) -> None:
@@ -291,10 +297,9 @@ class Recordings:
         while self._early:
             yield self._early.popleft()
 
-    def _setup(self, tree: Tree | None) -> list[logs.Item]:
+    def _setup(self, task: Mapping[str, str]) -> list[logs.Item]:
         """Return all items that a recording needs for viewing and verification."""
         urdf, files, notes = self._robot_items
-        task = tree.files if tree else {}
         return [
             *files,
             logs.Description(self._clock.now(), urdf),

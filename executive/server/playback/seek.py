@@ -9,7 +9,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
-from itertools import chain, groupby, takewhile
+from itertools import chain, dropwhile, groupby, takewhile
 from math import isfinite
 from pathlib import Path
 from typing import Any, Generic, TypeVar
@@ -39,6 +39,7 @@ _NODE_BYTES, _NODE_BYTES_PER_BYTE, _PLOT_BYTES, _ANSWER_BYTES = 32 << 20, 16, 8 
 _LINE_BYTES = 4 << 20  # largest size of the lines of the log in an answer [bytes]
 
 _COMMANDED, _MEASURED = "/joint_states", "/joint_states/measured"
+_SCHEDULE = "/schedule"
 _TIMING, _PROGRESS, _LOG = "/serial/timing", "/progress", "/rosout"
 _SENT = ("/serial/tx", _TIMING, _COMMANDED)  # messages of a frame, in file order
 _GOAL, _RESULT, _TREE = "/goal", "/result", "/tree"
@@ -177,6 +178,7 @@ class Timeline:
         self._plan_topics = set(_topics(recording, (logs.Plan,)))
         self._plans: dict[str, _Place] = {}  # one of each topic
         self.goal: logs.Goal | None = None
+        self._frames = 0  # that were sent
         self._read()
         self.began = self.goal.time if self.goal else self._time(recording.begin_ns)
         self.duration = max(0.0, self._time(recording.end_ns) - self.began)
@@ -250,8 +252,8 @@ class Timeline:
             log. Times of samples are from the beginning of the goal [s].
         """
         return {
-            "commanded": self._sampled(self._commanded, points),
-            "measured": self._sampled(self._measured, points),
+            "commanded": self._sampled(self._commanded, points, self._last_pose()),
+            "measured": self._sampled(self._measured, points, []),
             "lateness": {
                 "times_s": [time - self.began for time, _ in self._timing.values],
                 "late_s": [late for _, late in self._timing.values],
@@ -294,14 +296,27 @@ class Timeline:
         row = _positions(message)
         return (self._time(message.time_ns), row) if all(map(isfinite, row.values())) else None
 
-    def _sampled(self, samples: _Thinned[_Sample], points: int) -> Json:
-        step = max(1, -(-len(samples.values) // points))
+    def _sampled(self, samples: _Thinned[_Sample], points: int, last: list[_Sample]) -> Json:
+        step = max(1, -(-len(samples.values) // max(1, points - len(last))))
         found = samples.values[::step]
+        found = [each for each in found if not last or each[0] < last[0][0]] + last
         joints = list(dict.fromkeys(joint for _, row in found for joint in row))
         return {
             "times_s": [time - self.began for time, _ in found],
             "positions": {joint: [row.get(joint) for _, row in found] for joint in joints},
         }
+
+    def _last_pose(self) -> list[_Sample]:
+        """Return where the last frame leads, at its time; empty if no frame was sent."""
+        frame = self._last_frame(self._newest, len(self._recording.chunks))
+        if not frame or not all(map(isfinite, frame.positions)):
+            return []
+        positions = frame.positions
+        place = self._newest.get(_SCHEDULE)
+        schedule = self._record_of(self._message(place)) if place else None
+        if isinstance(schedule, logs.Schedule) and _ends(schedule, frame):
+            positions = schedule.samples[-1]
+        return [(frame.time, dict(zip(frame.joints, positions, strict=True)))]
 
     def _time(self, time_ns: int) -> float:
         return (time_ns - self._recording.epoch_ns) / 1e9
@@ -342,8 +357,10 @@ class Timeline:
                     newest.pop(topic, None)
                     newest[topic] = _Place(chunk, topic, entry)
             count += sum(map(opened.count, newest_of))
+            self._frames += opened.count(_COMMANDED)
             self._thin(chunk, opened)
         self.steps = list(map(self._time, step_times))
+        self._newest = newest
 
     def _opened(self) -> Iterator[tuple[Chunk, OpenChunk]]:
         """Yield the chunks. A second thread unpacks some chunks ahead."""
@@ -389,17 +406,27 @@ class Timeline:
             event = event_to_json(self._record_of(take(message))) | {"status": node.status}
             yield event | {"began_s": node.began, "ended_s": node.ended, "starts": node.starts}
         for place in window.newest.values():
-            message = take(self._message(place))
-            if place.topic == _COMMANDED:
-                # The last frame before the window may end inside it.
-                rest = self._rest_of_frame(window.first)
-                message = next((each for each in rest if each.topic == _COMMANDED), message)
-                row = _positions(message)
-                time = self._time(message.time_ns)
-                joints, positions = tuple(row), tuple(row.values())
-                yield event_to_json(logs.Sent(time, b"", None, False, joints, positions))
-            else:
+            if place.topic != _COMMANDED:
+                message = take(self._message(place))
                 yield from map(self._event, self._recording.grouped([message]))
+            elif frame := self._last_frame(window.newest, window.first):
+                yield event_to_json(frame)
+
+    def _last_frame(self, newest: Mapping[str, _Place], first: int) -> logs.Sent | None:
+        """Return the last frame that began before a chunk, or None."""
+        if _COMMANDED not in newest:
+            return None
+        number = newest[_COMMANDED].chunk.number
+        take = _Allowance(self._recording.path, _ANSWER_BYTES, "frames of one moment").take
+        messages = [
+            take(message)
+            for each in sorted({max(0, number - 1), number, first - 1})
+            for message in self._recording.open(self._recording.chunks[each]).messages(_SENT)
+        ]
+        messages += self._rest_of_frame(first)
+        records = self._recording.grouped(dropwhile(_continues, messages))
+        frames = [each for each in records if isinstance(each, logs.Sent) and each.joints]
+        return frames[-1] if frames else None
 
     def _rest_of_frame(self, number: int) -> Iterator[logs.Message]:
         """Yield the first messages of a chunk that belong to a frame of the previous chunk."""
@@ -431,15 +458,25 @@ class Timeline:
         """Yield the end of a run whose recording was cut off."""
         if self.goal and self._cut_off:
             cause, path = cause_of(ServerRestarted()), str(self._recording.path)
-            outcome = Outcome.of(
-                self.goal.task, GoalState.ABORTED, cause, duration=self.duration, recording=path
-            )
+            state, task = GoalState.ABORTED, self.goal.task
+            outcome = Outcome.of(task, state, cause, self._frames, self.duration, path)
             yield self._end(self.goal.goal_id, outcome, self.began + self.duration)
 
     def _end(self, goal_id: str, outcome: Outcome, time: float) -> Json:
         stamp_ns = self._recording.epoch_ns + round(self.began * 1e9)
         goal = GoalStatus(goal_id, outcome.task, outcome.state, stamp_ns, outcome)
         return {**event_to_json(goal), "event": STATUS, "time_s": time}
+
+
+def _ends(schedule: logs.Schedule, frame: logs.Sent) -> bool:
+    """Return True if a frame is the last one of a motion. Its positions may be before the end."""
+    return (
+        frame.scheduled is not None
+        and schedule.time <= frame.time
+        and schedule.frames[-1:] == (frame.text,)
+        and tuple(schedule.start) == frame.joints
+        and len(schedule.samples) > 0
+    )
 
 
 def _is_of_frame(message: logs.Message) -> bool:

@@ -373,7 +373,7 @@ def test_a_result_counts_the_frames_before_it_whenever_they_come(
     paths = []
     for number in range(5):
         goal = Goal(f"{number:032x}", 1, {}, clock.now(), 0, Mailbox(clock))
-        found.open(goal.status, "pick", 1, None, {})
+        found.open(goal.status, "pick", 1, {}, {})
         paths.append(Path(found.path))
         found.record_result(goal.identity, outcome)
         found.goal_ended()

@@ -105,6 +105,7 @@ def open_page(browser: Any, page_server: Served) -> Iterator[Open]:
     for path in page_server.executive.status().breakpoints:  # of a test that ended early
         page_server.executive.break_at(path, False)
     for tab in (tab for context in contexts for tab in context.pages):
+        tab.unroute_all(behavior="ignoreErrors")  # a request that a test changes may be under way
         tab.evaluate("0")  # what it reported before has arrived then
     seen = list(problems)  # what a tab still loads fails as it closes
     for context in contexts:

@@ -28,6 +28,7 @@ const shown = new ShownRun();
 const cursor = new Cursor();
 /** @type {import("./connection.js").Status | null} */
 let status = null;
+let finishing = 0; // timer
 /** @type {import("./arm/model.js").Robot | null} the robot of the server */
 let live = null;
 
@@ -64,7 +65,9 @@ function drawAll() {
   drawNode(shown, tree.selected);
   drawPause(shown, status?.paused ?? false);
   controls.draw(status);
-  arm.draw(shown.run);
+  // Until the user asks for a moment of the last run, the arm is shown where it is now.
+  const isNow = connection.hasArm && shown.isLast && cursor.live;
+  arm.draw(shown, isNow ? shown.live : shown.run);
   arm.drawOther(comparison.run);
   runs.draw(shown.recorded?.name ?? runs.recordingOf(shown.live));
   player.draw(runs.recordings);
@@ -110,10 +113,12 @@ connection.addEventListener("event", (event) => {
   const { detail } = /** @type {CustomEvent} */ (event);
   if (detail.event === "question") questions.update(detail);
   shown.update(detail);
-  if (detail.event === "status") runs.refresh().then(draw);
+  // With the event of a goal, its recording has begun.
+  if (detail.event === "status" || detail.event === "goal") runs.refresh().then(draw);
   if (detail.event !== "status" || !detail.result) return;
   connection.refresh(); // what can be done next
-  setTimeout(() => runs.refresh().then(draw), FINISHING);
+  clearTimeout(finishing);
+  finishing = setTimeout(() => runs.refresh().then(draw), FINISHING);
 });
 connection.addEventListener("status", (event) => {
   status = /** @type {CustomEvent} */ (event).detail;
@@ -278,6 +283,10 @@ function trySignIn() {
 ignoreUnusable();
 connection.start();
 trySignIn();
+// The user may come back from a terminal, in which a command has made a recording.
+window.addEventListener("focus", () => {
+  if (connection.alive) runs.refresh();
+});
 window.addEventListener("hashchange", () => {
   trySignIn(); // a new link, opened in this tab
   if (location.hash) openAddress();

@@ -76,11 +76,13 @@ def test_a_slow_and_a_hidden_tab_catch_up_and_stop(open_page: Open, page_server:
     tab.context.new_cdp_session(tab).send("Emulation.setCPUThrottlingRate", {"rate": 6})
     page_server.executive.cancel()
     page_server.executive.result(goal)
+    tab.route("**/api/recordings?*", tell_unfinished)
     page_server.executive.send(10)
     shows(tab, "#running", "^wait$")
     tab.keyboard.press("Escape")
     shows(tab, "#stop-note", "^stopped at")
     shows(tab, "#goal-state", "^canceled$")
+    expect(tab, "#runs [data-state] >> nth=0").to_have_text("canceled")
 
 
 def test_what_failed_to_load_is_loaded_later(open_page: Open, page_server: Served) -> None:
@@ -100,34 +102,6 @@ def test_what_failed_to_load_is_loaded_later(open_page: Open, page_server: Serve
     expect(tab, "#no-3d").to_have_text("")
     tab.locator("#plots canvas").first.wait_for()
     forget(tab, "ERR_FAILED")
-
-
-# Asks for two moments, and counts the requests; the first has no answer, or one with a status.
-ASK_TWICE = """async (status) => {
-  const { RecordedRun } = await import("./page/model/recorded_run.js");
-  const { fetch } = window, run = new RecordedRun("none");
-  let asked = 0;
-  window.fetch = async (path, ...rest) => {
-    if (!path.includes("recordings/none")) return fetch(path, ...rest);
-    asked += 1;
-    if (!status) throw new TypeError("no network");
-    return new Response(JSON.stringify({code: "log.unknown", message: "gone", hint: ""}), {status});
-  };
-  const failed = new Promise((done) => run.addEventListener("error", done));
-  run.duration = 9;
-  run.seek(0);
-  await failed;
-  run.seek(1);
-  window.fetch = fetch;
-  return asked;
-}"""
-
-
-def test_a_recording_is_asked_for_again_unless_it_is_refused(open_page: Open) -> None:
-    tab = open_page()
-    shows(tab, "#robot", "arduinobot")
-    assert tab.evaluate(ASK_TWICE, 0) == 2
-    assert tab.evaluate(ASK_TWICE, 404) == 1
 
 
 def test_a_server_that_is_killed_and_restarts_is_found_again(
@@ -165,6 +139,7 @@ def test_a_server_that_is_killed_and_restarts_is_found_again(
     shows(tab, "#runs li", "^task 10 wait.*cut off")
     tab.click("#runs li button")
     shows(tab, "#failure", "the server or command that ran this goal ended first")
+    assert tab.inner_text("#failure").count("check the position") == 1
     shows(tab, "#running", "^nothing$")
     tab.evaluate("scrollTo(0, 0)")
     tab.click("#live")
@@ -179,20 +154,24 @@ def test_a_server_that_is_killed_and_restarts_is_found_again(
     tab.context.close()
 
 
-@pytest.mark.parametrize("path", ["api/goals?*", "api/where", "api/poses"])
-def test_a_request_without_an_answer_is_made_again_with_the_next_stream(
-    open_page: Open, page_server: Served, path: str
+def test_requests_without_an_answer_are_made_again_with_the_next_stream(
+    open_page: Open, page_server: Served
 ) -> None:
-    lost = list[Any]()
+    paths = [f"**/api/{each}" for each in ("goals?*", "where", "poses")]
+    lost = set[str]()
 
     def lose(asked: Any) -> None:
-        lost.append(asked)
+        lost.add(asked.request.url)
         asked.abort()
 
-    tab = open_page(prepare=lambda empty: empty.route(f"**/{path}", lose))
-    while not lost:
+    def prepare(empty: Tab) -> None:
+        for path in paths:
+            empty.route(path, lose)
+
+    tab = open_page(prepare=prepare)
+    while len(lost) < len(paths):
         tab.wait_for_timeout(20)
-    tab.unroute(f"**/{path}")
+    tab.unroute_all()
     tab.context.set_offline(True)
     shows(tab, "#connection", "No connection")
     tab.context.set_offline(False)

@@ -9,6 +9,7 @@ import pytest
 import logs
 from executive.api.move import Move
 from executive.cli.support.log_handler import recorded_log
+from tests.support.recordings.finished import at_rest
 from tests.support.servers.browsing import Open, Tab, expect, is_accessible, shows
 from tests.support.servers.serving import Served
 
@@ -100,11 +101,16 @@ def test_the_log_has_the_words_of_the_page(
 
 def test_a_recorded_run_is_plotted_too(open_page: Open, page_server: Served) -> None:
     executive = page_server.executive
-    move = Move(("joint_1=-60deg",))
-    executive.result(executive.send(move).identity)
+    for target in ("joint_1=-60deg", "joint_1=-20deg"):
+        executive.result(executive.send(Move((target,), False, 1.0)).identity)
+    at_rest(folder := page_server.folder / "recordings")
+    max(folder.glob("*Z-move.mcap")).unlink()
     tab = open_page()
-    shows(tab, "#shown", "recorded")
-    shows(tab, "#plot-joints", r"joint_1\s*-(59|60)\.\d deg")
+    shows(tab, "#shown", "joint_1=-60deg, recorded")
+    shows(tab, "#positions", r"joint_1\s*-20\.0°")  # where the arm is now
+    shows(tab, "#plot-joints", r"joint_1\s*-60\.0 deg")  # though its last frame is a bit before
+    tab.click("#runs .run >> nth=0")
+    shows(tab, "#positions", r"joint_1\s*-60\.0°")
     shows(tab, "#phases", "executing")
     late = "#plots figure:nth-child(3) canvas"
     assert tab.locator(late).evaluate(
@@ -123,10 +129,11 @@ def test_position_limits_are_plotted(open_page: Open, page_server: Served) -> No
         tab = open_page(prepare=prepare)
         shows(tab, "#shown", "recorded")
         shows(tab, "#plot-joints", r"joint_1\s*90\.0 deg")
+        beyond.append(tab.locator("#plots .beyond").first.inner_text())
         canvas = tab.locator("#plots canvas").first
         return str(canvas.evaluate("each => each.toDataURL()"))
 
-    executive = page_server.executive
+    executive, beyond = page_server.executive, list[str]()
     executive.result(executive.send(Move(("joint_1=90deg",))).identity)
-    assert plotted(id) == plotted(id)
     assert plotted(id) != plotted(lambda empty: empty.route("**/robot", unlimited))
+    assert beyond == ["next limit -90", ""]

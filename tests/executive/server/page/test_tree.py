@@ -1,9 +1,11 @@
 """The tree of a run in a browser: live and recorded, with its failure, and how it is held."""
 
+from itertools import product
 from typing import Any
 
 import pytest
 
+from tests.support.recordings.finished import at_rest
 from tests.support.servers.browsing import Open, Tab, expect, forget, is_accessible, shows
 from tests.support.servers.serving import Served
 
@@ -80,6 +82,40 @@ def test_why_an_earlier_run_failed(open_page: Open, page_server: Served) -> None
     tab.fill("#search", "is not there")
     expect(tab, "#tree .name").to_have_text(["deliver", "retry", "sequence", "Fail"])
     is_accessible(tab)
+
+
+FAR = """task: 22
+name: far
+description: Too far.
+tree:
+  sequence:
+    - Say: {text: hello}
+    - subtree: move_joints
+      with: {joints: {joint_1: 200 deg}}
+"""
+
+
+def test_a_task_that_was_refused_before_its_run_has_its_tree(
+    open_page: Open, page_server: Served
+) -> None:
+    (page_server.tasks / "22_far.yaml").write_text(FAR)
+    tab = open_page()
+    tab.locator("#tasks li").first.wait_for()
+    ended(page_server, 22)
+    for when in ("live", "recorded"):
+        shows(tab, "#failure", "joint_1 = 200 deg is outside its limits")
+        tab.click("#failure .link")
+        shows(tab, "#node", "far/move_joints/Target")
+        expect(tab, row("Target")).to_have_attribute("data-status", "FAILURE")
+        expect(tab, "#tree .at-work .name").to_have_text(["far", "move_joints", "Target"])
+        if when == "live":
+            at_rest(page_server.folder / "recordings")
+            tab.reload()
+            shows(tab, "#shown", "far, recorded")
+    tab.focus("#moment")
+    for key, status in (("Home", "INVALID"), ("End", "FAILURE")):
+        tab.keyboard.press(key)
+        expect(tab, row("Target")).to_have_attribute("data-status", status)
 
 
 PHONE = {"width": 390, "height": 844}
@@ -230,17 +266,19 @@ def test_the_tree_keeps_the_focus_as_rows_come_and_go(open_page: Open, page_serv
     tab.wait_for_function("() => document.activeElement.dataset.path === 'large'")
 
 
-@pytest.mark.parametrize(("width", "height"), [(1280, 800), (1000, 700), (390, 844)])
 def test_the_details_of_a_node_are_seen_when_it_is_clicked(
-    open_page: Open, page_server: Served, width: int, height: int
+    open_page: Open, page_server: Served
 ) -> None:
     write_tasks(page_server)
     ended(page_server, 20)
-    tab = open_page(viewport={"width": width, "height": height})
+    tab = open_page()
     shows(tab, "#shown", "recorded")
-    for by_key in (False, True):
+    sizes = ((1280, 800), (1000, 700), (390, 844))
+    for (width, height), by_key in product(sizes, (False, True)):
+        tab.set_viewport_size({"width": width, "height": height})
         tab.evaluate("scrollTo(0, 0)")
         if by_key:
+            tab.focus(row("show"))
             tab.keyboard.press("Enter")
         else:
             tab.click(row("show"))

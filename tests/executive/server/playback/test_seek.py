@@ -100,9 +100,7 @@ def test_the_state_before_a_window_is_what_the_events_before_it_amount_to(
         for each in plain:
             assert each == last[each["event"] + str(each.get("group"))]
         sent = [each for each in state if each["event"] == "sent"]
-        assert [each["positions"] for each in sent] == (
-            [last["sentNone"]["positions"]] if nodes else []
-        )
+        assert sent == ([last["sentNone"]] if nodes else [])
         for each in window["events"]:
             last[each["event"] + str(each.get("group"))] = each
             if each["event"] == "node":
@@ -128,7 +126,11 @@ def test_samples_cover_the_whole_recording(run: Path, timeline: Timeline) -> Non
     assert times == sorted(times)
     assert {len(column) for column in positions.values()} == {len(times)}
     frames = list(logs.Recording(run).frames())
-    values = {q for frame in frames for q in frame.positions}
+    *_, motion = logs.Recording(run).records(logs.Schedule)
+    assert isinstance(motion, logs.Schedule)
+    end = motion.samples[-1]
+    assert tuple(column[-1] for column in positions.values()) == end != frames[-1].positions
+    values = {q for frame in frames for q in frame.positions} | {*end}
     assert all(q in values for column in positions.values() for q in column)
     assert Timeline(run).series(50)["measured"]["times_s"] == []
     whole = timeline.series(50)
@@ -184,3 +186,6 @@ def test_what_cannot_be_read_by_its_index_says_so(run: Path, tmp_path: Path) -> 
     shutil.copyfile(run, silent := tmp_path / "silent.mcap")
     assert Timeline(lacking(silent, "/goal", "/tree")).goal is None
     assert Timeline(silent).to_json()["ended"]
+    shutil.copyfile(run, killed := tmp_path / "killed.mcap")
+    *_, end = Timeline(lacking(killed, "/result")).events(1e9)["events"]
+    assert end["result"]["frames"] == len(list(logs.Recording(run).frames())) > 0

@@ -14,6 +14,7 @@ export const VIEWS = /** @type {Record<string, [number, number, number]>} */ ({
 
 const SOFTWARE = /swiftshader|llvmpipe|software|basic render/i;
 const PERIOD = 60; // between two pictures, if the processor draws them [ms]
+const STEEPEST = Math.PI / 2 - 0.001; // view from above or below [rad]
 const MARGIN = 1.1; // of the distance at which all is just seen
 
 /** Shows objects in a canvas. */
@@ -99,6 +100,26 @@ export class Stage {
     this.#controls.update();
     const distance = MARGIN * this.#distance();
     this.#camera.position.copy(middle).addScaledVector(direction, distance);
+    this.#controls.update();
+    this.draw();
+  }
+
+  /**
+   * Turn the camera around the middle, and move it nearer, as the mouse does.
+   * @param {number} left [rad]
+   * @param {number} up [rad]
+   * @param {number} share of its distance that is left
+   */
+  turn(left, up, share) {
+    const { target } = this.#controls;
+    const { x, y, z } = this.#camera.position.clone().sub(target);
+    const distance = Math.hypot(x, y, z);
+    const azimuth = Math.atan2(y, x) - left;
+    const elevation = Math.min(Math.max(Math.asin(z / distance) + up, -STEEPEST), STEEPEST);
+    const offset = [Math.cos(azimuth), Math.sin(azimuth)].map((part) => part * Math.cos(elevation));
+    const direction = new this.#three.Vector3(offset[0], offset[1], Math.sin(elevation));
+    this.#camera.position.copy(target).addScaledVector(direction, distance * share);
+    this.#turned = true;
     this.#controls.update();
     this.draw();
   }

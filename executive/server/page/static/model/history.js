@@ -1,5 +1,7 @@
 /** What a run has done over time, for plots and the log: computed from events, live or recorded. */
 
+import { whereItLeads } from "./run.js";
+
 /** @typedef {import("./run.js").Schedule} Schedule */
 /** @typedef {import("./recorded_run.js").Samples} Samples */
 
@@ -95,8 +97,9 @@ export class History {
   lines = [];
   /** Grows with every phase and line. */
   version = 0;
-  /** @type {Schedule | null} that has not begun */
-  #next = null;
+  /** @type {Schedule | null} the newest motion */
+  #schedule = null;
+  #begun = false; // that motion
 
   /**
    * Take an event.
@@ -116,7 +119,8 @@ export class History {
         for (const [index, joint] of event.joints.entries()) this.limits.set(joint, event.velocity_limits[index]);
         break;
       case "schedule":
-        this.#next = event;
+        this.#schedule = event;
+        this.#begun = false;
         break;
       case "feedback":
         if (event.phase === this.phases.at(-1)?.phase) break;
@@ -153,7 +157,7 @@ export class History {
    * @param {number} time
    */
   #addFrame(event, time) {
-    this.commanded.add(time, event.joints, event.positions);
+    this.commanded.add(time, event.joints, whereItLeads(event, this.#schedule));
     if (event.scheduled_s === null) {
       // A stop: the rest of the motion is not played.
       this.velocity.cut(time);
@@ -162,11 +166,11 @@ export class History {
     }
     const late = event.time_s - event.scheduled_s;
     this.lateness.add(time, ["frame"], [late]);
-    if (!this.#next) return;
+    if (!this.#schedule || this.#begun) return;
     // A page that is opened during a motion does not see its first frames.
-    const number = Math.max(0, this.#next.frames.indexOf(event.data));
-    this.#addVelocities(this.#next, time - late - (this.#next.times[number] ?? 0));
-    this.#next = null;
+    const number = Math.max(0, this.#schedule.frames.indexOf(event.data));
+    this.#addVelocities(this.#schedule, time - late - (this.#schedule.times[number] ?? 0));
+    this.#begun = true;
   }
 
   /**

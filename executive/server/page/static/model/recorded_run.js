@@ -113,6 +113,11 @@ export class RecordedRun extends EventTarget {
     this.dispatchEvent(new Event("change"));
   }
 
+  /** @returns {import("./run.js").Schedule[]} the motions of the windows that are here */
+  get motions() {
+    return this.#windows.flatMap(({ events }) => events.filter((each) => each.event === "schedule"));
+  }
+
   /** @returns {boolean} True while the moment that is shown is not here yet */
   get waits() {
     return this.#window === null;

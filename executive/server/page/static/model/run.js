@@ -124,7 +124,7 @@ export class Run {
         this.attempt = event.attempt;
         break;
       case "sent":
-        if (event.joints.length) this.positions = zip(event.joints, event.positions);
+        if (event.joints.length) this.positions = zip(event.joints, whereItLeads(event, this.schedule));
         break;
       case "measured":
         this.measured = zip(event.joints, event.position);
@@ -155,9 +155,9 @@ export class Run {
   updateStatus({ commanded, measured, goal, time_s }) {
     if (goal) this.updateGoal(goal);
     if (this.active) this.length = Math.max(this.length, time_s - this.began); // also while nothing happens
-    const idle = !goal && !this.active;
-    if (idle || !this.positions) this.positions = commanded ?? this.positions;
-    if (idle || !this.measured) this.measured = measured ?? this.measured;
+    const idle = !goal && !this.active; // nothing moves, so no event is newer
+    if (idle || !this.positions) this.positions = commanded;
+    if (idle || !this.measured) this.measured = measured;
   }
 
   /**
@@ -180,6 +180,26 @@ export class Run {
     this.updateGoal(goal);
     for (const node of this.nodes.values())
       if (node.status === "RUNNING") this.#change(node, { ...node, status: "HALTED" });
+    this.#markRefused();
+  }
+
+  /**
+   * Take the nodes of the task, if the goal was refused before its tree had any.
+   * @param {Iterable<{ path: string }>} nodes parents first
+   */
+  addNodes(nodes) {
+    if (this.nodes.size || !this.outcome) return;
+    for (const { path } of nodes) this.#newNode({ path, name: path.slice(path.lastIndexOf("/") + 1) });
+    this.#markRefused();
+  }
+
+  /** Show the node that was refused before the run as failed, with those above it. */
+  #markRefused() {
+    const { node: path = "", message = "" } = this.outcome?.cause ?? {};
+    const refused = this.nodes.get(path);
+    if (!refused || [...this.nodes.values()].some(({ starts }) => starts)) return;
+    for (let node = /** @type {TreeNode | null} */ (refused); node; node = node.parent)
+      this.#change(node, { ...UNKNOWN, status: "FAILURE", message: node === refused ? cut(message) : "" });
   }
 
   /** @returns {TreeNode[]} the running leaves */
@@ -212,6 +232,7 @@ export class Run {
       if (!other.nodes.has(node.path)) this.#change(node, { ...UNKNOWN });
     for (const { path, name, status, message, began, ended, starts, inputs } of other.nodes.values())
       this.#change(nodes.get(path) ?? this.#newNode({ path, name }), { status, message, began, ended, starts, inputs });
+    this.#markRefused();
   }
 
   /**
@@ -289,6 +310,18 @@ export class Run {
  */
 export function goalTitle(task, name = "") {
   return task === MOVE ? name || "move" : `task ${task} ${name}`.trimEnd();
+}
+
+/**
+ * Return where a frame leads. The last one leads to the end of its motion, which its positions may
+ * only be near to.
+ * @param {any} sent event of the frame
+ * @param {Schedule | null} schedule newest motion
+ * @returns {number[]} positions of its joints [rad or m]
+ */
+export function whereItLeads({ data, scheduled_s, positions }, schedule) {
+  const isLast = scheduled_s !== null && data === schedule?.frames.at(-1);
+  return (isLast && schedule?.samples.at(-1)) || positions;
 }
 
 /**

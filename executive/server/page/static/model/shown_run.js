@@ -5,6 +5,8 @@ import { History } from "./history.js";
 import { RecordedRun } from "./recorded_run.js";
 import { Run } from "./run.js";
 
+/** @typedef {import("./run.js").Schedule} Schedule */
+
 /**
  * @typedef {object} NodeFacts What the task's files say of a node.
  * @property {string} path
@@ -47,9 +49,23 @@ export class ShownRun extends EventTarget {
     return this.run === this.live;
   }
 
+  /**
+   * @returns {boolean} True if the recording is shown because no run is under way, not because the
+   *   user has opened it
+   */
+  get isLast() {
+    return Boolean(this.recorded?.name) && !this.#held;
+  }
+
   /** @returns {boolean} True for a dry run, in which nothing moves */
   get planned() {
     return this.recorded?.kind === DRY_RUN;
+  }
+
+  /** @returns {Schedule[]} all motions of a dry run, or the newest one of a run */
+  get motions() {
+    if (this.recorded && this.planned) return this.recorded.motions;
+    return this.run.schedule ? [this.run.schedule] : [];
   }
 
   /** @returns {string} which run is shown; empty for the live one */
@@ -70,6 +86,12 @@ export class ShownRun extends EventTarget {
     }
     if (this.live.active) this.#liveHistory.add(event, event.time_s - this.live.began);
     this.#findFacts();
+    this.#changed();
+  }
+
+  /** Say that more is known of the run. */
+  #changed() {
+    this.run.addNodes(this.facts.values());
     this.dispatchEvent(new Event("change"));
   }
 
@@ -133,7 +155,7 @@ export class ShownRun extends EventTarget {
 
   /** @param {RecordedRun} recorded */
   #showRecorded(recorded) {
-    recorded.addEventListener("change", () => this.dispatchEvent(new Event("change")));
+    recorded.addEventListener("change", () => this.#changed());
     recorded.addEventListener("error", (event) => {
       const { detail } = /** @type {CustomEvent} */ (event);
       this.dispatchEvent(new CustomEvent("error", { detail }));
@@ -166,6 +188,6 @@ export class ShownRun extends EventTarget {
     if (this.#asked !== goalId) return;
     for (const node of nodes) this.facts.set(node.path, node);
     for (const node of this.run.nodes.values()) this.run.changed.add(node);
-    this.dispatchEvent(new Event("change"));
+    this.#changed();
   }
 }

@@ -8,8 +8,21 @@ import { loadLibraries } from "../libraries/load.js";
 
 /** @typedef {import("../arm/model.js").Robot} Robot */
 /** @typedef {import("../model/run.js").Run} Run */
+/** @typedef {import("../model/run.js").Schedule} Schedule */
+/** @typedef {import("../model/shown_run.js").ShownRun} ShownRun */
 
 const GHOST = 0.35; // opacity of the measured arm
+const TURN = Math.PI / 18; // of the camera by a key [rad]
+const NEARER = 0.85; // distance of the camera after a key, of that before
+/** What keys do: how the camera turns to the left and up, and comes nearer. */
+const KEYS = /** @type {Record<string, [number, number, number]>} */ ({
+  ArrowLeft: [1, 0, 0],
+  ArrowRight: [-1, 0, 0],
+  ArrowUp: [0, 1, 0],
+  ArrowDown: [0, -1, 0],
+  "+": [0, 0, 1],
+  "-": [0, 0, -1],
+});
 
 /** Shows one robot. */
 export class ArmView {
@@ -39,11 +52,21 @@ export class ArmView {
   constructor() {
     for (const button of document.querySelectorAll("#views button"))
       button.addEventListener("click", () => this.#stage?.look(button.id.replace("view-", "")));
+    this.#box.addEventListener("keydown", (event) => this.#key(event));
     // The floor and the path have colours of the page.
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
       this.#stage?.setColors();
       this.#last = [];
     });
+  }
+
+  /** @param {KeyboardEvent} event */
+  #key(event) {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    const [left, up, nearer] = KEYS[event.key] ?? [0, 0, 0];
+    if (!left && !up && !nearer) return;
+    event.preventDefault();
+    this.#stage?.turn(left * TURN, up * TURN, NEARER ** nearer);
   }
 
   /** @returns {number} shortest time between two pictures [ms]; 0 with a graphics card */
@@ -96,16 +119,20 @@ export class ArmView {
     this.#stage.scene.add(model.root);
   }
 
-  /** @param {Run} run */
-  draw(run) {
-    const { positions: pose, measured: there } = run;
+  /**
+   * @param {ShownRun} shown
+   * @param {Run} posed whose pose is shown
+   */
+  draw({ run, motions, planned }, { positions: pose, measured: there }) {
+    const kind = planned ? "Planned" : "Commanded";
+    setText(byId("pose-note", HTMLElement), pose ? `${kind} pose` : `${kind} pose unknown`);
     this.#drawPositions(pose, there);
     const now = [JSON.stringify([pose, there]), run.schedule, run.world, run.outcome];
     if (!this.#model || !this.#stage || !this.#three) return;
     if (now.every((each, index) => each === this.#last[index])) return;
-    if (now.slice(1).some((each, index) => each !== this.#last[index + 1])) this.#drawMotion(run);
+    if (now.slice(1).some((each, index) => each !== this.#last[index + 1])) this.#drawMotions(run, motions);
     this.#last = now;
-    this.#model.setPose(pose ?? {});
+    if (pose) this.#model.setPose(pose);
     this.#stage.include(this.#model.root);
     this.#drawMeasured(there);
     this.#stage.draw();
@@ -128,14 +155,17 @@ export class ArmView {
     this.#stage.draw();
   }
 
-  /** @param {Run} run */
-  #drawMotion(run) {
+  /**
+   * @param {Run} run
+   * @param {Schedule[]} motions
+   */
+  #drawMotions(run, motions) {
     if (!this.#model || !this.#stage || !this.#three) return;
     for (const object of this.#drawn) object.removeFromParent();
     this.#drawn = addBodies(this.#three, this.#model, run.world, () => this.#stage?.draw());
-    if (run.schedule) {
-      const color = getComputedStyle(this.#box).getPropertyValue("outline-color");
-      const path = pathOf(this.#three, this.#model, run.schedule, color);
+    const color = getComputedStyle(this.#box).getPropertyValue("outline-color");
+    for (const motion of motions) {
+      const path = pathOf(this.#three, this.#model, motion, color);
       this.#stage.scene.add(path);
       this.#stage.include(this.#model.root, path); // the arm is where its path ends
       this.#drawn.push(path);
@@ -177,7 +207,7 @@ export class ArmView {
     const joints = this.#robot?.joints.filter((each) => each.type !== "fixed" && !each.mimic) ?? [];
     const key = `${joints.map(({ name }) => name).join(" ")}, ${measured ? "measured" : ""}`;
     if (isNew(this.#positions, key)) {
-      setText(byId("measured-note", HTMLElement), measured ? ", and measured as a ghost" : "");
+      setText(byId("measured-note", HTMLElement), measured ? ", and the measured one as a ghost and in grey" : "");
       const also = () => (measured ? [element("dd", { class: "quiet", title: "measured" })] : []);
       const rows = joints.map(({ name }) => element("div", {}, element("dt", {}, name), element("dd"), ...also()));
       this.#positions.replaceChildren(...rows);

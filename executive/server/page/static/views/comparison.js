@@ -3,7 +3,7 @@
 import { byId, element, isNew, setText } from "../dom.js";
 import { RecordedRun } from "../model/recorded_run.js";
 import { stateWords } from "./header.js";
-import { isFinished, nameOf } from "./runs.js";
+import { isWritten, nameOf } from "./runs.js";
 import { mark } from "./tree.js";
 
 /** @typedef {import("../model/run.js").Run} Run */
@@ -87,7 +87,7 @@ export class Comparison extends EventTarget {
    * @param {Recording[]} recordings
    */
   #drawChoice(shown, recordings) {
-    const offered = recordings.filter((each) => each.name !== shown && isFinished(each));
+    const offered = recordings.filter((each) => each.name !== shown && !isWritten(each));
     const key = [shown, ...offered.map((each) => each.name)].join("\n");
     if (!isNew(this.#choice, key)) return;
     const chosen = this.#choice.value;

@@ -84,9 +84,9 @@ export class MoveView {
     for (const [name, { slider, value, scale, unit, target }] of this.#joints) {
       slider.disabled = !waits;
       const position = positions?.[name];
-      if (position === undefined || target) continue;
-      slider.value = String(position / scale);
-      show(slider, value, `${(position / scale).toFixed(1)} ${unit}`);
+      if (target) continue;
+      slider.value = String((position ?? 0) / scale);
+      show(slider, value, position === undefined ? "unknown" : `${(position / scale).toFixed(1)} ${unit}`);
     }
   }
 

@@ -160,8 +160,8 @@ export class PlotsView {
       this.#plot(`Velocity [${this.#units("/s")}]${others}`, joints, { range: () => this.#velocityRange() }, style),
       this.#plot("Frames, lateness [ms]", [dots], { range: (_plot, low, high) => [Math.min(low, 0), Math.max(high, 1)] }, style),
     ];
-    this.#plots[0].hooks.draw?.push((plot) => drawLines(plot, this.#limits((joint) => joint.limits), ink));
-    this.#plots[1].hooks.draw?.push((plot) => drawLines(plot, this.#velocityLimits(), ink));
+    this.#plots[0].hooks.draw?.push((plot) => drawLimits(plot, this.#limits((joint) => joint.limits), ink));
+    this.#plots[1].hooks.draw?.push((plot) => drawLimits(plot, this.#velocityLimits(), ink));
     this.#fill();
   }
 
@@ -175,7 +175,8 @@ export class PlotsView {
     const { uPlot } = /** @type {Libraries} */ (this.#libraries);
     const axis = { stroke: style.color, font: `12px ${style.fontFamily}`, ticks: { show: false } };
     const grid = { stroke: style.borderTopColor, width: 1 };
-    const holder = element("figure", {}, element("figcaption", {}, title));
+    const caption = element("figcaption", {}, element("span", {}, title), element("span", { class: "beyond" }));
+    const holder = element("figure", {}, caption);
     this.#box.append(holder);
     const plot = new uPlot(
       {
@@ -376,26 +377,32 @@ export class PlotsView {
 }
 
 /**
- * Draw dotted lines at values, if they are within the plot.
+ * Draw dotted lines at limits, and name those that are beyond the plot.
  * @param {Plot} plot
- * @param {Iterable<number>} values
+ * @param {Set<number>} limits
  * @param {string} color
  */
-function drawLines(plot, values, color) {
+function drawLimits(plot, limits, color) {
   const { ctx, bbox } = plot;
   const { min = 0, max = 0 } = plot.scales.y;
   ctx.save();
   ctx.strokeStyle = color;
   ctx.setLineDash([2 * devicePixelRatio, 4 * devicePixelRatio]);
-  for (const value of values) {
-    if (value < min || value > max) continue;
-    const y = plot.valToPos(value, "y", true);
+  for (const limit of limits) {
+    if (limit < min || limit > max) continue;
+    const y = plot.valToPos(limit, "y", true);
     ctx.beginPath();
     ctx.moveTo(bbox.left, y);
     ctx.lineTo(bbox.left + bbox.width, y);
     ctx.stroke();
   }
   ctx.restore();
+  const below = Math.max(...[...limits].filter((limit) => limit < min));
+  const above = Math.min(...[...limits].filter((limit) => limit > max));
+  const beyond = [below, above].filter(Number.isFinite).map((limit) => Number(limit.toFixed(1)));
+  const words = beyond.length ? `next limit${beyond.length > 1 ? "s" : ""} ${beyond.join(" and ")}` : "";
+  const note = plot.root.parentElement?.querySelector(".beyond");
+  if (note) setText(note, words);
 }
 
 /** @param {History} history */

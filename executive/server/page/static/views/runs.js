@@ -38,6 +38,10 @@ export class RunsView extends EventTarget {
   #note = byId("runs-note", HTMLElement);
   #timer = 0;
   #asked = 0;
+  /** @type {Promise<void> | null} the refresh that is under way */
+  #refreshing = null;
+  /** @type {Promise<void> | null} the one after it */
+  #next = null;
   #wanted = SHOWN; // recordings to list
   #error = ""; // why they could not be listed
   /** @type {Goal[]} newest first */
@@ -63,9 +67,24 @@ export class RunsView extends EventTarget {
     });
   }
 
-  /** Ask for the recordings, goals and tasks again. Without an answer they stay. */
-  async refresh() {
-    await Promise.all([this.#load(), this.#loadGoals().catch(() => undefined)]);
+  /**
+   * Ask for the recordings, goals and tasks again. Without an answer they stay. Many short goals do
+   * not ask more often than the server answers.
+   * @returns {Promise<void>} when the answer to a request that begins now or later is here
+   */
+  refresh() {
+    if (this.#refreshing) {
+      this.#next ??= this.#refreshing.then(() => {
+        this.#next = null;
+        return this.refresh();
+      });
+      return this.#next;
+    }
+    const goals = this.#loadGoals().catch(() => undefined);
+    this.#refreshing = Promise.all([this.#load(), goals]).then(() => {
+      this.#refreshing = null;
+    });
+    return this.#refreshing;
   }
 
   /**
@@ -83,7 +102,7 @@ export class RunsView extends EventTarget {
 
   /** @param {string} shown name of the recording that is shown; empty for none */
   draw(shown) {
-    const key = JSON.stringify([shown, isSignedIn(), this.recordings]);
+    const key = JSON.stringify([shown, isSignedIn(), this.recordings, this.goals]);
     if (!isNew(this.#list, key)) return;
     const items = this.recordings.map((each) => this.#item(each, each.name === shown));
     const focused = this.#list.contains(document.activeElement) ? document.activeElement?.id : "";
@@ -98,7 +117,7 @@ export class RunsView extends EventTarget {
    */
   recordingOf({ outcome, active, task }) {
     if (outcome) return outcome.recording.split("/").at(-1) ?? "";
-    const written = this.recordings.find((each) => !isFinished(each) && each.task === task);
+    const written = this.recordings.find((each) => isWritten(each) && each.task === task);
     return (active && written?.name) || "";
   }
 
@@ -167,6 +186,15 @@ export class RunsView extends EventTarget {
     return goal ? goalTitle(goal.task, name) : "a goal";
   }
 
+  /**
+   * Return the state of the goal of a recording that is being written; its end is written last.
+   * @param {string} name
+   */
+  #stateOf(name) {
+    const ended = this.goals.find((each) => each.result?.recording.split("/").at(-1) === name);
+    return ended?.state ?? "EXECUTING";
+  }
+
   /** Offer the tasks of the server and of the recordings as filters. */
   #drawTasks() {
     const names = new Map(this.tasks.map((each) => [each.task, goalTitle(each.task, each.name)]));
@@ -185,15 +213,16 @@ export class RunsView extends EventTarget {
    * @param {boolean} current
    */
   #item(recording, current) {
-    const { state, code, bytes, pinned, task, name, duration_s, message } = recording;
+    const { bytes, pinned, task, name, duration_s, message } = recording;
+    const state = isWritten(recording) ? this.#stateOf(name) : recording.state;
     const known = this.tasks.find((each) => each.task === task);
-    const title = state === "UNFINISHED" && known ? goalTitle(known.task, known.name) : recording.title;
+    const title = recording.state === "UNFINISHED" && known ? goalTitle(known.task, known.name) : recording.title;
     const duration = duration_s === null ? "" : `, ${duration_s.toFixed(1)} s`;
     const button = element(
       "button",
       { type: "button", class: "run", id: `run-${name}`, title: `${name}\n${message}`.trim() },
       element("span", { class: "name" }, `${pinned ? "◆ " : ""}${title || name}`),
-      element("span", { "data-state": state }, stateWords(code === "log.in_use" ? "EXECUTING" : state)),
+      element("span", { "data-state": state }, stateWords(state)),
       element("span", { class: "quiet when" }, when(recording.stamp_ns)),
       element("span", { class: "quiet" }, `${size(bytes)}${duration}`),
     );
@@ -201,6 +230,14 @@ export class RunsView extends EventTarget {
     button.addEventListener("click", () => this.dispatchEvent(new CustomEvent("open", { detail: recording })));
     return element("li", {}, button);
   }
+}
+
+/**
+ * Return whether a recording is being written.
+ * @param {Recording} recording
+ */
+export function isWritten({ code }) {
+  return code === "log.in_use";
 }
 
 /**

@@ -81,15 +81,16 @@ export function drawFailure(shown) {
   const hint = cause ? hintOf(cause) : "";
   const recording = run.outcome?.recording.split("/").at(-1) ?? "";
   const failure = `${run.goalId} ${cause?.message}`;
-  if (!cause || !isNew(card, `${failure} ${place}`)) return false;
-  const isOther = card.dataset.failure !== failure; // its place may come later
+  const hasNode = cause ? run.nodes.has(cause.node) : false;
+  if (!cause || !isNew(card, `${failure} ${place} ${hasNode}`)) return false;
+  const isOther = card.dataset.failure !== failure; // its place and node may come later
   card.dataset.failure = failure;
   card.replaceChildren(
     element("h2", {}, `${run.title} ${shown.planned ? "would fail" : "failed"}`),
     element("p", { class: "cause" }, cause.message),
     ...(hint && !cause.message.includes(hint) ? [element("p", {}, "What to do: ", ...withCode(hint))] : []),
     facts([
-      ["Node", cause.node && run.nodes.has(cause.node) ? link(cause.node, cause.node) : cause.node],
+      ["Node", hasNode ? link(cause.node, cause.node) : cause.node],
       ["Joint", cause.joint],
       ["Line", place],
       ["Code", cause.code],
