@@ -4,7 +4,7 @@ The compiler checks the names of skills and ports, not this module.
 """
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -43,6 +43,14 @@ _OTHER_TYPES = {
     "bool": "boolean",
     "str": "text",
     "string": "text",
+}
+
+# Files of other programs, by a key that they have.
+_OTHER_FILES = {
+    "jobs": "a GitHub workflow",
+    "hosts": "a playbook of Ansible",
+    "joint_names": "a trajectory of ROS",
+    "services": "a file of Docker Compose",
 }
 
 
@@ -222,11 +230,13 @@ class _Parser:
             if isinstance(self.root.value, str) and right != text:
                 why, row = f"a colon is missing after `{text.split()[0]}`", text.count("\n") + 1
                 self.mistakes.add_last(self.root.place, why, Correction(right, 1, row))
-            if str(self.root.value).startswith("<"):
-                hint = f"; this is XML, and a file is YAML{hint}"
+            items = self.root.value if isinstance(self.root.value, list) else []
+            inner = {key for item in items for key in nested(item)}
+            other = "XML" if str(self.root.value).startswith("<") else _other_file(inner)
+            hint = f"; this is {other}{hint}" if other else hint
             self._wrong(self.root.place, f"expected the keys {needed}{hint}")
-        elif "jobs" in self._values and "tree" not in self._values:
-            why = "this is a GitHub workflow, not a task; `armtree new` writes a task that runs"
+        elif (other := _other_file(self._values)) and "tree" not in self._values:
+            why = f"this is {other}, not a task; `armtree new` writes a task that runs"
             self._wrong(self.root.place, why)
             self._values = {}
         self._values = self._corrections(self._with_tree(self._values, keys), keys)
@@ -506,6 +516,11 @@ class _Parser:
             return value is not None and value.value is True
         self._wrong(value.place, f"{value} is not true or false")
         return None
+
+
+def _other_file(keys: Collection[str]) -> str:
+    """Return what a file with these keys is; "" for a task file."""
+    return next((what for key, what in _OTHER_FILES.items() if key in keys), "")
 
 
 def _types() -> str:

@@ -12,7 +12,7 @@ from hardware.spelling import choices, closest, did_you_mean, there_are
 from trees.declarations import ANY, LIST, UNITS, Declaration, type_fits, words
 from trees.errors import Mistake
 
-from .document import REFUSED, Located, StandIn, nested, reference
+from .document import NO_CALCULATION, REFUSED, Located, StandIn, calculates, nested, reference
 from .lines import as_mapping, block, replaced_block
 
 _NUMBER = r"([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)"
@@ -182,13 +182,14 @@ def fit(
         return None  # the parameter has no valid value
     if isinstance(value.value, StandIn):
         return _known_type(value, value.value, wanted.type, wrong)
+    if isinstance(value.value, str) and value.value in poses and wanted.refuses_poses:
+        other = "a distance" if wanted.relative else words(wanted.type)
+        why = f"{value.value} is a pose, not {other}; to move to it, write subtree: "
+        wrong(value.place, f"{why}move_joints, with: {{joints: {value.value}}}")
+        return None
     if wanted.type.startswith(LIST):
         return _items(value, wanted, poses, wrong)
     if wanted.type == "positions":
-        if wanted.relative and isinstance(value.value, str) and value.value in poses:
-            why = f"{value.value} is a pose, not a distance; to move to it, write subtree: "
-            wrong(value.place, f"{why}move_joints, with: {{joints: {value.value}}}")
-            return None
         return _positions(value, poses, wrong)
     if wanted.type in ("number", *UNITS):
         fitted = _number(value, wanted.type, wrong)
@@ -245,8 +246,11 @@ def _items(
         return None
     if wanted.count and len(value.value) != wanted.count and value.value != wanted.default:
         why = f"{value} has {plural(len(value.value), 'item')}, not {wanted.count}"
+        points = re.sub(r"(\d),(?=\d)", r"\1.", value.place.brackets)
         if near:
             why = f"commas are missing in {value.as_yaml()}"
+        elif numbers and points.count(",") == wanted.count - 1:
+            why, near = f"{why}; a point begins the decimals, not a comma", points
         elif numbers and wanted.count == 3:
             why, near = f"{why} (x, y, z)", _filled(value, wanted)
         wrong(value.place, why + did_you_mean(near), value.instead(near))
@@ -267,8 +271,9 @@ def _filled(value: Located, wanted: Declaration) -> str:
 def _as_items(value: Located) -> str:
     """Return as a list three numbers without commas, or a mapping with x, y and z; else ""."""
     inner = value.value
-    if isinstance(inner, dict) and [*inner] == ["x", "y", "z"]:
-        return Located(value.place, [*inner.values()], value.label).as_yaml()
+    axes = [value, *nested(value).values()]  # such as {position: {x: 0, y: 0, z: 0}}
+    if found := next((each for each in axes if [*nested(each)] == ["x", "y", "z"]), None):
+        return Located(value.place, [*nested(found).values()], value.label).as_yaml()
     text = inner[0].value if isinstance(inner, list) and len(inner) == 1 else inner
     items = (
         re.findall(rf"{_NUMBER}(?: ?([a-z]+))?(?=[\s,]|$)", text) if isinstance(text, str) else []
@@ -308,8 +313,8 @@ def _plain(value: Located, wanted: Declaration, wrong: Wrong) -> Any:
 def _not(value: Located, kind: str, near: str, wrong: Wrong, hint: str = "") -> None:
     """Report a value of a wrong type, with its likely meaning."""
     near = reference(str(value.value)) or near
-    if re.fullmatch(r"-\$\w+", str(value.value)):
-        hint = "; a reference cannot be negated: declare another parameter"
+    if calculates(str(value.value)):
+        hint = f"; {NO_CALCULATION}"
     if kind in ("integer", "number"):
         count = re.sub(r" ?(times|x)$|^range\(|\)$", "", str(value.value).lower())
         near = near or _COUNTS.get(count, count if count.isdecimal() else "")
