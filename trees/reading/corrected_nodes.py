@@ -64,7 +64,8 @@ def comparison(value: Located) -> str:
         return ""
     from skills import compare_node  # slow; only for a mistake
 
-    return compare_node(*found.groups())
+    left, sign, right = found.groups()
+    return compare_node(f"${left}" if left.isidentifier() else left, sign, right)
 
 
 def _as_selector(keys: Mapping[str, Located]) -> list[str]:

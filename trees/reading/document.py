@@ -245,7 +245,8 @@ def _forbidden(path: Path, text: str) -> Iterator[Mistake]:
         if found := _FORBIDDEN.search(line):
             place = Place(path, number, found.start() + 1, "", lines)
             what = "directives are" if found[0] == "%" else f"the character {found[0]!r} is"
-            yield Mistake(place, f"{what} not allowed")
+            right = Correction(_FORBIDDEN.sub("", line), number) if found[0] != "%" else None
+            yield Mistake(place, f"{what} not allowed", right)
 
 
 # YAML 1.2.2, section 10.3.2. A scalar without a match is a text.
@@ -318,7 +319,7 @@ class _Reader:
             return Located(place, meant.value if meant else None, label or place)
         assert isinstance(event, ScalarEvent | CollectionStartEvent)
         if event.tag is not None:
-            self._wrong(place, f"tags are not allowed: {event.tag!r}")
+            self._wrong(place, f"tags are not allowed: {event.tag!r}; write the value itself")
         known = len(self.mistakes)
         made = Located(place, self._content(event, depth + 1, place), label or place)
         # An alias is a mistake, so no kept value has aliases, whose text grows exponentially.
@@ -393,7 +394,8 @@ class _Reader:
         elif len(text) > MAX_TEXT:
             self._wrong(place, f"a text of more than {MAX_TEXT} characters")
         elif odd := next((c for c in text if not c.isprintable() and c not in "\n\t"), None):
-            self._wrong(place, f"the character {odd!r} is not allowed")
+            right = place.replaced(text, text.replace(odd, "" if not odd.isspace() else " "))
+            self._wrong(place, f"the character {odd!r} is not allowed", right)
         else:
             return make(text) if event.tag is None else None
         return None

@@ -54,9 +54,7 @@ def read_loop(place: Place, given: Mapping[str, Located]) -> ForeignLoop | None:
         place: Begin of the node.
         given: Values of the node.
     """
-    lists = [key for key in given if key in kinds()[in_turn()].synonyms]
-    if len(lists) == 1 and _DO not in given:  # such as `loop: 3` with `steps:`
-        given = {_DO if key in lists else key: each for key, each in given.items()}
+    given = _with_do(given)
     for word, kind in _loop_words(given):
         each = _values(given[word]) if word in kind.synonyms and kind.limit else None
         if (
@@ -66,6 +64,14 @@ def read_loop(place: Place, given: Mapping[str, Located]) -> ForeignLoop | None:
         ):
             return loop
     return None
+
+
+def _with_do(given: Mapping[str, Located]) -> Mapping[str, Located]:
+    """Return values with `do` in place of another key for the child, such as `steps`."""
+    words = [key for key in given if key in (_CHILD, *kinds()[in_turn()].synonyms)]
+    if len(words) != 1 or _DO in given:
+        return given
+    return {_DO if key in words else key: each for key, each in given.items()}
 
 
 def _loop_words(given: Mapping[str, Located]) -> Iterator[tuple[str, "ControlNodeKind"]]:
@@ -97,7 +103,8 @@ def _read(
     rest = {key: each for key, each in rest.items() if key not in options}
     if in_one:
         child, why = rest.pop(_DO), f"there is no {word}{did_you_mean(kind.name)}"
-        why = kind.keywords[_DO] if word == kind.condition else why
+        own = f"{word} has its node below it, and its options in its column"
+        why = {kind.condition: kind.keywords.get(_DO, ""), kind.name: own}.get(word, why)
     elif (_DO in rest and not kind.only_asks) or sum(map(begins_node, rest)) == 1:
         why, option = _beside_child(word, head, kind, {*given})
         if not why:
@@ -129,7 +136,9 @@ def _read(
 
 
 def _counted(head: Located) -> Located:
-    """Return the number of rounds in a text such as `i in range(3)`; other values unchanged."""
+    """Return the number of rounds in a text such as `i in range(3)`, and `do` for other keys."""
+    if nested(head):
+        return replace(head, value={**_with_do(nested(head))})
     found = _RANGE.fullmatch(head.value) if isinstance(head.value, str) else None
     return replace(head, value=int(found[1])) if found else head
 
@@ -212,9 +221,6 @@ def _beside_child(
 def _without_option(head: Located, kind: "ControlNodeKind") -> tuple[Located, dict[str, Located]]:
     """Return a node without its number of rounds or its time, and the number by option."""
     inner, option = dict(nested(head)), next(iter(kind.options), "")
-    if _CHILD in inner:
-        inner[_DO] = inner.pop(_CHILD)
-        head = Located(head.place, inner, head.label)
     timed = kind.timed and option
     timed_keys = {key for key, each in inner.items() if in_unit_of_key(key, each) is not each}
     counts = [key for key in inner if (key in timed_keys if timed else _COUNT.fullmatch(key))]

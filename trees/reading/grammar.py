@@ -16,6 +16,7 @@ from trees.declarations import LIST, TYPES, UNITS, Declaration
 from trees.errors import Correction, FileError, Mistake, Mistakes
 
 from .document import Located, NotYaml, draft_document, names_within, nested
+from .lines import as_mapping
 from .literals import fit, measured
 from .node_parser import NodeParser, respell
 from .node_words import FILES, begins_node, synonyms
@@ -226,7 +227,7 @@ class _Parser:
             hint = "; `armtree new` writes a task that runs" if keys is _TASK_KEYS else ""
             text = "\n".join(self.root.place.lines).rstrip()
             words = "|".join((*keys, *FILES, "with"))
-            right = re.sub(rf"^([ -]*(?:{words}))(?= |$)", r"\1:", text, flags=re.MULTILINE)
+            right = re.sub(rf"^([ -]*(?:{words}))(?= [^=]|$)", r"\1:", text, flags=re.MULTILINE)
             if isinstance(self.root.value, str) and right != text:
                 why, row = f"a colon is missing after `{text.split()[0]}`", text.count("\n") + 1
                 self.mistakes.add_last(self.root.place, why, Correction(right, 1, row))
@@ -380,6 +381,10 @@ class _Parser:
             return {}
         if isinstance(value.value, list) and key == "ports":
             return {name: Declaration(UNTYPED) for name in self._names(value, key)}
+        if isinstance(value.value, list) and all(map(nested, value.value)):
+            why = f"{key}: {value} is not a mapping, but a list: leave out each `-`"
+            self._wrong(value.place, why, as_mapping(value))
+            value = replace(value, value={k: v for i in value.value for k, v in nested(i).items()})
         if not isinstance(value.value, dict):
             what = "a mapping of names to types" + (
                 ", or a list of names" if key == "ports" else ""

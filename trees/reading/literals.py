@@ -261,9 +261,11 @@ def _items(
 
 
 def _filled(value: Located, wanted: Declaration) -> str:
-    """Return a size with its missing numbers, equal to the last one; "" for other lists."""
+    """Return a list without its last numbers, or a size with more that are equal to its last."""
     given = [item.as_yaml() for item in value.value] if isinstance(value.value, list) else []
     missing = wanted.count - len(given)
+    if missing < 0:
+        return f"[{', '.join(given[: wanted.count])}]"
     size = given and missing > 0 and wanted.least and wanted.least > 0.0
     return f"[{', '.join(given + given[-1:] * missing)}]" if size else ""
 
@@ -351,6 +353,10 @@ def _number(value: Located, kind: str, wrong: Wrong, finite: bool = True) -> flo
     else:
         near = _computed(str(plain)) or _total(str(plain), kind) or str(plain).translate(_SIGNS)
         near = re.sub(rf"^{_NUMBER} ?\.\.+ ?{_NUMBER}", r"\1", near)  # a range has no value
+        count, _, rest = near.partition(" ")
+        near = f"{_COUNTS.get(count.lower(), count)} {rest}".rstrip()
+        if (found := _QUANTITY.fullmatch(near)) and found[2] not in UNITS.get(kind, ()):
+            near = _converted(found[1], found[2], kind) if kind in UNITS else near
         if kind == "number" and (percent := re.fullmatch(rf"{_NUMBER} ?%", near)):
             near = f"{float(percent[1]) / 100:g}"
         amount = re.fullmatch(rf"{_NUMBER}( ?({'|'.join(UNITS.get(kind, ()))}))?", near)

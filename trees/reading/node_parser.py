@@ -468,7 +468,7 @@ class NodeParser:
             if near:
                 there = there.partition(";")[0] + did_you_mean(near)
             elif not where:
-                there += "; leave it out"
+                there += "; it belongs in poses.yaml" if key == "poses" else "; leave it out"
             why = f"unknown key {key}; {where}{there}"
             given, value = keys[key], in_unit_of_key(key, keys[key]) if near else keys[key]
             right = label.replaced(key, near)
