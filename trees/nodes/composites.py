@@ -109,7 +109,7 @@ class SequenceKind(_SequentialKind):
     """Runs its children one after the other, until one fails."""
 
     name = "sequence"
-    synonyms = ("steps", "actions", "ReactiveSequence", "SequenceWithMemory")
+    synonyms = ("steps", "actions", "and", "ReactiveSequence", "SequenceWithMemory")
     with_memory, reactive = composites.Sequence, ReactiveSequence
     groot_tag = "Sequence"
 
@@ -127,7 +127,7 @@ class SelectorKind(_SequentialKind):
     order = Flow.ALTERNATIVES
     with_memory, reactive = composites.Selector, ReactiveSelector
     groot_tag = "Fallback"
-    synonyms = ("fallback", "Fallback", "ReactiveFallback")
+    synonyms = ("fallback", "or", "Fallback", "ReactiveFallback")
     keywords = {
         "else": _TWO_CASES,
         "if": _ONE_CASE,

@@ -352,6 +352,8 @@ class _Parser:
         likely = corrections(values, known)
         for key in values.keys() & _PARAMETERS if "parameters" in known else ():
             likely |= {} if "parameters" in (*values, *likely.values()) else {key: "parameters"}
+        if "value" in values and "default" in {*known} - {*values, *likely.values()}:
+            likely["value"] = "default"
         unknown = [key for key in values if key not in {*known, *likely}]
         needed = [key for key in known if key not in {*_OPTIONAL, *values, *likely.values()}]
         if "tree" in known and len(unknown) == len(needed) == 1:
