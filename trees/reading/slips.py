@@ -59,8 +59,8 @@ def edits_near(lines: tuple[str, ...], spots: Sequence[Spot], is_yaml: bool) -> 
             begin, _, inner, _ = _columns(lines[row])
             rows |= {below: None} if _columns(lines[below])[0] in (begin, inner) else {}
         rows |= {row: None, line_before(row, lines): None}
-    yield from _foreign_sign_edits(lines)
     yield from _slip_edits(lines, rows)
+    yield from _foreign_sign_edits(lines)
     last = 0 if is_yaml else max(rows)
     for row in rows:
         yield from _closing_edits(lines, row, last)
