@@ -61,6 +61,11 @@ class Declaration:
         return self.default is None and not self.optional
 
     @property
+    def refuses_poses(self) -> bool:
+        """True if the name of a pose is no value of it, and no text either."""
+        return self.relative or self.type.removeprefix(LIST) in ("number", "integer", *UNITS)
+
+    @property
     def unit(self) -> str:
         """Unit of a number that is written without one; empty for types without units."""
         kind = self.type.removeprefix(LIST)

@@ -11,6 +11,7 @@ class Succeed(Skill):
     """Succeed at once."""
 
     may_fail = False
+    synonyms = ("alwayssuccess",)
 
     def on_start(self) -> Status:
         """Succeed."""
@@ -22,6 +23,7 @@ class Fail(Skill):
     """Fail with a reason."""
 
     may_succeed = False
+    synonyms = ("alwaysfailure", "abort")
 
     INPUT_PORTS = {"reason": Port(str, description="message of the failure")}
 

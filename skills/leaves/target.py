@@ -47,10 +47,12 @@ class Target(Skill):
 
     @classmethod
     def poses(cls, robot: Robot, inputs: Mapping[str, Any]) -> list[tuple[float, ...]]:
-        """Return the goal if start and targets are known."""
-        if "start" not in inputs or "joints" not in inputs:
+        """Return the goal if start and targets are known, or the target of every joint."""
+        joints = inputs.get("joints", {})
+        start = inputs.get("start", joints)
+        if not joints or not start.keys() >= {joint.name for joint in robot.actuated}:
             return []
-        return [tuple(_goal(robot, inputs["start"], inputs["joints"], "joints").values())]
+        return [tuple(_goal(robot, start, joints, "joints").values())]
 
     def on_start(self) -> Status:
         """Complete the target and check it."""

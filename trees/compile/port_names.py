@@ -41,13 +41,12 @@ def known_ports(
             likely[port] = other
     joints = {*joints} & given.keys() - known.keys()
     likely = {port: name for port, name in likely.items() if port not in joints}
-    unknown = given.keys() - known.keys() - likely.keys()
-    missing = [port for port, each in known.items() if each.needed and port not in given]
-    said = None
-    missing = [port for port in missing if port not in likely.values()]
-    if len(unknown) == len(missing) == 1 and not closest(next(iter(unknown)), known):
-        likely[unknown.pop()] = missing[0]
-        said = missing[0] if known[missing[0]].type == "text" else None
+    unknown = [port for port in given if port not in known and port not in likely]
+    needed = [port for port, each in known.items() if each.needed and port not in given]
+    missing = [port for port in needed if port not in likely.values()]
+    if len(unknown) == len(missing) and not any(closest(port, known) for port in unknown):
+        likely |= zip(unknown, missing, strict=True)
+    is_text = len(unknown) == len(missing) == 1 and known[missing[0]].type == "text"
     for port in given if what else ():
         if port not in known:
             label, name = given[port].label, likely.get(port, "")
@@ -60,7 +59,7 @@ def known_ports(
                 timed = in_unit_of_key(port, value)
                 old, given = f"{port}: {value.as_yaml()}", {**given, port: timed}
                 instead = label.replaced(old, f"{name}: {timed.as_yaml()}") or instead
-            if name == said and _edited(label, mistakes):  # a text with a colon
+            if is_text and name == missing[0] and _edited(label, mistakes):  # a text with a colon
                 text = as_mapping({port: given[port]}).as_yaml()[1:-1]
                 quoted = Located(label, text, label).as_yaml()
                 instead = label.replaced(text, f"{name}: {quoted}")

@@ -5,7 +5,13 @@ from dataclasses import dataclass, replace
 
 from hardware.spelling import closest, suggestion
 from trees.errors import Correction, Mistakes, Place
-from trees.reading.document import REFUSED, Located, StandIn, reference
+from trees.reading.document import (
+    REFUSED,
+    Located,
+    StandIn,
+    calculates,
+    reference,
+)
 from trees.reading.grammar import TaskFile
 from trees.reading.lines import declared_above
 from trees.reading.specs import Key, Value
@@ -73,7 +79,7 @@ def _without_names(
         return replace(value, value={key: within(item, "angle") for key, item in inner.items()})
     if isinstance(inner, list):
         return replace(value, value=[within(item, "number") for item in inner])
-    if not kind or not isinstance(inner, str) or not inner.startswith("$"):
+    if not kind or not isinstance(inner, str) or inner[:1] != "$" or calculates(inner):
         return value
     what = scope.file.port
     name = _as_here(value, inner, scope, mistakes)

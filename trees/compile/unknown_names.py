@@ -84,21 +84,27 @@ def meant_file(
         file = tasks[source]
         why = f"{source} is a task, not a subtree; write task: {file}"
     else:
-        begun = _begun(source, subtrees)
-        several = len(begun) > 1
-        near = _taking(source, spec.values, library) if several else closest(source, subtrees)
-        file, why = near, f"no subtree {source}; {there_are(source, subtrees)}"
-        if several:
-            there = f"there are the subtrees {', '.join(begun)}"
-            why = f"no subtree {source}; {there}{did_you_mean(near)}"
-        elif not near:
-            why += f"; a subtree of your own is a file {source}.yaml"
+        file, there = _meant_subtree(source, spec.values, library)
+        why = f"no subtree {source}; {there}"
     named = spec.named
     if not named:
         return file, why, None
     head = "task" if isinstance(file, int) else "subtree"
     right = named.label.replaced(f"{spec.head}: {source}", f"{head}: {file}")
     return file, why, None if file == "" else right
+
+
+def _meant_subtree(source: str, values: Mapping[str, Value], library: Library) -> tuple[str, str]:
+    """Return the likely subtree for an unknown one, or "", and the subtrees that exist in words."""
+    subtrees = library.subtrees()
+    if (begun := _begun(source, subtrees))[1:]:
+        near = _taking(source, values, library)
+        return near, f"there are the subtrees {', '.join(begun)}{did_you_mean(near)}"
+    there = there_are(source, subtrees)
+    near = closest(source, subtrees)
+    if near and (other := only_taker(values, library)) and other != near:
+        return other, did_you_mean(other).removeprefix("; ")
+    return near, there if near else f"{there}; a subtree of your own is a file {source}.yaml"
 
 
 def _begun(word: str, subtrees: Collection[str]) -> list[str]:

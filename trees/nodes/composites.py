@@ -37,6 +37,8 @@ _IF = "there is no if: a selector runs its nodes until one succeeds; begin it wi
 _UNTIL = "a selector runs its nodes, begun with a `-`, until one succeeds"
 _TRY, _ON_FAILURE = (f"there is no {word}: {_UNTIL}" for word in ("try", "on_failure"))
 _ONE_CASE = f"{_IF}inverted condition"
+_SWITCH = "there is no switch: a selector runs its nodes until one succeeds; write a sequence for "
+_SWITCH += "each case, which begins with its condition"
 _TWO_CASES = f"{_IF}sequence of one case, which begins with the condition"
 
 
@@ -107,7 +109,7 @@ class SequenceKind(_SequentialKind):
     """Runs its children one after the other, until one fails."""
 
     name = "sequence"
-    synonyms = ("steps", "actions", "ReactiveSequence", "SequenceWithMemory")
+    synonyms = ("steps", "actions", "and", "ReactiveSequence", "SequenceWithMemory")
     with_memory, reactive = composites.Sequence, ReactiveSequence
     groot_tag = "Sequence"
 
@@ -125,12 +127,13 @@ class SelectorKind(_SequentialKind):
     order = Flow.ALTERNATIVES
     with_memory, reactive = composites.Selector, ReactiveSelector
     groot_tag = "Fallback"
-    synonyms = ("fallback", "Fallback", "ReactiveFallback")
+    synonyms = ("fallback", "or", "Fallback", "ReactiveFallback")
     keywords = {
         "else": _TWO_CASES,
         "if": _ONE_CASE,
         "then": _ONE_CASE,
         "on_failure": _ON_FAILURE,
+        **dict.fromkeys(("switch", "cases", "case", "match", "elif"), _SWITCH),
     } | dict.fromkeys(("try", "except", "catch"), _TRY)
 
     def possible_outcomes(self, node: Node) -> PossibleOutcomes:

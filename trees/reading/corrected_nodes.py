@@ -2,11 +2,12 @@
 
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 
-from trees.errors import Correction
+from trees.errors import Correction, Place
 
 from .document import Located, nested
-from .lines import in_node, replaced_block
+from .lines import block, in_node, replaced_block
 from .node_words import begins_node
 
 _COMPARISON = re.compile(r"([\w$.-]+) *(==|!=|<=|>=|<|>) *([\w$.-]+)")
@@ -36,14 +37,35 @@ def node_instead(value: Located, in_turn: str) -> Correction | None:
     return None
 
 
+def twice(value: Located, in_turn: str) -> tuple[Place, Correction | None] | None:
+    """Return the place of a second node with the key of the first, and the lines of a list.
+
+    The result is None if the mapping has no such node, or if it is an item of a list: then a `-` is
+    missing.
+    """
+    place, lines = value.place, [] if value.place.location.endswith("]") else block(value.place)
+    keys = (re.match(r"[\w-]+(?=:)", line) for line in lines)
+    heads = {row: key[0] for row, key in enumerate(keys) if key and begins_node(key[0])}
+    words = [*heads.values()]
+    again = [row for n, (row, word) in enumerate(heads.items()) if word in words[:n]]
+    if not again or 0 not in heads:
+        return None
+    row, location = again[0], f"{place.location}.{heads[again[0]]}"
+    there = replace(place, line=place.line + row, location=location)
+    nodes = [f"  {'- ' if row in heads else '  '}{line}".rstrip() for row, line in enumerate(lines)]
+    return there, replaced_block(place, [f"{in_turn}:", *nodes])
+
+
 def comparison(value: Located) -> str:
-    """Return the node for a text such as `$count > 3`; "" for other values."""
-    found = _COMPARISON.fullmatch(value.value) if isinstance(value.value, str) else None
+    """Return the node for a text such as `$count > 3`, or `$ready`; "" for other values."""
+    text = value.value if isinstance(value.value, str) else ""
+    found = _COMPARISON.fullmatch(f"{text} == true" if re.fullmatch(r"\$\w+", text) else text)
     if not found:
         return ""
     from skills import compare_node  # slow; only for a mistake
 
-    return compare_node(*found.groups())
+    left, sign, right = found.groups()
+    return compare_node(f"${left}" if left.isidentifier() else left, sign, right)
 
 
 def _as_selector(keys: Mapping[str, Located]) -> list[str]:

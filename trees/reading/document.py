@@ -58,6 +58,8 @@ class StandIn:
     __repr__ = __str__
 
 
+NO_CALCULATION = "a task file does not calculate; declare another parameter for this value"
+
 # Placeholder for a wrong value, so that the values around it can be checked.
 REFUSED = StandIn("", "any")
 
@@ -203,10 +205,19 @@ def reference(text: str) -> str:
     return f"${template[1]}" if template else ""
 
 
+def calculates(text: str) -> bool:
+    """Return True if a text calculates with a reference, such as `$swing * 2` or `-$swing`."""
+    return re.fullmatch(r"[-+*/() \d.]*\$\w+( *[-+*/] *[\w$.() ]+)?", text) is not None and (
+        re.fullmatch(r"\$\w[\w-]*", text) is None
+    )
+
+
 def names_within(value: Located) -> Iterator[str]:
     """Return the references in a value, without the $."""
     inner = value.value
-    if isinstance(inner, str) and inner.startswith("$"):
+    if isinstance(inner, str) and calculates(inner):
+        yield from re.findall(r"\$(\w+)", inner)
+    elif isinstance(inner, str) and inner.startswith("$"):
         yield (reference(inner) or inner)[1:]
     for item in inner if isinstance(inner, list) else nested(value).values():
         yield from names_within(item)
@@ -219,14 +230,23 @@ _FORBIDDEN = re.compile(
 )
 
 
+_CONFLICT = re.compile(r"^<{7}.*\n((?:.*\n)*?)={7}\n(?:.*\n)*?>{7}.*$", re.MULTILINE)
+
+
 def _forbidden(path: Path, text: str) -> Iterator[Mistake]:
-    """Return a mistake for the first forbidden character of every line."""
+    """Return a mistake for each conflict of git, and for each line with a forbidden character."""
     lines = split_lines(text)
+    for both in _CONFLICT.finditer("\n".join(lines)):
+        first = both.string.count("\n", 0, both.start()) + 1
+        why = "two versions are here, between the marks of git; keep one, without the marks"
+        kept = Correction(both[1].rstrip("\n"), first, both[0].count("\n") + 1)
+        yield Mistake(Place(path, first, 1, "", lines), why, kept)
     for number, line in enumerate(lines, 1):
         if found := _FORBIDDEN.search(line):
             place = Place(path, number, found.start() + 1, "", lines)
             what = "directives are" if found[0] == "%" else f"the character {found[0]!r} is"
-            yield Mistake(place, f"{what} not allowed")
+            right = Correction(_FORBIDDEN.sub("", line), number) if found[0] != "%" else None
+            yield Mistake(place, f"{what} not allowed", right)
 
 
 # YAML 1.2.2, section 10.3.2. A scalar without a match is a text.
@@ -299,7 +319,7 @@ class _Reader:
             return Located(place, meant.value if meant else None, label or place)
         assert isinstance(event, ScalarEvent | CollectionStartEvent)
         if event.tag is not None:
-            self._wrong(place, f"tags are not allowed: {event.tag!r}")
+            self._wrong(place, f"tags are not allowed: {event.tag!r}; write the value itself")
         known = len(self.mistakes)
         made = Located(place, self._content(event, depth + 1, place), label or place)
         # An alias is a mistake, so no kept value has aliases, whose text grows exponentially.
@@ -374,7 +394,8 @@ class _Reader:
         elif len(text) > MAX_TEXT:
             self._wrong(place, f"a text of more than {MAX_TEXT} characters")
         elif odd := next((c for c in text if not c.isprintable() and c not in "\n\t"), None):
-            self._wrong(place, f"the character {odd!r} is not allowed")
+            right = place.replaced(text, text.replace(odd, "" if not odd.isspace() else " "))
+            self._wrong(place, f"the character {odd!r} is not allowed", right)
         else:
             return make(text) if event.tag is None else None
         return None

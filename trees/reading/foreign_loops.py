@@ -5,14 +5,14 @@ A control node with its child beside it, such as `repeat: 3` with `subtree:`, is
 
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from hardware.spelling import did_you_mean
 from trees.errors import Correction, Place
 
-from .document import Located, nested
-from .lines import key_block, replaced_block
+from .document import Located, nested, reference, scalar
+from .lines import key_block, replaced_block, rewritten
 from .literals import in_unit_of_key
 from .node_words import begins_node, in_turn, kinds
 
@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 _DO, _CHILD = "do", "child"
 _COUNT = re.compile("num_.*|max_.*|count")  # names of the number of rounds
 _AMOUNT = re.compile(r"[0-9.]+ ?([a-z]+)?")
+_RANGE = re.compile(r"(?:\w+ in )?range\(([0-9]+)\)")
+_EACH = re.compile(r"(\w+) in \[(.*)\]")
+_ITEM = "item"  # name of the value of a round, if the loop gives none
 EXAMPLES = {"integer": "3", "duration": "1 s"}  # example values of an option, by type
 
 
@@ -51,8 +54,24 @@ def read_loop(place: Place, given: Mapping[str, Located]) -> ForeignLoop | None:
         place: Begin of the node.
         given: Values of the node.
     """
-    loops = (_read(place, given, word, kind) for word, kind in _loop_words(given))
-    return next(filter(None, loops), None)
+    given = _with_do(given)
+    for word, kind in _loop_words(given):
+        each = _values(given[word]) if word in kind.synonyms and kind.limit else None
+        if (
+            loop := _for_each(place, given, word, *each)
+            if each
+            else _read(place, given, word, kind)
+        ):
+            return loop
+    return None
+
+
+def _with_do(given: Mapping[str, Located]) -> Mapping[str, Located]:
+    """Return values with `do` in place of another key for the child, such as `steps`."""
+    words = [key for key in given if key in (_CHILD, *kinds()[in_turn()].synonyms)]
+    if len(words) != 1 or _DO in given:
+        return given
+    return {_DO if key in words else key: each for key, each in given.items()}
 
 
 def _loop_words(given: Mapping[str, Located]) -> Iterator[tuple[str, "ControlNodeKind"]]:
@@ -73,7 +92,7 @@ def _read(
     place: Place, given: Mapping[str, Located], word: str, kind: "ControlNodeKind"
 ) -> ForeignLoop | None:
     """Return the loop that a word means, or None if it means none."""
-    head, rest = given[word], {key: each for key, each in given.items() if key != word}
+    head, rest = _counted(given[word]), {key: each for key, each in given.items() if key != word}
     if word in kind.synonyms:
         head, counted = _without_option(in_unit_of_key(word, head), kind)
         rest |= counted
@@ -84,7 +103,8 @@ def _read(
     rest = {key: each for key, each in rest.items() if key not in options}
     if in_one:
         child, why = rest.pop(_DO), f"there is no {word}{did_you_mean(kind.name)}"
-        why = kind.keywords[_DO] if word == kind.condition else why
+        own = f"{word} has its node below it, and its options in its column"
+        why = {kind.condition: kind.keywords.get(_DO, ""), kind.name: own}.get(word, why)
     elif (_DO in rest and not kind.only_asks) or sum(map(begins_node, rest)) == 1:
         why, option = _beside_child(word, head, kind, {*given})
         if not why:
@@ -113,6 +133,49 @@ def _read(
         beside = (f"{key}: {each.as_yaml()}" for key, each in options.items())
         right = replaced_block(place, [*node, *beside])
     return ForeignLoop(given[word].label, kind.name, why, keys, right if known else None)
+
+
+def _counted(head: Located) -> Located:
+    """Return the number of rounds in a text such as `i in range(3)`, and `do` for other keys."""
+    if nested(head):
+        return replace(head, value={**_with_do(nested(head))})
+    found = _RANGE.fullmatch(head.value) if isinstance(head.value, str) else None
+    return replace(head, value=int(found[1])) if found else head
+
+
+def _values(head: Located) -> tuple[str, list[Located]] | None:
+    """Return the variable and the values of a loop over a list; None for other loops."""
+    if isinstance(head.value, list) and not any(map(nested, head.value)):
+        return _ITEM, head.value
+    if isinstance(head.value, str) and (found := _EACH.fullmatch(head.value)):
+        return found[1], [replace(head, value=scalar(each.strip())) for each in found[2].split(",")]
+    return None
+
+
+def _for_each(
+    place: Place, given: Mapping[str, Located], word: str, name: str, values: Sequence[Located]
+) -> ForeignLoop:
+    """Return a loop over a list, as one node for each value."""
+    rest = {key: each for key, each in given.items() if key != word}
+    child = rest.get(_DO, Located(place, rest, place))
+    if isinstance(child.value, list):
+        child = Located(child.place, {in_turn(): child}, child.label)
+    nodes = [_with_value(child, f"${name}", each) for each in values]
+    why = f"there is no loop over a list: write one node for each value, below {in_turn()}:"
+    right = rewritten(place, {in_turn(): [node.as_yaml() for node in nodes]})
+    keys = {in_turn(): Located(place, [*nodes], place)}
+    return ForeignLoop(given[word].label, in_turn(), why, keys, right)
+
+
+def _with_value(value: Located, name: str, meant: Located) -> Located:
+    """Return a value in which another one replaces a reference."""
+    inner = value.value
+    if isinstance(inner, str):
+        return replace(value, value=meant.value) if name in (inner, reference(inner)) else value
+    if isinstance(inner, list):
+        return replace(value, value=[_with_value(each, name, meant) for each in inner])
+    made = {key: _with_value(each, name, meant) for key, each in nested(value).items()}
+    return replace(value, value=made) if made else value
 
 
 def _beside_child(
@@ -148,8 +211,6 @@ def _beside_child(
     if word == condition or named:
         why = f"{why}, and {condition} in a line of its own"
         return kind.keywords[_DO] if _DO in given else why, {condition: head}
-    if isinstance(head.value, list) and not any(map(nested, head.value)):
-        return f"there is no {word} over a list: write one node for each value, below sequence:", {}
     example = EXAMPLES.get(kind.options[option].type) if option else None
     if _DO in given and example:
         written = f"{option}: {example}"
@@ -160,9 +221,6 @@ def _beside_child(
 def _without_option(head: Located, kind: "ControlNodeKind") -> tuple[Located, dict[str, Located]]:
     """Return a node without its number of rounds or its time, and the number by option."""
     inner, option = dict(nested(head)), next(iter(kind.options), "")
-    if _CHILD in inner:
-        inner[_DO] = inner.pop(_CHILD)
-        head = Located(head.place, inner, head.label)
     timed = kind.timed and option
     timed_keys = {key for key, each in inner.items() if in_unit_of_key(key, each) is not each}
     counts = [key for key in inner if (key in timed_keys if timed else _COUNT.fullmatch(key))]

@@ -4,7 +4,7 @@ The compiler checks the names of skills and ports, not this module.
 """
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -16,6 +16,7 @@ from trees.declarations import LIST, TYPES, UNITS, Declaration
 from trees.errors import Correction, FileError, Mistake, Mistakes
 
 from .document import Located, NotYaml, draft_document, names_within, nested
+from .lines import as_mapping
 from .literals import fit, measured
 from .node_parser import NodeParser, respell
 from .node_words import FILES, begins_node, synonyms
@@ -43,6 +44,14 @@ _OTHER_TYPES = {
     "bool": "boolean",
     "str": "text",
     "string": "text",
+}
+
+# Files of other programs, by a key that they have.
+_OTHER_FILES = {
+    "jobs": "a GitHub workflow",
+    "hosts": "a playbook of Ansible",
+    "joint_names": "a trajectory of ROS",
+    "services": "a file of Docker Compose",
 }
 
 
@@ -218,15 +227,17 @@ class _Parser:
             hint = "; `armtree new` writes a task that runs" if keys is _TASK_KEYS else ""
             text = "\n".join(self.root.place.lines).rstrip()
             words = "|".join((*keys, *FILES, "with"))
-            right = re.sub(rf"^([ -]*(?:{words}))(?= |$)", r"\1:", text, flags=re.MULTILINE)
+            right = re.sub(rf"^([ -]*(?:{words}))(?= [^=]|$)", r"\1:", text, flags=re.MULTILINE)
             if isinstance(self.root.value, str) and right != text:
                 why, row = f"a colon is missing after `{text.split()[0]}`", text.count("\n") + 1
                 self.mistakes.add_last(self.root.place, why, Correction(right, 1, row))
-            if str(self.root.value).startswith("<"):
-                hint = f"; this is XML, and a file is YAML{hint}"
+            items = self.root.value if isinstance(self.root.value, list) else []
+            inner = {key for item in items for key in nested(item)}
+            other = "XML" if str(self.root.value).startswith("<") else _other_file(inner)
+            hint = f"; this is {other}{hint}" if other else hint
             self._wrong(self.root.place, f"expected the keys {needed}{hint}")
-        elif "jobs" in self._values and "tree" not in self._values:
-            why = "this is a GitHub workflow, not a task; `armtree new` writes a task that runs"
+        elif (other := _other_file(self._values)) and "tree" not in self._values:
+            why = f"this is {other}, not a task; `armtree new` writes a task that runs"
             self._wrong(self.root.place, why)
             self._values = {}
         self._values = self._corrections(self._with_tree(self._values, keys), keys)
@@ -341,6 +352,8 @@ class _Parser:
         likely = corrections(values, known)
         for key in values.keys() & _PARAMETERS if "parameters" in known else ():
             likely |= {} if "parameters" in (*values, *likely.values()) else {key: "parameters"}
+        if "value" in values and "default" in {*known} - {*values, *likely.values()}:
+            likely["value"] = "default"
         unknown = [key for key in values if key not in {*known, *likely}]
         needed = [key for key in known if key not in {*_OPTIONAL, *values, *likely.values()}]
         if "tree" in known and len(unknown) == len(needed) == 1:
@@ -370,6 +383,10 @@ class _Parser:
             return {}
         if isinstance(value.value, list) and key == "ports":
             return {name: Declaration(UNTYPED) for name in self._names(value, key)}
+        if isinstance(value.value, list) and all(map(nested, value.value)):
+            why = f"{key}: {value} is not a mapping, but a list: leave out each `-`"
+            self._wrong(value.place, why, as_mapping(value))
+            value = replace(value, value={k: v for i in value.value for k, v in nested(i).items()})
         if not isinstance(value.value, dict):
             what = "a mapping of names to types" + (
                 ", or a list of names" if key == "ports" else ""
@@ -506,6 +523,11 @@ class _Parser:
             return value is not None and value.value is True
         self._wrong(value.place, f"{value} is not true or false")
         return None
+
+
+def _other_file(keys: Collection[str]) -> str:
+    """Return what a file with these keys is; "" for a task file."""
+    return next((what for key, what in _OTHER_FILES.items() if key in keys), "")
 
 
 def _types() -> str:

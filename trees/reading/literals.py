@@ -12,7 +12,7 @@ from hardware.spelling import choices, closest, did_you_mean, there_are
 from trees.declarations import ANY, LIST, UNITS, Declaration, type_fits, words
 from trees.errors import Mistake
 
-from .document import REFUSED, Located, StandIn, nested, reference
+from .document import NO_CALCULATION, REFUSED, Located, StandIn, calculates, nested, reference
 from .lines import as_mapping, block, replaced_block
 
 _NUMBER = r"([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)"
@@ -182,13 +182,14 @@ def fit(
         return None  # the parameter has no valid value
     if isinstance(value.value, StandIn):
         return _known_type(value, value.value, wanted.type, wrong)
+    if isinstance(value.value, str) and value.value in poses and wanted.refuses_poses:
+        other = "a distance" if wanted.relative else words(wanted.type)
+        why = f"{value.value} is a pose, not {other}; to move to it, write subtree: "
+        wrong(value.place, f"{why}move_joints, with: {{joints: {value.value}}}")
+        return None
     if wanted.type.startswith(LIST):
         return _items(value, wanted, poses, wrong)
     if wanted.type == "positions":
-        if wanted.relative and isinstance(value.value, str) and value.value in poses:
-            why = f"{value.value} is a pose, not a distance; to move to it, write subtree: "
-            wrong(value.place, f"{why}move_joints, with: {{joints: {value.value}}}")
-            return None
         return _positions(value, poses, wrong)
     if wanted.type in ("number", *UNITS):
         fitted = _number(value, wanted.type, wrong)
@@ -245,8 +246,11 @@ def _items(
         return None
     if wanted.count and len(value.value) != wanted.count and value.value != wanted.default:
         why = f"{value} has {plural(len(value.value), 'item')}, not {wanted.count}"
+        points = re.sub(r"(\d),(?=\d)", r"\1.", value.place.brackets)
         if near:
             why = f"commas are missing in {value.as_yaml()}"
+        elif numbers and points.count(",") == wanted.count - 1:
+            why, near = f"{why}; a point begins the decimals, not a comma", points
         elif numbers and wanted.count == 3:
             why, near = f"{why} (x, y, z)", _filled(value, wanted)
         wrong(value.place, why + did_you_mean(near), value.instead(near))
@@ -257,9 +261,11 @@ def _items(
 
 
 def _filled(value: Located, wanted: Declaration) -> str:
-    """Return a size with its missing numbers, equal to the last one; "" for other lists."""
+    """Return a list without its last numbers, or a size with more that are equal to its last."""
     given = [item.as_yaml() for item in value.value] if isinstance(value.value, list) else []
     missing = wanted.count - len(given)
+    if missing < 0:
+        return f"[{', '.join(given[: wanted.count])}]"
     size = given and missing > 0 and wanted.least and wanted.least > 0.0
     return f"[{', '.join(given + given[-1:] * missing)}]" if size else ""
 
@@ -267,8 +273,9 @@ def _filled(value: Located, wanted: Declaration) -> str:
 def _as_items(value: Located) -> str:
     """Return as a list three numbers without commas, or a mapping with x, y and z; else ""."""
     inner = value.value
-    if isinstance(inner, dict) and [*inner] == ["x", "y", "z"]:
-        return Located(value.place, [*inner.values()], value.label).as_yaml()
+    axes = [value, *nested(value).values()]  # such as {position: {x: 0, y: 0, z: 0}}
+    if found := next((each for each in axes if [*nested(each)] == ["x", "y", "z"]), None):
+        return Located(value.place, [*nested(found).values()], value.label).as_yaml()
     text = inner[0].value if isinstance(inner, list) and len(inner) == 1 else inner
     items = (
         re.findall(rf"{_NUMBER}(?: ?([a-z]+))?(?=[\s,]|$)", text) if isinstance(text, str) else []
@@ -308,8 +315,8 @@ def _plain(value: Located, wanted: Declaration, wrong: Wrong) -> Any:
 def _not(value: Located, kind: str, near: str, wrong: Wrong, hint: str = "") -> None:
     """Report a value of a wrong type, with its likely meaning."""
     near = reference(str(value.value)) or near
-    if re.fullmatch(r"-\$\w+", str(value.value)):
-        hint = "; a reference cannot be negated: declare another parameter"
+    if calculates(str(value.value)):
+        hint = f"; {NO_CALCULATION}"
     if kind in ("integer", "number"):
         count = re.sub(r" ?(times|x)$|^range\(|\)$", "", str(value.value).lower())
         near = near or _COUNTS.get(count, count if count.isdecimal() else "")
@@ -346,6 +353,10 @@ def _number(value: Located, kind: str, wrong: Wrong, finite: bool = True) -> flo
     else:
         near = _computed(str(plain)) or _total(str(plain), kind) or str(plain).translate(_SIGNS)
         near = re.sub(rf"^{_NUMBER} ?\.\.+ ?{_NUMBER}", r"\1", near)  # a range has no value
+        count, _, rest = near.partition(" ")
+        near = f"{_COUNTS.get(count.lower(), count)} {rest}".rstrip()
+        if (found := _QUANTITY.fullmatch(near)) and found[2] not in UNITS.get(kind, ()):
+            near = _converted(found[1], found[2], kind) if kind in UNITS else near
         if kind == "number" and (percent := re.fullmatch(rf"{_NUMBER} ?%", near)):
             near = f"{float(percent[1]) / 100:g}"
         amount = re.fullmatch(rf"{_NUMBER}( ?({'|'.join(UNITS.get(kind, ()))}))?", near)

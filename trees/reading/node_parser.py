@@ -8,8 +8,16 @@ from typing import TypeGuard
 from hardware.spelling import corrections, did_you_mean, there_are
 from trees.errors import Correction, Mistakes, Place
 
-from .corrected_nodes import comparison, node_instead
-from .document import Located, names_within, nested, reference
+from .corrected_nodes import comparison, node_instead, twice
+from .document import (
+    NO_CALCULATION,
+    REFUSED,
+    Located,
+    calculates,
+    names_within,
+    nested,
+    reference,
+)
 from .foreign_loops import EXAMPLES, is_amount, read_loop
 from .lines import added_below, as_mapping, block, key_block, replaced_block, rewritten
 from .literals import in_unit_of_key, measured
@@ -52,19 +60,25 @@ class NodeParser:
     """
 
     def __init__(self, mistakes: Mistakes) -> None:
-        self._wrong = mistakes.add
+        self._mistakes, self._wrong = mistakes, mistakes.add
         self.spare: set[str] = set()
 
     def node(self, value: Located) -> TreeNode:
         """Return the node that a value describes."""
         if isinstance(value.value, str):
             if node := comparison(value):
-                why = f"a comparison is a node: write {node}"
+                why = f"a node compares values: write {node}"
                 self._wrong(value.place, why, value.instead(node))
                 return self._unknown(value)
             # Two words may be parts of one name.
             words = value.value if _WORDS.fullmatch(value.value) else self.name(value, _NODE)
             return SkillNode(value.place, words, {})
+        if found := twice(value, in_turn()):
+            there, right = found
+            self._mistakes.withdraw(there)
+            why = f"begin each node of a list with a `-`, below {in_turn()}:"
+            self._wrong(there, why, right)
+            return self._broken(value, nested(value))
         keys = self._in_other_words(value, self._in_lower_case(nested(value)))
         begun = [key for key in keys if key in heads()]
         rest = [key for key in keys if key != "name"]
@@ -230,6 +244,10 @@ class NodeParser:
             return value
         if value.value.startswith("$$"):
             return Located(value.place, value.value[1:], value.label)
+        if calculates(value.value):
+            self._wrong(value.place, NO_CALCULATION)
+            self.spare |= {*names_within(value)}
+            return replace(value, value=REFUSED)
         if meant := reference(value.value):
             self._wrong(value.place, f"write {meant}, not {value.value}", value.instead(meant))
         name = Located(value.place, (meant or value.value)[1:], value.label)
@@ -246,6 +264,14 @@ class NodeParser:
             if not kind and all(isinstance(item.value, str) for item in inner.value):
                 return self._unknown(inner)
             return ControlNode(place, kind, self._items(inner.value))
+        if (
+            str(inner.value).startswith("$")
+            and " " in str(inner.value)
+            and (node := comparison(inner))
+        ):
+            right = inner.label.replaced(f"{skill}: {inner.value}", node[1:-1])
+            self._wrong(inner.place, f"a node compares values: write {node}", right)
+            return self._unknown(inner)
         # Two words may be parts of one name.
         label = Located(inner.label, skill, inner.label)
         name = skill if _WORDS.fullmatch(skill) else self.name(label, _NODE)
@@ -446,8 +472,11 @@ class NodeParser:
         """Report unknown keys. Return the values with the likely keys."""
         for key in (key for key in keys if key not in known):
             there, label = there_are(key, known, keys), keys[key].label
-            if near := likely.get(key, ""):
+            near = likely.get(key, "")
+            if near:
                 there = there.partition(";")[0] + did_you_mean(near)
+            elif not where:
+                there += "; it belongs in poses.yaml" if key == "poses" else "; leave it out"
             why = f"unknown key {key}; {where}{there}"
             given, value = keys[key], in_unit_of_key(key, keys[key]) if near else keys[key]
             right = label.replaced(key, near)

@@ -4,7 +4,7 @@ Each edit is one way to correct a line. `repairs` finds the edits that leave the
 """
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import compress, product
 
@@ -59,8 +59,8 @@ def edits_near(lines: tuple[str, ...], spots: Sequence[Spot], is_yaml: bool) -> 
             begin, _, inner, _ = _columns(lines[row])
             rows |= {below: None} if _columns(lines[below])[0] in (begin, inner) else {}
         rows |= {row: None, line_before(row, lines): None}
-    yield from _foreign_sign_edits(lines)
     yield from _slip_edits(lines, rows)
+    yield from _foreign_sign_edits(lines)
     last = 0 if is_yaml else max(rows)
     for row in rows:
         yield from _closing_edits(lines, row, last)
@@ -74,12 +74,16 @@ def edits_near(lines: tuple[str, ...], spots: Sequence[Spot], is_yaml: bool) -> 
 
 
 # Slips that people repeat in all lines: pattern, replacement and message.
-_FOREIGN = (
+_FOREIGN: tuple[tuple[str, str | Callable[[re.Match[str]], str], str], ...] = (
     ("\t", "  ", "tabs cannot indent; use spaces"),
     ("\t", "    ", "tabs cannot indent; use spaces"),
     ("\xa0", " ", "this is a non-breaking space; write an ordinary one"),
     ("[\u201c\u201d\u201e]", '"', 'write the plain quote "'),
     ("[\u2018\u2019\u201a]", "'", "write the plain quote '"),
+    ("[\uff08-\uff1d\uff3b\uff3d\uff5b\uff5d]", lambda found: chr(ord(found[0]) - 0xFEE0),
+     "this is a sign of full width; write the plain one"),
+    (r"^(\s*(?:- )?[A-Za-z_]\w*) *=(?= *[^\s=])", r"\1:",
+     "a colon separates a key from its value, not `=`"),
     (r"(?<!\S)[\u2013\u2014\u2212](?= \w+:)", "-", "write the plain dash -"),
     (r"^(\s*)-(?=[A-Za-z{\[])", r"\1- ", "a space is missing after the `-`"),
     (r"^(\s*)([*+\u2022]|\d+[.)])(?= [A-Za-z{])", r"\1-",

@@ -6,6 +6,7 @@ from dataclasses import replace
 from executive.api.events import EVENTS, STATUS, Event, Where
 from executive.api.move import Move
 from executive.api.outcome import Cause, GoalState, GoalStatus, Outcome
+from executive.cli.support.run_tasks import without_server
 from executive.client.synchronous import Client
 from executive.errors import Refused, ServerUnreachable
 from executive.executive import Executive
@@ -32,7 +33,7 @@ class OwnArm:
 
     def move(self, move: Move, accepted: Callable[[], None]) -> Outcome:
         """Move, and wait for the end."""
-        return self._runner.run(move, accepted=accepted)
+        return without_server(self._runner.run(move, accepted=accepted), "move again")
 
     def stop(self) -> None:
         """Stop the arm at once."""

@@ -134,11 +134,11 @@ def _report(view: View, executive: Executive, settings: Sequence[str], outcome: 
     view.put(with_holder(outcome, executive.port, hint))
 
 
-def without_server(outcome: Outcome) -> Outcome:
-    """Return an outcome whose hint has no steps that only an arm of a server has."""
+def without_server(outcome: Outcome, again: str = "run again") -> Outcome:
+    """Return an outcome with other words for the steps that only an arm of a server has."""
     if not (cause := outcome.cause):
         return outcome
-    hint = cause.hint.replace(ACTIVATE_AGAIN, "run again")
+    hint = cause.hint.replace(ACTIVATE_AGAIN, again)
     return replace(outcome, cause=replace(cause, hint=hint))
 
 

@@ -19,6 +19,7 @@ HEAD = "task: 7\nname: x\ndescription: y\ntree:\n  sequence:\n"
 POST = "AddBox: {body: post, size: [3 cm, 3 cm, 3 cm], position: [0.12, 0.04, 0.07]}"
 TALL = "AddBox: {body: tall, size: [3 cm, 3 cm, 20 cm], position: [0.115, 0.115, 0.1]}"
 GO = "{subtree: reach, with: {arm: right, gripper: open}}"  # into the post, round the tall one
+ALL = "{joint_1: -1.4, joint_2: -0.6, joint_3: -0.07, joint_4: -0.7}"  # as GO
 COME = "{subtree: reach, with: {arm: upright, gripper: open}}"
 # It stands off to the left, and in the hand it comes to where the block is.
 BALL = "AddSphere: {body: ball, radius: 1 cm, position: [-0.1, 0.15, 0.3]}"
@@ -46,6 +47,8 @@ def written(folder: Path, *steps: str, above: str = "") -> Path:
     ("steps", "line", "why"),
     [
         ((POST, GO), 7, "this pose collides: .* deep in post"),
+        ((POST, f"{{subtree: move_joints, with: {{joints: {ALL}}}}}"), 7,
+         "this pose collides: .* deep in post"),
         ((POST, COME, GO), 8, "this pose collides: .* deep in post"),
         ((f"{{retry: {{sequence: [{{{POST}}}, {GO}]}}, attempts: 2}}",), 6, "pose .* deep in post"),
         ((f"{{repeat: {{sequence: [{COME}, {GO}, {COME}, {{{POST}}}]}}, times: 2}}",), 6,

@@ -105,7 +105,7 @@ WRONG = [
     (f"{HEAD}tree:\n", 4, 1, "not nothing"),
     (f"{HEAD}tree: []\n", 4, 7, "a list of nodes needs a node above it"),
     (f"{HEAD}tree: {{}}\n", 4, 7, "not {}"),
-    (f"{HEAD}tree: $start\n", 4, 7, "'$start' is not a name"),
+    (f"{HEAD}tree: $start\n", 4, 7, "a node compares values: write {Comp"),
     (f"{HEAD}tree: ''\n", 4, 7, "a node: '' is not a name"),
     (f"{T}  sequence: Succeed\n", 5, 13, "sequence needs a list of nodes, not 'Succeed'"),
     (f"{T}  sequence: []\n", 5, 13, "sequence needs a list of nodes"),

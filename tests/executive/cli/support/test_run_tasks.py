@@ -65,5 +65,8 @@ def test_an_arm_without_a_server_is_not_to_be_activated() -> None:
     cause = without_server(lost).cause
     assert cause
     assert cause.hint == "check the cable, then run again"
+    jogged = without_server(lost, "move again").cause
+    assert jogged
+    assert jogged.hint == "check the cable, then move again"
     other = Outcome.of(1, GoalState.ABORTED, cause_of(PortBusy("/dev/ttyX", 1)))
     assert without_server(other) == other
