@@ -273,9 +273,13 @@ async def open_fleet(
         "allow_reconnect": lasting,
     }
     try:
-        await connection.connect(url, **options)
-        yield await _open(connection, url, lasting)
-    except GONE as error:
+        try:
+            await connection.connect(url, **options)
+            fleet = await _open(connection, url, lasting)
+        except OSError as error:
+            raise watch.why(error) from error
+        yield fleet  # the caller may raise its own OSError, such as of a file
+    except (TimeoutError, nats.errors.Error) as error:
         raise watch.why(error) from error
     except asyncio.CancelledError as error:
         if watch.has_canceled():

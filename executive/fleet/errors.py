@@ -135,8 +135,11 @@ class PoolNotServed(FleetError):
     exit_status = 4
     hint = "`armtree fleet ls` lists the arms; `armtree serve --fleet URL --pool POOL` adds one"
 
-    def __init__(self, pool: str) -> None:
-        super().__init__(f"no arm serves the pool {pool}, so nothing was sent; {self.hint}")
+    def __init__(self, pool: str, served: Sequence[str]) -> None:
+        others = ", ".join(served) or "no pool"
+        super().__init__(
+            f"no arm serves the pool {pool}, so nothing was sent; arms serve {others}; {self.hint}"
+        )
 
 
 class DuplicateJob(FleetError):
