@@ -41,6 +41,18 @@ class FleetRefused(FleetError):
         super().__init__(f"the fleet at {url} refuses this program, or its role; {self.hint}")
 
 
+class UntrustedFleet(FleetError):
+    """The certificate of the NATS server is not trusted."""
+
+    code = "fleet.untrusted"
+    hint = "set ARMTREE_FLEET_CA to the file of its certificate, or of the one that signed it"
+
+    def __init__(self, url: str, why: str) -> None:
+        super().__init__(
+            f"the certificate of the fleet at {url} is not trusted: {why}; {self.hint}"
+        )
+
+
 class BadCredentials(FleetError):
     """The file of the private key, or of the certificate of the fleet, is unusable."""
 

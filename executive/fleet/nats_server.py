@@ -71,11 +71,16 @@ class NatsOptions:
         Raises:
             FleetUnsafe: Other machines could connect without encryption or without keys.
             FleetMissing: There is no nats-server.
-            NotStarted: Another program listens at this address.
+            NotStarted: Another program listens at this address, or one file for TLS is missing.
+        FileNotFoundError: A file for TLS does not exist.
         """
         local = self.address in ("127.0.0.1", "::1", "localhost")
         if not local and not (self.certificate and self.key and self.nkeys):
             raise FleetUnsafe(self.address)
+        if bool(self.certificate) != bool(self.key):
+            raise NotStarted("TLS needs both --tls-cert and --tls-key")
+        for path in filter(None, (self.certificate, self.key)):
+            path.stat()  # nats-server would name its own configuration instead
         _program()
         family = socket.AF_INET6 if ":" in self.address else socket.AF_INET
         with socket.socket(family) as probe:
