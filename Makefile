@@ -13,12 +13,13 @@ PEERS := $(VENV)/.peers
 GROOT := $(VENV)/.behaviortree
 PAGE := $(VENV)/.page
 ROS2 := $(VENV)/.ros2
+JAZZY := $(VENV)/.jazzy
 
 INSTALL := $(PIP) install --quiet --disable-pip-version-check
 COMPILE := $(VENV)/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header \
 	--no-emit-index-url --no-emit-find-links
 
-.PHONY: demo fleet mcp ros2 docs test quick lint types rooms damage faults soak mutation firmware page pictures lock
+.PHONY: demo fleet mcp ros2 docs test jazzy quick lint types rooms damage faults soak mutation firmware page pictures lock
 
 demo: $(READY)
 	$(VENV)/bin/armtree run 0 1 2 0 --port virtual
@@ -41,6 +42,10 @@ docs: $(TOOLS)
 
 test: lint types rooms $(PEERS) $(GROOT) $(ROS2)
 	$(VENV)/bin/pytest
+
+# The tests of ROS 2 with the wheels of Jazzy; `make test` uses those of Kilted.
+jazzy: $(TOOLS) $(JAZZY)
+	ROS2_OF_TESTS=$(CURDIR)/$(VENV)/jazzy $(VENV)/bin/pytest -n 0 tests/executive/ros2
 
 # All tests except those marked slow; less than a minute on 2 cores.
 quick: $(TOOLS)
@@ -122,7 +127,11 @@ $(GROOT): tests/peers/build_behaviortree tests/peers/behaviortree.cpp tests/peer
 # ROS 2 from its wheels, and the messages of armtree. Without them, their tests report that they are
 # skipped.
 $(ROS2): .ci/lock-ros2.txt executive/ros2/install $(wildcard executive/ros2/arduinobot_msgs/*.* executive/ros2/arduinobot_msgs/*/*) | $(READY)
-	executive/ros2/install $(CURDIR)/$(VENV)/bin/python $(CURDIR)/$(VENV)/ros2
+	executive/ros2/install $(CURDIR)/$(VENV)/bin/python $(CURDIR)/$(VENV)/ros2 .ci/lock-ros2.txt
+	@touch $@
+
+$(JAZZY): .ci/lock-jazzy.txt executive/ros2/install | $(READY)
+	executive/ros2/install $(CURDIR)/$(VENV)/bin/python $(CURDIR)/$(VENV)/jazzy .ci/lock-jazzy.txt
 	@touch $@
 
 # For maintainers: resolve all pins together, then write the locks.
@@ -134,3 +143,4 @@ lock: $(TOOLS)
 	$(COMPILE) -c build/lock.txt --group fleet -o .ci/lock-fleet.txt
 	$(COMPILE) -c build/lock.txt --group mcp -o .ci/lock-mcp.txt
 	$(COMPILE) -c build/lock.txt --group ros2 -o .ci/lock-ros2.txt
+	$(COMPILE) -c .ci/lock.txt --group jazzy -o .ci/lock-jazzy.txt

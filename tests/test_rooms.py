@@ -117,7 +117,14 @@ def test_the_robot_page_lists_every_key_that_is_read(
 
 @pytest.mark.parametrize(
     ("name", "least"),
-    [("lock", 30), ("lock-dev", 15), ("lock-fleet", 3), ("lock-mcp", 15), ("lock-ros2", 60)],
+    [
+        ("lock", 30),
+        ("lock-dev", 15),
+        ("lock-fleet", 3),
+        ("lock-mcp", 15),
+        ("lock-ros2", 60),
+        ("lock-jazzy", 60),
+    ],
 )
 def test_a_lock_names_no_host_and_hashes_everything(name: str, least: int) -> None:
     lock = (ROOT / ".ci" / f"{name}.txt").read_text()

@@ -196,7 +196,11 @@ def join(server: str, url: str, pool: str, name: str, page: str | None, child: b
     type=ABOVE_0,
     help="Cancel it if it does not end in time [s].",
 )
-@click.option("--wait", is_flag=True, help="Wait for its end; the exit status is that of the run.")
+@click.option(
+    "--wait",
+    is_flag=True,
+    help="Wait for its end; the exit status is that of the run. Ctrl-C cancels the job.",
+)
 @_JSON
 @_FLEET
 def send(
@@ -216,6 +220,8 @@ def send(
     Prints the id of the job when it is on disk. A job whose id was sent before is refused, so it
     is safe to repeat this command with --id.
     """
+    import asyncio
+
     from .support.server_goals import parameters
 
     ended: list[JobRecord] = []
@@ -224,12 +230,18 @@ def send(
         limits = (start_within, end_within)
         job = await client.send(task, pool, parameters(settings), identity, priority, *limits)
         echo_result(as_json, {"event": "queued", "job": job.identity}, job.identity)
-        if why := (await client.waiting()).get(pool):
-            echo(why, err=True)
-        if wait:
-            async for record in client.wait(job.identity):
+        try:
+            if why := (await client.waiting()).get(pool):
+                echo(why, err=True)
+            if wait:
+                async for record in client.wait(job.identity):
+                    _print_record(record, as_json)
+                    ended[:] = [record]
+        except asyncio.CancelledError:  # Ctrl-C
+            if wait:
+                record, _ = await client.cancel(job.identity)
                 _print_record(record, as_json)
-                ended[:] = [record]
+            raise
 
     _run(url, act)
     if ended and ended[0].result:
@@ -334,10 +346,13 @@ def _confirmed(url: str, as_json: bool, request: str, whom: tuple[str, ...]) -> 
 
     async def act(client: "FleetClient") -> None:
         try:
-            show(await getattr(client, request)(whom))
+            confirmed = await getattr(client, request)(whom)
         except NotConfirmed as error:
             show(error.confirmed)
             raise
+        show(confirmed)
+        if not confirmed:
+            echo(f"no arm has joined, so none confirmed the {request}", err=True)
 
     _run(url, act)
 

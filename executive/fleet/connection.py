@@ -36,7 +36,14 @@ from nats.js.kv import KeyValue
 from executive.api import strict_json, token_file
 from hardware import read_file
 
-from .errors import BadCredentials, BadJob, FleetError, FleetRefused, FleetUnreachable
+from .errors import (
+    BadCredentials,
+    BadJob,
+    FleetError,
+    FleetRefused,
+    FleetUnreachable,
+    UntrustedFleet,
+)
 from .values import PRIORITIES, Job, JobRecord, Member, Presence, from_bytes
 
 T = TypeVar("T")
@@ -53,7 +60,7 @@ _REPEAT_SECONDS = 3600.0  # a repeated message id is refused for this time [s]
 _KEEP_SECONDS = 7 * 86400.0  # records of jobs are kept for this time [s]
 _QUEUE_BYTES = 2**30
 _CONNECT_SECONDS, _ANSWER_SECONDS = 2.0, 5.0
-_RETRY_SECONDS = 1.0
+_RETRY_SECONDS, _CLOSE_SECONDS = 1.0, 1.0
 _MOST_KEY = 4096  # largest file of a private key [bytes]
 _MOST_TOLD = 8  # number of errors kept for each connection
 _WAITING = 20_000  # largest number of waiting arms of a pool
@@ -273,9 +280,13 @@ async def open_fleet(
         "allow_reconnect": lasting,
     }
     try:
-        await connection.connect(url, **options)
-        yield await _open(connection, url, lasting)
-    except GONE as error:
+        try:
+            await connection.connect(url, **options)
+            fleet = await _open(connection, url, lasting)
+        except OSError as error:
+            raise watch.why(error) from error
+        yield fleet  # the caller may raise its own OSError, such as of a file
+    except (TimeoutError, nats.errors.Error) as error:
         raise watch.why(error) from error
     except asyncio.CancelledError as error:
         if watch.has_canceled():
@@ -283,8 +294,9 @@ async def open_fleet(
         raise
     finally:
         watch.closing = True
-        with suppress(*GONE):
-            await connection.close()
+        with suppress(*GONE):  # after a refused certificate, the library would wait for ever
+            async with asyncio.timeout(_CLOSE_SECONDS):
+                await connection.close()
 
 
 class _Watch:
@@ -368,6 +380,8 @@ def _why(url: str, error: BaseException, told: Sequence[Exception]) -> FleetErro
     if any(re.search("authorization|permissions", each, re.IGNORECASE) for each in words):
         return FleetRefused(url)
     why = told[-1] if told else error
+    if isinstance(why, ssl.SSLCertVerificationError):
+        return UntrustedFleet(url, why.verify_message)
     return FleetUnreachable(url, str(why) or type(why).__name__)
 
 

@@ -41,6 +41,18 @@ class FleetRefused(FleetError):
         super().__init__(f"the fleet at {url} refuses this program, or its role; {self.hint}")
 
 
+class UntrustedFleet(FleetError):
+    """The certificate of the NATS server is not trusted."""
+
+    code = "fleet.untrusted"
+    hint = "set ARMTREE_FLEET_CA to the file of its certificate, or of the one that signed it"
+
+    def __init__(self, url: str, why: str) -> None:
+        super().__init__(
+            f"the certificate of the fleet at {url} is not trusted: {why}; {self.hint}"
+        )
+
+
 class BadCredentials(FleetError):
     """The file of the private key, or of the certificate of the fleet, is unusable."""
 
@@ -135,8 +147,11 @@ class PoolNotServed(FleetError):
     exit_status = 4
     hint = "`armtree fleet ls` lists the arms; `armtree serve --fleet URL --pool POOL` adds one"
 
-    def __init__(self, pool: str) -> None:
-        super().__init__(f"no arm serves the pool {pool}, so nothing was sent; {self.hint}")
+    def __init__(self, pool: str, served: Sequence[str]) -> None:
+        others = ", ".join(served) or "no pool"
+        super().__init__(
+            f"no arm serves the pool {pool}, so nothing was sent; arms serve {others}; {self.hint}"
+        )
 
 
 class DuplicateJob(FleetError):

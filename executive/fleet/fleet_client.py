@@ -130,7 +130,8 @@ class FleetClient:
         job = Job(chosen, pool, task, dict(arguments), now, priority, *limits)
         from_bytes(Job, to_bytes(job))
         if not await self._is_served(pool):
-            raise PoolNotServed(pool)
+            served = {arm.partition(".")[0] for arm in await self._fleet.values(Presence)}
+            raise PoolNotServed(pool, sorted(served))
         # The queue knows the ids of an hour, and the records know the ids of a week.
         if identity and await self._fleet.get(JobRecord, identity):
             raise DuplicateJob(identity)

@@ -1,5 +1,6 @@
 """The NATS server of a fleet: its configuration, its process, and its users."""
 
+import fcntl
 import json
 import os
 import shutil
@@ -70,11 +71,16 @@ class NatsOptions:
         Raises:
             FleetUnsafe: Other machines could connect without encryption or without keys.
             FleetMissing: There is no nats-server.
-            NotStarted: Another program listens at this address.
+            NotStarted: Another program listens at this address, or one file for TLS is missing.
+        FileNotFoundError: A file for TLS does not exist.
         """
         local = self.address in ("127.0.0.1", "::1", "localhost")
         if not local and not (self.certificate and self.key and self.nkeys):
             raise FleetUnsafe(self.address)
+        if bool(self.certificate) != bool(self.key):
+            raise NotStarted("TLS needs both --tls-cert and --tls-key")
+        for path in filter(None, (self.certificate, self.key)):
+            path.stat()  # nats-server would name its own configuration instead
         _program()
         family = socket.AF_INET6 if ":" in self.address else socket.AF_INET
         with socket.socket(family) as probe:
@@ -86,7 +92,7 @@ class NatsOptions:
                 raise NotStarted(
                     f"nats-server cannot listen on {where}: {error.strerror}. If the NATS server "
                     f"of a fleet runs there, --use {self.url} adds the supervisor and the page; "
-                    "else choose another port with --nats-port"
+                    "else choose another port with --nats-port, and another folder with --data"
                 ) from error
 
 
@@ -130,22 +136,24 @@ def nats_server(options: NatsOptions, clock: Clock) -> Iterator["subprocess.Pope
 
     Raises:
         FleetUnsafe, FleetMissing: As of `NatsOptions.check`.
-        NotStarted: It ends, or does not answer in time.
+        NotStarted: It ends, or does not answer in time, or another one uses the data folder.
     """
     options.check()
     options.data.mkdir(mode=0o700, parents=True, exist_ok=True)
-    token = _token(options.data / "token")
-    configuration = options.data / "nats-server.json"  # JSON is valid in its format
-    _write_private(configuration, json.dumps(_configuration(options, token), indent=1))
-    log = options.data / "nats-server.log"
-    with log.open("wb") as output:
-        process = subprocess.Popen(
-            [*_ending_with_parent(), _program(), "-c", configuration],
-            stdin=subprocess.DEVNULL,
-            stdout=output,
-            stderr=output,
-            start_new_session=True,  # Ctrl-C is for armtree, which ends it in order
-        )
+    with _locked(options.data) as lock:
+        token = _token(options.data / "token")
+        configuration = options.data / "nats-server.json"  # JSON is valid in its format
+        _write_private(configuration, json.dumps(_configuration(options, token), indent=1))
+        log = options.data / "nats-server.log"
+        with log.open("wb") as output:
+            process = subprocess.Popen(
+                [*_ending_with_parent(), _program(), "-c", configuration],
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=output,
+                pass_fds=(lock,),
+                start_new_session=True,  # Ctrl-C is for armtree, which ends it in order
+            )
     info = token_file.ServerInfo(options.url, token, process.pid)
     try:
         _wait_until_ready(options, process, log, clock)
@@ -160,6 +168,26 @@ def nats_server(options: NatsOptions, clock: Clock) -> Iterator["subprocess.Pope
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[int]:
+    """Lock a data folder: a second NATS server there would damage the stored jobs.
+
+    The first one inherits the lock, and holds it until it ends.
+
+    Raises:
+        NotStarted: Another NATS server uses the folder.
+    """
+    with (folder / "lock").open("wb") as stream:
+        try:
+            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise NotStarted(
+                f"the NATS server of another fleet uses the data folder {folder}; end that fleet, "
+                "or choose another folder with --data"
+            ) from error
+        yield stream.fileno()
 
 
 # Python of a process that becomes another program. The system sends it SIGTERM if its parent dies.

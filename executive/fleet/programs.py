@@ -81,11 +81,18 @@ def up(options: NatsOptions, http_port: int) -> None:
                         with suppress(TimeoutError):
                             async with asyncio.timeout(_RETRY_SECONDS):
                                 await ended.wait()
+                        if watching.done():
+                            watching.result()  # raises the errors of bugs
                         if (status := process.poll()) is not None:
                             raise FleetError(
                                 f"nats-server has ended with status {status}; its log is "
                                 f"{options.data / 'nats-server.log'}. Start it again: armtree "
                                 "fleet up"
+                            )
+                        if not options.data.is_dir():
+                            raise FleetError(
+                                f"the data folder {options.data} is gone, and a job there would be "
+                                "lost, so the fleet ends. Start it again: armtree fleet up"
                             )
                 finally:
                     await end_all(watching)
@@ -108,8 +115,12 @@ def supervise(url: str, http_port: int) -> None:
         async with _signals() as ended:
             with web.listen(http_port) as listener:
                 watching = asyncio.create_task(_supervise(url, listener, None))
-                await ended.wait()
-                await end_all(watching)
+                ending = asyncio.create_task(ended.wait())
+                tasks = watching, ending
+                await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+                if watching.done():
+                    watching.result()  # raises the errors of bugs
+                await end_all(*tasks)
 
     asyncio.run(main())
 

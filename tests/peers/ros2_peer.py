@@ -21,7 +21,8 @@ from lifecycle_msgs.srv import ChangeState, GetAvailableStates, GetAvailableTran
 from rclpy.action import ActionClient, ActionServer, CancelResponse, GoalResponse
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.executors import MultiThreadedExecutor
-from rclpy.lifecycle import LifecycleNode
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from rclpy.qos import QoSProfile, qos_profile_action_status_default
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -31,6 +32,7 @@ from unique_identifier_msgs.msg import UUID
 WAIT, NOTHING, FAIL, UNKNOWN = 10, 11, 13, 99
 TYPES = ArduinobotTask.Impl
 LONGEST = 60.0
+RCLError = rclpy_implementation.RCLError
 
 
 class NoAnswer(Exception):
@@ -70,6 +72,16 @@ class Reference:
             goal.succeed()
         self.busy = False
         return ArduinobotTask.Result(success=goal.request.task_number == NOTHING)
+
+
+class ReferenceLifecycle(LifecycleNode):
+    """rclpy's lifecycle node. That of Jazzy raises where that of Kilted answers "not possible"."""
+
+    def _LifecycleNodeMixin__change_state(self, transition_id):  # noqa: N802
+        try:
+            return super()._LifecycleNodeMixin__change_state(transition_id)
+        except RCLError:
+            return TransitionCallbackReturn.FAILURE
 
 
 class Action:
@@ -253,7 +265,7 @@ class Peer:
     def __init__(self):
         self.node = rclpy.create_node("peer")
         self.reference = Reference(self.node)
-        self.lifecycle_node = LifecycleNode("lifecycle_reference")
+        self.lifecycle_node = ReferenceLifecycle("lifecycle_reference")
         self.actions, self.parked = {}, None
         self.stock = ActionClient(self.node, ArduinobotTask, "task_server")
         self.original = ActionClient(rclpy.create_node("original"), ArduinobotTask, "task_server")

@@ -3,10 +3,13 @@
 import asyncio
 import sys
 from collections.abc import Sequence
+from contextlib import nullcontext
 from typing import TYPE_CHECKING, Any
 
 from executive.fleet.values import Job, JobRecord, to_json
 from hardware.printable import plural, printable
+
+from .streams import echo
 
 if TYPE_CHECKING:
     from executive.fleet.fleet_client import ArmRow, FleetClient
@@ -71,9 +74,13 @@ async def top(client: "FleetClient") -> None:
     from rich.live import Live
     from rich.text import Text
 
-    with Live(screen=sys.stdout.isatty(), auto_refresh=False) as live:
+    is_screen = sys.stdout.isatty()
+    with Live(screen=True, auto_refresh=False) if is_screen else nullcontext() as live:
         while True:
             number, _ = await client.queued(0)
             lines = [f"{number} queued", *arms_table(await client.arms())]
-            live.update(Text("\n".join(map(printable, lines))), refresh=True)
+            if live:
+                live.update(Text("\n".join(map(printable, lines))), refresh=True)
+            else:
+                echo(*lines)
             await asyncio.sleep(1.0)

@@ -1,18 +1,30 @@
 """What `armtree fleet` refuses, and how its commands print arms and jobs."""
 
+import asyncio
+import os
+import signal
 import subprocess
 import sys
+import threading
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import click
 import pytest
 
 from executive.api.outcome import Cause, Ending, GoalState
-from executive.cli.terminal.fleet_tables import arms_table, job_row, job_text
-from executive.fleet.fleet_client import ArmRow
+from executive.cli.fleet import fleet
+from executive.cli.terminal.fleet_tables import arms_table, job_row, job_text, top
+from executive.fleet.fleet_client import ArmRow, FleetClient
+from executive.fleet.programs import run
 from executive.fleet.values import Job, JobRecord, Member, Presence, from_bytes, to_bytes
 from tests.support.command_line.typed import typed
 from tests.support.paths import ROOT
+from tests.support.servers.fleet_arms import joined
+from tests.support.servers.simulated_arms import SimulatedArm
+
+pytest_plugins = ["tests.support.servers.fleet_fixtures"]
 
 JOB = Job("a" * 32, "bench", "wave", {"swing": "20 deg"}, 1)
 RECORD = JobRecord(JOB, "bench.arm-7", "http://arm:8765", "b" * 32, 2)
@@ -73,6 +85,53 @@ def test_a_key_is_written_once_and_private(tmp_path: Path) -> None:
     assert (status, public[0], len(public.strip())) == (0, "U", 56)
     assert path.stat().st_mode & 0o777 == 0o600
     assert typed(tmp_path, "fleet", "key", str(path))[0] == 3
+
+
+@pytest.fixture
+def interruptible() -> Iterator[None]:
+    """A process that Ctrl-C interrupts. Processes of pytest-xdist ignore it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+def test_ctrl_c_cancels_a_job_that_is_waited_for(
+    url: str, interruptible: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arm, ready = SimulatedArm(), threading.Event()
+
+    async def serve() -> None:
+        async with joined(url, arm):
+            ready.set()
+            await arm.started.wait()
+            os.kill(os.getpid(), signal.SIGINT)
+            await arm.result(arm.received[0])
+
+    serving = threading.Thread(target=asyncio.run, args=(serve(),))
+    serving.start()
+    assert ready.wait(20)
+    with pytest.raises(click.Abort):
+        fleet.main(
+            ["send", "0", "--pool", "bench", "--wait", "--fleet", url], standalone_mode=False
+        )
+    serving.join()
+    assert "CANCELED   task 0 on bench.0" in capsys.readouterr().out
+
+
+def test_top_prints_lines_to_a_pipe(url: str, capsys: pytest.CaptureFixture[str]) -> None:
+    async def read(client: FleetClient) -> None:
+        with pytest.raises(TimeoutError):
+            async with asyncio.timeout(0.2):
+                await top(client)
+
+    run(url, read)
+    first, *_ = capsys.readouterr().out.splitlines()
+    assert first == "0 queued"
+
+
+def test_a_stop_of_an_empty_fleet_says_so(url: str, capsys: pytest.CaptureFixture[str]) -> None:
+    fleet.main(["stop", "--fleet", url], standalone_mode=False)
+    assert capsys.readouterr().err == "no arm has joined, so none confirmed the stop\n"
 
 
 def test_arms_and_jobs_are_lines() -> None:

@@ -6,12 +6,13 @@ import subprocess
 import sys
 import threading
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from executive.fleet.connection import open_fleet
-from executive.fleet.errors import FleetError
+from executive.fleet.errors import FleetError, NotStarted
 from executive.fleet.nats_server import NatsOptions, nats_server
 from hardware import RealClock
 from tests.support.servers.cuttable_proxy import CuttableProxy
@@ -70,6 +71,24 @@ def test_an_attempt_to_reconnect_that_fails_leaves_no_socket_open(tmp_path: Path
                 await asyncio.wait_for(back.wait(), 20)
 
     asyncio.run(main())
+
+
+def test_a_data_folder_has_one_nats_server(tmp_path: Path) -> None:
+    """A second one would damage the jobs of the first."""
+    options = NatsOptions(tmp_path / "fleet", port=free_port())
+
+    async def main() -> None:
+        async with open_fleet(options.url, "person"):
+            raise FileNotFoundError(2, "of the caller")
+
+    with nats_server(options, RealClock()):
+        second = replace(options, port=free_port())
+        with pytest.raises(NotStarted, match="--data"), nats_server(second, RealClock()):
+            pass
+        with pytest.raises(FileNotFoundError, match="of the caller"):
+            asyncio.run(main())
+    with nats_server(second, RealClock()):
+        pass
 
 
 _HOLDS_A_SERVER = """

@@ -209,13 +209,22 @@ def test_jobs_that_arrive_at_once_wait_for_nothing(url: str) -> None:
     asyncio.run(main())
 
 
-def test_a_claim_whose_answer_is_lost_is_run(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_claim_and_a_result_whose_answers_are_lost_are_stored_once(
+    url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("executive.fleet.worker._PAUSE_SECONDS", 0.0)
 
     async def main() -> None:
         arm = SimulatedArm(duration=0.0)
         async with joined(url, arm) as client:
             create, lost_answers = KeyValue.create, iter([True, True])
+            update, lost_results = KeyValue.update, iter([True])
+
+            async def forgetful_update(bucket: KeyValue, key: str, value: bytes, last: int) -> int:
+                revision = await update(bucket, key, value, last)
+                if b"SUCCEEDED" in value and next(lost_results, False):
+                    raise nats.errors.TimeoutError
+                return revision
 
             async def forgetful(bucket: KeyValue, key: str, value: bytes) -> int:
                 revision = await create(bucket, key, value)
@@ -224,10 +233,16 @@ def test_a_claim_whose_answer_is_lost_is_run(url: str, monkeypatch: pytest.Monke
                 return revision
 
             monkeypatch.setattr(KeyValue, "create", forgetful)
+            monkeypatch.setattr(KeyValue, "update", forgetful_update)
             job = await client.send(1, "bench", {})
             async with asyncio.timeout(10):
                 assert (await ended(client, job)).state == "SUCCEEDED"
-            assert arm.received == [job.identity]
+                after = await client.send(1, "bench", {})
+                await ended(client, after)
+            assert arm.received == [job.identity, after.identity]
+            stored = await client.job(job.identity)
+            assert isinstance(stored, JobRecord)
+            assert not stored.late
 
     asyncio.run(main())
 

@@ -2,9 +2,17 @@
 
 import asyncio
 import re
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from ipaddress import ip_address
 from pathlib import Path
 
 import pytest
+from cryptography import x509
+from cryptography.hazmat.primitives import hashes
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
+from cryptography.x509.oid import NameOID
 
 from executive.fleet.connection import (
     JOBS,
@@ -15,7 +23,7 @@ from executive.fleet.connection import (
     job_subject,
     open_fleet,
 )
-from executive.fleet.errors import NotConfirmed, NotStarted
+from executive.fleet.errors import FleetRefused, NotConfirmed, NotStarted, UntrustedFleet
 from executive.fleet.fleet_client import FleetClient
 from executive.fleet.nats_server import NatsOptions, make_key, nats_server, own_credentials
 from executive.fleet.values import Job, Member, to_bytes
@@ -97,3 +105,51 @@ def test_a_line_of_the_keys_that_is_not_one_is_named(options: NatsOptions, line:
     words = re.escape("keys:2: expected `operator KEY` or `arm KEY POOL.NAME`")
     with pytest.raises(NotStarted, match=words), nats_server(options, CLOCK):
         pass
+
+
+def test_a_fleet_with_tls_needs_its_certificate_and_a_key(
+    options: NatsOptions, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    certificate, key = self_signed(tmp_path)
+    options = replace(options, certificate=certificate, key=key)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.setattr("executive.fleet.connection._CLOSE_SECONDS", 0.1)
+
+    async def connect() -> None:
+        async with asyncio.timeout(10), open_fleet(options.url, "bench.0"):
+            pass
+
+    with nats_server(options, CLOCK):
+        with pytest.raises(UntrustedFleet, match="ARMTREE_FLEET_CA"):
+            asyncio.run(connect())
+        monkeypatch.setenv("ARMTREE_FLEET_CA", str(certificate))
+        with pytest.raises(FleetRefused):
+            asyncio.run(connect())
+        monkeypatch.setenv("ARMTREE_FLEET_NKEY", str(tmp_path / "arm.nkey"))
+        asyncio.run(connect())
+
+
+def test_half_of_tls_is_refused(options: NatsOptions, tmp_path: Path) -> None:
+    with pytest.raises(NotStarted, match="--tls-key"):
+        replace(options, certificate=tmp_path / "gone").check()
+    with pytest.raises(FileNotFoundError, match="gone"):
+        replace(options, certificate=tmp_path / "gone", key=tmp_path / "gone").check()
+
+
+def self_signed(folder: Path) -> tuple[Path, Path]:
+    """Write a certificate for 127.0.0.1, and its private key."""
+    key = ec.generate_private_key(ec.SECP256R1())
+    name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, "fleet")])
+    now = datetime.now(UTC)
+    here = x509.SubjectAlternativeName([x509.IPAddress(ip_address("127.0.0.1"))])
+    certificate = (
+        x509.CertificateBuilder(name, name, key.public_key(), x509.random_serial_number())
+        .not_valid_before(now - timedelta(days=1))
+        .not_valid_after(now + timedelta(days=1))
+        .add_extension(here, critical=False)
+        .sign(key, hashes.SHA256())
+    )
+    files = folder / "certificate.pem", folder / "key.pem"
+    files[0].write_bytes(certificate.public_bytes(Encoding.PEM))
+    files[1].write_bytes(key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption()))
+    return files

@@ -86,18 +86,25 @@ def test_only_a_server_that_the_user_names_gets_the_token(
     ]
 
 
-def test_the_fleet_ends_with_its_nats_server(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("status", "folder", "why"),
+    [
+        (-9, "", "nats-server has ended with status -9"),
+        (None, "gone", "the data folder .* is gone"),
+    ],
+)
+def test_the_fleet_ends_with_its_nats_server_and_with_its_data(
+    status: int | None, folder: str, why: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Also if a library loses the first cancel of a task."""
     monkeypatch.setattr(programs, "_RETRY_SECONDS", 0.0)
     monkeypatch.setattr("executive.fleet.connection._RETRY_SECONDS", 0.0)
 
-    class Killed:
-        """A process that was killed."""
+    class Process:
+        """A process that was killed, or that runs."""
 
-        def poll(self) -> int:
-            return -9
+        def poll(self) -> int | None:
+            return status
 
     async def supervise(*_: object) -> None:
         try:
@@ -105,10 +112,26 @@ def test_the_fleet_ends_with_its_nats_server(
         except asyncio.CancelledError:
             await asyncio.Event().wait()
 
-    monkeypatch.setattr(programs, "nats_server", lambda *_: nullcontext(Killed()))
+    monkeypatch.setattr(programs, "nats_server", lambda *_: nullcontext(Process()))
+    monkeypatch.setattr(programs, "own_credentials", lambda _: {})
     monkeypatch.setattr(programs, "_supervise", supervise)
-    with pytest.raises(FleetError, match="nats-server has ended with status -9"):
+    with pytest.raises(FleetError, match=why):
+        programs.up(NatsOptions(tmp_path / folder), 0)
+
+
+def test_a_failure_of_the_supervisor_ends_the_fleet(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def supervise(*_: object) -> None:
+        raise ValueError("a bug")
+
+    monkeypatch.setattr(programs, "_RETRY_SECONDS", 0.0)
+    monkeypatch.setattr(programs, "nats_server", lambda *_: nullcontext())
+    monkeypatch.setattr(programs, "_supervise", supervise)
+    with pytest.raises(ValueError, match="a bug"):
         programs.up(NatsOptions(tmp_path), 0)
+    with pytest.raises(ValueError, match="a bug"):
+        programs.supervise("nats://127.0.0.1:9", 0)
 
 
 def test_a_recording_replaces_no_file(arm: HTTPServer, tmp_path: Path) -> None:
