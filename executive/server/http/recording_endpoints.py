@@ -2,12 +2,14 @@
 
 import asyncio
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from json import JSONEncoder
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 from starlette.requests import Request
-from starlette.responses import FileResponse, Response
+from starlette.responses import FileResponse, Response, StreamingResponse
 
 from executive.api.operations import OPERATIONS
 from executive.api.schemas import MAX_LISTED
@@ -17,6 +19,7 @@ from executive.server.playback.seek import POINTS, Timeline
 from executive.server.sign_in import SignIn
 from hardware.installed import version
 from logs import RecordingError
+from logs.reading.file_state import being_written
 
 from .openapi import document
 
@@ -104,8 +107,11 @@ class RecordingEndpoints:
         return {"nodes": await asyncio.to_thread(self._recordings.nodes, name)}
 
     async def recording_file(self, request: Request, name: str) -> Response:
-        path = self._recordings.path(name)
-        return FileResponse(path, media_type="application/octet-stream", filename=name)
+        path, kind = self._recordings.path(name), "application/octet-stream"
+        if await asyncio.to_thread(being_written, path):
+            head = {"Content-Disposition": f"attachment; filename*=utf-8''{quote(name)}"}
+            return StreamingResponse(_pieces(path), headers=head, media_type=kind)
+        return FileResponse(path, media_type=kind, filename=name)
 
     async def verify_recording(self, name: str) -> Json:
         return await asyncio.to_thread(self._recordings.verify, name)
@@ -122,6 +128,12 @@ class RecordingEndpoints:
 
     async def openapi(self) -> Json:
         return self._document
+
+
+def _pieces(path: Path) -> Iterator[bytes]:
+    """Yield a file whose size may change."""
+    with path.open("rb") as stream:
+        yield from iter(partial(stream.read, FileResponse.chunk_size), b"")
 
 
 def _text(values: Json) -> str:

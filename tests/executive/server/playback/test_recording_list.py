@@ -4,6 +4,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
+from urllib.request import urlopen
 
 import pytest
 from mcap.writer import IndexType, Writer
@@ -129,6 +130,8 @@ def test_what_is_there_of_an_unfinished_recording_is_shown(serve: Serve) -> None
     assert served.ask("GET", f"{path}/nodes")[1]["nodes"][0]["file"].endswith("10_wait.yaml")
     assert served.ask("GET", f"{path}/robot")[1]["name"] == "arduinobot"
     content = (served.folder / "recordings" / row["name"]).read_bytes()
+    with urlopen(f"{served.server.url}{path}/file") as answer:  # without a size, which changes
+        assert (answer.length, answer.read()) == (None, content)
     served.executive.cancel()
     served.executive.result(goal)
     at_rest(served.folder / "recordings")
