@@ -53,7 +53,7 @@ _CLAIM_SECONDS = 30.0  # time until an unclaimed job is delivered again [s]
 _REPEAT_SECONDS = 3600.0  # a repeated message id is refused for this time [s]
 _KEEP_SECONDS = 7 * 86400.0  # records of jobs are kept for this time [s]
 _QUEUE_BYTES = 2**30
-_CONNECT_SECONDS, _ANSWER_SECONDS = 2.0, 5.0
+_CONNECT_SECONDS, _ANSWER_SECONDS, _CLOSE_SECONDS = 2.0, 5.0, 2.0
 _RETRY_SECONDS = 1.0
 _MOST_KEY = 4096  # largest file of a private key [bytes]
 _MOST_TOLD = 8  # number of errors kept for each connection
@@ -287,8 +287,9 @@ async def open_fleet(
         raise
     finally:
         watch.closing = True
-        with suppress(*GONE):
-            await connection.close()
+        with suppress(*GONE):  # a server that reads nothing would hold it up
+            async with asyncio.timeout(_CLOSE_SECONDS):
+                await connection.close()
 
 
 class _Connection(Nats):

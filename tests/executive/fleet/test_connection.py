@@ -83,9 +83,10 @@ def test_another_program_that_answers_ends_a_connection(pieces: tuple[bytes, byt
     async def main() -> None:
         async with await asyncio.start_server(answer, "127.0.0.1", 0) as server:
             port = server.sockets[0].getsockname()[1]
-            with pytest.raises(FleetUnreachable):
-                async with asyncio.timeout(4), open_fleet(f"nats://127.0.0.1:{port}", "person"):
-                    pass
+            async with asyncio.timeout(4):
+                with pytest.raises(FleetUnreachable):
+                    async with open_fleet(f"nats://127.0.0.1:{port}", "person"):
+                        pass
 
     asyncio.run(main())
     assert sent < 2**25
