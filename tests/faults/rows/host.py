@@ -489,6 +489,7 @@ with armtree.Client("{url}") as client:
     limit=2,
     unit="s",
     times=1,
+    waits=True,
 )
 def frozen_server(scene: Scene) -> None:
     server = scene.serve("--activate")
