@@ -367,8 +367,9 @@ def verify(asked: Sequence[Scene], scene: Scene) -> None:
     command.wait()
     statuses = dict[Path, int]()
     for each in map(json.loads, command.output.read_text().splitlines()):
-        differs = not all(verdict["holds"] for verdict in each["verdicts"])
-        statuses[Path(each["path"])] = 12 if differs else exit_status(each["code"] or "ok")
+        if "verdicts" in each:  # else it is an error of the command
+            differs = not all(verdict["holds"] for verdict in each["verdicts"])
+            statuses[Path(each["path"])] = 12 if differs else exit_status(each["code"] or "ok")
     for one in asked:
         seen = {path.name: statuses.get(path) for path in one.recordings()}
         worst = max((-1 if each is None else each for each in seen.values()), default=None)
