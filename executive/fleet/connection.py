@@ -32,6 +32,7 @@ from nats.js.api import (
 )
 from nats.js.errors import KeyNotFoundError, NotFoundError
 from nats.js.kv import KeyValue
+from nats.protocol.parser import Parser
 
 from executive.api import strict_json, token_file
 from hardware import read_file
@@ -65,9 +66,12 @@ _MOST_KEY = 4096  # largest file of a private key [bytes]
 _MOST_TOLD = 8  # number of errors kept for each connection
 _WAITING = 20_000  # largest number of waiting arms of a pool
 _BATCH = 500  # number of values read with one request
+_MOST_UNREAD = 2**23  # largest part of a message that has no end yet [bytes]
 
 # Exceptions of NATS and its libraries if the server is gone, slow, or restarting.
 GONE = (nats.errors.Error, OSError, asyncio.TimeoutError)
+# Exceptions of nats-py if another program answers.
+_CONFUSED = (ValueError, TypeError, AttributeError, KeyError)
 
 
 def job_subject(pool: str, priority: str, identity: str) -> str:
@@ -263,7 +267,7 @@ async def open_fleet(
         FleetRefused: The server refuses the credentials, or an action of this program.
         BadCredentials: The file of a key or certificate is unusable.
     """
-    url, connection = token_file.loopback(url), Nats()
+    url, connection = token_file.loopback(url), _Connection()
     watch = _Watch(url, connection, lasting, changed)
     options: dict[str, Any] = {
         **(_credentials(url) if credentials is None else credentials),
@@ -294,9 +298,41 @@ async def open_fleet(
         raise
     finally:
         watch.closing = True
-        with suppress(*GONE):  # after a refused certificate, the library would wait for ever
+        with suppress(*GONE):  # the library waits for ever, for example after a refused certificate
             async with asyncio.timeout(_CLOSE_SECONDS):
                 await connection.close()
+
+
+class _Connection(Nats):
+    """A connection of nats-py that ends if another program answers."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._ps = _Parser(self)
+
+    async def _process_connect_init(self) -> None:
+        try:
+            await super()._process_connect_init()
+            self._max_payload = int(self._max_payload)
+        except _CONFUSED as error:
+            raise nats.errors.Error("another program answers there") from error
+
+
+class _Parser(Parser):
+    """Reads what a NATS server sends, and keeps a limited part of it."""
+
+    async def parse(self, data: bytes = b"") -> None:
+        """Read more data.
+
+        Raises:
+            nats.errors.ProtocolError: A NATS server would not send that.
+        """
+        if len(self.buf) > _MOST_UNREAD:
+            raise nats.errors.ProtocolError
+        try:
+            await super().parse(data)
+        except _CONFUSED as error:
+            raise nats.errors.ProtocolError from error
 
 
 class _Watch:

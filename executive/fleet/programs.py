@@ -17,6 +17,7 @@ from httpcore import AsyncConnectionPool
 from executive.api.schemas import RECORDING_NAME
 from executive.client.asynchronous import AsyncClient
 from executive.client.transport import ANSWER_TIMEOUT, Address, transport_errors
+from executive.errors import ServerSilent
 from hardware import RealClock
 
 from .errors import FleetError, FleetMissing, check_name
@@ -43,6 +44,8 @@ logger = logging.getLogger(__name__)
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _RETRY_SECONDS = 1.0
+_FETCH_SECONDS = 300.0  # longest time to fetch a recording [s]
+_MOST_FETCHED = 2**30  # largest recording that is fetched [bytes]
 
 
 def run(url: str, act: Callable[[FleetClient], Coroutine[Any, Any, None]]) -> None:
@@ -241,8 +244,9 @@ async def fetch_recording(
 
     Raises:
         UnknownJob: No job has that id.
-        FleetError: The job has no recording, the server refuses the request, or the file exists.
-        ClientError: The server of the arm does not answer.
+        FleetError: The job has no recording, the server refuses the request, the file exists, or
+            it is larger than 1 GiB.
+        ClientError: The server of the arm does not answer, or takes more than 300 s.
     """
     found = await client.job(identity)
     result = found.result if isinstance(found, JobRecord) else None
@@ -254,11 +258,22 @@ async def fetch_recording(
         raise FleetError(f"{found.arm} calls its recording {name!r}, so nothing was written")
     address = Address.find(url, None, trusted=bool(server))
     request = address.request("GET", f"/api/recordings/{name}/file")
+    try:
+        async with asyncio.timeout(_FETCH_SECONDS):
+            await _fetch(url, request, path)
+    except TimeoutError as error:
+        raise ServerSilent(url, _FETCH_SECONDS, True, began=True) from error
+    return path
+
+
+async def _fetch(url: str, request: dict[str, Any], path: Path) -> None:
+    """Write the answer to a request to a new file."""
+    refused = f"{url} does not give the file"
     with transport_errors(url, ANSWER_TIMEOUT):
         async with AsyncConnectionPool() as pool, pool.stream(**request) as response:
             if response.status != 200:
-                why = f"it answers {response.status} for the recording {name}"
-                raise FleetError(f"{url} does not give the file: {why}. {_WITH_TOKEN}")
+                why = f"it answers {response.status} for the recording {path.name}"
+                raise FleetError(f"{refused}: {why}. {_WITH_TOKEN}")
             try:
                 stream = path.open("xb")
             except FileExistsError as error:
@@ -266,11 +281,12 @@ async def fetch_recording(
             try:
                 with stream:
                     async for piece in response.aiter_stream():
+                        if stream.tell() + len(piece) > _MOST_FETCHED:
+                            raise FleetError(f"{refused}: it has more than {_MOST_FETCHED} bytes")
                         stream.write(piece)
             except BaseException:
                 path.unlink()
                 raise
-    return path
 
 
 _WITH_TOKEN = (

@@ -75,6 +75,8 @@ class Command:
             "HOME": str(folder),
             "XDG_RUNTIME_DIR": str(folder),
             "TERM": "dumb",
+            # Python keeps a file of bytecode that such a limit has cut, and fails at each import.
+            **({"PYTHONDONTWRITEBYTECODE": "1"} if resource.RLIMIT_FSIZE in (limits or ()) else {}),
             **(environment or {}),
             MARK: uuid.uuid4().hex,
         }

@@ -6,7 +6,6 @@ import difflib
 import json
 import random
 import re
-import shutil
 import signal
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -17,6 +16,7 @@ from mcap.exceptions import McapError
 from mcap.records import Channel, Message
 from mcap.stream_reader import StreamReader
 
+from executive.code_table import exit_status
 from tests.faults.board import Board
 from tests.faults.means.small_disk import SmallDisk
 from tests.faults.means.wrong_calls import WrongCalls
@@ -44,6 +44,7 @@ class Row:
         times: How often it is injected.
         quick: How often in the quick selection; 0 leaves it out.
         alone: Whether no other row runs meanwhile.
+        waits: Whether it computes little for long, so that it runs beside the others.
     """
 
     name: str
@@ -56,6 +57,7 @@ class Row:
     times: int = 5
     quick: int = 0
     alone: bool = False
+    waits: bool = False
 
 
 def row(
@@ -85,6 +87,7 @@ class Scene:
         self.injections = 1
         # What the fault may cost: frames that only the board has, that only a recording has.
         self.unrecorded, self.unreceived = 0, 0
+        self.verdicts: tuple[int, ...] = ()  # as of `verified`; none if it was not called
         self._boards: list[Board] = []
         self._commands: list[Command] = []
 
@@ -226,9 +229,9 @@ class Scene:
     def verified(self, *statuses: int) -> None:
         """Every recording holds (0, the default), or is what a crash leaves (10).
 
-        Run it after the commands ended.
+        `verify` checks it when all injections of the row are over.
         """
-        self.ended(self.armtree("replay", "recordings", "--verify"), *(statuses or (0,)))
+        self.verdicts = statuses or (0,)
 
     def recovered(self, *statuses: int) -> None:
         """`log recover` of all recordings ends with one of these: 0, or 10 if one was cut off."""
@@ -351,7 +354,31 @@ def compare(board: bytes, recording: bytes) -> tuple[int, int]:
     return only_board, only_recording
 
 
-def inject(one: Row, folder: Path, seed: str, number: int, keep: bool) -> Scene:
+def verify(asked: Sequence[Scene], scene: Scene) -> None:
+    """Verify the recordings of scenes with one command, whose start takes longest.
+
+    Args:
+        asked: Scenes that have called `verified`.
+        scene: That of the command.
+    """
+    scene.injections = 0
+    folders = [one.folder / "recordings" for one in asked if one.recordings()]
+    command = scene.armtree("replay", *folders, "--verify", "--json")
+    command.wait()
+    statuses = dict[Path, int]()
+    for each in map(json.loads, command.output.read_text().splitlines()):
+        if "verdicts" in each:  # else it is an error of the command
+            differs = not all(verdict["holds"] for verdict in each["verdicts"])
+            statuses[Path(each["path"])] = 12 if differs else exit_status(each["code"] or "ok")
+    for one in asked:
+        seen = {path.name: statuses.get(path) for path in one.recordings()}
+        worst = max((-1 if each is None else each for each in seen.values()), default=None)
+        held = None not in seen.values() and worst in one.verdicts
+        one.check(held, f"replay --verify: {seen or 'no recording'}, not {one.verdicts}")
+    scene.ended(command, max(statuses.values(), default=0))
+
+
+def inject(one: Row, folder: Path, seed: str, number: int = 0) -> Scene:
     """Inject a row's fault once. What the function raises, and a hang, is a problem of the row."""
     folder.mkdir(parents=True)
     scene = Scene(folder, seed, number, one.times)
@@ -367,6 +394,4 @@ def inject(one: Row, folder: Path, seed: str, number: int, keep: bool) -> Scene:
                 scene.finish()
             except Exception as error:
                 scene.problems.append(f"at the end: {type(error).__name__}: {error}")
-    if not (keep and scene.problems):
-        shutil.rmtree(folder, ignore_errors=True)
     return scene

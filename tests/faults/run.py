@@ -6,6 +6,7 @@ Ends with 1 if a row does not hold. README.md says how to write a row.
 import argparse
 import concurrent.futures
 import dataclasses
+import functools
 import importlib
 import itertools
 import json
@@ -13,6 +14,7 @@ import math
 import os
 import platform
 import random
+import shutil
 import signal
 import statistics
 import sys
@@ -28,7 +30,7 @@ sys.path[0] = str(ROOT)  # in place of this folder
 
 from tests.faults.machine import Busy, Machine  # noqa: E402
 from tests.faults.process import INTERRUPTED  # noqa: E402
-from tests.faults.row import Row, Scene, inject  # noqa: E402
+from tests.faults.row import Row, Scene, inject, verify  # noqa: E402
 
 HERE = Path(__file__).parent
 PAGE = ROOT / "docs" / "faults.md"
@@ -75,10 +77,16 @@ def examine(one: Row, times: int, seed: int, folder: Path, keep: bool, machine: 
     """Inject a row's fault so often, at times that follow from the seed, the row and the number."""
     begin = time.monotonic()
     scenes = [
-        inject(one, folder / f"{one.name}-{number}", f"{seed} {one.name}", number, keep)
+        inject(one, folder / f"{one.name}-{number}", f"{seed} {one.name}", number)
         for number in range(times)
     ]
+    if asked := [scene for scene in scenes if scene.verdicts]:
+        verifying = dataclasses.replace(one, inject=functools.partial(verify, asked))
+        scenes.append(inject(verifying, folder / f"{one.name}-verify", ""))
     end = time.monotonic()
+    for scene in scenes:
+        if not (keep and scene.problems):
+            shutil.rmtree(scene.folder, ignore_errors=True)
     return found(one, scenes, end - begin, machine.between(begin, end))
 
 
@@ -217,12 +225,18 @@ def examined(
         return finding
 
     done: dict[str, Finding] = {}
-    with concurrent.futures.ThreadPoolExecutor(jobs) as pool:
-        together = [pool.submit(work, *each) for each in chosen if not each[0].alone]
+    kind = concurrent.futures.ThreadPoolExecutor
+    with kind(jobs) as pool, kind(1) as waiting:
+        together = [
+            (waiting if each[0].waits else pool).submit(work, *each)
+            for each in chosen
+            if not each[0].alone
+        ]
         try:
             done.update((future.result().row, future.result()) for future in together)
         except KeyboardInterrupt:
-            pool.shutdown(wait=False, cancel_futures=True)
+            for each in (pool, waiting):
+                each.shutdown(wait=False, cancel_futures=True)
             INTERRUPTED.set()  # what runs ends all that it has started
             raise
     done.update((one.name, work(one, times)) for one, times in chosen if one.alone)
@@ -239,7 +253,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--keep", action="store_true", help="keep the folders of what failed")
     parser.add_argument("--json", type=Path, metavar="FILE")
     parser.add_argument("--page", type=Path, metavar="FILE", help="default: docs/faults.md")
-    parser.add_argument("--jobs", type=int, default=JOBS, help="rows at the same time")
+    parser.add_argument(
+        "--jobs", type=int, default=JOBS, help="rows at the same time, beside one that waits"
+    )
     parser.add_argument("--list", action="store_true", help="list the rows and end")
     given = parser.parse_args(arguments)
     known = rows()

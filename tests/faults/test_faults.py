@@ -7,13 +7,14 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 from tests.faults.machine import Busy, Machine
 from tests.faults.process import kill, processes, until, variables_of
-from tests.faults.row import Row, Scene, compare, inject
+from tests.faults.row import Row, Scene, compare, inject, verify
 from tests.faults.rows.host import shifts
 from tests.faults.run import PAGE, found, main, promised, rows
 from tests.faults.soaking.figures import Sample, growth
@@ -102,7 +103,7 @@ def test_what_fails_at_the_end_is_a_problem_and_nothing_is_left(tmp_path: Path) 
         scene.cleanup.callback(cleaned.append, "cleaned")
         scene.finish = lambda: 1 / 0  # type: ignore[method-assign,assignment]
 
-    scene = inject(Row("a", "b", "c", wrong), tmp_path / "a", "", 0, keep=False)
+    scene = inject(Row("a", "b", "c", wrong), tmp_path / "a", "")
     assert scene.problems == ["at the end: ZeroDivisionError: division by zero"]
     assert cleaned == ["cleaned"]
 
@@ -115,10 +116,46 @@ def test_a_problem_names_a_board_that_did_not_run(tmp_path: Path) -> None:
         kill(board.pid, signal.SIGCONT)
         scene.check(False, "late")
 
-    scene = inject(Row("a", "b", "c", late), tmp_path / "a", "", 0, keep=False)
+    scene = inject(Row("a", "b", "c", late), tmp_path / "a", "")
     first, second = scene.problems
     assert first == "late"
     assert second.startswith("the program of the board did not run for 0.")
+
+
+VERIFY = """
+import json, sys
+for folder in sys.argv[2:-2]:
+    holds, code = {"differs": (False, ""), "cut": (True, "log.truncated"), "well": (True, "")}[
+        folder.split("/")[-3]
+    ]
+    found = {"path": f"{folder}/1.mcap", "verdicts": [{"holds": holds}], "code": code}
+    print(json.dumps(found))
+sys.exit(12)
+"""
+
+
+def test_one_command_verifies_the_recordings_of_a_row(tmp_path: Path) -> None:
+    """What holds in one injection excuses no other."""
+    wanted = [("well", 0), ("cut", 0), ("cut", 10), ("well", 10), ("differs", 10), ("none", 0)]
+    asked = [Scene(tmp_path / name / str(status), "") for name, status in wanted]
+    for one, (name, status) in zip(asked, wanted, strict=True):
+        (one.folder / "recordings").mkdir(parents=True)
+        if name != "none":
+            (one.folder / "recordings" / "1.mcap").touch()
+        one.verified(status)
+    scene, begin = Scene(tmp_path, ""), (sys.executable, "-Ic", VERIFY)
+    scene.armtree = partial(scene.armtree, argv=begin)  # type: ignore[method-assign]
+    verify(asked, scene)
+    scene.finish()
+    assert scene.problems == []
+    assert [one.problems for one in asked] == [
+        [],
+        ["replay --verify: {'1.mcap': 10}, not (0,)"],
+        [],
+        ["replay --verify: {'1.mcap': 0}, not (10,)"],
+        ["replay --verify: {'1.mcap': 12}, not (10,)"],
+        ["replay --verify: no recording, not (0,)"],
+    ]
 
 
 def test_a_machine_is_measured() -> None:

@@ -1,5 +1,6 @@
 """Handles signals during a run, also that of `armtree stop`."""
 
+import atexit
 import os
 import signal
 import threading
@@ -31,6 +32,9 @@ _LAST_WORDS = (
 class Interrupts:
     r"""The first signal cancels the run. The second one, or Ctrl-\, ends the process.
 
+    Before `on_cancel`, the first signal raises KeyboardInterrupt in the main thread: it may read
+    thousands of files then.
+
     A signal counts as the second one if it comes at least `_AGAIN` seconds after the first, also
     after the context. A hang-up never does: the kernel and the shell of a closed terminal each send
     one. Ctrl-Z suspends the process. `STOP` cancels a run that is not canceled yet. It does not
@@ -47,7 +51,7 @@ class Interrupts:
     def __init__(self, last: str = _LAST_WORDS, clock: Clock | None = None) -> None:
         self._last, self._clock = last, clock or RealClock()
         self._cancel: Callable[[], None] | None = None
-        self._canceled = False
+        self._canceled = self._raised = False
         self._signaled: float | None = None  # time of the first signal [s]; a STOP is none
         self._lock, self._ended = threading.Lock(), threading.Event()
 
@@ -56,7 +60,7 @@ class Interrupts:
         os.set_blocking(self._writer, False)
         self._wakeup = signal.set_wakeup_fd(self._writer, warn_on_full_buffer=False)
         self._handlers: dict[signal.Signals, Any] = {
-            number: signal.signal(number, _do_nothing)
+            number: signal.signal(number, self._raise if number in _SIGNALS else _do_nothing)
             for number in (*_SIGNALS, signal.SIGQUIT, STOP)
             if not _hangup_ignored(number)
         }
@@ -66,11 +70,14 @@ class Interrupts:
         return self
 
     def __exit__(self, *raised: object) -> None:
+        self._raised = True
         os.write(self._writer, bytes([_END]))
         self._thread.join()
         for number, handler in self._handlers.items():
             late = self._signaled is not None and number in _SIGNALS
             signal.signal(number, self._handle_late if late else handler)
+        if self._signaled is not None:
+            atexit.register(_ignore_signals)
         signal.set_wakeup_fd(self._wakeup)
         os.close(self._reader)
         os.close(self._writer)
@@ -111,6 +118,11 @@ class Interrupts:
             elif number == STOP and not self._canceled:
                 self._start_cancel()
 
+    def _raise(self, number: int, frame: FrameType | None) -> None:
+        if self._cancel is None and not self._raised:
+            self._raised = True
+            raise KeyboardInterrupt
+
     def _handle_late(self, number: int, frame: FrameType | None) -> None:
         if self._is_second(number):
             end_process(INTERRUPTED_EXIT)
@@ -129,6 +141,12 @@ class Interrupts:
 
 def _do_nothing(number: int, frame: FrameType | None) -> None:
     """Let Python write the signal to the pipe."""
+
+
+def _ignore_signals() -> None:
+    """Keep signals from killing a process without its exit status: Python removes its handlers."""
+    for number in _SIGNALS:
+        signal.signal(number, signal.SIG_IGN)
 
 
 def _hangup_ignored(number: signal.Signals) -> bool:

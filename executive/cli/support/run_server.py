@@ -60,10 +60,10 @@ def serve(setup: Setup, listen: ListenOptions, fleet: FleetPlace | None = None) 
             logger.info("%s", port_line(executive))
             executive.start()
             with closing(executive):
+                interrupts.on_cancel(lambda: _leave(executive, interrupts))
                 server.start()
                 _announce(server, executive, listen)
                 clock.spawn(lambda: prepare(executive), "prepare")
-                interrupts.on_cancel(lambda: _leave(executive, interrupts))
                 page = listen.page(server.port)
                 with worker_of(fleet, server.url, server.token, page) if fleet else nullcontext():
                     interrupts.wait()

@@ -3,6 +3,7 @@
 import asyncio
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
+from itertools import islice
 from json import JSONEncoder
 from pathlib import Path
 from typing import Any
@@ -151,5 +152,6 @@ def _text(values: Json) -> str:
 
 
 def _encoded(value: Any) -> str:
-    """Return JSON. In one piece, the encoder would keep the interpreter's lock to its end."""
-    return "".join(_ENCODER.iterencode(value))
+    """Return JSON. In one piece, the encoder and the join would keep the interpreter's lock."""
+    pieces = _ENCODER.iterencode(value)
+    return "".join(iter(lambda: "".join(islice(pieces, 10_000)), ""))

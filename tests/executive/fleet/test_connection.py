@@ -1,6 +1,7 @@
 """The connection to the NATS server of a fleet, without a fleet."""
 
 import asyncio
+import contextlib
 import socket
 import subprocess
 import sys
@@ -12,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from executive.fleet.connection import open_fleet
-from executive.fleet.errors import FleetError, NotStarted
+from executive.fleet.errors import FleetError, FleetUnreachable, NotStarted
 from executive.fleet.nats_server import NatsOptions, nats_server
 from hardware import RealClock
 from tests.support.servers.cuttable_proxy import CuttableProxy
@@ -48,6 +49,48 @@ def test_the_token_is_sent_only_to_the_address_of_the_server(tmp_path: Path) -> 
         other.join()
     assert heads[0].startswith(b"CONNECT")
     assert (options.data / "token").read_bytes() not in heads[0]
+
+
+_INFO = b'INFO {"server_id": "x", "headers": true, "max_payload": 1048576}\r\n'
+_HELLO = _INFO + b"PONG\r\n"
+
+
+@pytest.mark.parametrize(
+    "pieces",
+    [
+        pytest.param((b"INFO []\r\n", b""), id="INFO with a list"),
+        pytest.param((b'INFO {"max_payload": "a"}\r\nPONG\r\n', b""), id="INFO with a text"),
+        pytest.param((b"INFO ", b"x" * 65_536), id="INFO without end"),
+        pytest.param((_HELLO, b"x" * 65_536), id="line without end"),
+        pytest.param((_HELLO + b"MSG a 1 999999999999\r\n", b"x" * 65_536), id="endless message"),
+        pytest.param((_HELLO + b"INFO {]\r\n", b""), id="later INFO"),
+    ],
+)
+def test_another_program_that_answers_ends_a_connection(pieces: tuple[bytes, bytes]) -> None:
+    """It is no bug of armtree, fills no memory, and takes less than the time for an answer."""
+    first, more = pieces
+    sent = 0
+
+    async def answer(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        nonlocal sent
+        writer.write(first)
+        with contextlib.closing(writer), contextlib.suppress(ConnectionError):
+            while more:
+                writer.write(more)
+                await writer.drain()
+                sent += len(more)
+            await reader.read()  # until the connection ends
+
+    async def main() -> None:
+        async with await asyncio.start_server(answer, "127.0.0.1", 0) as server:
+            port = server.sockets[0].getsockname()[1]
+            async with asyncio.timeout(4):
+                with pytest.raises(FleetUnreachable):
+                    async with open_fleet(f"nats://127.0.0.1:{port}", "person"):
+                        pass
+
+    asyncio.run(main())
+    assert sent < 2**25
 
 
 def test_an_attempt_to_reconnect_that_fails_leaves_no_socket_open(tmp_path: Path) -> None:

@@ -3,7 +3,7 @@
 import asyncio
 import threading
 from collections.abc import Iterator
-from contextlib import nullcontext
+from contextlib import closing, nullcontext, suppress
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ from executive.fleet.fleet_client import FleetClient
 from executive.fleet.nats_server import NatsOptions
 from executive.fleet.programs import fetch_recording
 from executive.fleet.values import Job, JobRecord
+from hardware import ArmtreeError
 
 JOB = Job("a" * 32, "bench", 1, {}, 1)
 
@@ -84,6 +85,42 @@ def test_only_a_server_that_the_user_names_gets_the_token(
         (path("open.mcap"), ""),
         (path("1.mcap"), "Bearer secret"),
     ]
+
+
+_OK = b"HTTP/1.1 200 OK\r\n"
+
+
+@pytest.mark.parametrize(
+    ("first", "piece", "error"),
+    [
+        pytest.param(_OK, b"a: b\r\n", "its answer takes more than 0.2 s", id="head"),
+        pytest.param(_OK + b"\r\n", b"x", "its answer takes more than 0.2 s", id="slow body"),
+        pytest.param(_OK + b"\r\n", b"x" * 9000, "it has more than 8000 bytes", id="body"),
+    ],
+)
+def test_a_file_without_end_is_not_fetched(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, first: bytes, piece: bytes, error: str
+) -> None:
+    """Each read takes less than its limit, and nothing is left of the file."""
+    monkeypatch.setattr(programs, "_FETCH_SECONDS", 0.2)
+    monkeypatch.setattr(programs, "_MOST_FETCHED", 8000)
+
+    async def send(_: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        writer.write(first)
+        with closing(writer), suppress(ConnectionError):
+            while True:
+                writer.write(piece)
+                await writer.drain()
+                await asyncio.sleep(0.01)
+
+    async def main() -> None:
+        async with await asyncio.start_server(send, "127.0.0.1", 0) as server:
+            url = "http://{}:{}".format(*server.sockets[0].getsockname())
+            with pytest.raises(ArmtreeError, match=error):
+                await fetch_recording(Stored(url, "1.mcap"), JOB.identity, tmp_path)
+
+    asyncio.run(main())
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ from tests.faults.process import ARMTREE
 if TYPE_CHECKING:
     from tests.faults.row import Scene
 
+FILLER = shutil.ignore_patterns("filler")
 SIZE = "160m"  # a run begins only if 100 MB are free
 # Mounts it in a namespace of its own, and keeps that until its input ends.
 HOLD = f'mount -t tmpfs -o size={SIZE} tmpfs "$0" && echo mounted && exec cat'
@@ -61,6 +62,14 @@ class SmallDisk:
             self._filler.unlink()
 
 
+def unmount(folder: Path) -> None:
+    """Unmount a folder, but keep its recordings, which are verified later."""
+    kept = shutil.copytree(folder, folder.with_suffix(".kept"), ignore=FILLER)
+    subprocess.run(["umount", str(folder)], check=True)
+    folder.rmdir()
+    kept.rename(folder)
+
+
 @contextlib.contextmanager
 def small_disk(scene: "Scene") -> Iterator[SmallDisk]:
     """A small file system for the recordings of a scene, made by the best means of the machine.
@@ -73,8 +82,7 @@ def small_disk(scene: "Scene") -> Iterator[SmallDisk]:
     mount = ["mount", "-t", "tmpfs", "-o", f"size={SIZE}", "tmpfs", str(folder)]
     if subprocess.run(mount, capture_output=True, check=False).returncode == 0:
         scene.by("a small file system")
-        # What was recorded is compared at last.
-        scene.cleanup.callback(subprocess.run, ["umount", str(folder)], check=True)
+        scene.cleanup.callback(unmount, folder)  # what was recorded is compared before
         yield SmallDisk(folder)
         return
     with subprocess.Popen(
@@ -94,8 +102,7 @@ def small_disk(scene: "Scene") -> Iterator[SmallDisk]:
             try:
                 yield SmallDisk(there, (*enter, *again, ARMTREE))
             finally:
-                filler = shutil.ignore_patterns("filler")
-                shutil.copytree(there, folder, ignore=filler, dirs_exist_ok=True)
+                shutil.copytree(there, folder, ignore=FILLER, dirs_exist_ok=True)
             return
     scene.by("writes that fail with ENOSPC, because no file system can be mounted")
     yield SmallDisk(folder, calls=WrongCalls(scene.folder, ".mcap"))

@@ -156,6 +156,7 @@ MOVE = """    - force_success:
     " ends where the last frame says",
     # A thousand would take an hour; tests/hardware/arm/test_schedule.py has more in simulated time.
     times=2,
+    waits=True,
 )
 def overload(scene: Scene) -> None:
     text = "task: 30\nname: far\ndescription: Move far.\ntree:\n  sequence:\n"

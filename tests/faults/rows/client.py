@@ -9,10 +9,13 @@ import socket
 import threading
 import time
 import zlib
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import partial
 
-from tests.faults.process import until
+from tests.faults.process import Command, until
 from tests.faults.row import TASKS, Scene, row
+
+Answer = Callable[[], Iterable[bytes]]
 
 
 @row(
@@ -50,7 +53,7 @@ def token_address(scene: Scene) -> None:
         scene.check(not any(token in head for head in heads), "it was sent the token")
 
 
-def answer(body: bytes, status: str = "200 OK", *headers: str) -> Callable[[], Iterable[bytes]]:
+def answer(body: bytes, status: str = "200 OK", *headers: str) -> Answer:
     """A program that answers every request with this."""
     lines = (f"HTTP/1.1 {status}", f"content-length: {len(body)}", *headers, "", "")
     return lambda: ["\r\n".join(lines).encode() + body]
@@ -64,12 +67,12 @@ def bomb() -> Iterable[bytes]:
     return answer(packed, "200 OK", "content-encoding: gzip")()
 
 
-def endless(first: bytes, piece: bytes) -> Callable[[], Iterable[bytes]]:
+def endless(first: bytes, piece: bytes) -> Answer:
     """A program whose answer does not end."""
     return lambda: itertools.chain([first], itertools.repeat(piece))
 
 
-def slowly(first: bytes, piece: bytes) -> Callable[[], Iterable[bytes]]:
+def slowly(first: bytes, piece: bytes) -> Answer:
     """A program whose answer does not end, and comes in small pieces."""
 
     def pieces() -> Iterator[bytes]:
@@ -82,7 +85,7 @@ def slowly(first: bytes, piece: bytes) -> Callable[[], Iterable[bytes]]:
 
 
 OK = b"HTTP/1.1 200 OK\r\n"
-WRONG: dict[str, Callable[[], Iterable[bytes]]] = {
+WRONG: dict[str, Answer] = {
     "another protocol": lambda: [b"SSH-2.0-OpenSSH_9.2\r\n"],
     "nothing": list,
     "text": answer(b"<html>It works!</html>"),
@@ -98,7 +101,7 @@ WRONG: dict[str, Callable[[], Iterable[bytes]]] = {
     "a slow head": slowly(OK, b"a: b\r\n"),
     "a slow body": slowly(OK + b"content-length: 5000\r\n\r\n", b" "),
     "a slow chunk": slowly(OK + b"transfer-encoding: chunked\r\n\r\n1;", b"x"),
-    "no end of 102": slowly(b"", b"HTTP/1.1 102 Processing\r\n\r\n"),
+    "a slow row of 102": slowly(b"", b"HTTP/1.1 102 Processing\r\n\r\n"),
     "a flood of 100": endless(b"", b"HTTP/1.1 100 Continue\r\n\r\n" * 1000),
 }
 COMMANDS = (
@@ -108,8 +111,8 @@ COMMANDS = (
 
 
 @contextlib.contextmanager
-def program(pieces: Callable[[], Iterable[bytes]]) -> Iterator[str]:
-    """The URL of a program that sends this to every client."""
+def program(pieces: Answer, greets: bool = False) -> Iterator[str]:
+    """The address of a program that sends this to every client, at once or to its first words."""
 
     def serve() -> None:
         with contextlib.suppress(OSError):  # the row is over
@@ -119,7 +122,8 @@ def program(pieces: Callable[[], Iterable[bytes]]) -> Iterator[str]:
 
     def say(connection: socket.socket) -> None:
         with connection, contextlib.suppress(OSError):  # the command is over
-            connection.recv(65_536)
+            if not greets:
+                connection.recv(65_536)
             for piece in pieces():
                 connection.sendall(piece)
             connection.shutdown(socket.SHUT_WR)
@@ -128,7 +132,7 @@ def program(pieces: Callable[[], Iterable[bytes]]) -> Iterator[str]:
 
     with socket.create_server(("127.0.0.1", 0)) as listener:
         threading.Thread(target=serve, daemon=True).start()
-        yield f"http://127.0.0.1:{listener.getsockname()[1]}"
+        yield f"127.0.0.1:{listener.getsockname()[1]}"
 
 
 @row(
@@ -141,26 +145,50 @@ def program(pieces: Callable[[], Iterable[bytes]]) -> Iterator[str]:
     times=1,
 )
 def wrong_server(scene: Scene) -> None:
-    scene.injections = len(WRONG)
-    for name, pieces in WRONG.items():
-        words = scene.random.choice(COMMANDS)
-        with program(pieces) as url:
-            command = scene.armtree(*words.split(), "--server", url)
-            memory = [0.0]
+    def asked(address: str) -> list[str]:
+        return [*scene.random.choice(COMMANDS).split(), "--server", f"http://{address}"]
 
-            def ended() -> bool:
-                with contextlib.suppress(OSError, ValueError):  # it has just ended
-                    memory.append(command.memory())  # noqa: B023, it is called in this turn
-                return command.popen.poll() is not None  # noqa: B023
+    wrong_program(scene, WRONG, asked)
 
-            until(f"the end of {words} at {name}", ended)
-        scene.figure(time.monotonic() - command.started)
-        what = f"{words} at {name}"
+
+def wrong_program(
+    scene: Scene, wrong: Mapping[str, Answer], asked: Callable[[str], list[str]], **how: bool
+) -> None:
+    """Run a command at each of these programs: it ends with 13 and one line, and takes little.
+
+    Args:
+        scene: The injection.
+        wrong: What each program sends. Those with `slow` in their names run at the same time.
+        asked: Gives the arguments of a command, of the address of a program.
+        how: As of `program`.
+    """
+    commands, memory, seconds = dict[str, Command](), dict[str, float](), dict[str, float]()
+
+    def ended(name: str) -> bool:
+        for each, command in commands.items():
+            with contextlib.suppress(OSError, ValueError):  # it has just ended
+                memory[each] = max(memory.get(each, 0.0), command.memory())
+            if command.popen.poll() is not None:
+                seconds.setdefault(each, time.monotonic() - command.started)
+        return name in seconds
+
+    with contextlib.ExitStack() as stack:
+        for name in sorted(wrong, key=lambda name: "slow" not in name):
+            address = stack.enter_context(program(wrong[name], **how))
+            commands[name] = scene.armtree(*asked(address))
+            if "slow" not in name:
+                until(f"the end at {name}", partial(ended, name))
+        for name in wrong:
+            until(f"the end at {name}", partial(ended, name))
+    for name, command in commands.items():
+        what = f"{command.words} at {name}"
+        scene.figure(seconds[name])
         scene.ended(command, 13, what=what)
         lines = command.errors.read_text().splitlines()
         said = [each for each in lines if "answer yet" not in each]  # it waits
         scene.check(len(said) == 1 and "bug" not in said[0], f"{what}: it says {said}")
-        scene.check(max(memory) < 200, f"{what}: {max(memory):.0f} MiB")
+        scene.check(memory[name] < 200, f"{what}: {memory[name]:.0f} MiB")
+    scene.injections = len(wrong)
 
 
 EVIL = "\x1b]0;owned\x07\x1b[2J\x9b1A\r\u202e"
@@ -218,8 +246,8 @@ def escapes(scene: Scene) -> None:
     error = json.dumps(
         {**fields, "joint": "", "place": EVIL, "value": None, "limit": None}
     ).encode()
-    with program(answer(error, "409 Conflict")) as url:
-        ends.append((scene.armtree("status", "--server", url), 4))
+    with program(answer(error, "409 Conflict")) as address:
+        ends.append((scene.armtree("status", "--server", f"http://{address}"), 4))
         for command, status in ends:
             scene.ended(command, status)
     watching.signal(signal.SIGINT)

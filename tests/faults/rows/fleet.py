@@ -8,6 +8,7 @@ from typing import Any
 
 from tests.faults.process import Command, Server, kill, until
 from tests.faults.row import Scene, row
+from tests.faults.rows.client import Answer, endless, slowly, wrong_program
 from tests.support.servers.cuttable_proxy import CuttableProxy
 from tests.support.servers.free_port import free_port
 
@@ -138,6 +139,7 @@ def worker(scene: Scene) -> None:
     "the server stops the arm; the job is given up meanwhile; the worker then reports what the arm "
     "did, the record says `late`, and the job runs once",
     times=1,
+    waits=True,
 )
 def pause(scene: Scene) -> None:
     running, url, server = with_arm(scene)
@@ -248,3 +250,47 @@ def network(scene: Scene) -> None:
             sent.append(job)
             ran(scene, server, sent, f"{how}: ")
         ended(scene, server, running)
+
+
+INFO = b'INFO {"server_id": "x", "headers": true, "max_payload": 1048576}\r\n'
+WRONG: dict[str, Answer] = {
+    "another protocol": lambda: [b"SSH-2.0-OpenSSH_9.2\r\n"],
+    "nothing": list,
+    "a list": lambda: [b"INFO []\r\n"],
+    "other fields": lambda: [b'INFO {"max_payload": "a"}\r\nPONG\r\n'],
+    "an endless line": endless(b"INFO ", b"x" * 65_536),
+    "an endless later line": endless(INFO + b"PONG\r\n", b"x" * 65_536),
+    "an endless message": endless(INFO + b"PONG\r\nMSG a 1 99999999999\r\n", b"x" * 65_536),
+    "a flood of pings": endless(INFO, b"PING\r\n" * 1000),
+    "a slow line": slowly(b"INFO {", b" "),
+    "slow pings": slowly(INFO, b"PING\r\n"),
+    "slow pings later": slowly(INFO + b"PONG\r\n", b"PING\r\n"),
+    "slow words": slowly(INFO + b"PONG\r\n", b"+OK\r\n"),
+}
+COMMANDS = (
+    "send 23",
+    f"cancel {32 * 'a'}",
+    "ls",
+    "jobs",
+    "stop",
+    "resume",
+    "forget arms.arm-1",
+    "ls --json",
+)
+
+
+@row(
+    "wrong-fleet",
+    "another program answers a command of a fleet, in place of NATS: another protocol, other "
+    "fields, a line or a message without end, at once or slowly",
+    "exit status 13 and one line; memory stays below 200 MiB",
+    limit=15,
+    unit="s",
+    times=1,
+)
+def wrong_fleet(scene: Scene) -> None:
+    def asked(address: str) -> list[str]:
+        words = scene.random.choice(COMMANDS).split()
+        return ["fleet", *words, "--fleet", f"nats://{address}"]
+
+    wrong_program(scene, WRONG, asked, greets=True)

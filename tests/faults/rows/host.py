@@ -388,7 +388,7 @@ tree:
     "stuck-skill",
     "the code of a skill does not return while the arm moves; then a stop",
     "the arm stops at once; the goal ends `hw.cancel_timeout`; a stop is still answered, and new"
-    " goals are refused as `server.held`; a second SIGTERM ends the server",
+    " goals are refused as `server.held`; SIGTERM ends the server",
     limit=150,
     unit="ms",
     times=3,
@@ -411,10 +411,7 @@ def stuck_skill(scene: Scene) -> None:
     scene.check(server.post("/api/goals", {"task": 31})["code"] == "server.held", "a new goal")
     server.stop()
     server.signal(signal.SIGTERM)
-    time.sleep(scene.random.uniform(0.6, 1.2))  # noqa: TID251, a second one counts after 0.5 s
-    if server.popen.poll() is None:
-        server.signal(signal.SIGTERM)
-    server.wait()
+    scene.ended(server, 0)
 
 
 STUCK_VALIDATION = """
@@ -460,12 +457,10 @@ def stuck_validation(scene: Scene) -> None:
         scene.check(server.request("POST", "/api/cancel")[0] == 200, "a cancel was refused")
         scene.figure(1000 * (time.monotonic() - begin))
     scene.check(board.data() == b"", "something was sent")
-    for _ in range(2):
-        server.signal(signal.SIGTERM)
-        time.sleep(scene.random.uniform(0.6, 1.2))  # noqa: TID251, a second one counts after 0.5 s
-        if server.popen.poll() is not None:
-            break
-    server.wait()
+    server.signal(signal.SIGTERM)
+    time.sleep(scene.random.uniform(0.6, 1.2))  # noqa: TID251, a second one counts after 0.5 s
+    server.signal(signal.SIGTERM)
+    scene.ended(server, 130)
     client.wait()
 
 
@@ -489,6 +484,7 @@ with armtree.Client("{url}") as client:
     limit=2,
     unit="s",
     times=1,
+    waits=True,
 )
 def frozen_server(scene: Scene) -> None:
     server = scene.serve("--activate")

@@ -170,9 +170,8 @@ flood_rosbridge = flood("rosbridge cancels", "cancels through rosbridge; 16 are 
     "large-messages",
     "clients read recordings of less than 1 MB whose messages have 1 to 14 MB, while the arm moves",
     "a stop, and each frame, is in time; the server takes less than 500 MiB",
-    # One thread computes all the time, so the loop waits for the interpreter several times.
-    limit=100,
-    worst=400,
+    limit=50,
+    worst=250,
     unit="ms",
     times=1,
     alone=True,

@@ -80,7 +80,8 @@ def test_a_second_signal_counts_half_a_second_after_the_first(
     clock, ended = Clock(7.0, 7.0, 7.49, 7.5, 7.4, 7.6), list[float]()
     monkeypatch.setattr(interrupts, "last_words", lambda _text: None)
     monkeypatch.setattr(interrupts, "end_process", lambda _status: ended.append(clock.last))
-    with Interrupts("last words", clock):
+    with Interrupts("last words", clock) as handled:
+        handled.on_cancel(lambda: None)
         for number in (signal.SIGTERM, signal.SIGINT, signal.SIGTERM, signal.SIGINT):
             signal.raise_signal(number)
     assert ended == [7.5]
@@ -102,6 +103,35 @@ def test_a_persons_first_signal_after_a_stop_does_not_end_the_process() -> None:
         process.send_signal(signal.SIGINT)
         assert process.wait(60) == 130
         assert process.stdout.read() == ""
+
+
+STARTS = """
+import os, signal
+from executive.cli.support.interrupts import Interrupts
+
+class Late:
+    def __init__(self, number):
+        self.number, self.kill, self.own = number, os.kill, os.getpid()
+
+    def __del__(self):  # as Python ends, after it has removed its handlers
+        self.kill(self.own, self.number)
+
+late = [Late(signal.SIGTERM), Late(signal.SIGINT), Late(signal.SIGHUP)]
+try:
+    with Interrupts() as interrupts:
+        for _ in range(2):
+            os.kill(os.getpid(), signal.SIGTERM)
+        print("too late", flush=True)
+except KeyboardInterrupt:
+    raise SystemExit(130)
+"""
+
+
+def test_a_signal_ends_what_is_read_at_the_start_and_later_ones_keep_the_exit_status() -> None:
+    """GNU `timeout` sends two at once; a third one comes while Python ends."""
+    program = [sys.executable, "-c", STARTS]
+    done = subprocess.run(program, cwd=ROOT, timeout=60, check=False, capture_output=True)
+    assert (done.returncode, done.stdout, done.stderr) == (130, b"", b"")
 
 
 HUNG_UP = """
