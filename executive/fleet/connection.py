@@ -314,6 +314,8 @@ class _Connection(Nats):
         try:
             await super()._process_connect_init()
             self._max_payload = int(self._max_payload)
+        except ssl.SSLError:  # also a ValueError
+            raise
         except _CONFUSED as error:
             raise nats.errors.Error("another program answers there") from error
 
