@@ -61,7 +61,9 @@ class BusProtocol(BoardProtocol):
         self._allowed, self._rate, self._silent_time = allowed, rate, silent_time
         self._joints = {servo: joint for joint, servo in wires.servos.items()}
         kept, self._state, self._cycle = self._series.blocks
-        self._asked = [self._state, kept]  # the next requests; after them, only the cycle repeats
+        # The next requests; after them, only the cycle repeats. The first one shows best whether two
+        # servos have one id. The last one has the values that an error is about.
+        self._asked = [self._state, kept, self._state]
         self._received = bytearray()
         self._unasked = list[int]()  # servos that have not got their part of the last request
         self._waiting = set[int]()  # servos that have not answered the last request
@@ -286,8 +288,8 @@ class BusProtocol(BoardProtocol):
     def _process(self, packet: Packet) -> None:
         servo, (first, count) = packet.servo, self._block
         whole = len(packet.parameters) == count
-        limits_next = len(self._asked) > 1  # an error is reported with its limits
-        if packet.code and not (whole and limits_next):
+        values_next = len(self._asked) > 1  # an error is reported with the value that it is about
+        if packet.code and not (whole and values_next):
             names = [name for bit, name in ERRORS.items() if packet.code & bit]
             memory = bytearray(self._memories[servo])
             if whole:

@@ -110,6 +110,23 @@ def test_an_error_before_the_start_is_reported_with_its_limits(tmp_path: Path) -
         assert caught.value.code == "hw.servo_fault"
 
 
+def test_an_error_between_the_first_requests_is_reported_with_its_value(tmp_path: Path) -> None:
+    robot = load_robot(bus_arm(tmp_path))
+    bus, protocol = robot.model(), robot.protocol()
+    assert isinstance(bus, Bus)
+
+    def cycle(time: float) -> None:
+        bus.receive(protocol.poll(time), time)
+        protocol.receive(bus.read_output(time + 0.005), time + 0.005)
+
+    bus.servos[1].supply = 7.4
+    cycle(0.0)
+    bus.servos[1].supply = 3.6
+    with pytest.raises(ServoFault, match=r"error voltage, .* 3\.[56] V \(limits 4 and 14\)"):
+        for time in 0.01, 0.02:  # the answer to one of them has the limits
+            cycle(time)
+
+
 def test_a_fault_has_the_value_of_the_first_error_that_is_about_one() -> None:
     health = ServoHealth(0.5, 1.0, 80.0, 70.0, 12.0, 4.0, 14.0)
     fault = ServoFault(1, "joint_1", ["angle sensor", "temperature"], health)
