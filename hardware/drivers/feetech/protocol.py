@@ -61,7 +61,7 @@ class BusProtocol(BoardProtocol):
         self._allowed, self._rate, self._silent_time = allowed, rate, silent_time
         self._joints = {servo: joint for joint, servo in wires.servos.items()}
         kept, self._state, self._cycle = self._series.blocks
-        # The next requests; after them, only the cycle repeats. The first one shows best whether two
+        # The next requests; after them, only the cycle repeats. The first one shows best that two
         # servos have one id. The last one has the values that an error is about.
         self._asked = [self._state, kept, self._state]
         self._received = bytearray()
