@@ -196,6 +196,30 @@ def test_a_late_answer_of_the_last_servo_is_no_measurement(tmp_path: Path, piece
         protocol.check_booted("p", 2.0)
 
 
+def test_a_position_that_a_servo_cannot_have_reached_is_not_held(tmp_path: Path) -> None:
+    """Two servos with one id answer at once. What arrives may be valid by chance."""
+    robot = load_robot(bus_arm(tmp_path))
+    bus, protocol = robot.model(), robot.protocol()
+    assert isinstance(bus, Bus)
+
+    def cycle() -> bytes:
+        time = max(protocol.next_poll, 0.0)
+        bus.receive(protocol.poll(time), time)
+        protocol.receive(bus.read_output(time + 0.003), time + 0.003)
+        return protocol.hold_commands()
+
+    held = [cycle() for _ in range(4)][-1]
+    assert held
+    protocol.torque_commands(True)
+    bus.servos[1].push(2500)
+    assert [cycle() for _ in range(4)] == [held] * 4
+    bus.servos[1].push(2048 + 20)  # 2 degrees
+    assert cycle() != held
+    bus.servos[1].push(2500)
+    with pytest.raises(ServoSilent, match=r"Servo 2 .*another servo answers with its id"):
+        any(not cycle() for _ in range(12))
+
+
 def test_two_servos_with_the_last_id_are_named(tmp_path: Path) -> None:
     robot = load_robot(bus_arm(tmp_path))
     bus, protocol = robot.model(), robot.protocol()
