@@ -67,6 +67,7 @@ class Connection:
         self._on_fault, self._on_receive, self._ready = on_fault, on_receive, ready
         self._closed = self._last_words = False
         self._switching, self._waiting = robot.can(Ability.TORQUE), clock.signal()
+        self._moves_in = False  # True while joints outside their limits move to them
         self._measured_guard = MeasuredGuard(robot.actuated, robot.guards, robot.grips)
         self._reader: threading.Thread | None = None
         self.session = BoardSession(robot.protocol())
@@ -149,10 +150,10 @@ class Connection:
         self._switching = True
         try:
             commands = self.session.torque_commands(on)
-            moves = on and self._start_from_held_pose()
+            self._moves_in = on and self._start_from_held_pose()
             due, period = self._clock.now(), 1 / self._robot.firmware.rate
             for command in commands:
-                if moves and self.guard.generation != generation:
+                if self._moves_in and self.guard.generation != generation:
                     raise ActivationStopped(
                         "the arm was stopped before its joints were within their limits; it holds",
                         "configure and activate the arm again",
@@ -163,6 +164,7 @@ class Connection:
                 self._pause(due)
             self.guard.torque = on
         finally:
+            self._moves_in = False
             with self._waiting:
                 self._switching = False
                 self._waiting.notify()
@@ -274,9 +276,11 @@ class Connection:
                     now = self._clock.now()
                     self._observe(Measured(now, measured))
                     if self.streamer:  # the arm has been active
-                        holds = self.guard.torque  # without torque a person moves the arm
+                        # Without torque a person moves the arm.
+                        holds = self.guard.torque or self._moves_in
                         commanded = self.guard.commanded if holds else measured.position
-                        self._measured_guard.check(commanded, measured, now)
+                        follows = not self._moves_in
+                        self._measured_guard.check(commanded, measured, now, follows=follows)
                 if changed and self.streamer:
                     self.streamer.on_received()
                 if changed:

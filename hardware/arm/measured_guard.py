@@ -49,7 +49,12 @@ class MeasuredGuard:
         self._lock = threading.Lock()
 
     def check(
-        self, commanded: Sequence[float], measured: Measurement, now: float, active: bool = True
+        self,
+        commanded: Sequence[float],
+        measured: Measurement,
+        now: float,
+        active: bool = True,
+        follows: bool = True,
     ) -> None:
         """Check one measurement.
 
@@ -58,6 +63,8 @@ class MeasuredGuard:
             measured: The measurement.
             now: Time of the measurement [s].
             active: False if a fault moves nothing, because the arm is not active yet.
+            follows: False if the joints are on their way to the commanded positions, and may be far
+                from them.
 
         Raises:
             JointStalled: A joint pushes with its full effort and does not move.
@@ -70,7 +77,7 @@ class MeasuredGuard:
             self._effect = self._guards.effect if active else ""
             for k, joint in enumerate(self._joints):
                 if joint.unit == "rad":
-                    self._check_position(k, commanded[k], measured, now)
+                    self._check_position(k, commanded[k], measured, now, follows)
                 if measured.temperature:
                     self._check_temperature(joint, measured.temperature[k])
                 if measured.voltage:
@@ -82,7 +89,9 @@ class MeasuredGuard:
         idles = measured.current and abs(measured.current[k]) < self._guards.stall_a
         return 0.0 if moves or idles or not measured.effort else abs(measured.effort[k])
 
-    def _check_position(self, k: int, commanded: float, measured: Measurement, now: float) -> None:
+    def _check_position(
+        self, k: int, commanded: float, measured: Measurement, now: float, follows: bool
+    ) -> None:
         guards, joint, there = self._guards, self._joints[k], measured.position[k]
         error, effort = math.degrees(abs(commanded - there)), self._standing_effort(k, measured)
         closes = self._may_grip(joint, commanded - there)
@@ -97,7 +106,7 @@ class MeasuredGuard:
             raise JointStalled(joint.name, effort, guards.stall_effort, error, self._effect, opens)
         # Without a measured effort, the difference may be that of a gripper that holds an object.
         holds = not measured.effort or abs(measured.effort[k]) >= guards.grip_effort
-        far = error > guards.following_deg and not (closes and holds)
+        far = follows and error > guards.following_deg and not (closes and holds)
         if self._lasts("error", joint, far, now, guards.following_s):
             values = math.degrees(commanded), math.degrees(there)
             raise JointNotFollowing(joint.name, *values, guards.following_deg, self._effect)

@@ -127,13 +127,18 @@ def _health(robot: Robot, servos: list[ServoReport]) -> Iterator[Check]:
             yield Check("mode", False, str(error), code=error.code)
 
 
+def no_calibration(robot: Robot, port: str) -> Check:
+    """Return the check of an arm without a calibration. It fails if the arm needs one."""
+    needed = robot.needs_calibration and port != VIRTUAL
+    what = "there is none" + ("" if needed else "; the offsets are those of the robot file")
+    code = CalibrationMissing.code if needed else ""
+    remedy = f"type {calibrate_command(robot.path, port)}"
+    return Check("calibration", not needed and None, what, remedy, code)
+
+
 def _calibration(robot: Robot, found: Found, port: str) -> Check:
     if robot.calibration is None:
-        needed = robot.needs_calibration and port != VIRTUAL
-        what = "there is none" + ("" if needed else "; the offsets are those of the robot file")
-        code = CalibrationMissing.code if needed else ""
-        remedy = f"type {calibrate_command(robot.path, port)}"
-        return Check("calibration", not needed and None, what, remedy, code)
+        return no_calibration(robot, port)
     for joint, values in robot.kept.items():
         servo = robot.servos[joint]
         for name, value in values.items():

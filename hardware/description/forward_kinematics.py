@@ -85,11 +85,16 @@ class ForwardKinematics:
 
 def reach(urdf: Urdf) -> float:
     """Return an upper bound of the distance of any link from the root [m]."""
-    lengths = dict[str, float]()
-    for joint in urdf.joints:  # a parent comes before its children
-        travel = max(abs(joint.lower), abs(joint.upper)) if joint.type == "prismatic" else 0.0
-        lengths[joint.child] = lengths.get(joint.parent, 0.0) + hypot(*joint.xyz) + travel
-    return max(lengths.values(), default=0.0)
+    above = {joint.child: joint for joint in urdf.joints}
+
+    def length(link: str) -> float:
+        total = 0.0
+        while joint := above.get(link):
+            travel = max(abs(joint.lower), abs(joint.upper)) if joint.type == "prismatic" else 0.0
+            total, link = total + hypot(*joint.xyz) + travel, joint.parent
+        return total
+
+    return max(map(length, above), default=0.0)
 
 
 def _transform(joint: UrdfJoint, rotation: Quaternion, axis: Vector, value: float) -> LinkTransform:

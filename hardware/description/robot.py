@@ -62,12 +62,15 @@ class CollisionRules:
         allowed: Pairs of links that are not checked.
         floor: Height of the floor in the root frame of the URDF [m]; None for no floor.
         floor_ignores: Links that may touch or intersect the floor.
+        start_contact: Deepest overlap in which a motion may start, and which it may not deepen
+            [m]; 0 if a motion may not start closer than the margin.
     """
 
     margin: float
     allowed: frozenset[frozenset[str]]
     floor: float | None
     floor_ignores: frozenset[str]
+    start_contact: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

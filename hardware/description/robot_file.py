@@ -302,6 +302,7 @@ def _collision(table: TomlTable, links: tuple[str, ...]) -> CollisionRules:
         allowed=table.pairs("allowed", links),
         floor=table.number("floor_m") if "floor_m" in table else None,
         floor_ignores=frozenset(table.names("floor_ignores", links)),
+        start_contact=table.number("start_contact_m", least=0, default=0.0),
     )
     table.done()
     return rules

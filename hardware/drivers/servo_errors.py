@@ -22,6 +22,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hardware.errors import ACTIVATE_AGAIN, BoardError, BoardSilent, HardwareError
+from hardware.printable import plural
 
 _DOCTOR = "`armtree doctor --open` shows what is on the bus"
 
@@ -113,7 +114,7 @@ class ServoSilent(BoardError):
             what = "No servo answered"
             check = "Check the power supply, the adapter and the cable to the first servo"
         way = _DOCTOR if clues else f"{check}, then run again"
-        super().__init__(f"{what} {cycles} requests in a row{clues}. {way}")
+        super().__init__(f"{what} {plural(cycles, 'request')} in a row{clues}. {way}")
 
 
 @dataclass(frozen=True, slots=True)

@@ -46,6 +46,7 @@ class FollowLeader(Skill):
     _checks: tuple[PlannerJob, ...] = ()  # checks of the next step, or of each joint alone
     _contact = ""  # cause of a blocked step, while `_checks` are of each joint alone
     _blocked = False
+    _origin: tuple[float, ...]  # where it began to follow: contacts there may not deepen
     _start: tuple[float, ...]
     _schedule: Schedule
     _generation: int
@@ -102,6 +103,7 @@ class FollowLeader(Skill):
 
     def _rest(self) -> None:
         """Drop the current step, because the arm is at rest."""
+        self._origin = self.context.arm.commanded
         self._playback, self._checks, self._contact, self._blocked = None, (), "", False
         self._velocity = [0.0] * len(self.context.robot.actuated)  # last velocity [rad/s]
         self._gripping = set[int]()  # columns of grippers that push against an object
@@ -158,7 +160,8 @@ class FollowLeader(Skill):
         context = self.context
         margin = 0.5 * context.robot.collision.margin
         world = context.scene.world
-        return PlannerJob(context, Verify((start, end), margin, None, context.timeout, world))
+        verify = Verify((start, end), margin, None, context.timeout, world, self._origin)
+        return PlannerJob(context, verify)
 
     def _process_checks(self) -> None:
         """Send the step if it is free. Else request checks of each joint alone."""

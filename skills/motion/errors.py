@@ -181,8 +181,15 @@ class StartInCollision(EndInCollision):
     """The arm is too close to itself or an obstacle at the start."""
 
     code = "plan.start_in_collision"
-    hint = "move the arm away by hand, then run again"
+    hint = "move the arm away by hand, with its power off if it holds, then run again"
     what = "start"
+
+
+class ContactDeepened(StartInCollision):
+    """The motion would deepen a contact in which it starts."""
+
+    code = "plan.contact_deepened"
+    hint = f"the motion would deepen this: {StartInCollision.hint}"
 
 
 class GoalInCollision(EndInCollision):

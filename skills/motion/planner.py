@@ -10,10 +10,14 @@
     time       trapezoidal profile on a line, TOPP-RA on a curve
     check      the timed motion once more, unless it is a line
 
+A motion may start in a slight contact, if the robot file allows this, and may not deepen it. The
+links in contact are then left out of all stages, and checked at the end.
+
 `Planner.reach` solves inverse kinematics; `rest`, `carry` and `verify` answer the other requests.
 """
 
 import dataclasses
+import math
 from collections.abc import Iterator
 from itertools import pairwise
 
@@ -25,15 +29,16 @@ from .arrays import Array, joint_positions, norms
 from .collision.body_meshes import BodyMeshes
 from .collision.checker import CollisionChecker
 from .collision.endpoint_checker import EndpointChecker
-from .collision.planning_scene import PlanningScene
+from .collision.planning_scene import FLOOR, PlanningScene
+from .collision.start_contacts import StartContacts
 from .deadline import Deadline, Stopwatch
-from .errors import BadQuery, TooLong
+from .errors import BadQuery, ContactDeepened, MotionCollides, StartInCollision, TooLong
 from .inverse_kinematics import solve_ik
 from .path.barrier import check_passable
 from .path.bend import find_bend, find_corner
 from .path.blend import blend
 from .path.motion_validator import MotionValidator
-from .path.motion_verification import verify_plan, verify_rows
+from .path.motion_verification import verify_contacts, verify_plan, verify_rows
 from .path.rrt_connect import find_paths
 from .path.shortcut import shortcut
 from .query import Answer, Carry, Query, Reached, Request, Rest, ToolQuery, Verify, check_types
@@ -45,7 +50,11 @@ from .trajectory.curve import Curve
 from .trajectory.plan import Plan
 from .world import EMPTY, Body, World
 
+Pairs = frozenset[frozenset[str]]  # pairs of links
+
+_NONE: Pairs = frozenset()
 _MAX_SCENES = 4  # number of scenes kept in memory
+_STEP_OUT = {"rad": math.radians(5), "m": 0.005}  # step of one joint out of a contact
 _SAME_POINT = 1e-9  # waypoints closer than this are merged [rad]
 
 
@@ -68,7 +77,8 @@ class Planner:
         self._model, self._meshes = RobotModel(robot), BodyMeshes()
         self._endpoints = EndpointChecker(robot)
         self._groups = {name: JointGroup(robot, name) for name in robot.groups}
-        self._checkers = dict[World, CollisionChecker]()
+        self._contacts: StartContacts | None = None  # the last ones
+        self._checkers = dict[tuple[World, Pairs], CollisionChecker]()
         self.checker = self._checker(EMPTY)
 
     def prepare(self, world: World) -> None:
@@ -105,16 +115,24 @@ class Planner:
 
         Raises:
             BadQuery, NotFinite, StartOutOfBounds, GoalOutOfBounds, StartInCollision,
-            GoalInCollision, Barred, NoPath, TooLong, PlanTimeout, MotionCollides: A stage failed.
-                The error has the durations of all stages so far.
+            GoalInCollision, Barred, NoPath, TooLong, PlanTimeout, MotionCollides, ContactDeepened:
+                A stage failed. The error has the durations of all stages so far.
         """
         watch, deadline = Stopwatch(self._clock), Deadline(self._clock, query.timeout)
         margin = self._robot.collision.margin
-        with watch.stage("ends" if query.world in self._checkers else "world"):
+        with watch.stage("ends" if (query.world, _NONE) in self._checkers else "world"):
             checker = self._checker(query.world)
         with watch.stage("ends"):
-            group = self._group(query.group)
-            start, points = self._endpoints.check(query, group, checker)
+            group, contacts = self._group(query.group), None
+            start, points = self._endpoints.points(query, group)
+            rows = group.full(start, points)
+            try:
+                self._endpoints.check_free(rows, checker)
+            except StartInCollision:
+                if not (contacts := self._start_contacts(checker, start)):
+                    raise
+                checker = self._checker(query.world, contacts.pairs)
+                self._endpoints.check_free(rows, checker, contacts)
         validator = MotionValidator(
             checker=checker,
             group=group,
@@ -125,35 +143,15 @@ class Planner:
             deadline=deadline,
         )
         with checker.within(deadline):
-            velocity, acceleration = group.limits_at(query.speed)
-            for path in _paths(validator, points, query.seed, watch):
-                with watch.stage("time"):
-                    profile = time_curve(path[1], velocity, acceleration, group.most_acceleration)
-                if profile:
-                    break
-            waypoints, curve = path
-            assert profile, "a path that stops at every waypoint can be timed"
-            with watch.stage("time"):
-                plan = Plan(
-                    group=query.group,
-                    joints=group.names,
-                    start=start,
-                    origin=points[0],
-                    goal=waypoints[-1],
-                    seed=query.seed,
-                    velocity=velocity,
-                    acceleration=acceleration,
-                    waypoints=waypoints,
-                    curve=curve,
-                    profile=profile,
-                    milliseconds=watch.milliseconds,  # shared, for later stages
-                )
-                _check_duration(plan, group)
-                deadline.check()
-            if not curve.straight:
+            plan = _plan(query, validator, points, watch)
+            if contacts:
                 with watch.stage("check"):
-                    verify_plan(validator, plan)
-                    deadline.check()
+                    out = _way_out(contacts, validator, plan)
+                if out is not None:
+                    plan = _plan(query, validator, np.insert(points, 1, out, axis=0), watch)
+                    with watch.stage("check"):
+                        if _way_out(contacts, validator, plan) is not None:
+                            raise ContactDeepened(*contacts.deepest, margin)
         return plan
 
     def verify(self, request: Verify) -> None:
@@ -166,7 +164,19 @@ class Planner:
         """
         deadline, checker = Deadline(self._clock, request.timeout), self._checker(request.world)
         with checker.within(deadline):
-            verify_rows(checker, request)
+            try:
+                verify_rows(checker, request)
+            except MotionCollides:
+                rows = np.asarray(request.configurations)
+                first = rows[0] if request.start is None else request.start
+                start = joint_positions("start", first, self._robot.actuated)
+                contacts = self._start_contacts(checker, start)
+                if not contacts or len(rows) == 1:
+                    raise
+                free = self._checker(request.world, contacts.pairs)
+                with free.within(deadline):
+                    verify_rows(free, request)
+                verify_contacts(contacts, request)
 
     def reach(self, query: ToolQuery) -> Reached:
         """Return joint positions that bring the tool to the query's point.
@@ -210,15 +220,116 @@ class Planner:
             raise BadQuery.group(name, self._groups)
         return self._groups[name]
 
-    def _checker(self, world: World) -> CollisionChecker:
-        """Return the checker of a world. Keeps those of the empty and the latest worlds."""
-        checker = self._checkers.pop(world, None)
+    def _start_contacts(self, checker: CollisionChecker, start: Array) -> StartContacts | None:
+        """Return the contacts that a motion may start in; None if it may not or there are none."""
+        deepest = self._robot.collision.start_contact
+        if not deepest:
+            return None
+        last = self._contacts
+        if last is None or last.checker is not checker or not np.array_equal(last.start, start):
+            self._contacts = last = StartContacts(checker, start, self._robot.collision.margin)
+        return last if last.pairs and -last.deepest.distance <= deepest else None
+
+    def _checker(self, world: World, without: Pairs = _NONE) -> CollisionChecker:
+        """Return the checker of a world, without some pairs of links.
+
+        Keeps those of the empty and the latest worlds.
+        """
+        key = world, without
+        checker = self._checkers.pop(key, None)
         if checker is None or not checker.scene.is_current(world):
-            checker = CollisionChecker(PlanningScene(self._robot, world, self._model, self._meshes))
+            robot = _without(self._robot, without)
+            checker = CollisionChecker(PlanningScene(robot, world, self._model, self._meshes))
         if len(self._checkers) >= _MAX_SCENES:
-            del self._checkers[next(other for other in self._checkers if other != EMPTY)]
-        self._checkers[world] = checker
+            del self._checkers[next(other for other in self._checkers if other != (EMPTY, _NONE))]
+        self._checkers[key] = checker
         return checker
+
+
+def _without(robot: Robot, pairs: Pairs) -> Robot:
+    """Return a robot for which some pairs of links are not checked."""
+    rules = robot.collision
+    ignores = rules.floor_ignores.union(*(pair - {FLOOR} for pair in pairs if FLOOR in pair))
+    rules = dataclasses.replace(rules, allowed=rules.allowed | pairs, floor_ignores=ignores)
+    return dataclasses.replace(robot, collision=rules)
+
+
+def _plan(query: Query, validator: MotionValidator, points: Array, watch: Stopwatch) -> Plan:
+    """Return a checked motion through points of a group.
+
+    Args:
+        query: The query.
+        validator: Checks motions of the group.
+        points: Free start, via points and goal (K, J) [rad].
+        watch: Measures each stage.
+
+    Raises:
+        Barred, NoPath, TooLong, PlanTimeout, MotionCollides: A stage failed.
+    """
+    group, deadline = validator.group, validator.deadline
+    velocity, acceleration = group.limits_at(query.speed)
+    for path in _paths(validator, points, query.seed, watch):
+        with watch.stage("time"):
+            profile = time_curve(path[1], velocity, acceleration, group.most_acceleration)
+        if profile:
+            break
+    waypoints, curve = path
+    assert profile, "a path that stops at every waypoint can be timed"
+    with watch.stage("time"):
+        plan = Plan(
+            group=query.group,
+            joints=group.names,
+            start=validator.start,
+            origin=points[0],
+            goal=waypoints[-1],
+            seed=query.seed,
+            velocity=velocity,
+            acceleration=acceleration,
+            waypoints=waypoints,
+            curve=curve,
+            profile=profile,
+            milliseconds=watch.milliseconds,  # shared, for later stages
+        )
+        _check_duration(plan, group)
+        deadline.check()
+    if not curve.straight:
+        with watch.stage("check"):
+            verify_plan(validator, plan)
+            deadline.check()
+    return plan
+
+
+def _way_out(contacts: StartContacts, validator: MotionValidator, plan: Plan) -> Array | None:
+    """Return None if a plan deepens no contact in which it starts, else a point to pass first.
+
+    The point is one step of one joint away. The line to it deepens no contact (J,) [rad].
+
+    Raises:
+        ContactDeepened: The plan deepens a contact, and there is no such point.
+        PlanTimeout: The deadline passed.
+    """
+    if not _deepens(contacts, validator.full(plan.sample(np.linspace(0.0, plan.duration, 200)))):
+        return None
+    group = validator.group
+    steps = np.diag([_STEP_OUT[joint.unit] for joint in group.joints])
+    around = plan.origin + np.concatenate((steps, -steps))
+    points = around[((group.lower <= around) & (around <= group.upper)).all(axis=1)]
+    points = points[validator.free_points(points)]
+    rows = validator.full(points)
+    for k in np.argsort([-contacts.distance(row) for row in rows]).tolist():
+        if not _deepens(contacts, np.array([contacts.start, rows[k]])):
+            point: Array = points[k]
+            return point
+    raise ContactDeepened(*contacts.deepest, validator.margin)
+
+
+def _deepens(contacts: StartContacts, rows: Array) -> bool:
+    """Return True if a motion along rows (N, A) [rad] deepens a contact in which it starts."""
+    try:
+        verify_contacts(contacts, Verify(rows, 0.0))
+    except MotionCollides:
+        return True
+    return False
 
 
 def _paths(

@@ -64,10 +64,12 @@ class Verify:
     Attributes:
         configurations: All actuated joints, in the order of `robot.actuated` (N, A) [rad]. The arm
             moves along a straight line from each row to the next.
-        margin: Distance to keep [m].
+        margin: Distance to keep [m]. Contacts at the start may stay as close as they are there, as
+            in a plan. A single row is no motion, and must keep the margin.
         times: Time of each row (N,) [s], for the error's message. Default: not known.
         timeout: Time for the check [s].
         world: Bodies around the arm and attached to it.
+        start: All actuated joints where the motion started (A,) [rad]. Default: the first row.
 
     Raises:
         BadQuery: Configurations or times are not all numbers.
@@ -78,6 +80,7 @@ class Verify:
     times: "Array | Sequence[float] | None" = None
     timeout: float = 5.0
     world: World = EMPTY
+    start: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
         rows = _numbers("configurations", self.configurations, "radians")

@@ -23,7 +23,7 @@ from hardware import (
     check_port,
     load_robot,
 )
-from hardware.bring_up.checks import check_bus
+from hardware.bring_up.checks import check_bus, no_calibration
 from hardware.description.neighbours import advice_for_contact, shape_warnings
 from hardware.printable import wire_text
 from logs import LogError, check_space
@@ -172,6 +172,8 @@ def _port(robot: Robot, port: str, opens_port: bool) -> Iterator[Check]:
     if opens_port and robot.can(Ability.IDENTIFY):
         yield Check("opening", True, "this reads from the servos; it does not move or change them")
         yield from check_bus(robot, port)
+    elif robot.needs_calibration and robot.calibration is None and port != VIRTUAL:
+        yield no_calibration(robot, port)
     elif opens_port:
         does = "it resets the board" if _resets(robot, port) else "the board is not reset"
         yield Check("opening", True, f"{does}, and the arm {robot.open_effect}")

@@ -42,6 +42,8 @@ _TIMES_ALL = 2  # times as many may be lost if no servo answers: the host or ada
 _STATE_PERIOD = 0.1  # period of requests that include the torque [s]
 _LIMP = 5  # answers that may still report no torque after it was switched on
 _MEASURED = {"position", "speed", "load", "max_torque", "temperature", "voltage", "current"}
+# Answers of two servos with one id may look as one, with a position where none of them is.
+_FASTEST, _PLAY = 360.0, 2.0  # largest speed of a servo [deg/s], and error of its position [deg]
 _WAY_IN_SPEED = 20.0  # speed of a joint that is outside its limits, to them [deg/s]
 _RAMP = 0.3  # time in which torque rises, by one step in each period of frames [s]
 
@@ -61,7 +63,9 @@ class BusProtocol(BoardProtocol):
         self._allowed, self._rate, self._silent_time = allowed, rate, silent_time
         self._joints = {servo: joint for joint, servo in wires.servos.items()}
         kept, self._state, self._cycle = self._series.blocks
-        self._asked = [self._state, kept]  # the next requests; after them, only the cycle repeats
+        # The next requests; after them, only the cycle repeats. The first one shows best that two
+        # servos have one id. The last one has the values that an error is about.
+        self._asked = [self._state, kept, self._state]
         self._received = bytearray()
         self._unasked = list[int]()  # servos that have not got their part of the last request
         self._waiting = set[int]()  # servos that have not answered the last request
@@ -75,6 +79,7 @@ class BusProtocol(BoardProtocol):
         self._silent = dict.fromkeys(self._joints, 0)  # those of them that were not late
         self._answered = dict.fromkeys(self._joints, -math.inf)  # last answered request [s]
         self._requested = -math.inf  # time of the last request [s]
+        self._interval = math.inf  # time between the last two requests [s]
         self._begun = -math.inf  # time of the first request, or part of one, of this cycle [s]
         self._slowest = 0.0  # time of the slowest of the last cycles [s]
         self._settles = -math.inf  # time until which the arm may move [s]
@@ -213,7 +218,8 @@ class BusProtocol(BoardProtocol):
         if self.boot_frame and max(cycles.values(), default=0) >= allowed:
             raise self._silence({s: n for s, n in cycles.items() if n >= allowed})
         self._waiting, self._answers, self._doubtful = set(self._joints), {}, set()
-        self._requests, self._requested = self._requests + 1, now
+        self._requests, self._interval = self._requests + 1, now - self._requested
+        self._requested = now
         self._unasked = list(self._joints)
 
     def _silence(self, cycles: Mapping[int, int]) -> ServoSilent:
@@ -286,8 +292,8 @@ class BusProtocol(BoardProtocol):
     def _process(self, packet: Packet) -> None:
         servo, (first, count) = packet.servo, self._block
         whole = len(packet.parameters) == count
-        limits_next = len(self._asked) > 1  # an error is reported with its limits
-        if packet.code and not (whole and limits_next):
+        values_next = len(self._asked) > 1  # an error is reported with the value that it is about
+        if packet.code and not (whole and values_next):
             names = [name for bit, name in ERRORS.items() if packet.code & bit]
             memory = bytearray(self._memories[servo])
             if whole:
@@ -302,6 +308,19 @@ class BusProtocol(BoardProtocol):
             self._waiting.discard(servo)
             self._heard.add(servo)
             self._answers[servo] = packet.parameters
+            if self._holds and self._jumps(servo, packet.parameters):
+                self._doubtful.add(servo)
+
+    def _jumps(self, servo: int, answer: bytes) -> bool:
+        """Return True if a servo cannot have moved so far between two requests."""
+        first, count = self._block
+        position = self._series.registers["position"]
+        if not first <= position.address < first + count:
+            return False
+        before = self._series.unpack("position", self._memories[servo])
+        moved = abs(self._series.unpack("position", answer, first) - before)
+        degrees = moved * self._series.turn / self._series.ticks
+        return degrees > _FASTEST * self._interval + _PLAY
 
     def _health(self, memory: bytearray, load_before: int) -> ServoHealth:
         """Return what a servo's memory has of its health.

@@ -201,6 +201,41 @@ class CollisionChecker:
         links = self.scene.exact_links
         return Contact(links[pair.first], links[pair.second], distance)
 
+    def contacts(self, configuration: Array, margin: float) -> dict[int, Contact]:
+        """Return the links that are closer than a margin, by their pair of `scene.hulls`.
+
+        Args:
+            configuration: All actuated joints (A,) [rad].
+            margin: Distance to keep [m].
+        """
+        distances = self._distances.below(self._coordinates(configuration[None, :])[0], margin)
+        return {pair: self._contact(pair, distance) for pair, distance in distances.items()}
+
+    def first_closer(
+        self, configurations: Array, pair: int, least: float
+    ) -> tuple[int, Contact] | None:
+        """Return the first row in which two links are closer than a distance, and how close.
+
+        Args:
+            configurations: All actuated joints (N, A) [rad].
+            pair: Pair of `scene.hulls`.
+            least: The distance [m]. If negative, the links may overlap up to this depth.
+        """
+        q = self._coordinates(configurations)
+        margin = max(least, 0.0)
+        near = self._hulls_of_pair_near(q, pair, margin).nonzero()[0]
+        near = near[self._narrow.collisions(q[near], pair, margin, stop=False)]
+        for row in near.tolist():
+            self._check()
+            distance = self._distances.closer(q[row], pair, least)
+            if distance is not None:
+                return row, self._contact(pair, distance)
+        return None
+
+    def _contact(self, pair: int, distance: float) -> Contact:
+        ends, links = self.scene.hulls.collisionPairs[pair], self.scene.hull_links
+        return Contact(links[ends.first], links[ends.second], distance)
+
     def proximity(
         self,
         configurations: Array,

@@ -64,11 +64,7 @@ class SignedDistance:
         Args:
             q: Coordinates of pinocchio (nq,).
         """
-        scene = self._scene
-        pin.computeDistances(scene.kinematics, self._data, scene.hulls, self._placed_hulls, q)
-        pin.updateGeometryPlacements(scene.kinematics, self._data, scene.exact, self._placed)
-        hulls = np.array([result.min_distance for result in self._placed_hulls.distanceResults])
-        bounds = hulls[self._hull_pairs]
+        bounds = self._hull_distances(q)
         order = np.argsort(bounds, kind="stable").tolist()
         for measure in (self._overlap, self._gap):
             found, nearest = -1, math.inf
@@ -81,6 +77,50 @@ class SignedDistance:
             if found >= 0:
                 return found, nearest
         raise AssertionError("shapes have a finite distance")
+
+    def below(self, q: Array, most: float) -> dict[int, float]:
+        """Return the distances of links that are closer than a distance, by pair of `scene.hulls`.
+
+        Args:
+            q: Coordinates of pinocchio (nq,).
+            most: The distance [m].
+        """
+        found = dict[int, float]()
+        for k in np.flatnonzero(self._hull_distances(q) < most).tolist():
+            distance = self._closer(k, most, math.inf)
+            if distance < found.get(self._hull_pairs[k], most):
+                found[self._hull_pairs[k]] = distance
+        return found
+
+    def closer(self, q: Array, pair: int, least: float) -> float | None:
+        """Return the distance of two links if it is less than a distance, else None.
+
+        Args:
+            q: Coordinates of pinocchio (nq,).
+            pair: Their pair of `scene.hulls`.
+            least: The distance [m].
+        """
+        bounds = self._hull_distances(q)
+        shapes = np.flatnonzero((np.array(self._hull_pairs) == pair) & (bounds < least)).tolist()
+        nearest = min((self._closer(k, least, least) for k in shapes), default=math.inf)
+        return nearest if nearest < least else None
+
+    def _closer(self, pair: int, most: float, enough: float) -> float:
+        """Return the distance if it is less than `most` [m]; else any value that is not less.
+
+        The search for a depth ends early if the result cannot be less than `enough`.
+        """
+        distance = self._overlap(pair, enough)
+        return self._gap(pair, most) if distance == math.inf and most > 0.0 else distance
+
+    def _hull_distances(self, q: Array) -> Array:
+        """Place all shapes, and return the distance of the hulls of each pair of `scene.exact`."""
+        scene = self._scene
+        pin.computeDistances(scene.kinematics, self._data, scene.hulls, self._placed_hulls, q)
+        pin.updateGeometryPlacements(scene.kinematics, self._data, scene.exact, self._placed)
+        hulls = np.array([result.min_distance for result in self._placed_hulls.distanceResults])
+        distances: Array = hulls[self._hull_pairs]
+        return distances
 
     def _overlap(self, pair: int, nearest: float) -> float:
         """Return the signed distance if it is 0 or less, else infinity [m].

@@ -20,6 +20,7 @@ from skills.motion.robot_model.joint_group import JointGroup
 from skills.motion.validation import MAX_MAGNITUDE, check_seed, is_number
 
 from .checker import CollisionChecker
+from .start_contacts import StartContacts
 
 _MAX_SPARE = 1.0  # largest distance to keep beyond the robot's margin [m]
 
@@ -43,15 +44,12 @@ class EndpointChecker:
             for joint in robot.joints
         ]
 
-    def check(
-        self, query: Query, group: JointGroup, checker: CollisionChecker
-    ) -> tuple[Array, Array]:
-        """Check a query and return its endpoints.
+    def points(self, query: Query, group: JointGroup) -> tuple[Array, Array]:
+        """Check the numbers of a query and return its endpoints.
 
         Args:
             query: The query.
             group: The group that moves.
-            checker: Checks configurations in the query's world.
 
         Returns:
             All actuated joints at the start (A,), and the group's joints at start, via points and
@@ -59,9 +57,8 @@ class EndpointChecker:
             next one.
 
         Raises:
-            BadQuery, NotFinite, StartOutOfBounds, GoalOutOfBounds, StartInCollision,
-            GoalInCollision: The first error that applies, in this order. A via point counts as a
-                goal.
+            BadQuery, NotFinite, StartOutOfBounds, GoalOutOfBounds: The first error that applies, in
+                this order. A via point counts as a goal.
         """
         check_seed(query.seed)
         if not is_number(query.spare, 0.0, _MAX_SPARE):
@@ -69,7 +66,7 @@ class EndpointChecker:
         if not is_number(query.speed, MIN_SPEED, 1.0):
             raise BadQuery(f"The speed is {shown(query.speed)}; give {MIN_SPEED:g} to 1")
         start = joint_positions("start", query.start, self._actuated)
-        names = ["", *(f"via point {i + 1}" for i in range(len(query.via))), ""]
+        names = _names(len(query.via) + 2)
         points = [start[group.columns]]
         for name, goal in zip(names[1:], (*query.via, query.goal), strict=True):
             points.append(joint_positions(name or "goal", goal, group.joints))
@@ -79,11 +76,29 @@ class EndpointChecker:
             self._check_limits(row, GoalOutOfBounds if number else StartOutOfBounds, names[number])
         for before, row in pairwise(rows):
             row[group.columns] = group.nearest_turn(before[group.columns], row[group.columns])
-        if invalid := checker.first_invalid_contact(rows, self._margin):
+        return start, rows[:, group.columns]
+
+    def check_free(
+        self, rows: Array, checker: CollisionChecker, contacts: StartContacts | None = None
+    ) -> None:
+        """Check that endpoints are not in collision.
+
+        Args:
+            rows: All actuated joints at start, via points and goal (K, A) [rad].
+            checker: Checks configurations in the query's world, without the contacts.
+            contacts: Contacts of the start that the other points may not deepen. Default: none.
+
+        Raises:
+            StartInCollision, GoalInCollision: A point is in collision. A via point counts as a
+                goal.
+        """
+        invalid = checker.first_invalid_contact(rows, self._margin)
+        if invalid is None and contacts:
+            invalid = contacts.first_deeper(rows)
+        if invalid:
             number, contact = invalid
             error = GoalInCollision if number else StartInCollision
-            raise error(*contact, self._margin, names[number])
-        return start, rows[:, group.columns]
+            raise error(*contact, self._margin, _names(len(rows))[number])
 
     def _check_limits(self, row: list[float], error: type[PositionOutOfBounds], what: str) -> None:
         """Check the limits of all joints, also of mimic joints."""
@@ -92,3 +107,8 @@ class EndpointChecker:
             lower, upper = max(joint.lower, -MAX_MAGNITUDE), min(joint.upper, MAX_MAGNITUDE)
             if not lower <= value <= upper:
                 raise error(joint.name, value, lower, upper, joint.unit, what)
+
+
+def _names(count: int) -> list[str]:
+    """Return the names of the via points between start and goal; the names of these are empty."""
+    return ["", *(f"via point {i}" for i in range(1, count - 1)), ""]

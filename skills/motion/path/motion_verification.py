@@ -6,7 +6,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from skills.motion.arrays import Array
-from skills.motion.collision.checker import CollisionChecker
+from skills.motion.collision.checker import CollisionChecker, Contact
+from skills.motion.collision.start_contacts import StartContacts
 from skills.motion.errors import BadQuery, MotionCollides, NotFinite, shown
 from skills.motion.query import Verify
 from skills.motion.trajectory.plan import Plan
@@ -60,20 +61,37 @@ def verify_rows(checker: CollisionChecker, request: Verify) -> None:
         BadQuery, NotFinite: The request is not valid.
         PlanTimeout: The deadline passed.
     """
-    rows, times = _check_request(request, checker.scene.robot_model.joints)
+    rows = _check_request(request, checker.scene.robot_model.joints)
     step = max(request.margin, MIN_STEP)
     if invalid := checker.first_invalid_contact(rows[:1], request.margin):
-        time = None if times is None else float(times[0])
-        raise MotionCollides(0, time, *invalid[1], request.margin)
+        raise _collision(invalid[1], 0.0, request)
     for chunk in _places(rows, checker.scene.lever_arms, step):
         points = _interpolate(rows, chunk)
         hit = checker.first_collision(points, request.margin)
         if hit is not None:
             contact = checker.nearest(points[hit])
             assert contact
-            place = chunk[hit]
-            time = None if times is None else float(np.interp(place, range(len(rows)), times))
-            raise MotionCollides(int(place), time, *contact, request.margin)
+            raise _collision(contact, chunk[hit], request)
+
+
+def verify_contacts(contacts: StartContacts, request: Verify) -> None:
+    """Check that a motion deepens no contact in which it starts.
+
+    Raises:
+        MotionCollides: It does. The error has the first contact.
+        PlanTimeout: The deadline passed.
+    """
+    rows = np.asarray(request.configurations)
+    for chunk in _places(rows, contacts.lever_arms, MIN_STEP):
+        if deeper := contacts.first_deeper(_interpolate(rows, chunk)):
+            raise _collision(deeper[1], chunk[deeper[0]], request)
+
+
+def _collision(contact: Contact, place: float, request: Verify) -> MotionCollides:
+    """Return the error for a contact at a place: a fractional row number of a request."""
+    rows, times = range(len(request.configurations)), request.times
+    time = None if times is None else float(np.interp(place, rows, np.asarray(times)))
+    return MotionCollides(int(place), time, *contact, request.margin)
 
 
 def _places(rows: Array, lever_arms: Array, step: float) -> Iterator[Array]:
@@ -94,7 +112,7 @@ def _interpolate(rows: Array, places: Array) -> Array:
     return points
 
 
-def _check_request(request: Verify, joints: Sequence[str]) -> tuple[Array, Array | None]:
+def _check_request(request: Verify, joints: Sequence[str]) -> Array:
     rows, times, margin = np.asarray(request.configurations), request.times, request.margin
     if rows.ndim != 2 or rows.shape[1] != len(joints) or not len(rows):
         wanted = f"rows of {len(joints)} ({', '.join(joints)}), at least one"
@@ -110,4 +128,4 @@ def _check_request(request: Verify, joints: Sequence[str]) -> tuple[Array, Array
         what = f"Row {row} has {joints[column]} at {rows[row, column]:g}"
         limits = f"from {-MAX_MAGNITUDE:g} to {MAX_MAGNITUDE:g} rad or m"
         raise BadQuery(f"{what}; give a position {limits}")
-    return rows, None if times is None else np.asarray(times)
+    return rows

@@ -11,6 +11,7 @@ from click.testing import CliRunner, Result
 
 from executive.cli.main import cli
 from hardware import SerialLink, load_robot
+from hardware.drivers.servo_errors import CalibrationMissing
 from tests.hardware.bring_up.test_checks import bus, vanish
 from tests.support.arms.bus_arms import bus_arm
 from tests.support.arms.hardware_rigs import Pty
@@ -84,6 +85,17 @@ def test_it_shows_the_direction_in_which_an_arm_that_measures_grips(tmp_path: Pa
     assert lines(doctor(tmp_path, "--robot", str(robot)))["grip"] == (
         "opening, towards joint_4 -90.0 deg"
     )
+
+
+def test_a_missing_calibration_needs_no_open_port(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
+    port = Pty().port
+    result = doctor(tmp_path, "--robot", "so101", "--port", port)
+    assert result.exit_code == CalibrationMissing.exit_status
+    assert f"-> type armtree calibrate --robot so101 --port {port}" in result.output
+    assert "run 0" not in result.output
 
 
 def test_a_boot_pose_in_collision(tmp_path: Path, robot: Path) -> None:

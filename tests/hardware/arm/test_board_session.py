@@ -91,7 +91,7 @@ def test_after_all_answers_the_next_request_is_due_later_than_they_came(tmp_path
     session, bus = BoardSession(robot.protocol()), robot.model()
     assert bus
     bus.open(0.0)
-    for time in (1.0, 5.0):  # the two halves of the memory
+    for time in (1.0, 3.0, 5.0):  # the two halves of the memory, and the first one again
         assert not session.boot_frame
         bus.receive(session.poll(time - 0.5), time - 0.5)
         session.receive(bus.read_output(time), time)
@@ -115,7 +115,7 @@ def test_a_late_answer_does_not_keep_the_next_frame_from_the_line(tmp_path: Path
     session, bus = BoardSession(robot.protocol()), robot.model()
     assert bus
     bus.open(0.0)
-    for time in (1.0, 2.0):
+    for time in (1.0, 1.5, 2.0):
         bus.receive(session.poll(time), time)
         session.receive(bus.read_output(time + 0.015), time + 0.015)
     bus.receive(session.poll(3.0), 3.0)

@@ -7,7 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from hardware import Robot
+from hardware import Robot, load_robot
 from hardware.description.forward_kinematics import ForwardKinematics, Quaternion
 from hardware.description.urdf import Urdf
 from logs import Description, Recorder, Sent, read
@@ -62,3 +62,15 @@ def test_late_frames_and_links_are_recorded(tmp_path: Path, robot: Robot) -> Non
     assert {t.child_frame_id for t in found["/tf"][0].data.transforms} >= {"base_plate"}
     (late,) = found["/diagnostics"]
     assert late.data.status[0].message == "a frame left 50.0 ms late"
+
+
+@pytest.mark.parametrize("name", ["arduinobot", "so101"])
+def test_the_reach_is_a_bound_in_any_order_of_joints(name: str) -> None:
+    robot, rng = load_robot(Path(name)), random.Random(1)
+    far = 0.0
+    for _ in range(50):
+        tool = robot.tool_position({j.name: rng.uniform(j.lower, j.upper) for j in robot.actuated})
+        assert tool
+        far = max(far, float(np.linalg.norm(tool)))
+    assert robot.tool
+    assert far - float(np.linalg.norm(robot.tool.offset)) < robot.reach < 2 * far

@@ -214,6 +214,29 @@ def test_a_collision_stops_it_and_shows_where_it_is_free(robot: Robot, tmp_path:
     assert verify(Path(outcome.recording)).holds
 
 
+def test_a_folded_arm_follows_out_of_its_contacts(robot: Robot, tmp_path: Path) -> None:
+    """The forearm rests on the shoulder. It may stay and leave, but not press on."""
+    folded = (0.0, *np.radians((-100.0, 91.0, 50.0, 0.0, 0.0)).tolist())
+    pairs = zip(robot.joints, folded, strict=True)
+    joints = tuple(replace(joint, boot=q) for joint, q in pairs)
+
+    def path(time: float) -> tuple[float, ...]:
+        elbow = folded[2] + 0.1 if time < 1.0 else folded[2] - 0.3
+        return (0.2, folded[1], elbow, *folded[3:])
+
+    with followed(replace(robot, joints=joints), tmp_path, path) as (outcome, hand, executive):
+        assert outcome.success, outcome.text()
+        blocked = next(each for each in hand.shown if each)
+        assert "lower_arm_link" in blocked.contact
+        assert blocked.free["elbow_flex"] == (True, False)
+        commanded = executive.where().commanded
+        assert commanded
+        assert commanded["elbow_flex"] == pytest.approx(folded[2] - 0.3, abs=0.03)
+    highest = max(frame.positions[2] for frame in sent(outcome))
+    assert highest < folded[2] + 0.012  # 1 mm
+    assert verify(Path(outcome.recording)).holds
+
+
 def test_a_leader_that_is_lost_stops_it(robot: Robot, tmp_path: Path) -> None:
     def path(time: float) -> tuple[float, ...]:
         if time > 1.0:

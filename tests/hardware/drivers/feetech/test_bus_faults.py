@@ -110,6 +110,23 @@ def test_an_error_before_the_start_is_reported_with_its_limits(tmp_path: Path) -
         assert caught.value.code == "hw.servo_fault"
 
 
+def test_an_error_between_the_first_requests_is_reported_with_its_value(tmp_path: Path) -> None:
+    robot = load_robot(bus_arm(tmp_path))
+    bus, protocol = robot.model(), robot.protocol()
+    assert isinstance(bus, Bus)
+
+    def cycle(time: float) -> None:
+        bus.receive(protocol.poll(time), time)
+        protocol.receive(bus.read_output(time + 0.005), time + 0.005)
+
+    bus.servos[1].supply = 7.4
+    cycle(0.0)
+    bus.servos[1].supply = 3.6
+    cycle(0.01)  # the answer has the limits
+    with pytest.raises(ServoFault, match=r"error voltage, .* 3\.[56] V \(limits 4 and 14\)"):
+        cycle(0.02)
+
+
 def test_a_fault_has_the_value_of_the_first_error_that_is_about_one() -> None:
     health = ServoHealth(0.5, 1.0, 80.0, 70.0, 12.0, 4.0, 14.0)
     fault = ServoFault(1, "joint_1", ["angle sensor", "temperature"], health)
@@ -177,6 +194,30 @@ def test_a_late_answer_of_the_last_servo_is_no_measurement(tmp_path: Path, piece
     assert protocol.measured is None
     with pytest.raises(HardwareError, match="Servo 4 answered twice"):
         protocol.check_booted("p", 2.0)
+
+
+def test_a_position_that_a_servo_cannot_have_reached_is_not_held(tmp_path: Path) -> None:
+    """Two servos with one id answer at once. What arrives may be valid by chance."""
+    robot = load_robot(bus_arm(tmp_path))
+    bus, protocol = robot.model(), robot.protocol()
+    assert isinstance(bus, Bus)
+
+    def cycle() -> bytes:
+        time = max(protocol.next_poll, 0.0)
+        bus.receive(protocol.poll(time), time)
+        protocol.receive(bus.read_output(time + 0.003), time + 0.003)
+        return protocol.hold_commands()
+
+    held = [cycle() for _ in range(4)][-1]
+    assert held
+    protocol.torque_commands(True)
+    bus.servos[1].push(2500)
+    assert [cycle() for _ in range(4)] == [held] * 4
+    bus.servos[1].push(2048 + 20)  # 2 degrees
+    assert cycle() != held
+    bus.servos[1].push(2500)
+    with pytest.raises(ServoSilent, match=r"Servo 2 .*another servo answers with its id"):
+        any(not cycle() for _ in range(12))
 
 
 def test_two_servos_with_the_last_id_are_named(tmp_path: Path) -> None:

@@ -188,6 +188,21 @@ def test_a_stop_may_be_far_behind_the_limit_of_the_urdf(
         moves_in_slowly(made, at, 3072)
 
 
+def test_a_joint_that_is_blocked_on_its_way_to_its_limit_is_stalled(tmp_path: Path) -> None:
+    """It holds where it is, before its servo is overloaded and lets it go."""
+    sweep_widely(tmp_path)
+    with rig(tmp_path) as made:
+        rest(made, 3312, holds=False)
+        made.bus.servos[0].stops = 3250, math.inf
+        with pytest.raises(JointStalled, match=r"joint_1 pushes with .* of its torque"):
+            made.arm.activate()
+        assert made.arm.state is not State.ACTIVE
+        made.wait(1.0)
+        made.bus.state(made.clock.now())
+        assert made.bus.servos[0].get("goal_position") == pytest.approx(3250, abs=2)
+        assert made.bus.servos[0].get("torque_enable")
+
+
 def test_a_stop_ends_an_activation_that_moves_a_joint_to_its_limit(tmp_path: Path) -> None:
     sweep_widely(tmp_path)
     with rig(tmp_path) as made:

@@ -1,0 +1,64 @@
+"""Contacts in which a motion starts: it may leave them, and never deepen them.
+
+A folded arm rests on itself or on the table. Measured positions, meshes and calibration are exact
+only to some millimetres, so such an arm may seem to overlap slightly.
+"""
+
+import numpy as np
+
+from skills.motion.arrays import Array
+
+from .checker import CollisionChecker, Contact
+
+_TOLERANCE = 0.001  # error of depths of meshes, which may seem to grow on the way out [m]
+
+
+class StartContacts:
+    """The links that are closer than the margin at the start, and how close they are.
+
+    Args:
+        checker: Checks configurations in the motion's world.
+        start: All actuated joints (A,) [rad].
+        margin: Distance to keep [m].
+
+    Attributes:
+        checker: See above.
+        start: See above.
+        pairs: The links of each contact.
+        lever_arms: Those of `scene.lever_arms` (P, A) [m/rad].
+    """
+
+    def __init__(self, checker: CollisionChecker, start: Array, margin: float) -> None:
+        self.checker, self._margin, self.start = checker, margin, start
+        self._contacts = checker.contacts(start, margin)
+        self.pairs = frozenset(frozenset(each[:2]) for each in self._contacts.values())
+        self.lever_arms: Array = checker.scene.lever_arms[sorted(self._contacts)]
+
+    @property
+    def deepest(self) -> Contact:
+        """The contact with the smallest distance."""
+        return min(self._contacts.values(), key=lambda contact: contact.distance)
+
+    def distance(self, configuration: Array) -> float:
+        """Return the smallest distance of the links in contact, at most the margin (A,) [m]."""
+        near = self.checker.contacts(configuration, self._margin)
+        found = (each.distance for pair, each in near.items() if pair in self._contacts)
+        return min(found, default=self._margin)
+
+    def first_deeper(self, configurations: Array) -> tuple[int, Contact] | None:
+        """Return the first row in which a contact is closer than at the start, or None.
+
+        Args:
+            configurations: All actuated joints (N, A) [rad].
+
+        Raises:
+            PlanTimeout: The deadline of the checker passed.
+        """
+        found, moved = list[tuple[int, Contact]](), abs(configurations - self.start)
+        for pair, contact in self._contacts.items():
+            travels = moved @ self.checker.scene.lever_arms[pair]
+            rows = np.flatnonzero(travels > _TOLERANCE)  # the others cannot be closer
+            least = contact.distance - _TOLERANCE
+            if closer := self.checker.first_closer(configurations[rows], pair, least):
+                found.append((int(rows[closer[0]]), closer[1]))
+        return min(found, default=None)
