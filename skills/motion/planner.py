@@ -1,6 +1,7 @@
 """The motion planner: a Query in, a checked and timed Plan out.
 
-`Planner.plan` tries stage after stage until it has a path. Then it times and verifies the path:
+`Planner.plan` tries stage after stage until it has a path, all of it proved to be free. Then it
+times the path; a timed motion does not leave its path:
 
     straight   the line from start to goal
     bend       a path with a single rounded corner; with via points, a corner in each leg
@@ -8,7 +9,6 @@
     shorten    shortcutting of a searched path
     blend      parabolic blends at the corners
     time       trapezoidal profile on a line, TOPP-RA on a curve
-    check      the timed motion once more, unless it is a line
 
 A motion may start in a slight contact, if the robot file allows this, and may not deepen it. The
 links in contact are then left out of all stages, and checked at the end.
@@ -38,7 +38,7 @@ from .path.barrier import check_passable
 from .path.bend import find_bend, find_corner
 from .path.blend import blend
 from .path.motion_validator import MotionValidator
-from .path.motion_verification import verify_contacts, verify_plan, verify_rows
+from .path.motion_verification import verify_contacts, verify_rows
 from .path.rrt_connect import find_paths
 from .path.shortcut import shortcut
 from .query import Answer, Carry, Query, Reached, Request, Rest, ToolQuery, Verify, check_types
@@ -115,8 +115,8 @@ class Planner:
 
         Raises:
             BadQuery, NotFinite, StartOutOfBounds, GoalOutOfBounds, StartInCollision,
-            GoalInCollision, Barred, NoPath, TooLong, PlanTimeout, MotionCollides, ContactDeepened:
-                A stage failed. The error has the durations of all stages so far.
+            GoalInCollision, Barred, NoPath, TooLong, PlanTimeout, ContactDeepened: A stage failed.
+                The error has the durations of all stages so far.
         """
         watch, deadline = Stopwatch(self._clock), Deadline(self._clock, query.timeout)
         margin = self._robot.collision.margin
@@ -255,7 +255,7 @@ def _without(robot: Robot, pairs: Pairs) -> Robot:
 
 
 def _plan(query: Query, validator: MotionValidator, points: Array, watch: Stopwatch) -> Plan:
-    """Return a checked motion through points of a group.
+    """Return a free motion through points of a group.
 
     Args:
         query: The query.
@@ -264,7 +264,7 @@ def _plan(query: Query, validator: MotionValidator, points: Array, watch: Stopwa
         watch: Measures each stage.
 
     Raises:
-        Barred, NoPath, TooLong, PlanTimeout, MotionCollides: A stage failed.
+        Barred, NoPath, TooLong, PlanTimeout: A stage failed.
     """
     group, deadline = validator.group, validator.deadline
     velocity, acceleration = group.limits_at(query.speed)
@@ -292,10 +292,6 @@ def _plan(query: Query, validator: MotionValidator, points: Array, watch: Stopwa
         )
         _check_duration(plan, group)
         deadline.check()
-    if not curve.straight:
-        with watch.stage("check"):
-            verify_plan(validator, plan)
-            deadline.check()
     return plan
 
 

@@ -1,6 +1,5 @@
-"""Checks of a whole motion: of a timed plan, and of rows as the board will play them."""
+"""Checks of a motion as the board will play it, row after row."""
 
-import dataclasses
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -10,43 +9,11 @@ from skills.motion.collision.checker import CollisionChecker, Contact
 from skills.motion.collision.start_contacts import StartContacts
 from skills.motion.errors import BadQuery, MotionCollides, NotFinite, shown
 from skills.motion.query import Verify
-from skills.motion.trajectory.plan import Plan
 from skills.motion.validation import MAX_MAGNITUDE, is_number
 
-from .motion_validator import MIN_STEP, MotionValidator, uniform_travel
+from .motion_validator import MIN_STEP
 
-_SAMPLES = 200  # number of samples that bound the travel of a plan
 _CHUNK = 500  # configurations between two checks of the deadline
-
-
-def verify_plan(validator: MotionValidator, plan: Plan) -> None:
-    """Check a plan with bends once more, over time.
-
-    Each bend was checked before, so a collision here is an error of the planner. The plan must keep
-    the guaranteed distance, like every checked path.
-
-    A straight plan needs no second check. Its motion passes only through points of its line, up to
-    rounding errors. The guaranteed distance was proved for all these points. Mimic joints move in
-    proportion, so this holds for them too.
-
-    Raises:
-        MotionCollides: The plan is in collision.
-    """
-    validator = dataclasses.replace(validator, margin=validator.guaranteed, guaranteed=0.0)
-    times = np.linspace(0.0, plan.duration, _SAMPLES)
-    # Two bounds on the motion of a joint between two samples: full acceleration and deceleration,
-    # and its velocity limit. Every plan keeps this limit to a thousandth.
-    speeds, gain = abs(plan.velocities(times)), plan.acceleration * times[1]
-    fastest = np.minimum(0.5 * (speeds[1:] + speeds[:-1] + gain), 1.001 * plan.velocity)
-    travels = times[1] * fastest @ validator.lever_arms.T
-    time_at, travels = uniform_travel(times, travels)
-    share = validator.colliding_share(lambda shares: plan.sample(time_at(shares)), travels)
-    if share is not None:
-        time = float(time_at(np.array([share]))[0])
-        row = validator.full(plan.sample((time,)))[0]
-        contact = validator.checker.nearest(row)
-        assert contact
-        raise MotionCollides(0, time, *contact, validator.margin)
 
 
 def verify_rows(checker: CollisionChecker, request: Verify) -> None:

@@ -6,6 +6,9 @@ import math
 import pickle
 import subprocess
 import sys
+from collections.abc import Iterator
+from functools import partialmethod
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -35,8 +38,11 @@ from skills.motion import (
     Verify,
     World,
 )
+from skills.motion.arrays import Array
 from skills.motion.path import rrt_connect
+from skills.motion.path.motion_validator import MotionValidator
 from skills.motion.planner import Planner
+from skills.motion.trajectory.curve import Curve
 from tests.support.paths import ROOT
 
 HOME, PICK, REST = (0.0, 0.0, 0.0), (-1.4, -0.6, -0.07), (-1.57, 0.0, -0.9)
@@ -126,12 +132,67 @@ def test_every_sample_of_a_straight_motion_is_on_the_checked_line(
 ) -> None:
     """Therefore it is not checked again after timing."""
     plan = planner.plan(arm(start, goal))
-    assert "check" not in plan.milliseconds
     rows, line = plan.sample(plan.duration * np.array(shares)), np.subtract(goal, start)
     longest = int(np.argmax(abs(line)))
     along = (rows[:, longest] - start[longest]) / (line[longest] or 1.0)
     on_it = np.array(start) + np.clip(along, 0.0, 1.0)[:, None] * line
     assert abs(rows - on_it).max() <= 1e-14
+
+
+@pytest.mark.parametrize(
+    "query",
+    [
+        DETOUR,
+        SEARCHED,
+        dataclasses.replace(SEARCHED, via=(SEARCHED.goal, (0.1, -0.4, 0.6)), seed=3),
+    ],
+    ids=["bend", "searched", "via"],
+)
+def test_every_part_of_a_rounded_motion_was_proved_free(
+    planner: Planner, monkeypatch: pytest.MonkeyPatch, query: Query
+) -> None:
+    """Therefore it is not checked again after timing, which does not leave the path."""
+    free = list[Curve]()
+
+    def line(self: MotionValidator, a: Array, b: Array, check: Any) -> bool:
+        free.extend([Curve.line(a, b)] if (found := check(self, a, b)) else [])
+        return bool(found)
+
+    def curve(self: MotionValidator, path: Curve, check: Any) -> Any:
+        free.extend([path] if (found := check(self, path)) is None else [])
+        return found
+
+    for name, watched in ("line_is_free", line), ("collision_on", curve):
+        check = getattr(MotionValidator, name)
+        monkeypatch.setattr(MotionValidator, name, partialmethod(watched, check=check))
+    plan = planner.plan(query)
+    proved = [part for each in free for part in _parts(each)]
+    parts = list(_parts(plan.curve))
+    assert len(parts) > 1
+    for part in parts:
+        assert any(_is_in(part, other) for other in proved)
+    along, _, _ = plan.profile.at(np.linspace(-1.0, plan.duration + 1.0, 1000))
+    assert along.min() == 0.0
+    assert along.max() == pytest.approx(plan.curve.length)
+    assert along.max() <= plan.curve.length
+
+
+def _parts(curve: Curve) -> Iterator[Array]:
+    """Start, middle and end of each piece of a curve (3, J) [rad]: these determine the piece."""
+    for begin, end in pairwise(curve.breaks):
+        yield curve.positions(np.array([begin, 0.5 * (begin + end), end]))
+
+
+def _is_in(part: Array, other: Array) -> bool:
+    """True if a piece is another one, or both are lines and the other one contains it."""
+    if abs(part - other).max() < 1e-9:
+        return True
+    if any(abs(each[0] - 2.0 * each[1] + each[2]).max() > 1e-9 for each in (part, other)):
+        return False
+    line = other[2] - other[0]
+    shares = (part - other[0]) @ line / (line @ line)
+    apart = abs(other[0] + np.clip(shares, 0.0, 1.0)[:, None] * line - part).max()
+    return bool(apart < 1e-9)
 
 
 def test_derivatives_are_those_of_the_samples(planner: Planner) -> None:
@@ -157,7 +218,7 @@ def test_every_seed_finds_a_path_within_the_limits(planner: Planner) -> None:
 
 def test_a_bend_does_not_depend_on_the_seed(planner: Planner) -> None:
     plan = planner.plan(DETOUR)
-    assert list(plan.milliseconds) == ["ends", "straight", "bend", "time", "check"]
+    assert list(plan.milliseconds) == ["ends", "straight", "bend", "time"]
     assert digest(planner.plan(dataclasses.replace(DETOUR, seed=2))) == digest(plan)
 
 
@@ -305,7 +366,7 @@ def test_the_durations_of_the_stages_add_up(robot: Robot) -> None:
     plan = Planner(robot, clock).plan(
         dataclasses.replace(SEARCHED, via=there_and_back, timeout=1e9)
     )
-    assert {"search", "shorten", "blend", "check"} <= plan.milliseconds.keys()
+    assert {"search", "shorten", "blend"} <= plan.milliseconds.keys()
     assert sum(plan.milliseconds.values()) == 1e3 * (clock.looks - 1)
 
 

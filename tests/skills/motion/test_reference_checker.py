@@ -144,7 +144,7 @@ def least_distance(robot: Robot, plan: Plan) -> float:
 
 @pytest.mark.parametrize(
     ("via", "rungs"),
-    [((), {"bend", "check"}), ((NEAR_FOLDED,), {"bend", "blend", "check"})],
+    [((), {"bend"}), ((NEAR_FOLDED,), {"bend", "blend"})],
 )
 def test_detour_on_the_shipped_robot(
     robot: Robot, via: tuple[tuple[float, ...], ...], rungs: set[str]
