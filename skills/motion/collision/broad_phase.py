@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from skills.motion.arrays import Array, Mask
 
-from .planning_scene import PlanningScene, part_of, shape_pairs
+from .planning_scene import PlanningScene, part_of
 
 BATCH = 500  # configurations per call
 # Largest number of pairs per call, because a call cannot be interrupted: a few milliseconds for
@@ -53,7 +53,7 @@ class BroadPhase:
         elif hulls <= _FEW_SHAPES:
             self._parts.append(_AllBoxes(scene, np.arange(count)))
         else:
-            boxed = _boxed_pairs(scene.hulls)
+            boxed = _boxed_pairs(scene)
             tree = pin.BroadPhaseManagerPool_DynamicAABBTreeCollisionManager
             for kind, own in (tree, boxed), (pin.GeometryPool, ~boxed):
                 if own.any():
@@ -126,15 +126,20 @@ class _Part(ABC):
 
     Args:
         geometry: The hulls and these pairs of them.
+        ends: Indices of the two shapes of each pair (P, 2).
         data: Working memory of the geometry.
         numbers: Indices of the pairs in the scene.
     """
 
     def __init__(
-        self, geometry: pin.GeometryModel, data: pin.GeometryData, numbers: NDArray[np.intp]
+        self,
+        geometry: pin.GeometryModel,
+        ends: NDArray[np.intp],
+        data: pin.GeometryData,
+        numbers: NDArray[np.intp],
     ) -> None:
         self._geometry, self._data, self._numbers, self.active = geometry, data, numbers, True
-        self._ends, size = shape_pairs(geometry), len(geometry.geometryObjects)
+        self._ends, size = tuple(ends.T), len(geometry.geometryObjects)
         self._margins, self._active = np.zeros((size, size)), np.zeros((size, size), bool)
         self._places = list(range(len(numbers)))  # of the checked pairs
 
@@ -165,7 +170,7 @@ class _AllBoxes(_Part):
     def __init__(self, scene: PlanningScene, numbers: NDArray[np.intp]) -> None:
         self._kinematics, self._joints = scene.kinematics, scene.kinematics.createData()
         data = scene.hulls.createData()
-        super().__init__(scene.hulls, data, numbers)
+        super().__init__(scene.hulls, scene.ends(scene.hulls), data, numbers)
         kind = pin.BroadPhaseManager_NaiveCollisionManager
         self._boxes = kind(self._kinematics, scene.hulls, data)
         self._first = pin.CollisionCallBackDefault(scene.hulls, data, True)
@@ -206,10 +211,11 @@ class _Pool(_Part):
     def __init__(
         self, scene: PlanningScene, kind: type[pin.GeometryPool], numbers: NDArray[np.intp]
     ) -> None:
-        every = len(numbers) == len(scene.hulls.collisionPairs)
-        geometry = scene.hulls if every else part_of(scene.hulls, numbers.tolist())
+        geometry, ends = scene.hulls, scene.ends(scene.hulls)
+        if len(numbers) < len(ends):
+            geometry, ends = part_of(geometry, ends[numbers])
         self._pool = kind(scene.kinematics, geometry, 1)
-        super().__init__(geometry, self._pool.getGeometryData(0), numbers)
+        super().__init__(geometry, ends, self._pool.getGeometryData(0), numbers)
 
     # Many queries need no results, and in a large world they take milliseconds to list.
     @cached_property
@@ -228,11 +234,11 @@ class _Pool(_Part):
         return [int(self._numbers[place]) for place, result in pairs if result.isCollision()]
 
 
-def _boxed_pairs(geometry: pin.GeometryModel) -> Mask:
-    """Return True for each pair of shapes that both have a bounded box with a volume (P,)."""
-    volumes = [shape.geometry.aabb_local.volume() for shape in geometry.geometryObjects]
+def _boxed_pairs(scene: PlanningScene) -> Mask:
+    """Return True for each pair of hulls that both have a bounded box with a volume (P,)."""
+    volumes = [shape.geometry.aabb_local.volume() for shape in scene.hulls.geometryObjects]
     boxed = np.array([0.0 < volume < math.inf for volume in volumes], bool)
-    first, second = shape_pairs(geometry)
+    first, second = scene.ends(scene.hulls).T
     both: Mask = boxed[first] & boxed[second]
     return both
 

@@ -36,8 +36,8 @@ class ContainmentChecker:
         shapes = [shape.geometry for shape in scene.exact.geometryObjects]
         rows = [
             (k, mesh, other)
-            for k, pair in enumerate(scene.exact.collisionPairs if scene.volumes else ())
-            for mesh, other in ((pair.first, pair.second), (pair.second, pair.first))
+            for k, (first, second) in enumerate(scene.ends(scene.exact).tolist())
+            for mesh, other in ((first, second), (second, first))
             if mesh in scene.volumes and not isinstance(shapes[other], coal.Halfspace)
         ]
         self._pairs, self._meshes, self._others = np.array(rows, dtype=np.intp).reshape(-1, 3).T

@@ -111,9 +111,8 @@ class NarrowPhase:
     def _pool(self, pair: int, margin: float) -> pin.GeometryPool:
         if pair not in self._pools:
             geometry, pairs, _ = self._of(pair)
-            self._pools[pair] = pin.GeometryPool(
-                self._scene.kinematics, part_of(geometry, pairs), 1
-            )
+            part, _ = part_of(geometry, self._scene.ends(geometry)[pairs])
+            self._pools[pair] = pin.GeometryPool(self._scene.kinematics, part, 1)
         for request in self._pools[pair].getGeometryData(0).collisionRequests:
             request.security_margin = margin
         return self._pools[pair]

@@ -4,7 +4,6 @@ It corresponds to MoveIt's PlanningScene: robot model, world, and pairs of shape
 """
 
 import dataclasses
-from collections.abc import Collection
 from functools import cached_property
 from typing import NamedTuple
 
@@ -102,25 +101,30 @@ class PlanningScene:
             volumes.append(volume)
             arms.append(model.lever_arms_of(hull))
         self.volumes = {i: volume for i, volume in enumerate(volumes) if volume}
-        for geometry, links, most in (
-            (self.exact, self.exact_links, MAX_EXACT_PAIRS),
-            (self.hulls, self.hull_links, MAX_HULL_PAIRS),
-        ):
+        for geometry in self.exact, self.hulls:
             self._add_floor(geometry, robot.collision)
-            self._add_pairs(geometry, links, robot.collision, most)
             for shape in geometry.geometryObjects:
                 shape.geometry.computeLocalAABB()  # coal needs the boxes for its first guess
+        self._exact_ends = self._add_pairs(self.exact, robot.collision, MAX_EXACT_PAIRS)
+        self._hull_ends = self._add_pairs(self.hulls, robot.collision, MAX_HULL_PAIRS)
         arms += [model.floor_lever_arms] * (len(self.hulls.geometryObjects) - len(arms))
-        self.lever_arms = travel_bounds(robot, arms, self.hulls.collisionPairs)
+        self.lever_arms = travel_bounds(robot, arms, self._hull_ends)
 
     def is_current(self, world: World) -> bool:
         """Return True if no mesh file of the scene's world changed since the scene was built."""
         return self._mesh_stamps == mesh_stamps(world)
 
+    def ends(self, geometry: pin.GeometryModel) -> NDArray[np.intp]:
+        """Return the indices of the two shapes of each pair of a geometry (P, 2).
+
+        pinocchio takes microseconds to give one pair.
+        """
+        return self._exact_ends if geometry is self.exact else self._hull_ends
+
     def linked_pairs(self, geometry: pin.GeometryModel) -> list[tuple[str, str]]:
         """Return the two links of each pair of a geometry."""
-        links = self.exact_links if geometry is self.exact else self.hull_links
-        return [(links[pair.first], links[pair.second]) for pair in geometry.collisionPairs]
+        links = self._links(geometry)
+        return [(links[first], links[second]) for first, second in self.ends(geometry).tolist()]
 
     def is_body(self, name: str) -> bool:
         """Return True for the name of a body of the world, and False for that of a link."""
@@ -132,11 +136,9 @@ class PlanningScene:
         A mesh touches the floor exactly if its hull touches it. coal checks a hull a hundred times
         faster.
         """
-        hulls = self.hulls.collisionPairs[pair]
-        links = frozenset((self.hull_links[hulls.first], self.hull_links[hulls.second]))
+        links = frozenset(self.hull_links[hull] for hull in self._hull_ends[pair])
         pairs = self._exact_pairs[links]
-        ends = [self.exact.collisionPairs[k] for k in pairs]
-        shapes = {index for each in ends for index in (each.first, each.second)}
+        shapes = set(self._exact_ends[pairs].ravel().tolist())
         meshes = self.volumes.keys() & shapes
         if FLOOR in links and len(meshes) == len(shapes) - 1:
             return ShapePairs(self.hulls, [pair], False)
@@ -149,6 +151,9 @@ class PlanningScene:
         for k, links in enumerate(self.linked_pairs(self.exact)):
             found.setdefault(frozenset(links), []).append(k)
         return found
+
+    def _links(self, geometry: pin.GeometryModel) -> list[str]:
+        return self.exact_links if geometry is self.exact else self.hull_links
 
     def attached(self, body: Body, link: str, configuration: Array) -> Body:
         """Return a body at the same pose, attached to another link.
@@ -208,10 +213,12 @@ class PlanningScene:
             geometry.addGeometryObject(pin.GeometryObject(FLOOR, 0, 0, pin.SE3.Identity(), half))
 
     def _add_pairs(
-        self, geometry: pin.GeometryModel, links: list[str], rules: CollisionRules, most: int
-    ) -> None:
-        checked = self._checked_pairs(geometry, links, rules)
-        if np.count_nonzero(checked) > most:
+        self, geometry: pin.GeometryModel, rules: CollisionRules, most: int
+    ) -> NDArray[np.intp]:
+        """Add the pairs to check, and return their ends; see `ends`."""
+        checked = self._checked_pairs(geometry, self._links(geometry), rules)
+        ends = np.argwhere(checked)
+        if len(ends) > most:
             parts = len(geometry.geometryObjects) - len(self._bodies)
             raise BadWorld(
                 f"{parts} shapes of the robot and {len(self._bodies)} bodies give more than "
@@ -219,6 +226,7 @@ class PlanningScene:
                 "never touch as `allowed` in the robot file"
             )
         geometry.setCollisionPairs(checked, True)
+        return ends
 
     def _checked_pairs(
         self, geometry: pin.GeometryModel, links: list[str], rules: CollisionRules
@@ -241,24 +249,22 @@ class PlanningScene:
         return np.triu(checked & ~may_touch[np.ix_(rows, rows)], 1)
 
 
-def shape_pairs(geometry: pin.GeometryModel) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return the indices of the first and of the second shape of each pair (P,)."""
-    ends = [(pair.first, pair.second) for pair in geometry.collisionPairs]
-    first, second = np.array(ends, dtype=np.intp).reshape(-1, 2).T
-    return first, second
+def part_of(
+    geometry: pin.GeometryModel, ends: NDArray[np.intp]
+) -> tuple[pin.GeometryModel, NDArray[np.intp]]:
+    """Return a geometry of some pairs, in the same order, with only their shapes, and its ends.
 
-
-def part_of(geometry: pin.GeometryModel, pairs: Collection[int]) -> pin.GeometryModel:
-    """Return a geometry of some of the pairs, in the same order, and only their shapes."""
-    chosen = [geometry.collisionPairs[k] for k in pairs]
-    ends = np.array([(pair.first, pair.second) for pair in chosen], dtype=np.intp).T
+    Args:
+        geometry: All shapes.
+        ends: Indices of the two shapes of each pair, in the order of the geometry's pairs (P, 2).
+    """
     part, (used, places) = pin.GeometryModel(), np.unique(ends, return_inverse=True)
     for shape in used.tolist():
         part.addGeometryObject(geometry.geometryObjects[shape])
-    checked = np.zeros((len(used), len(used)), bool)
-    checked[tuple(places.reshape(ends.shape))] = True
+    checked, places = np.zeros((len(used), len(used)), bool), places.reshape(ends.shape)
+    checked[tuple(places.T)] = True
     part.setCollisionPairs(checked, True)
-    return part
+    return part, places
 
 
 def placement(body: Body) -> pin.SE3:

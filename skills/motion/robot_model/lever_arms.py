@@ -25,11 +25,12 @@ this joint.
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import coal
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from hardware import Robot
 from skills.motion.arrays import Array
@@ -91,15 +92,13 @@ def floor_lever_arms(model: pin.Model) -> LeverArms:
     return found
 
 
-def travel_bounds(
-    robot: Robot, shapes: Sequence[LeverArms], pairs: Iterable[pin.CollisionPair]
-) -> Array:
+def travel_bounds(robot: Robot, shapes: Sequence[LeverArms], ends: NDArray[np.intp]) -> Array:
     """Return the largest travel of two shapes against each other, per unit of each actuated joint.
 
     Args:
         robot: The robot.
         shapes: Lever arms of each shape.
-        pairs: Pairs of shapes (P).
+        ends: Indices of the two shapes of each pair (P, 2).
 
     Returns:
         (P, A) [m/rad].
@@ -109,7 +108,6 @@ def travel_bounds(
         if joint.mimic:
             leader, _ = columns[joint.mimic.leader]
             columns[joint.name] = leader, abs(joint.mimic.multiplier)
-    ends = np.array([(pair.first, pair.second) for pair in pairs], dtype=np.intp).reshape(-1, 2)
     travels = np.zeros((len(ends), len(robot.actuated)))
     for name in sorted(set[str]().union(*shapes)):
         column, share = columns[name]

@@ -1,6 +1,7 @@
 """Robot model and planning scene: contacts, mimic joints, and bounds on travel."""
 
 import dataclasses
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,7 @@ from skills.motion import (
     World,
 )
 from skills.motion.collision.checker import CollisionChecker
-from skills.motion.collision.planning_scene import PlanningScene
+from skills.motion.collision.planning_scene import PlanningScene, part_of
 from skills.motion.planner import Planner
 from skills.motion.robot_model.geometry import corners
 from skills.motion.robot_model.lever_arms import floor_lever_arms
@@ -52,6 +53,22 @@ def test_first_collision_is_the_first(checker: CollisionChecker) -> None:
     assert checker.first_collision([free] * 1500 + [hit], 0.005) == 1500
     assert checker.first_collision([free], 0.005) is None
     assert checker.first_collision(np.empty((0, 4)), 0.005) is None
+
+
+def test_the_ends_of_pairs_are_those_of_pinocchio_also_in_a_part(robot: Robot) -> None:
+    def named(geometry: pin.GeometryModel, ends: Iterable[Sequence[int]]) -> list[tuple[str, str]]:
+        return [tuple(geometry.geometryObjects[end].name for end in pair) for pair in ends]
+
+    bodies = (Body(f"body_{i}", Sphere(0.01), (1.0, 0.0, 0.1 * i)) for i in range(5))
+    scene = PlanningScene(robot, World(tuple(bodies)))
+    for whole in scene.exact, scene.hulls:
+        ends = scene.ends(whole)
+        part, part_ends = part_of(whole, ends[1:8:3])
+        assert len(part.geometryObjects) < len(whole.geometryObjects)
+        assert named(part, part_ends.tolist()) == named(whole, ends[1:8:3].tolist())
+        for geometry, known in (whole, ends), (part, part_ends):
+            pairs = [[pair.first, pair.second] for pair in geometry.collisionPairs]
+            assert pairs == known.tolist()
 
 
 @pytest.mark.parametrize("name", ["arduinobot", "so101"])
