@@ -32,7 +32,7 @@ def readonly(values: ArrayLike) -> Array:
 def norms(steps: Array) -> Array:
     """Return the length of every row (N, J) -> (N,), also if its square underflows."""
     largest = np.max(abs(steps), axis=1, initial=np.finfo(float).tiny)
-    lengths: Array = largest * np.linalg.norm(steps / largest[:, None], axis=1)
+    lengths: Array = largest * np.sqrt(np.square(steps / largest[:, None]).sum(axis=1))
     return lengths
 
 

@@ -141,7 +141,7 @@ class _Part(ABC):
         self._geometry, self._data, self._numbers, self.active = geometry, data, numbers, True
         self._ends, size = tuple(ends.T), len(geometry.geometryObjects)
         self._margins, self._active = np.zeros((size, size)), np.zeros((size, size), bool)
-        self._places = list(range(len(numbers)))  # of the checked pairs
+        self._own = np.ones(len(numbers), bool)  # True for each pair that is checked
 
     def set_margins(self, margins: Array) -> None:
         """Set the margin of each pair of the scene (P,) [m]."""
@@ -150,9 +150,8 @@ class _Part(ABC):
 
     def activate(self, active: Mask) -> None:
         """Set the pairs of the scene that are checked (P,)."""
-        self._active[self._ends] = own = active[self._numbers]
-        self._places = own.nonzero()[0].tolist()
-        self.active = bool(self._places)
+        self._active[self._ends] = self._own = active[self._numbers]
+        self.active = bool(self._own.any())
         self._data.setActiveCollisionPairs(self._geometry, self._active, True)
 
     @abstractmethod
@@ -226,11 +225,12 @@ class _Pool(_Part):
         return collide(self._pool, q, stop, rows, check)
 
     def close_pairs_at(self, q: Array) -> list[int]:
-        results = [self._results[place] for place in self._places]
+        places = self._own.nonzero()[0].tolist()
+        results = [self._results[place] for place in places]
         for result in results:
             result.clear()  # a check with boxes does not reset the results of distant pairs
         pin.computeCollisionsInParallel(1, self._pool, q.T, False)
-        pairs = zip(self._places, results, strict=True)
+        pairs = zip(places, results, strict=True)
         return [int(self._numbers[place]) for place, result in pairs if result.isCollision()]
 
 

@@ -238,7 +238,9 @@ class PlanningScene:
         touches = [(body.name, link) for body in self._bodies.values() for link in body.touches]
         for pair in (*touches, *(pair for pair in rules.allowed if FLOOR not in pair)):
             ends = [numbers[link] for link in pair if link in numbers]
-            may_touch[ends, ends[::-1]] = True
+            if len(ends) == 2:
+                may_touch[ends[0], ends[1]] = True
+        may_touch |= may_touch.T
         rows = [numbers[link] for link in links]
         # Shapes on one joint never move against each other.
         checked: Mask = joints[:, None] != joints

@@ -65,7 +65,8 @@ def _free_radius(validator: MotionValidator, corner: Array, radius: float) -> fl
 
 def _parabola(corner: Array, radius: float) -> Curve:
     """Return the blend of one corner, given by three waypoints (3, J) [rad]."""
-    before, after = corner[0] - corner[1], corner[2] - corner[1]
-    legs = [leg * (radius / np.linalg.norm(leg)) for leg in (before, after)]
-    ends = np.array([corner[1] + legs[0], corner[1], corner[1] + legs[1]])
-    return Curve.through(ends, np.array([radius]))
+    legs = np.diff(corner, axis=0)
+    directions = legs / norms(legs)[:, None]
+    begin, turn = corner[1:2] - radius * directions[:1], np.diff(directions, axis=0)
+    breaks = np.array([0.0, 2.0 * radius])
+    return Curve(breaks, begin, directions[:1], turn / (4.0 * radius), np.empty(0))
