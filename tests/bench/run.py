@@ -44,8 +44,8 @@ def main(runs: int, file: Path | None) -> None:
     """Measure and show."""
     help_time()  # compiles what is not compiled yet
     rows = [
-        Row("cold_start_s", "s", [cold_start() for _ in range(runs)]),
-        Row("help_s", "s", [help_time() for _ in range(runs)]),
+        Row("cold_start_s", "s", [cold_start() for _ in range(runs)], at_most=0.35),
+        Row("help_s", "s", [help_time() for _ in range(runs)], at_most=0.12),
     ]
     show(rows, file)
 
