@@ -35,12 +35,16 @@ class ReferenceChecker:
             if frozenset((links[i], links[j])) in description.checked:
                 geometry.addCollisionPair(pin.CollisionPair(i, j))
         self._pool = pin.GeometryPool(model, geometry, 1)
-        order = [model.joints[model.getJointId(name)].idx_q for name in description.joints]
-        self._order = np.argsort(order)
+        self._joints = [model.joints[model.getJointId(name)] for name in description.joints]
+        self._size = model.nq
 
     def collides(self, rows: Array) -> bool:
         """Return True if anything touches at one of the arm's positions (N, J) [rad]."""
-        q = np.asfortranarray(rows[:, self._order].T)
+        q = np.empty((self._size, len(rows)), order="F")
+        for joint, angles in zip(self._joints, rows.T, strict=True):
+            # A continuous joint has the cosine and the sine of its angle as coordinates.
+            own = angles if joint.nq == 1 else (np.cos(angles), np.sin(angles))
+            q[joint.idx_q : joint.idx_q + joint.nq] = own
         return bool(np.any(pin.computeCollisionsInParallel(1, self._pool, q, True, True)))
 
 
