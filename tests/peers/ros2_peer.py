@@ -340,9 +340,7 @@ class Peer:
 
     def trigger(self, space, name):
         client = self.node.create_client(Trigger, f"{space}/armtree/{name}")
-        if not client.wait_for_service(LONGEST / 2):  # the discovery of one client may get stuck
-            client = self.node.create_client(Trigger, f"{space}/armtree/{name}")
-            assert client.wait_for_service(LONGEST / 2), name
+        assert client.wait_for_service(LONGEST), name
         answer = got(client.call_async(Trigger.Request()))
         return answer.success, answer.message
 

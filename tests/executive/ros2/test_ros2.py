@@ -107,6 +107,10 @@ def served(
 
 @pytest.fixture(scope="module")
 def peer(start: Start) -> Peer:
+    return new_peer(start)
+
+
+def new_peer(start: Start) -> Peer:
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
     return Peer(start(str(PEERS / "ros2_peer.py"), **pipes))
 
@@ -149,7 +153,7 @@ def test_the_hardware_is_a_lifecycle_node(served: Served, node: object, peer: Pe
 
 
 def test_a_stock_client_the_topics_and_the_triggers(
-    served: Served, node: object, peer: Peer
+    served: Served, node: object, peer: Peer, start: Start
 ) -> None:
     accepted, status, success, feedback = peer.ask("stock_client", 0)
     assert (accepted, status, success) == (True, 4, True)
@@ -162,7 +166,8 @@ def test_a_stock_client_the_topics_and_the_triggers(
     assert (dict(zip(names, positions, strict=True)), kind) == (expected, "commanded")
     assert {each.get("name") for each in ElementTree.fromstring(urdf).iter("joint")} >= {*names}
     assert peer.ask("trigger", "", "run_nothing")[0]
-    assert peer.ask("trigger", "", "run_later")[0]
+    # The programs of Fast DDS that know the node sometimes never hear of its new service.
+    assert new_peer(start).ask("trigger", "", "run_later")[0]
     success, message = peer.ask("trigger", "", "run_fail")
     assert not success
     assert "[task.failed" in message

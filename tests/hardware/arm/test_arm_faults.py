@@ -49,7 +49,7 @@ def test_a_port_that_is_lost_takes_the_arm_out_of_active(rig: Rig, moving: bool)
     playback = rig.arm.play(motion(HOME, PICK, 4.0), rig.wake, "test", rig.arm.generation)
     if not moving:
         rig.until(lambda: playback.state is PlaybackState.DONE)
-    rig.wait(0.5)
+    rig.wait(0.45)  # between two frames
     written = len(rig.frames)
     rig.link.unplug()
     settled(rig, State.UNCONFIGURED)

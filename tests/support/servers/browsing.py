@@ -26,13 +26,15 @@ def expect(tab: Tab, selector: str) -> Any:
 
 
 def is_accessible(tab: Tab) -> None:
-    """Check the page with axe-core, if `make lint` has installed it."""
+    """Check the connected page with axe-core, if `make lint` has installed it."""
     axe = ROOT / "executive/server/page/node_modules/axe-core/axe.min.js"
     if not axe.is_file():
         pytest.skip("axe-core is not installed")
+    tab.wait_for_selector("body:not(.lost)")  # until then it is grey
     tab.evaluate(axe.read_text())
     found = tab.evaluate("axe.run()")["violations"]
-    assert [(each["id"], [node["html"] for node in each["nodes"]]) for each in found] == []
+    violations = {each["id"]: [node["html"] for node in each["nodes"]] for each in found}
+    assert not violations, violations  # this module's assertions are not rewritten by pytest
 
 
 def forget(tab: Tab, words: str) -> None:
