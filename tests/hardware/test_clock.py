@@ -51,7 +51,12 @@ def test_a_notified_thread_wakes_and_a_past_time_does_not_wait(make: Callable[[]
 @pytest.mark.parametrize("make", [RealClock, SimulatedClock])
 def test_a_wait_that_ctrl_c_ends_leaves_the_signal_as_it_was(make: Callable[[], Clock]) -> None:
     clock = make()
-    changed, waiting = clock.signal(), threading.Event()
+    changed, waiting, raised = clock.signal(), threading.Event(), threading.Event()
+
+    def raise_once(*_: object) -> None:
+        if not raised.is_set():
+            raised.set()
+            raise KeyboardInterrupt
 
     def wait() -> None:
         with changed:
@@ -60,14 +65,17 @@ def test_a_wait_that_ctrl_c_ends_leaves_the_signal_as_it_was(make: Callable[[], 
 
     def interrupt() -> None:
         waiting.wait()
-        with changed:  # the other thread waits now
-            signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
+        with changed:  # the other thread waits now, or is about to: then a signal does not wake it
+            while not raised.wait(0.01):
+                signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
 
+    before = signal.signal(signal.SIGINT, raise_once)
     thread = threading.Thread(target=interrupt)
     thread.start()
     with pytest.raises(KeyboardInterrupt):
         wait()
     thread.join()
+    signal.signal(signal.SIGINT, before)
     until(clock, clock.now() + 0.01)
 
 
