@@ -67,6 +67,7 @@ _MOST_TOLD = 8  # number of errors kept for each connection
 _WAITING = 20_000  # largest number of waiting arms of a pool
 _BATCH = 500  # number of values read with one request
 _MOST_UNREAD = 2**23  # largest part of a message that has no end yet [bytes]
+_MOST_UNSENT = 2**23  # largest amount that a server has not read yet [bytes]
 
 # Exceptions of NATS and its libraries if the server is gone, slow, or restarting.
 GONE = (nats.errors.Error, OSError, asyncio.TimeoutError)
@@ -329,7 +330,7 @@ class _Parser(Parser):
         Raises:
             nats.errors.ProtocolError: A NATS server would not send that.
         """
-        if len(self.buf) > _MOST_UNREAD:
+        if len(self.buf) > _MOST_UNREAD or self.nc.pending_data_size > _MOST_UNSENT:
             raise nats.errors.ProtocolError
         try:
             await super().parse(data)

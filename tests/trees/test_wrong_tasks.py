@@ -475,6 +475,45 @@ def test_a_type_that_is_no_word_is_reported(robot: Robot, tmp_path: Path, kind: 
     assert any("no type" in str(each) for each in check(robot, tmp_path).mistakes)
 
 
+@pytest.mark.parametrize(
+    ("parameters", "words"),
+    [
+        ("[\n]", "parameters: \\[\\] is not a mapping of names to types"),
+        ("\n  - name: speed\n    type: number", "is not a mapping of names to types"),
+        ("\n  - {a: number}\n  - {b: number}", "is not a mapping of names to types"),
+    ],
+)
+def test_a_list_of_parameters_that_merges_to_none_is_only_reported(
+    robot: Robot, tmp_path: Path, parameters: str, words: str
+) -> None:
+    head = "task: 20\nname: m\ndescription: x\n"
+    (tmp_path / "20_m.yaml").write_text(f"{head}parameters: {parameters}\ntree: Succeed\n")
+    (mistake,) = check(robot, tmp_path).mistakes
+    assert re.search(words, str(mistake))
+    assert "write" not in str(mistake)
+
+
+def test_a_loop_over_nodes_keeps_them(robot: Robot, tmp_path: Path) -> None:
+    text = "task: 20\nname: m\ndescription: x\ntree:\n  loop:\n    - Succeed\n    - Fail\n"
+    (tmp_path / "20_m.yaml").write_text(text)
+    said = "\n".join(map(str, check(robot, tmp_path).mistakes))
+    assert "did you mean repeat?" in said
+    assert said.count("- Succeed") == 1
+
+
+@pytest.mark.parametrize("base", ["", "||||||| base\n  Fail\n"])
+def test_a_conflict_of_git_is_replaced_by_its_first_part(
+    robot: Robot, tmp_path: Path, base: str
+) -> None:
+    head = "task: 20\nname: m\ndescription: x\ntree:\n"
+    text = f"{head}<<<<<<< HEAD\n  Succeed\n{base}=======\n  Fail\n>>>>>>> other\n"
+    (tmp_path / "20_m.yaml").write_text(text)
+    mistakes = check(robot, tmp_path).mistakes
+    (right,) = (each.instead for each in mistakes if "marks of git" in str(each))
+    assert right
+    assert (right.text, right.line, right.count) == ("  Succeed", 5, text.count("\n") - 4)
+
+
 def test_subtrees_that_use_each_other_are_reported_once(robot: Robot, tmp_path: Path) -> None:
     for name, other in (("aa", "bb"), ("bb", "aa")):
         text = f"subtree: {name}\ndescription: x\ntree:\n  sequence:\n    - subtree: {other}\n"

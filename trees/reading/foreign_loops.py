@@ -56,7 +56,9 @@ def read_loop(place: Place, given: Mapping[str, Located]) -> ForeignLoop | None:
     """
     given = _with_do(given)
     for word, kind in _loop_words(given):
-        each = _values(given[word]) if word in kind.synonyms and kind.limit else None
+        has_child = _DO in given or any(map(begins_node, given.keys() - {word}))
+        loops = has_child and kind.limit and word in kind.synonyms
+        each = _values(given[word]) if loops else None
         if (
             loop := _for_each(place, given, word, *each)
             if each

@@ -383,10 +383,10 @@ class _Parser:
             return {}
         if isinstance(value.value, list) and key == "ports":
             return {name: Declaration(UNTYPED) for name in self._names(value, key)}
-        if isinstance(value.value, list) and all(map(nested, value.value)):
+        if pieces := _pieces(value):
             why = f"{key}: {value} is not a mapping, but a list: leave out each `-`"
             self._wrong(value.place, why, as_mapping(value))
-            value = replace(value, value={k: v for i in value.value for k, v in nested(i).items()})
+            value = replace(value, value={k: v for i in pieces for k, v in nested(i).items()})
         if not isinstance(value.value, dict):
             what = "a mapping of names to types" + (
                 ", or a list of names" if key == "ports" else ""
@@ -533,6 +533,15 @@ def _other_file(keys: Collection[str]) -> str:
 def _types() -> str:
     plain = [each for each in TYPES if not each.startswith(LIST)]
     return f"{', '.join(plain)}, and a list of one"
+
+
+def _pieces(value: Located) -> list[Located]:
+    """Return the pieces of a mapping of names that is split, each below a dash; else nothing."""
+    items = value.value if isinstance(value.value, list) else []
+    keys = [key for item in items for key in nested(item)]
+    flow = not value.place.brackets and any(item.place.brackets for item in items)
+    unique = all(map(nested, items)) and len(keys) == len({*keys})
+    return items if unique and not flow and not {"name", "type"} <= {*keys} else []
 
 
 def _type_of(value: Located) -> str:
