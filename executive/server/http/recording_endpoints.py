@@ -95,6 +95,8 @@ class RecordingEndpoints:
         found = read(self._recordings.timeline(name))
         try:
             text = _text(found)
+        except RecordingError:  # also a ValueError
+            raise
         except ValueError as cause:
             what = "has a number that is not finite; another program recorded it"
             raise RecordingError(self._recordings.path(name), what) from cause

@@ -4,14 +4,14 @@ import dataclasses
 import statistics
 from collections.abc import Sequence
 
-# How much a figure may grow: MiB, or a number.
+# How much a figure may grow: MiB, or a number. Pools start threads late.
 FLAT = {
     "memory": 10.0,
     "family": 20.0,
     "descriptors": 2,
     "threads": 8,
     "processes": 0,
-}  # pools start threads late
+}
 WARM = 0.25  # of the samples are left out: caches fill, results are kept for a while
 FEWEST = 6  # warm samples that show growth
 
