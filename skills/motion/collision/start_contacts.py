@@ -56,9 +56,11 @@ class StartContacts:
         """
         found, moved = list[tuple[int, Contact]](), abs(configurations - self.start)
         for pair, contact in self._contacts.items():
+            # Motion after motion may not close a gap.
+            gap = contact.distance
+            closer_by = min(_TOLERANCE, 0.5 * gap) if gap > 0.0 else _TOLERANCE
             travels = moved @ self.checker.scene.lever_arms[pair]
-            rows = np.flatnonzero(travels > _TOLERANCE)  # the others cannot be closer
-            least = contact.distance - _TOLERANCE
-            if closer := self.checker.first_closer(configurations[rows], pair, least):
+            rows = np.flatnonzero(travels > closer_by)  # the others cannot be closer
+            if closer := self.checker.first_closer(configurations[rows], pair, gap - closer_by):
                 found.append((int(rows[closer[0]]), closer[1]))
         return min(found, default=None)

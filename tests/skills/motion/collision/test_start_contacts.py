@@ -69,6 +69,17 @@ def test_a_goal_may_not_be_deeper(planner: Planner) -> None:
         planner.plan(query(FOLDED, (0, -100, 92, 50, 0)))
 
 
+def test_motion_after_motion_closes_no_gap(planner: Planner) -> None:
+    elbow = 89.0  # some millimetres before the contact
+    with pytest.raises(GoalInCollision, match="lower_arm_link"):
+        for _ in range(20):
+            planner.plan(query((0, -100, elbow, 50, 0, 0), (0, -100, elbow + 0.4, 50, 0)))
+            elbow += 0.4
+    nearest = planner.checker.nearest(np.radians((0, -100, elbow, 50, 0, 0)))
+    assert nearest
+    assert 0.0 < nearest.distance < 0.002
+
+
 def test_other_links_keep_the_margin(planner: Planner) -> None:
     with pytest.raises(GoalInCollision, match="gripper_link"):
         planner.plan(query(FOLDED, (0, 0, 80, 90, 0)))
