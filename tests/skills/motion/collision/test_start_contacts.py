@@ -1,6 +1,7 @@
 """A motion of the SO-101 may start in the contacts of its folded arm, and deepens none."""
 
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -70,12 +71,17 @@ def test_a_goal_may_not_be_deeper(planner: Planner) -> None:
 
 
 def test_motion_after_motion_closes_no_gap(planner: Planner) -> None:
-    elbow = 89.0  # some millimetres before the contact
+    poses = [(0.0, -100.0, 89.0 + 0.4 * number, 50.0, 0.0) for number in range(20)]
+    reached = poses[:1]  # some millimetres before the contact
+
+    def close() -> None:
+        for start, goal in pairwise(poses):
+            planner.plan(query((*start, 0), goal))
+            reached.append(goal)
+
     with pytest.raises(GoalInCollision, match="lower_arm_link"):
-        for _ in range(20):
-            planner.plan(query((0, -100, elbow, 50, 0, 0), (0, -100, elbow + 0.4, 50, 0)))
-            elbow += 0.4
-    nearest = planner.checker.nearest(np.radians((0, -100, elbow, 50, 0, 0)))
+        close()
+    nearest = planner.checker.nearest(np.radians((*reached[-1], 0)))
     assert nearest
     assert 0.0 < nearest.distance < 0.002
 
