@@ -69,6 +69,8 @@ _BATCH = 500  # number of values read with one request
 _MOST_UNREAD = 2**23  # largest part of a message that has no end yet [bytes]
 _MOST_UNSENT = 2**23  # largest amount that a server has not read yet [bytes]
 
+_LOST = "the connection was lost"
+
 # Exceptions of NATS and its libraries if the server is gone, slow, or restarting.
 GONE = (nats.errors.Error, OSError, asyncio.TimeoutError)
 # Exceptions of nats-py if another program answers.
@@ -395,7 +397,7 @@ class _Watch:
         """Cancel the user of a closed connection, because its answers will never come."""
         if self._user and not self.closing:
             self._canceled = True
-            self._told.append(ConnectionError("the connection was lost"))
+            self._told.append(ConnectionError(_LOST))
             self._user.cancel()
 
     def has_canceled(self) -> bool:
@@ -421,6 +423,8 @@ def _why(url: str, error: BaseException, told: Sequence[Exception]) -> FleetErro
     why = told[-1] if told else error
     if isinstance(why, ssl.SSLCertVerificationError):
         return UntrustedFleet(url, why.verify_message)
+    if isinstance(why, nats.errors.UnexpectedEOF):  # may come before `closed`
+        return FleetUnreachable(url, _LOST)
     return FleetUnreachable(url, str(why) or type(why).__name__)
 
 

@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import re
 import shutil
 from dataclasses import replace
 from typing import Any
@@ -362,8 +363,14 @@ def test_a_command_ends_if_the_nats_server_dies(options: NatsOptions) -> None:
                 process.kill()
                 await waiting
 
-    with pytest.raises(FleetUnreachable, match="connection was lost"):
+    with pytest.raises(FleetUnreachable, match=re.escape(options.url)):
         asyncio.run(main())
+
+
+def test_the_end_of_a_connection_is_told_in_plain_words() -> None:
+    """A command may see it before the library calls the connection closed."""
+    error = nats.errors.UnexpectedEOF()
+    assert "the connection was lost." in str(connection._why("nats://lab", error, [error]))
 
 
 def test_wrong_jobs_are_refused_at_once(url: str) -> None:
