@@ -10,7 +10,7 @@ from pathlib import Path
 from threading import Lock
 from typing import Any, Self
 
-from hardware import VIRTUAL, load_robot
+from hardware import VIRTUAL
 from skills import Operator
 
 from .api.codes import OK
@@ -67,10 +67,9 @@ class Arm:
         _check("pose", pose, pose in (None, "boot", "last"), "boot, last or None")
         if skills is not None:
             load_own_skills(Path(skills))
-        description = load_robot(None if robot is None else Path(robot))
         setup = Setup(
             port=port,
-            robot=description,
+            robot=None if robot is None else Path(robot),
             trees=find_own_trees() if trees is None else Path(trees),
             recordings=Path(recordings),
             seed=seed,

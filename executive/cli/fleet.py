@@ -17,7 +17,7 @@ from .support.command_group import CommandGroup
 from .support.names import TASK, check_goal_id
 from .support.options import set_option
 from .support.own_arms import local_server
-from .terminal.streams import LogFormatter, echo, echo_result
+from .terminal.streams import LogPrinter, echo, echo_result
 
 if TYPE_CHECKING:
     from executive.fleet.confirmation import Confirmation
@@ -39,9 +39,7 @@ def _run(url: str, act: "Callable[[FleetClient], Coroutine[Any, Any, None]]") ->
 
 
 def _print_log() -> None:
-    printer = logging.StreamHandler(sys.stderr)
-    printer.setFormatter(LogFormatter("%(asctime)s %(levelname)-7s %(message)s"))
-    logging.getLogger().addHandler(printer)
+    logging.getLogger().addHandler(LogPrinter())
     # The library warns of each refused TLS connection.
     logging.getLogger("asyncio").setLevel(logging.ERROR)
 

@@ -21,8 +21,8 @@ from executive.api.strict_json import MAX_BYTES
 from executive.errors import AddressInUse, ServerError
 from executive.executive import Executive
 from executive.goals.questions import Questions, ignore
+from executive.host_limits import spare_files
 from hardware import Clock, HostLimit, utc_ns
-from trees.live_library import LiveLibrary
 
 from .event_hub import EventHub
 from .http.app import App
@@ -31,11 +31,11 @@ from .http.recording_endpoints import RecordingEndpoints
 from .limits.acceptor import Acceptor
 from .limits.cancel_thread import CancelThread
 from .limits.connections import (
+    MAX_CONNECTIONS,
     MAX_HEAD,
     HttpConnection,
     SharedState,
     WebSocketConnection,
-    max_connections,
 )
 from .limits.fair_queue import FairQueue
 from .rosbridge.bridge import RosbridgeServer
@@ -203,7 +203,8 @@ class HttpServer:
         self._loop = asyncio.new_event_loop()
         self._thread: threading.Thread | None = None
         try:
-            self._max_connections = max_connections(workers)
+            # Checked before the first connection is open. As many connections may wait.
+            self._max_connections = spare_files(workers, least=2, most=2 * MAX_CONNECTIONS) // 2
         except HostLimit:
             self.stop()
             raise
@@ -258,8 +259,7 @@ class Server(HttpServer):
     """The HTTP and rosbridge server of an executive.
 
     Args:
-        executive: Runs the goals.
-        library: The tasks of the executive.
+        executive: Runs the goals. It reloads its tasks.
         listen: Address and clients of the server.
         questions: Open questions of tasks.
 
@@ -270,22 +270,19 @@ class Server(HttpServer):
     def __init__(
         self,
         executive: Executive,
-        library: LiveLibrary,
         listen: ListenOptions,
         questions: Questions,
     ) -> None:
         super().__init__(listen, executive.clock, executive.setup.workers)
-        self._executive, self._library = executive, library
-        self._questions, self._hub = questions, EventHub(self._loop)
+        self._executive, self._questions = executive, questions
+        self._hub = EventHub(self._loop)
 
     def start(self) -> None:
         """Start to answer."""
         self._unsubscribe = self._executive.subscribe(self._hub.publish)
         self._questions.changed = self._hub.publish
         self._canceler = canceler = CancelThread(self._executive)
-        endpoints = Endpoints(
-            self._executive, canceler, self._library, self._hub, self._questions, self.sign_in
-        )
+        endpoints = Endpoints(self._executive, canceler, self._hub, self._questions, self.sign_in)
         bridge = RosbridgeServer(self._executive, canceler, self._hub)
         rosbridge = bridge.serve if self._options.rosbridge else None
         self.serve(endpoints, canceler.stop, rosbridge)

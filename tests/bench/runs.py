@@ -57,7 +57,7 @@ from tests.support.resources import descriptors_used, memory_used, threads_used
 from tests.support.servers.network_ports import in_a_flood, over_http, rosbridge_results, served
 from trees.live_library import LiveLibrary
 
-Way = Callable[[Executive, Robot, Path], AbstractContextManager[Callable[[], object]]]
+Way = Callable[[Executive], AbstractContextManager[Callable[[], object]]]
 
 EMPTY = "task: 20\nname: empty\ndescription: Nothing.\ntree: Succeed\n"
 SWING = """\
@@ -183,7 +183,7 @@ def next_skill_times() -> list[float]:
 
 
 @contextmanager
-def directly(arm: Executive, robot: Robot, folder: Path) -> Iterator[Callable[[], object]]:
+def directly(arm: Executive) -> Iterator[Callable[[], object]]:
     """What cancels all goals, in this process."""
     yield arm.cancel
 
@@ -207,7 +207,7 @@ def cancel_times(count: int, way: Way = directly) -> list[float]:
         link = robot.link(listener.stdout.readline().strip())
         with (
             serving(robot, link, clock, ears, Path(folder)) as arm,
-            way(arm, robot, Path(folder)) as cancel,
+            way(arm) as cancel,
         ):
             for number in range(count):
                 ears.events.clear()
@@ -316,7 +316,7 @@ def idle_load(seconds: float) -> float:
         link = robot.link(VIRTUAL)
         with (
             serving(robot, link, clock, lambda _: None, Path(folder)) as arm,
-            served(arm, robot, Path(folder)),
+            served(arm),
         ):
             arm.result(arm.send(20).identity)
             rest(clock, 2.0)
@@ -337,7 +337,7 @@ def bridge(count: int, apart: bool) -> float:
         link = robot.link(VIRTUAL)
         with (
             serving(robot, link, RealClock(), lambda _: None, Path(folder)) as arm,
-            served(arm, robot, Path(folder)) as server,
+            served(arm) as server,
         ):
             between = partial(finished, Path(folder)) if apart else lambda: None
             rosbridge_results(server, 20, 3, between)

@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from executive.cli.settings import SETTINGS_SECTION
-from executive.cli.terminal.streams import LogFormatter
+from executive.cli.terminal.streams import LogPrinter
 from hardware.spelling import did_you_mean, suggestion
 
 _OWN, _COMMON = "Options", "Options of every command"
@@ -41,9 +41,7 @@ def _set_verbose(context: click.Context, _option: click.Parameter, given: bool) 
     wanted = context.ensure_object(Diagnostics)
     if given and not wanted.verbose:
         wanted.verbose = True
-        handler = logging.StreamHandler(sys.stderr)
-        handler.setFormatter(LogFormatter("%(levelname)s %(name)s: %(message)s"))
-        logging.getLogger().addHandler(handler)
+        logging.getLogger().addHandler(LogPrinter("%(levelname)s %(name)s: %(message)s"))
 
 
 def _set_debug(context: click.Context, _option: click.Parameter, given: bool) -> None:

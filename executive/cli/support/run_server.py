@@ -4,14 +4,13 @@ import gc
 import logging
 import logging.handlers
 import queue
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing, contextmanager, nullcontext
 from pathlib import Path
 from urllib.parse import urlencode
 
 from executive.api import PORT
-from executive.cli.terminal.streams import LogFormatter, echo
+from executive.cli.terminal.streams import LogPrinter, echo
 from executive.errors import PoseUnconfirmed
 from executive.executive import Executive
 from executive.fleet.worker_process import FleetPlace, worker_of
@@ -21,7 +20,6 @@ from executive.session import open_executive, port_line
 from executive.setup import Setup
 from hardware import HardwareError, RealClock, TransitionRefused
 from logs import LogError, NoSuchRecording
-from trees.live_library import LiveLibrary
 
 from .interrupts import Interrupts
 from .log_handler import recorded_log
@@ -51,9 +49,7 @@ def serve(setup: Setup, listen: ListenOptions, fleet: FleetPlace | None = None) 
         interrupts = stack.enter_context(Interrupts())
         stack.enter_context(_log())
         executive = stack.enter_context(open_executive(setup, clock=clock, operator=questions))
-        library = executive.library
-        assert isinstance(library, LiveLibrary)  # a server reloads its tasks
-        server = stack.enter_context(Server(executive, library, listen, questions))
+        server = stack.enter_context(Server(executive, listen, questions))
         logger.info("Token for requests that change something: %s", server.token)
         logger.info("The page, to open once: %s", server.sign_in.link())
         with recorded_log(executive):  # everything except the token and the link
@@ -139,9 +135,7 @@ def _announce(server: Server, executive: Executive, listen: ListenOptions) -> No
 def _log() -> Iterator[None]:
     """Print the log on its own thread, so that a slow or closed pipe cannot block the server."""
     lines: queue.SimpleQueue[logging.LogRecord] = queue.SimpleQueue()
-    printer = logging.StreamHandler(sys.stderr)
-    printer.setFormatter(LogFormatter("%(asctime)s %(levelname)-7s %(message)s"))
-    listener = logging.handlers.QueueListener(lines, printer)
+    listener = logging.handlers.QueueListener(lines, LogPrinter())
     root, put = logging.getLogger(), logging.handlers.QueueHandler(lines)
     before = root.handlers[:]
     root.handlers[:] = [put]

@@ -109,8 +109,16 @@ def echo_result(as_json: bool, row: Any, *lines: object) -> None:
     echo(*([json.dumps(row)] if as_json else lines))
 
 
-class LogFormatter(logging.Formatter):
-    """Formats lines of the log."""
+class LogPrinter(logging.StreamHandler[TextIO]):
+    """Prints the log to standard error.
+
+    Args:
+        form: Format of a line. Default: with the time.
+    """
+
+    def __init__(self, form: str = "%(asctime)s %(levelname)-7s %(message)s") -> None:
+        super().__init__(sys.stderr)
+        self.setFormatter(logging.Formatter(form))
 
     def format(self, record: logging.LogRecord) -> str:
         """Return the lines of a record."""

@@ -49,7 +49,6 @@ class Endpoints(RecordingEndpoints):
     Args:
         executive: Runs the goals.
         canceler: Cancels goals and stops the arm.
-        library: The tasks.
         hub: Source of events.
         questions: Open questions of tasks.
         sign_in: Signs browsers in.
@@ -61,7 +60,6 @@ class Endpoints(RecordingEndpoints):
         self,
         executive: Executive,
         canceler: CancelThread,
-        library: LiveLibrary,
         hub: EventHub,
         questions: Questions,
         sign_in: SignIn,
@@ -69,7 +67,9 @@ class Endpoints(RecordingEndpoints):
         clock, folder = executive.clock, executive.setup.recordings
         super().__init__(folder, sign_in, lambda: utc_ns(clock) / 1e9)
         self._executive, self._canceler = executive, canceler
-        self._library, self._hub, self._questions = library, hub, questions
+        self._hub, self._questions = hub, questions
+        assert isinstance(executive.library, LiveLibrary)  # see `Setup.reload`
+        self._library = executive.library
         self._scene = RobotScene(executive.robot)
         self._metrics = Metrics(executive.status, lambda: len(hub.subscribers))
         self._listing, self._planning = asyncio.Lock(), asyncio.Lock()

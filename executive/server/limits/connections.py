@@ -25,7 +25,6 @@ from websockets.utils import apply_mask
 from executive.api.operations import OPERATIONS, Operation
 from executive.api.outcome import CancelResult, cause_of
 from executive.errors import BadRequest
-from executive.host_limits import spare_files
 from executive.server.security import AccessRules, is_authenticated
 
 from .fair_queue import CHUNK, FairQueue
@@ -57,27 +56,14 @@ _ROSBRIDGE_CANCEL = re.compile(rb"cancel_action_goal|_action/cancel_goal")
 _TEXT_FRAME = 0x81  # first byte of a WebSocket frame with a whole text message
 
 
-def max_connections(planners: int) -> int:
-    """Return the largest number of served connections. The same number may wait.
-
-    Call this before the server opens its first connection.
-
-    Args:
-        planners: Number of planner processes.
-
-    Raises:
-        HostLimit: The limit of the operating system leaves no descriptors for connections.
-    """
-    return spare_files(planners, least=2, most=2 * MAX_CONNECTIONS) // 2
-
-
 class SharedState(ServerState):
     """The shared state of all connections.
 
     Args:
         queue: Queue of received data.
         rules: Rules of access.
-        max_connections: Largest number of connections. If there are more, one is closed.
+        max_connections: Largest number of connections. If there are more, one is closed. The same
+            number may wait.
         stop: Callback that stops the arm.
     """
 
@@ -103,9 +89,7 @@ class _QueuedProtocol(asyncio.Protocol):
 
     def __init__(self, *, server_state: SharedState, **more: Any) -> None:
         super().__init__(server_state=server_state, **more)  # type: ignore[call-arg]
-        self.fair_queue, self._rules = server_state.fair_queue, server_state.rules
-        self._stop = server_state.stop
-        self._max_connections = server_state.max_connections
+        self.fair_queue = server_state.fair_queue
 
     def data_received(self, data: bytes) -> None:
         """Process a stop at once, unless other data is queued before it. Queue all other data."""
@@ -239,6 +223,7 @@ class HttpConnection(_QueuedProtocol, H11Protocol):
         more: Arguments of uvicorn's protocol.
     """
 
+    server_state: SharedState
     _head_timer: asyncio.TimerHandle | None = None
 
     def __init__(self, accepted: float, **more: Any) -> None:
@@ -250,7 +235,7 @@ class HttpConnection(_QueuedProtocol, H11Protocol):
         super().connection_made(transport)
         self.transport.max_size = READ_AT_ONCE  # type: ignore[attr-defined]
         self._update_head_timer()
-        if len(self.connections) > self._max_connections:
+        if len(self.connections) > self.server_state.max_connections:
             self._close_another()
 
     def connection_lost(self, exc: Exception | None) -> None:
@@ -275,14 +260,14 @@ class HttpConnection(_QueuedProtocol, H11Protocol):
         """
         if self.conn.their_state is not h11.IDLE or self.conn.trailing_data[0]:
             return 0
-        stop = QuickStop.find(data, self._rules)
+        stop = QuickStop.find(data, self.server_state.rules)
         self.stopping = stop is not None
         if not stop:
             return 0
         self._end_head_timer()
         self._unset_keepalive_if_required()
         self.transport.pause_reading()
-        self._stop().add_done_callback(partial(self._answer_stop, stop))
+        self.server_state.stop().add_done_callback(partial(self._answer_stop, stop))
         return len(data)
 
     def _answer_stop(self, stop: QuickStop, stopped: asyncio.Future[CancelResult]) -> None:

@@ -9,15 +9,12 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 from websockets.sync.client import connect
 
 from executive.executive import Executive
 from executive.goals.questions import Questions
 from executive.server.server import ListenOptions, Server
-from hardware import Robot
-from trees.live_library import LiveLibrary
 
 Cancel = Callable[[], object]
 
@@ -60,22 +57,21 @@ sys.stdin.read()
 
 
 @contextmanager
-def served(arm: Executive, robot: Robot, folder: Path) -> Iterator[Server]:
+def served(arm: Executive) -> Iterator[Server]:
     """A server for an executive, on a free port."""
     with tempfile.TemporaryDirectory() as runtime:
         os.environ["XDG_RUNTIME_DIR"] = runtime
         listen = ListenOptions(port=0, rosbridge=True)
-        library = LiveLibrary(arm.library.latest.folder, robot)
-        server = Server(arm, library, listen, Questions(arm.clock))
+        server = Server(arm, listen, Questions(arm.clock))
         server.start()
         yield server
         server.stop()
 
 
 @contextmanager
-def over_http(arm: Executive, robot: Robot, folder: Path) -> Iterator[Cancel]:
+def over_http(arm: Executive) -> Iterator[Cancel]:
     """Yield a function that cancels all goals by a request on an open connection."""
-    with served(arm, robot, folder) as server:
+    with served(arm) as server:
         connection = http.client.HTTPConnection("127.0.0.1", server.port)
 
         def cancel() -> None:
@@ -89,9 +85,9 @@ def over_http(arm: Executive, robot: Robot, folder: Path) -> Iterator[Cancel]:
 
 
 @contextmanager
-def in_a_flood(arm: Executive, robot: Robot, folder: Path) -> Iterator[Cancel]:
+def in_a_flood(arm: Executive) -> Iterator[Cancel]:
     """Yield a function that stops the arm on a new connection, during a flood of requests."""
-    with served(arm, robot, folder) as server:
+    with served(arm) as server:
         command, pipe = [sys.executable, "-c", FLOOD, str(server.port)], subprocess.PIPE
 
         def cancel() -> None:

@@ -74,7 +74,7 @@ class Served:
             setup, self.robot, self.link, self.library, self._pool, self.clock, questions
         )
         options = ListenOptions(**{"port": 0, **listen})
-        self.server = Server(self.executive, self.library, options, questions)
+        self.server = Server(self.executive, options, questions)
         self.executive.start()
         self.server.start()
         # A test that waits too long fails, because the server ends.

@@ -14,7 +14,7 @@ import logs
 from executive.api.outcome import Cause, GoalState, Outcome
 from executive.cli.terminal.line_view import view_for
 from executive.cli.terminal.live.live_view import LiveView
-from executive.cli.terminal.streams import LogFormatter, echo_result
+from executive.cli.terminal.streams import LogPrinter, echo_result
 from tests.support.servers.serving import Served, Typed
 
 pytestmark = pytest.mark.slow
@@ -100,7 +100,7 @@ def test_errors_of_a_server(typed: tuple[Served, Typed]) -> None:
 
 def test_the_log() -> None:
     line = logging.LogRecord("skill", logging.INFO, "", 1, f"{EVIL}\n2026 ERROR forged", (), None)
-    shown = LogFormatter("%(levelname)s %(message)s").format(line)
+    shown = LogPrinter("%(levelname)s %(message)s").format(line)
     assert clean(shown)
     assert [each[:4] for each in shown.splitlines()] == ["INFO", "    "]
 
