@@ -367,7 +367,7 @@ class AsyncClient:
                 if response.status != operation.status:
                     await self._read(response, "events")
                 first = await anext(pieces, b"")  # the server confirms the subscription
-                transport.lift_deadline(response, transport.SILENCE_TIMEOUT)
+                transport.lift_deadline(response)
                 yield self._read_events(first, pieces)
 
     @asynccontextmanager

@@ -363,7 +363,7 @@ class Client:
                 if response.status != operation.status:
                     self._read(response, "events")
                 first = next(pieces, b"")  # the server confirms the subscription
-                transport.lift_deadline(response, transport.SILENCE_TIMEOUT)
+                transport.lift_deadline(response)
                 yield self._read_events(first, pieces)
 
     @contextmanager

@@ -151,9 +151,9 @@ def transport_errors(url: str, silence: float, reads: bool = True) -> Iterator[N
         raise ServerUnreachable(url, words) from error
 
 
-def lift_deadline(response: "httpcore.Response", silence: float) -> None:
-    """Limit only the silence in a body without end [s]."""
-    response.extensions["network_stream"].deadline.lift(silence)
+def lift_deadline(response: "httpcore.Response") -> None:
+    """Limit only the silence in a body without end, to `SILENCE_TIMEOUT`."""
+    response.extensions["network_stream"].deadline.lift(SILENCE_TIMEOUT)
 
 
 def poll_times(timeout: float | None) -> Iterator[float]:

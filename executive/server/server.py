@@ -22,7 +22,7 @@ from executive.errors import AddressInUse, ServerError
 from executive.executive import Executive
 from executive.goals.questions import Questions, ignore
 from executive.host_limits import spare_files
-from hardware import Clock, HostLimit, utc_ns
+from hardware import Clock, HostLimit
 
 from .event_hub import EventHub
 from .http.app import App
@@ -300,26 +300,23 @@ class Server(HttpServer):
 
 
 class Viewer(HttpServer):
-    """Serves the page with the recordings of a folder, only on this machine.
+    """Serves the page with the recordings of a folder, on a free port, only on this machine.
 
     Args:
         folder: The folder.
-        port: TCP port; 0 for any free one.
         clock: Time source.
 
     Raises:
         ServerError, AddressInUse, HostLimit: The server cannot start; see `HttpServer`.
     """
 
-    def __init__(self, folder: Path, port: int, clock: Clock) -> None:
-        super().__init__(ListenOptions(port=port), clock)
+    def __init__(self, folder: Path, clock: Clock) -> None:
+        super().__init__(ListenOptions(port=0), clock)
         self._folder = folder
 
     def start(self) -> None:
         """Start to answer."""
-        clock = self._clock
-        utc = lambda: utc_ns(clock) / 1e9  # noqa: E731
-        self.serve(RecordingEndpoints(self._folder, self.sign_in, utc), self._refuse)
+        self.serve(RecordingEndpoints(self._folder, self.sign_in, self._clock), self._refuse)
 
     def _refuse(self) -> asyncio.Future[CancelResult]:
         """Refuse a stop, because there is no arm."""

@@ -6,8 +6,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-import click
-
 from executive.api.codes import INTERRUPTED_EXIT
 from executive.api.events import Where
 from executive.cli.support.failures import Refusal
@@ -21,14 +19,10 @@ from executive.client.synchronous import Client
 from executive.session import open_executive, port_line
 from executive.setup import Setup
 from hardware import HardwareError
-from trees import TreeError
 
 from .arms import OwnArm, ServerArm
 from .model import KeyCommand
 from .screen import Act, JogArm, JogScreen
-
-# Errors of a key's command that do not end the jog.
-_SHOWN = (HardwareError, TreeError, click.ClickException)
 
 
 def run_jog(
@@ -66,7 +60,7 @@ def run_jog(
         _arm(server, options) as (port, arm, note),
     ):
         assert keys is not None
-        screen = JogScreen(arm, commands(arm), speed, note, title, steps, _SHOWN)
+        screen = JogScreen(arm, commands(arm), speed, note, title, steps)
         interrupts.on_cancel(screen.leave)
         before = signal.signal(signal.SIGWINCH, lambda *_: screen.wake())
         try:

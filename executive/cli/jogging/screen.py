@@ -7,16 +7,22 @@ from dataclasses import dataclass, replace
 from queue import SimpleQueue
 from typing import Protocol
 
+import click
+
 from executive.api.codes import OK
 from executive.api.events import Where
 from executive.api.move import Move
 from executive.api.outcome import Cause, Outcome, cause_of
 from executive.cli.terminal.key_screen import KeyScreen
 from executive.errors import ClientError, GoalCanceled, Refused, ServerLost, ServerUnreachable
-from hardware import NotActive
+from hardware import HardwareError, NotActive
 from skills.motion.errors import NEARER, MotionError
+from trees import TreeError
 
 from .model import Action, Call, Go, Jog, KeyCommand, Leave, Stop, Yes
+
+# Errors of a command that the screen shows. Any other error ends the jog.
+_SHOWN = (HardwareError, TreeError, click.ClickException)
 
 _STRETCHED = "the arm is stretched out or at a limit: move a joint first"
 
@@ -93,7 +99,6 @@ class JogScreen(KeyScreen):
         note: First message.
         title: Title of the screen, such as `armtree jog`.
         steps: Callback that returns the taken steps, for people; None for a jog without steps.
-        known: Errors of a command that are shown. Any other error ends the jog.
     """
 
     def __init__(
@@ -104,10 +109,9 @@ class JogScreen(KeyScreen):
         note: str,
         title: str,
         steps: Callable[[], Sequence[str]] | None,
-        known: tuple[type[Exception], ...],
     ) -> None:
         super().__init__()
-        self._arm, self._acts, self._known = arm, commands, known
+        self._arm, self._acts = arm, commands
         self._title, self._steps = title, steps
         self._where = arm.where()
         titles = {key: command for key, (command, _) in commands.items()}
@@ -217,7 +221,7 @@ class JogScreen(KeyScreen):
             self._jog = self._jog.said(act())
         except ConfirmationNeeded as question:
             self._jog, self._asked = self._jog.ask(str(question)), question.then
-        except self._known as error:
+        except _SHOWN as error:
             self._jog = refused(str(error))
 
     def _move(self, move: Move, stops: int) -> None:

@@ -80,7 +80,7 @@ def view_recordings(path: Path, show: Callable[[str], None]) -> None:
     folder, named = (path, {}) if path.is_dir() else (path.parent, {"recording": path.name})
     if named and not path.is_file():
         raise NoSuchRecording(folder, f"{path.name} does not exist")
-    with Interrupts("Ended at once.") as interrupts, Viewer(folder, 0, RealClock()) as viewer:
+    with Interrupts("Ended at once.") as interrupts, Viewer(folder, RealClock()) as viewer:
         viewer.start()
         interrupts.on_cancel(interrupts.end)
         show(viewer.sign_in.link() + (f"&{urlencode(named)}" if named else ""))

@@ -26,7 +26,6 @@ from executive.server.metrics import Metrics
 from executive.server.page.robot_shapes import RobotScene
 from executive.server.security import is_authenticated
 from executive.server.sign_in import SignIn
-from hardware import utc_ns
 from trees.live_library import LiveLibrary
 from trees.writing.saved_poses import remove_pose
 
@@ -64,8 +63,7 @@ class Endpoints(RecordingEndpoints):
         questions: Questions,
         sign_in: SignIn,
     ) -> None:
-        clock, folder = executive.clock, executive.setup.recordings
-        super().__init__(folder, sign_in, lambda: utc_ns(clock) / 1e9)
+        super().__init__(executive.setup.recordings, sign_in, executive.clock)
         self._executive, self._canceler = executive, canceler
         self._hub, self._questions = hub, questions
         assert isinstance(executive.library, LiveLibrary)  # see `Setup.reload`

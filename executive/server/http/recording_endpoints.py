@@ -18,6 +18,7 @@ from executive.errors import NotFound
 from executive.server.playback.recording_list import RecordingFilter, RecordingFolder
 from executive.server.playback.seek import POINTS, Timeline
 from executive.server.sign_in import SignIn
+from hardware import Clock
 from hardware.installed import version
 from logs import RecordingError
 from logs.reading.file_state import being_written
@@ -35,14 +36,14 @@ class RecordingEndpoints:
     Args:
         recordings: The folder of recordings.
         sign_in: Signs browsers in.
-        utc: Callback that returns the current time [s since 1970].
+        clock: Time source.
     """
 
     has_arm = False
 
-    def __init__(self, recordings: Path, sign_in: SignIn, utc: Callable[[], float]) -> None:
+    def __init__(self, recordings: Path, sign_in: SignIn, clock: Clock) -> None:
         self._sign_in = sign_in
-        self._recordings = RecordingFolder(recordings, utc)
+        self._recordings = RecordingFolder(recordings, clock)
         self._document = document(o for o in OPERATIONS.values() if hasattr(self, o.name))
 
     async def health(self) -> Json:

@@ -22,6 +22,7 @@ from executive.errors import NotFound, ServerRestarted, TooMuch
 from executive.recording.archive import restore_robot
 from executive.recording.recordings import is_server_recording
 from executive.server.page.robot_shapes import RobotScene
+from hardware import Clock, utc_ns
 from logs.reading.file_state import being_written
 from logs.reading.find import by_name
 from logs.reading.indexed import IndexedRecording
@@ -82,11 +83,11 @@ class RecordingFolder:
 
     Args:
         folder: The folder. It need not exist.
-        utc: Callback that returns the current time [s since 1970].
+        clock: Time source.
     """
 
-    def __init__(self, folder: Path, utc: Callable[[], float]) -> None:
-        self._folder, self._utc = folder, utc
+    def __init__(self, folder: Path, clock: Clock) -> None:
+        self._folder, self._clock = folder, clock
         self._verifying = threading.Lock()
         self._rows = _Cache[Json](MAX_FILES)
         self._indexed = _Cache[bool](MAX_FILES)
@@ -97,7 +98,7 @@ class RecordingFolder:
 
     def rows(self, query: RecordingFilter) -> list[Json]:
         """Return the recordings of a query, newest name first."""
-        purge(self._folder, self._utc() - UNDO)
+        purge(self._folder, utc_ns(self._clock) / 1e9 - UNDO)
         found: list[Json] = []
         for name in sorted(self._names(), reverse=True):
             if query.before and name >= query.before:

@@ -227,12 +227,12 @@ def _same_type(given: object, known: str) -> bool:
 
 def result(identity: str, status: int, success: bool) -> str:
     """Return the result of an accepted goal; status is 4 SUCCEEDED, 5 CANCELED or 6 ABORTED."""
-    return _action("action_result", identity, values={"success": success}, status=status, done=True)
+    return _result(identity, values={"success": success}, status=status, done=True)
 
 
 def refusal(identity: str, why: str) -> str:
     """Return the answer to a refused goal. Clients treat it as an error."""
-    return _action("action_result", identity, values=why, status=0, done=False)
+    return _result(identity, values=why, status=0, done=False)
 
 
 def feedback(identity: str, percentage: int) -> str:
@@ -341,9 +341,9 @@ def _bytes(value: object) -> bytes:
     raise TypeError(value)
 
 
-def _action(operation: str, identity: str, *, values: object, status: int, done: bool) -> str:
+def _result(identity: str, *, values: object, status: int, done: bool) -> str:
     return _dump(
-        op=operation, id=identity, action=ACTION, values=values, status=status, result=done
+        op="action_result", id=identity, action=ACTION, values=values, status=status, result=done
     )
 
 

@@ -54,7 +54,7 @@ class AllowedPairs:
 
 
 def find_allowed_pairs(
-    robot: Robot, poses: Mapping[str, Mapping[str, float]] = NO_POSES, seed: int = 1
+    robot: Robot, poses: Mapping[str, Mapping[str, float]] = NO_POSES
 ) -> AllowedPairs:
     """Find the pairs of links that need no check, and a free configuration for the start.
 
@@ -67,13 +67,12 @@ def find_allowed_pairs(
     Args:
         robot: The robot, with its margin and boot positions. Its allowed pairs are ignored.
         poses: Poses to make free of collisions: position by joint [rad], by name.
-        seed: Seed of the samples.
 
     Raises:
         ModelUnusable: The robot cannot be loaded, or a mesh is longer than 20 m.
         BadWorld: There are too many pairs of shapes.
     """
-    margin, samples = robot.collision.margin, _random(robot, seed)
+    margin, samples = robot.collision.margin, _random(robot)
     scene = _scene(robot, ())
     _check_meshes(robot, scene.robot_model)
     names = scene.linked_pairs(scene.hulls)
@@ -148,10 +147,10 @@ def _free(checker: CollisionChecker, configuration: tuple[float, ...], margin: f
     return checker.first_invalid(np.array([configuration]), margin) is None
 
 
-def _random(robot: Robot, seed: int) -> Array:
-    """Return random configurations within the limits (N, A) [rad]."""
+def _random(robot: Robot) -> Array:
+    """Return the same random configurations each time, within the limits (N, A) [rad]."""
     lower, upper = zip(*map(_range, robot.actuated), strict=True)
-    samples: Array = np.random.default_rng(seed).uniform(lower, upper, (_SAMPLES, len(lower)))
+    samples: Array = np.random.default_rng(1).uniform(lower, upper, (_SAMPLES, len(lower)))
     return samples
 
 

@@ -315,7 +315,7 @@ def test_what_is_done_with_a_recording(open_page: Open, page_server: Served) -> 
 def test_recordings_are_viewed_without_an_arm(open_page: Open, page_server: Served) -> None:
     folder = run(page_server, 13)
     newest = max(folder.glob("*Z-13.mcap"))
-    with Viewer(folder, 0, page_server.clock) as viewer:
+    with Viewer(folder, page_server.clock) as viewer:
         viewer.start()
         held: dict[str, Any] = {}
 

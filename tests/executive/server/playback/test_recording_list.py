@@ -11,6 +11,7 @@ from mcap.writer import IndexType, Writer
 
 from executive.server.playback import recording_list as folder_of_recordings
 from executive.server.playback.recording_list import RecordingFilter, RecordingFolder
+from hardware import SimulatedClock
 from logs.writing.compaction import Copy
 from logs.writing.recovery import recover
 from tests.support.recordings.alterations import records_of
@@ -61,7 +62,7 @@ def test_recordings_are_listed_and_found(serve: Serve) -> None:
 
 def test_a_folder_is_made_only_for_a_copy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    recordings = RecordingFolder(tmp_path / "recordings", lambda: 0.0)
+    recordings = RecordingFolder(tmp_path / "recordings", SimulatedClock())
     assert recordings.rows(RecordingFilter()) == []
     assert not list(tmp_path.iterdir())  # a killed server could not remove it
 
@@ -184,7 +185,7 @@ def test_a_recording_without_an_index_is_copied(
 def test_a_recording_is_verified_and_its_robot_described(serve: Serve) -> None:
     served = serve()
     (name,) = ran(served, 2)
-    folder = RecordingFolder(served.folder / "recordings", served.clock.now)
+    folder = RecordingFolder(served.folder / "recordings", served.clock)
     answer = folder.verify(name)  # takes longer than a request of this test may
     assert (answer["holds"], answer["error"]) == (True, "")
     assert [each["question"] for each in answer["verdicts"]] == ["plan -> frames", "goal -> plan"]

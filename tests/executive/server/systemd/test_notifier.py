@@ -29,7 +29,7 @@ def test_a_server_reports_from_its_loop(
     manager: socket.socket, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    with Viewer(tmp_path, 0, RealClock()) as viewer:
+    with Viewer(tmp_path, RealClock()) as viewer:
         viewer.start()
         assert [manager.recv(99) for _ in range(4)] == [b"READY=1", *[b"WATCHDOG=1"] * 3]
     manager.settimeout(0)
