@@ -160,10 +160,13 @@ def join(server: str, url: str, pool: str, name: str, page: str | None, child: b
 
     `armtree serve --fleet URL` does this for its own arm.
     """
+    import asyncio
+
     from executive.fleet.programs import join as run_join
+    from executive.fleet.worker_process import FleetPlace
 
     _print_log()
-    run_join(server, url, pool, name, page or "", child)
+    asyncio.run(run_join(server, FleetPlace(url, pool, name), page or "", child))
 
 
 @fleet.command()

@@ -80,7 +80,7 @@ def serve(
       armtree serve --bind 0.0.0.0 --expose --policy queue
     """  # noqa: D301
     from executive.api import Policy
-    from executive.fleet.worker_process import FleetPlace
+    from executive.fleet.worker_process import FleetPlace, machine_name
     from executive.server.server import ListenOptions
     from executive.setup import Setup
 
@@ -94,7 +94,7 @@ def serve(
         expose=expose,
         rosbridge=rosbridge,
     )
-    fleet = FleetPlace.of(fleet_url, pool, name) if fleet_url else None
+    fleet = FleetPlace(fleet_url, pool, name or machine_name()) if fleet_url else None
     later = configured(click.get_current_context()).get("trees")
     own_trees = later.value if later else Setup.own_trees
     run_server(Setup(policy=Policy(policy), own_trees=own_trees, **options), listen, fleet)

@@ -20,7 +20,8 @@ from executive.client.transport import ANSWER_TIMEOUT, Address, transport_errors
 from executive.errors import ServerSilent
 from hardware import RealClock
 
-from .errors import FleetError, FleetMissing, check_name
+from .errors import FleetError, FleetMissing
+from .worker_process import FleetPlace
 
 try:
     from . import web
@@ -150,29 +151,20 @@ async def _supervise(
             await asyncio.sleep(_RETRY_SECONDS)
 
 
-def join(server: str, url: str, pool: str, name: str, page: str, child: bool) -> None:
+async def join(server: str, place: FleetPlace, page: str, child: bool) -> None:
     """Run the worker of an arm until a signal arrives.
 
     Args:
         server: URL of the server of the arm.
-        url: URL of the fleet.
-        pool: Name of the pool.
-        name: Name of the arm.
+        place: Place of the arm in the fleet.
         page: URL of the arm's page for other machines; empty for `server`.
         child: True to also end when standard input ends.
 
     Raises:
-        BadName: A name is malformed.
         NameTaken: Another worker has that name.
         FleetRefused: The fleet refuses the credentials.
     """
-    check_name("a pool", pool)
-    check_name("an arm", name)
-    asyncio.run(_join(server, url, pool, name, page, child))
-
-
-async def _join(server: str, url: str, pool: str, name: str, page: str, child: bool) -> None:
-    known: list[Worker] = []
+    url, known = place.url, list[Worker]()
 
     async def changed(up: bool) -> None:
         if up:
@@ -187,9 +179,9 @@ async def _join(server: str, url: str, pool: str, name: str, page: str, child: b
     async def serve() -> None:
         async with (
             AsyncClient(server) as client,
-            open_fleet(url, f"{pool}.{name}", lasting=True, changed=changed) as fleet,
+            open_fleet(url, f"{place.pool}.{place.name}", lasting=True, changed=changed) as fleet,
         ):
-            worker = Worker(fleet, client, pool, name, RealClock(), page)
+            worker = Worker(fleet, client, place.pool, place.name, RealClock(), page)
             known[:] = [worker]
             logger.info("Fleet: this arm is %s in %s", worker.arm, url)
             await worker.run()

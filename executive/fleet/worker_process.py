@@ -10,7 +10,6 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from typing import Self
 
 from hardware import Clock, RealClock
 
@@ -31,21 +30,23 @@ class FleetPlace:
         url: URL of the fleet.
         pool: Name of the pool.
         name: Name of the arm in the pool.
+
+    Raises:
+        BadName: A name is malformed.
     """
 
     url: str
     pool: str
     name: str
 
-    @classmethod
-    def of(cls, url: str, pool: str, name: str | None) -> Self:
-        """Return a place. The default name is the name of this machine.
+    def __post_init__(self) -> None:
+        check_name("a pool", self.pool)
+        check_name("an arm", self.name)
 
-        Raises:
-            BadName: A name is malformed.
-        """
-        own = re.sub(r"[^\w-]", "-", socket.gethostname(), flags=re.ASCII)[:32]
-        return cls(url, check_name("a pool", pool), check_name("an arm", name or own))
+
+def machine_name() -> str:
+    """Return the name of this machine, as the name of its arm."""
+    return re.sub(r"[^\w-]", "-", socket.gethostname(), flags=re.ASCII)[:32]
 
 
 @contextmanager
