@@ -158,7 +158,7 @@ class Where:
         measured: Measured position by joint [rad]; None if the arm is not active, or its board
             measures none. The next six are None in the same cases.
         measured_velocity: Measured velocity by joint [rad/s].
-        measured_effort: Measured part of the largest torque of the servo by joint, -1 to 1.
+        measured_effort: Measured share of the largest torque of the servo by joint, -1 to 1.
         temperature: Temperature of the servo by joint [C].
         voltage: Voltage of the servo's supply by joint [V].
         current: Current of the servo by joint [A].

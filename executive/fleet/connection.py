@@ -165,7 +165,7 @@ class Fleet:
                         gone = "KV-Operation" in headers
                         found[key] = None if gone else from_bytes(kind, message.data)
                     except BadJob as error:
-                        logger.warning("Fleet: %s in the bucket %s: %s", key, bucket, error)
+                        logger.warning("Fleet: ignored %s in the bucket %s: %s", key, bucket, error)
                 more = headers.get("Nats-Num-Pending", "0") != "0"
         finally:
             await subscription.unsubscribe()

@@ -157,7 +157,7 @@ class FleetClient:
         return await self._fleet.pools()
 
     async def waiting(self) -> dict[str, str]:
-        """Return why jobs wait, by pool, for pools without an arm that is ready or busy."""
+        """Return the reason why jobs wait, by pool, except for pools with a ready or busy arm."""
         queued = await self.pools()
         return waiting_words(await self.arms(), queued) if any(queued.values()) else {}
 
@@ -395,7 +395,7 @@ class FleetClient:
 
 
 def waiting_words(rows: Sequence[ArmRow], queued: Mapping[str, int]) -> dict[str, str]:
-    """Return why jobs wait, by pool, for pools without an arm that is ready or busy.
+    """Return the reason why jobs wait, by pool, except for pools with a ready or busy arm.
 
     Args:
         rows: The arms.

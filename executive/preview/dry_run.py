@@ -27,7 +27,7 @@ class DryRun:
     """The result of a dry run.
 
     Attributes:
-        events: Events of the run, with times since its begin [s]: goal, plans, schedules, frames
+        events: Events of the run, with times since its start [s]: goal, plans, schedules, frames
             and result.
         unknown: A message for each motion that is known only in a run.
         worlds: The world during each motion.

@@ -117,7 +117,7 @@ def _copy(recording: Path, kept: Path) -> None:
 
 
 def write_finished(records: TolerantReader, new: Path) -> int:
-    """Write a finished recording of records. Return the number of messages."""
+    """Write the records of a file as a finished recording. Return the number of messages."""
     from mcap.records import Metadata
     from mcap.writer import Writer
 

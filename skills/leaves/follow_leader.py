@@ -127,8 +127,8 @@ class FollowLeader(Skill):
 
         Each joint is slow enough to stop at the leader's position. All of them together stay within
         `acceleration_sum` at any time, because each one has its share of it. A gripper that pushes
-        against an object is led by `squeeze_deg` at most until the leader lets go, so that it does
-        not overload its servo. One that moves freely may lag by more.
+        against an object gets a target at most `squeeze_deg` from its measured position, so that
+        its servo is not overloaded. This ends when the leader is that near.
         """
         speed, period, positions = self.get_input("speed"), self._period, []
         robot, measured = self.context.robot, self.context.arm.measured

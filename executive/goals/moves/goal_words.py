@@ -323,7 +323,7 @@ def _with_sign(word: str, name: str, value: str, following: Sequence[str], robot
 
 
 def _with_unit(robot: Robot, name: str, sign: str, text: str) -> str:
-    """Return a value of a joint; if it is valid only in a smaller unit, with that unit."""
+    """Return a value of a joint. If it is only valid in a smaller unit, add that unit."""
     if name == WIDTH:
         return text
     errors = distance_errors if sign == "+=" else joint_errors

@@ -330,7 +330,7 @@ class CollisionChecker:
         return int(doubts[0]) if doubts.size else None
 
     def _collides(self, doubt: Array, margin: float, pairs: frozenset[int]) -> bool:
-        """Return True if a doubt (nq,) is a collision. The broad phase has the same margin."""
+        """Return True if a doubt (nq,) is a collision, after the broad phase got this margin."""
         self._check()
         broad, narrow = self._broad_phase(pairs), self._narrow
         if pairs is self.pairs:
