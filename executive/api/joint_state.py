@@ -17,7 +17,7 @@ class JointState:
         measured: True if the values are measured.
         position: Position by joint [rad].
         velocity: Measured velocity by joint [rad/s]; empty if unknown.
-        effort: Measured part of the largest torque of the servo by joint, -1 to 1; empty if
+        effort: Measured share of the largest torque of the servo by joint, -1 to 1; empty if
             unknown.
     """
 
