@@ -48,7 +48,9 @@ def test_the_server_conforms_to_its_document(serve: Serve) -> None:
         command, capture_output=True, text=True, timeout=300, cwd=served.folder, check=False
     )
     assert ran.returncode == 0, ran.stdout + ran.stderr
-    assert "Tested: 41" in ran.stdout
+    # Schemathesis does not test the operation that returns the document.
+    tested = [o for o in OPERATIONS.values() if o.path not in (*STREAMS, "/openapi.json")]
+    assert f"Tested: {len(tested)}" in ran.stdout
 
 
 def test_a_path_answers_other_methods(serve: Serve) -> None:
