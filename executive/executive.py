@@ -220,12 +220,22 @@ class Executive:
             stops: Number of stops in the status that the sender knew, so that a goal that arrives
                 after a later stop is refused; None to accept the goal.
         """
+        invalid, text = None, ""
         if isinstance(task, Move):
-            return self._accept(MOVE, {}, identity, client, stops, *self._read_move(task))
-        preempts = self._queue.policy is Policy.PREEMPT
-        validate = self._executor.validate if preempts else self._executor.validate_request
-        invalid = validate(task, arguments) if preempts or strict else None
-        return self._accept(task, arguments, identity, client, stops, invalid)
+            invalid, text = self._read_move(task)
+            task, arguments = MOVE, {}
+        elif self.setup.policy is Policy.PREEMPT:
+            invalid = self._executor.validate(task, arguments)
+        elif strict:
+            invalid = self._executor.validate_request(task, arguments)
+        acceptance, preempted = self._queue.send(
+            task, arguments, identity, invalid, text, client, stops
+        )
+        self._stopper.stop(preempted)
+        answer = "accepted" if acceptance.accepted else f"refused: {acceptance.message}"
+        title = goal_title(task)
+        logger.info("Received a goal for %s (%s): %s", title, acceptance.identity, answer)
+        return acceptance
 
     def send_and_record(
         self,
@@ -443,7 +453,7 @@ class Executive:
             node=progress.node if progress else "",
             attempt=progress.attempt if progress else 1,
             waiting=self._queue.waiting,
-            policy=self._queue.policy,
+            policy=self.setup.policy,
             paused=goal is not None and goal.mailbox.paused,
             breakpoints=tuple(sorted(self._breakpoints)),
             stops=self._queue.stops,
@@ -507,25 +517,6 @@ class Executive:
         answer = self._pool.ask(replace(query, timeout=self.setup.planning_timeout))
         if isinstance(answer, Unreachable):
             raise answer
-
-    def _accept(
-        self,
-        task: int,
-        arguments: Mapping[str, str | Located],
-        identity: str,
-        client: str,
-        stops: int | None,
-        invalid: Exception | None,
-        text: str = "",
-    ) -> Acceptance:
-        acceptance, preempted = self._queue.send(
-            task, arguments, identity, invalid, text, client, stops
-        )
-        self._stopper.stop(preempted)
-        answer = "accepted" if acceptance.accepted else f"refused: {acceptance.message}"
-        title = goal_title(task)
-        logger.info("Received a goal for %s (%s): %s", title, acceptance.identity, answer)
-        return acceptance
 
     def _executing(self, identity: str) -> Mailbox:
         goal = self._queue.find(identity)

@@ -59,7 +59,6 @@ class GoalQueue:
 
     Attributes:
         keep: Time for which an ended goal is kept [s].
-        policy: Policy for a second goal.
         running: The goal under way, or None.
         stops: Number of cancels that named no goal. They always stop the arm.
         signal: Lock of the goals. It is notified of every change.
@@ -68,7 +67,7 @@ class GoalQueue:
     def __init__(
         self, clock: Clock, policy: Policy, keep: float, changed: Callable[[GoalStatus], None]
     ) -> None:
-        self._clock, self.policy, self._changed = clock, policy, changed
+        self._clock, self._policy, self._changed = clock, policy, changed
         self.keep = keep if keep >= 0 else math.inf
         self.signal = clock.signal()
         self._goals: dict[str, Goal] = {}
@@ -108,7 +107,7 @@ class GoalQueue:
             identity = identity or uuid.uuid4().hex
             if refusal := self._refusal(identity, invalid, stops):
                 return Acceptance(identity, 0, cause_of(refusal)), None
-            preempted = self._preempt(identity) if self.policy is Policy.PREEMPT else None
+            preempted = self._preempt(identity) if self._policy is Policy.PREEMPT else None
             now, mailbox = self._clock.now(), Mailbox(self._clock)
             stamp = self._stamp(now)
             goal = Goal(identity, task, arguments, now, stamp, mailbox, text, client)
@@ -301,9 +300,9 @@ class GoalQueue:
             return _blocked(busy)
         if invalid:  # first, because waiting would not help
             return invalid
-        if busy and self.policy is Policy.REJECT:
+        if busy and self._policy is Policy.REJECT:
             return GoalBusy(f"goal {busy.identity} for {goal_title(busy.task)} is under way")
-        if self.policy is Policy.QUEUE and len(self._waiting) >= WAITING:
+        if self._policy is Policy.QUEUE and len(self._waiting) >= WAITING:
             words = f"{WAITING} goals are waiting, which is the limit; wait, or cancel some"
             return QueueFull(words)
         return None
