@@ -225,6 +225,7 @@ asyncio.new_event_loop().run_until_complete(cells())
 """
 
 
+@pytest.mark.slow  # two boots in real time
 def test_the_tasks_are_those_of_the_command_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -100,6 +100,7 @@ def test_where_aligns_long_names() -> None:
     assert shoulder.index("deg") == elbow.index("deg")
 
 
+@pytest.mark.slow  # a motion in real time
 def test_where_shows_the_width_that_a_move_takes(folder: Path) -> None:
     assert type_command(folder, "move", "width=20mm", "--port", "virtual")[0] == 0
     assert type_command(folder, "where")[1].splitlines()[-1] == "width            20.0 mm"
