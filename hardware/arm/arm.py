@@ -178,8 +178,8 @@ class Arm:
             BoardError: The robot file names another board, or the arm may not move from its pose.
             DriverFailed: The driver raised another exception.
             ActivationStopped: `stop` was called during the boot; the arm is then inactive. Or it
-                was called before all joints were within their limits; the arm then holds where it
-                is measured, and is unconfigured, as after a fault.
+                was called before all joints were within their limits; servos with torque then hold
+                where they are measured, and the arm is unconfigured.
             TransitionRefused: The transition is not legal now.
         """
         self._start_pose, self._meanwhile = start_pose or self.robot.boot_pose, meanwhile
@@ -299,8 +299,8 @@ class Arm:
             NotAble: The board of the robot cannot do this.
             NotActive: The arm is not active.
             PoseOutsideLimits: The arm is outside its limits. The torque is still off.
-            ActivationStopped: The arm was stopped before all joints were within their limits. It
-                holds where it is measured, and is unconfigured, as after a fault.
+            ActivationStopped: The arm was stopped before all joints were within their limits. Its
+                servos with torque hold where they are measured. It is unconfigured.
         """
         self.robot.require(Ability.TORQUE)
         self._active_connection().switch_torque(on)

@@ -129,8 +129,8 @@ class Connection:
         Raises:
             NotActive: The arm is not active.
             PoseOutsideLimits: The arm is outside its limits. The torque is still off.
-            ActivationStopped: The arm was stopped before all joints were within their limits. It
-                holds where it is measured, and is unconfigured, as after a fault.
+            ActivationStopped: The arm was stopped before all joints were within their limits. Its
+                servos with torque hold where they are measured. It is unconfigured.
         """
         generation = self.guard.release_torque()
         try:
@@ -155,7 +155,8 @@ class Connection:
             for command in commands:
                 if self._moves_in and self.guard.generation != generation:
                     raise ActivationStopped(
-                        "the arm was stopped before its joints were within their limits; it holds",
+                        "the arm was stopped before its joints were within their limits; servos"
+                        " with torque hold where they are measured",
                         "configure and activate the arm again",
                     )
                 while not self.guard.send_torque_command(command):
@@ -191,7 +192,8 @@ class Connection:
         for joint, q, near in zip(self._robot.actuated, measured, pose, strict=True):
             if abs(q - near) > least:
                 words = joint.name, rounded(q, joint.unit), rounded(near, joint.unit)
-                logger.warning("%s is at %s, and moves to its limit, %s", *words)
+                way = "%s is at %s, and moves to its limit, %s; "
+                logger.warning(way + "this way is not checked for collisions", *words)
         return frame != self._robot.wire_format.encode(pose)
 
     def _pause(self, until: float) -> None:
@@ -203,13 +205,15 @@ class Connection:
         """Hold the measured positions, or release the joints, as the robot file specifies.
 
         Args:
-            error: The fault. After a fault of the link, nothing is sent.
+            error: The fault. After a fault of the link, nothing is sent. A stop is no fault: it
+                releases nothing.
         """
         if not self._robot.can(Ability.MEASURE) or isinstance(error, LinkError):
             return
         self._last_words = True
         try:
-            self.guard.send_fault_commands(self._robot.guards.on_fault == TORQUE_OFF)
+            releases = self._robot.guards.on_fault == TORQUE_OFF
+            self.guard.send_fault_commands(releases and not isinstance(error, ActivationStopped))
         except Exception as failure:  # a driver may raise any exception
             logger.error("Holding the arm after a fault failed: %s", failure)
 

@@ -46,7 +46,7 @@ class FollowLeader(Skill):
     _checks: tuple[PlannerJob, ...] = ()  # checks of the next step, or of each joint alone
     _contact = ""  # cause of a blocked step, while `_checks` are of each joint alone
     _blocked = False
-    _origin: tuple[float, ...]  # where it began to follow: contacts there may not deepen
+    _origin: tuple[float, ...] | None  # where it began to follow: contacts there may not deepen
     _start: tuple[float, ...]
     _schedule: Schedule
     _generation: int
@@ -103,8 +103,8 @@ class FollowLeader(Skill):
 
     def _rest(self) -> None:
         """Drop the current step, because the arm is at rest."""
-        self._origin = self.context.arm.commanded
-        self._playback, self._checks, self._contact, self._blocked = None, (), "", False
+        self._origin, self._playback, self._checks = None, None, ()
+        self._contact, self._blocked = "", False
         self._velocity = [0.0] * len(self.context.robot.actuated)  # last velocity [rad/s]
         self._gripping = set[int]()  # columns of grippers that push against an object
 
@@ -112,6 +112,7 @@ class FollowLeader(Skill):
         """Request a check of the next step towards the leader."""
         arm, wire = self.context.arm, self.context.robot.wire_format
         start, self._generation = arm.commanded, arm.generation
+        self._origin = self._origin or start
         positions = self._ahead(start, target)
         if positions == start:
             return

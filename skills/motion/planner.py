@@ -10,14 +10,14 @@ times the path; a timed motion does not leave its path:
     blend      parabolic blends at the corners
     time       trapezoidal profile on a line, TOPP-RA on a curve
 
-A motion may start in a slight contact, if the robot file allows this, and may not deepen it. The
-links in contact are then left out of all stages, and checked at the end.
+A motion may start in a slight contact, if the robot file allows this, and may not deepen it. If the
+straight line would, or is not free, a short way out comes first. To a goal in the contact there is
+none: the links in contact are then left out of all stages, and checked at the end.
 
 `Planner.reach` solves inverse kinematics; `rest`, `carry` and `verify` answer the other requests.
 """
 
 import dataclasses
-import math
 from collections.abc import Iterator
 from itertools import pairwise
 
@@ -38,9 +38,10 @@ from .path.barrier import check_passable
 from .path.bend import find_bend, find_corner
 from .path.blend import blend
 from .path.motion_validator import MotionValidator
-from .path.motion_verification import verify_contacts, verify_rows
+from .path.motion_verification import first_deeper, verify_contacts, verify_rows
 from .path.rrt_connect import find_paths
 from .path.shortcut import shortcut
+from .path.way_out import find_way_out, lines_leave_or_keep
 from .query import Answer, Carry, Query, Reached, Request, Rest, ToolQuery, Verify, check_types
 from .robot_model.joint_group import JointGroup
 from .robot_model.robot_model import RobotModel
@@ -54,7 +55,7 @@ Pairs = frozenset[frozenset[str]]  # pairs of links
 
 _NONE: Pairs = frozenset()
 _MAX_SCENES = 4  # number of scenes kept in memory
-_STEP_OUT = {"rad": math.radians(5), "m": 0.005}  # step of one joint out of a contact
+_SAMPLES = 200  # of a plan in which contacts are checked again
 _SAME_POINT = 1e-9  # waypoints closer than this are merged [rad]
 
 
@@ -119,21 +120,39 @@ class Planner:
                 The error has the durations of all stages so far.
         """
         watch, deadline = Stopwatch(self._clock), Deadline(self._clock, query.timeout)
-        margin = self._robot.collision.margin
         with watch.stage("ends" if (query.world, _NONE) in self._checkers else "world"):
             checker = self._checker(query.world)
-        with watch.stage("ends"):
-            group, contacts = self._group(query.group), None
-            start, points = self._endpoints.points(query, group)
-            rows = group.full(start, points)
-            try:
-                self._endpoints.check_free(rows, checker)
-            except StartInCollision:
-                if not (contacts := self._start_contacts(checker, start)):
-                    raise
-                checker = self._checker(query.world, contacts.pairs)
-                self._endpoints.check_free(rows, checker, contacts)
-        validator = MotionValidator(
+        with checker.within(deadline):
+            with watch.stage("ends"):
+                group = self._group(query.group)
+                start, points = self._endpoints.points(query, group)
+                rows = group.full(start, points)
+                try:
+                    self._endpoints.check_free(rows, checker)
+                except StartInCollision:
+                    if not (contacts := self._start_contacts(checker, start)):
+                        raise
+                    others = self._checker(query.world, contacts.pairs)
+                    self._endpoints.check_free(rows, others, contacts)
+                else:
+                    contacts, others = None, checker
+            validator = self._validator(query, checker, group, start, deadline)
+            if contacts is None:
+                return _plan(query, validator, points, watch)
+            with others.within(deadline):
+                apart = self._validator(query, others, group, start, deadline)
+                return _plan_out(query, contacts, apart, validator, points, watch)
+
+    def _validator(
+        self,
+        query: Query,
+        checker: CollisionChecker,
+        group: JointGroup,
+        start: Array,
+        deadline: Deadline,
+    ) -> MotionValidator:
+        margin = self._robot.collision.margin
+        return MotionValidator(
             checker=checker,
             group=group,
             start=start,
@@ -142,17 +161,6 @@ class Planner:
             guaranteed=0.5 * margin + query.spare,
             deadline=deadline,
         )
-        with checker.within(deadline):
-            plan = _plan(query, validator, points, watch)
-            if contacts:
-                with watch.stage("check"):
-                    out = _way_out(contacts, validator, plan)
-                if out is not None:
-                    plan = _plan(query, validator, np.insert(points, 1, out, axis=0), watch)
-                    with watch.stage("check"):
-                        if _way_out(contacts, validator, plan) is not None:
-                            raise ContactDeepened(*contacts.deepest, margin)
-        return plan
 
     def verify(self, request: Verify) -> None:
         """Check a motion as the board will play it: along straight lines from row to row.
@@ -254,7 +262,9 @@ def _without(robot: Robot, pairs: Pairs) -> Robot:
     return dataclasses.replace(robot, collision=rules)
 
 
-def _plan(query: Query, validator: MotionValidator, points: Array, watch: Stopwatch) -> Plan:
+def _plan(
+    query: Query, validator: MotionValidator, points: Array, watch: Stopwatch, out: int = 0
+) -> Plan:
     """Return a free motion through points of a group.
 
     Args:
@@ -262,13 +272,14 @@ def _plan(query: Query, validator: MotionValidator, points: Array, watch: Stopwa
         validator: Checks motions of the group.
         points: Free start, via points and goal (K, J) [rad].
         watch: Measures each stage.
+        out: Number of first legs that leave contacts; they are free.
 
     Raises:
         Barred, NoPath, TooLong, PlanTimeout: A stage failed.
     """
     group, deadline = validator.group, validator.deadline
     velocity, acceleration = group.limits_at(query.speed)
-    for path in _paths(validator, points, query.seed, watch):
+    for path in _paths(validator, points, query.seed, watch, out):
         with watch.stage("time"):
             profile = time_curve(path[1], velocity, acceleration, group.most_acceleration)
         if profile:
@@ -295,41 +306,47 @@ def _plan(query: Query, validator: MotionValidator, points: Array, watch: Stopwa
     return plan
 
 
-def _way_out(contacts: StartContacts, validator: MotionValidator, plan: Plan) -> Array | None:
-    """Return None if a plan deepens no contact in which it starts, else a point to pass first.
+def _plan_out(
+    query: Query,
+    contacts: StartContacts,
+    others: MotionValidator,
+    every: MotionValidator,
+    points: Array,
+    watch: Stopwatch,
+) -> Plan:
+    """Return a motion that starts in contacts and deepens none.
 
-    The point is one step of one joint away. The line to it deepens no contact (J,) [rad].
+    Args:
+        query: The query.
+        contacts: Contacts of the start.
+        others: Checks all other pairs of links.
+        every: Checks all pairs of links.
+        points: Start, via points and goal (K, J) [rad].
+        watch: Measures each stage.
 
     Raises:
-        ContactDeepened: The plan deepens a contact, and there is no such point.
-        PlanTimeout: The deadline passed.
+        Barred, NoPath, TooLong, PlanTimeout: A stage failed.
+        ContactDeepened: The motion would deepen a contact, and there is no way out of it.
     """
-    if not _deepens(contacts, validator.full(plan.sample(np.linspace(0.0, plan.duration, 200)))):
-        return None
-    group = validator.group
-    steps = np.diag([_STEP_OUT[joint.unit] for joint in group.joints])
-    around = plan.origin + np.concatenate((steps, -steps))
-    points = around[((group.lower <= around) & (around <= group.upper)).all(axis=1)]
-    points = points[validator.free_points(points)]
-    rows = validator.full(points)
-    for k in np.argsort([-contacts.distance(row) for row in rows]).tolist():
-        if not _deepens(contacts, np.array([contacts.start, rows[k]])):
-            point: Array = points[k]
-            return point
-    raise ContactDeepened(*contacts.deepest, validator.margin)
-
-
-def _deepens(contacts: StartContacts, rows: Array) -> bool:
-    """Return True if a motion along rows (N, A) [rad] deepens a contact in which it starts."""
-    try:
-        verify_contacts(contacts, Verify(rows, 0.0))
-    except MotionCollides:
-        return True
-    return False
+    out = None
+    with watch.stage("contacts"):
+        direct = lines_leave_or_keep(contacts, others, points)
+        if not direct and every.free_points(points[1:]).all():
+            out = find_way_out(contacts, others, every, points[0])
+    if out is None:
+        plan = _plan(query, others, points, watch)
+    else:
+        plan = _plan(query, every, np.insert(points, 1, out, axis=0), watch, len(out))
+    with watch.stage("contacts"):
+        rows = every.full(plan.sample(np.linspace(0.0, plan.duration, _SAMPLES)))
+        if deeper := first_deeper(contacts, rows):
+            raise ContactDeepened(*contacts.at_start(deeper[1]), every.margin)
+        every.deadline.check()
+    return plan
 
 
 def _paths(
-    validator: MotionValidator, points: Array, seed: int, watch: Stopwatch
+    validator: MotionValidator, points: Array, seed: int, watch: Stopwatch, out: int
 ) -> Iterator[tuple[Array, Curve]]:
     """Yield waypoints (N, J) [rad] and the free curve along them, best path first.
 
@@ -341,6 +358,7 @@ def _paths(
         points: Free start, via points and goal (K, J) [rad].
         seed: Seed of the search.
         watch: Measures each stage.
+        out: Number of first legs that leave contacts; they are free.
 
     Raises:
         Barred: There is no path.
@@ -352,7 +370,7 @@ def _paths(
         yield points[:1], Curve.point(points[0])
         return
     with watch.stage("straight"):
-        straight = [validator.line_is_free(*leg) for leg in legs]
+        straight = [k < out or validator.line_is_free(*leg) for k, leg in enumerate(legs)]
     if straight == [True]:
         yield np.array(legs[0]), Curve.line(*legs[0])
         return

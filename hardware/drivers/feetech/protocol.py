@@ -79,7 +79,7 @@ class BusProtocol(BoardProtocol):
         self._silent = dict.fromkeys(self._joints, 0)  # those of them that were not late
         self._answered = dict.fromkeys(self._joints, -math.inf)  # last answered request [s]
         self._requested = -math.inf  # time of the last request [s]
-        self._interval = math.inf  # time between the last two requests [s]
+        self._replied = dict.fromkeys(self._joints, -math.inf)  # last request with any answer [s]
         self._begun = -math.inf  # time of the first request, or part of one, of this cycle [s]
         self._slowest = 0.0  # time of the slowest of the last cycles [s]
         self._settles = -math.inf  # time until which the arm may move [s]
@@ -218,8 +218,7 @@ class BusProtocol(BoardProtocol):
         if self.boot_frame and max(cycles.values(), default=0) >= allowed:
             raise self._silence({s: n for s, n in cycles.items() if n >= allowed})
         self._waiting, self._answers, self._doubtful = set(self._joints), {}, set()
-        self._requests, self._interval = self._requests + 1, now - self._requested
-        self._requested = now
+        self._requests, self._requested = self._requests + 1, now
         self._unasked = list(self._joints)
 
     def _silence(self, cycles: Mapping[int, int]) -> ServoSilent:
@@ -310,9 +309,10 @@ class BusProtocol(BoardProtocol):
             self._answers[servo] = packet.parameters
             if self._holds and self._jumps(servo, packet.parameters):
                 self._doubtful.add(servo)
+            self._replied[servo] = self._requested
 
     def _jumps(self, servo: int, answer: bytes) -> bool:
-        """Return True if a servo cannot have moved so far between two requests."""
+        """Return True if a servo cannot have moved so far since the last request it answered."""
         first, count = self._block
         position = self._series.registers["position"]
         if not first <= position.address < first + count:
@@ -320,7 +320,7 @@ class BusProtocol(BoardProtocol):
         before = self._series.unpack("position", self._memories[servo])
         moved = abs(self._series.unpack("position", answer, first) - before)
         degrees = moved * self._series.turn / self._series.ticks
-        return degrees > _FASTEST * self._interval + _PLAY
+        return degrees > _FASTEST * (self._requested - self._replied[servo]) + _PLAY
 
     def _health(self, memory: bytearray, load_before: int) -> ServoHealth:
         """Return what a servo's memory has of its health.

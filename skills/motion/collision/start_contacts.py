@@ -39,11 +39,17 @@ class StartContacts:
         """The contact with the smallest distance."""
         return min(self._contacts.values(), key=lambda contact: contact.distance)
 
-    def distance(self, configuration: Array) -> float:
-        """Return the smallest distance of the links in contact, at most the margin (A,) [m]."""
+    def at_start(self, contact: Contact) -> Contact:
+        """Return the contact of the same links at the start."""
+        return next(each for each in self._contacts.values() if each[:2] == contact[:2])
+
+    def clearance(self, configuration: Array) -> float:
+        """Return how far the links in contact are from the margin, together (A,) [m].
+
+        It is 0 if all of them keep the margin, else negative.
+        """
         near = self.checker.contacts(configuration, self._margin)
-        found = (each.distance for pair, each in near.items() if pair in self._contacts)
-        return min(found, default=self._margin)
+        return sum(near[pair].distance - self._margin for pair in self._contacts if pair in near)
 
     def first_deeper(self, configurations: Array) -> tuple[int, Contact] | None:
         """Return the first row in which a contact is closer than at the start, or None.

@@ -48,10 +48,23 @@ def verify_contacts(contacts: StartContacts, request: Verify) -> None:
         MotionCollides: It does. The error has the first contact.
         PlanTimeout: The deadline passed.
     """
-    rows = np.asarray(request.configurations)
+    if deeper := first_deeper(contacts, np.asarray(request.configurations)):
+        raise _collision(deeper[1], deeper[0], request)
+
+
+def first_deeper(contacts: StartContacts, rows: Array) -> tuple[float, Contact] | None:
+    """Return where a motion along rows (N, A) [rad] first deepens a contact, or None.
+
+    Returns:
+        The place as a fractional row number, and the contact there.
+
+    Raises:
+        PlanTimeout: The deadline passed.
+    """
     for chunk in _places(rows, contacts.lever_arms, MIN_STEP):
         if deeper := contacts.first_deeper(_interpolate(rows, chunk)):
-            raise _collision(deeper[1], chunk[deeper[0]], request)
+            return float(chunk[deeper[0]]), deeper[1]
+    return None
 
 
 def _collision(contact: Contact, place: float, request: Verify) -> MotionCollides:

@@ -220,6 +220,31 @@ def test_a_position_that_a_servo_cannot_have_reached_is_not_held(tmp_path: Path)
         any(not cycle() for _ in range(12))
 
 
+def test_a_fast_servo_whose_answers_were_lost_is_not_doubtful(tmp_path: Path) -> None:
+    """It may have moved since the last answer, not only since the last request."""
+    robot = load_robot(bus_arm(tmp_path))
+    bus, protocol = robot.model(), robot.protocol()
+    assert isinstance(bus, Bus)
+
+    def cycle(hears: bool = True) -> None:
+        time = max(protocol.next_poll, 0.0)
+        bus.receive(protocol.poll(time), time)
+        answers = bus.read_output(time + 0.003)
+        protocol.receive(answers if hears else b"", time + 0.003)
+
+    for _ in range(4):
+        cycle()
+    protocol.torque_commands(True)
+    cycle()
+    for hears in (False, False, True):
+        bus.servos[1].push(bus.servos[1].position + 82)  # 7.2 degrees in 20 ms
+        cycle(hears)
+    assert protocol.measured
+    assert protocol.measured.position[1] == pytest.approx(
+        math.radians(3 * 82 * 360 / 4096), abs=0.01
+    )
+
+
 def test_two_servos_with_the_last_id_are_named(tmp_path: Path) -> None:
     robot = load_robot(bus_arm(tmp_path))
     bus, protocol = robot.model(), robot.protocol()

@@ -184,7 +184,8 @@ def test_a_stop_may_be_far_behind_the_limit_of_the_urdf(
             return
         made.arm.activate()
         assert made.arm.commanded[0] == made.robot.actuated[0].upper
-        assert "joint_1 is at 111.1 deg, and moves to its limit, 90.0 deg" in caplog.messages
+        way = "joint_1 is at 111.1 deg, and moves to its limit, 90.0 deg; this way is not checked"
+        assert f"{way} for collisions" in caplog.messages
         moves_in_slowly(made, at, 3072)
 
 
@@ -203,9 +204,13 @@ def test_a_joint_that_is_blocked_on_its_way_to_its_limit_is_stalled(tmp_path: Pa
         assert made.bus.servos[0].get("torque_enable")
 
 
-def test_a_stop_ends_an_activation_that_moves_a_joint_to_its_limit(tmp_path: Path) -> None:
+@pytest.mark.parametrize("on_fault", ["hold", "torque_off"])
+def test_a_stop_ends_an_activation_that_moves_a_joint_to_its_limit(
+    tmp_path: Path, on_fault: str
+) -> None:
+    """A stop is no fault, so that it releases no servo."""
     sweep_widely(tmp_path)
-    with rig(tmp_path) as made:
+    with rig(tmp_path, guards=f'on_fault = "{on_fault}"') as made:
         rest(made, 3312, holds=False)
         made.after(0.8, made.arm.stop)
         with pytest.raises(ActivationStopped, match="before its joints were within") as caught:
@@ -241,11 +246,13 @@ def test_a_stop_at_the_end_of_the_boot_moves_no_joint_to_its_limit(
         monkeypatch.setattr(Arm, "_boot", stopped_after_boot)
     with rig(tmp_path) as made:
         rest(made, 3312, holds=False)
-        with pytest.raises(ActivationStopped):
+        with pytest.raises(ActivationStopped) as caught:
             made.arm.activate()
+        assert "it holds" not in str(caught.value)
         made.wait(1.5)
         made.bus.state(made.clock.now())
         assert made.bus.servos[0].position == 3312
+        assert not made.bus.servos[0].get("torque_enable")
         assert made.arm.state is not State.ACTIVE
 
 

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from hardware import load_robot
-from skills.motion import GoalInCollision, MotionCollides, StartInCollision, Verify
+from skills.motion import GoalInCollision, MotionCollides, PlanTimeout, StartInCollision, Verify
 from skills.motion.errors import ContactDeepened
 from skills.motion.planner import Planner
 from skills.motion.query import Query
 from skills.motion.trajectory.plan import Plan
+from skills.motion.world import EMPTY, Body, Box, World
 
 pytestmark = pytest.mark.slow
 
@@ -52,11 +53,29 @@ def test_a_folded_arm_leaves_its_contacts(planner: Planner, start: Pose, goal: P
     assert after[-1] < -SO101.collision.margin
 
 
-def test_a_motion_that_deepens_a_contact_first_leaves_it(planner: Planner) -> None:
-    """The gripper would turn into the shoulder, so another joint moves first."""
-    plan = planner.plan(query(BOTH, READY))
-    assert len(plan.waypoints) == 3
-    assert np.count_nonzero(np.diff(plan.waypoints[:2], axis=0)) == 1
+@pytest.mark.parametrize(
+    ("start", "goal"),
+    [
+        (BOTH, READY),  # the gripper would turn into the shoulder
+        ((29, -77, 91, 17, -13, 7), (-23, -87, 73, 35, -12)),  # past a wall that it touches
+        ((-14, -95, 93, 45, 66, 5), (-48, -78, 46, -30, -145)),
+        ((4, -70, 91, 29, -81, -7), (96, 9, 60, -57, 123)),
+    ],
+)
+def test_a_motion_that_would_deepen_a_contact_first_leaves_it(
+    planner: Planner, start: Pose, goal: Pose
+) -> None:
+    """All links keep the margin afterwards, also those that touched."""
+    world = World((Body("wall", Box((0.02, 0.4, 0.12)), (0.22, -0.05, 0.0)),))
+    plan = planner.plan(replace(query(start, goal), world=world if start != BOTH else EMPTY))
+    rows = np.tile(plan.start, (60, 1))
+    rows[:, : len(plan.joints)] = plan.sample(np.linspace(0.0, plan.duration, 60))
+    checker, margin = planner.checker if start == BOTH else planner._checker(world), 0.005
+    free = [not checker.contacts(row, 0.5 * margin) for row in rows]
+    assert not free[0]
+    out = free.index(True)
+    assert out < 40
+    assert all(free[out:])
 
 
 def test_joints_that_do_not_change_a_contact_move(planner: Planner) -> None:
@@ -94,10 +113,16 @@ def test_other_links_keep_the_margin(planner: Planner) -> None:
 def test_a_motion_that_can_only_deepen_a_contact_is_refused() -> None:
     """The jaw, alone, must pass the table."""
     table = frozenset(("base_link", "shoulder_link"))
-    rules = replace(SO101.collision, floor=0.026, floor_ignores=table)
+    rules = replace(SO101.collision, floor=0.03, floor_ignores=table)
     planner = Planner(replace(SO101, collision=rules))
     with pytest.raises(ContactDeepened, match=r"jaw.* floor .*would deepen this.* by hand"):
-        planner.plan(query((0, 0, 20, 90, 0, 0), (60,), "gripper"))
+        planner.plan(query((0, 0, 20, 90, 0, -10), (95,), "gripper"))
+
+
+def test_a_refusal_names_the_links_that_would_come_closer(planner: Planner) -> None:
+    """The forearm rests on the shoulder, deeper. The jaw is 4 mm above the table."""
+    with pytest.raises(ContactDeepened, match=r"jaw.* within 3\.\d mm of floor"):
+        planner.plan(query((0, -100, 92, 70, 90, -10), (60,), "gripper"))
 
 
 def test_a_deeper_start_is_refused_with_the_way_out(planner: Planner) -> None:
@@ -126,3 +151,9 @@ def test_frames_may_start_in_a_contact_and_a_pose_may_not(planner: Planner) -> N
     with pytest.raises(MotionCollides):
         planner.verify(Verify(creeping, 0.001, start=tuple(folded)))
     planner.verify(Verify([out, folded], 0.001, start=tuple(folded)))
+
+
+def test_the_deadline_covers_the_way_out(planner: Planner) -> None:
+    with pytest.raises(PlanTimeout) as caught:
+        planner.plan(replace(query(BOTH, READY), timeout=0.02))
+    assert "straight" not in caught.value.milliseconds
