@@ -199,7 +199,8 @@ SLIPS = [
     (f"{REACH}\n    - subtree: move_joints\n      {MOVE}", "with: &a {arm: upright, gripper: "
      "open}\n    - subtree: reach\n      with: *a", "9:13 *a is an alias of YAML, which is not "
      "allowed; write the value itself", f"      {REACH}"),
-    ("description: One mistake.", "description:", "3:1 description: write a text here", ""),
+    ("description: One mistake.", "description:", "3:1 description: write a text here",
+     "description: What it does."),
     ("- subtree: move", "- - subtree: move", "8:7 one `-` too many", "    - subtree: move_joints"),
     ("subtree: move_joints", "subtree: go", "8:16 joints is not a port of subtree go, but of "
      "subtree move_joints: write subtree: move_joints", "    - subtree: move_joints"),

@@ -457,8 +457,10 @@ class TreeCompiler:
         pose = target_pose(given, self._sources.poses) if name == TO_POSE else None
         if pose and source and not given.keys() & source.parameters.keys():
             given = {"": pose}
-        if "" in given:
-            target = as_positions(given[""], self._context.robot)
+        whole = given.get("")
+        listed = isinstance(whole, Located) and isinstance(whole.value, list)
+        if whole and (name == TO_POSE or not listed):
+            target = as_positions(whole, self._context.robot)
             given = nested(target) if isinstance(target, Located) and nested(target) else given
         ports = by_port(given, source.parameters if source else {}, ("", ""), mistakes.add)
         ports = ports if any(mistake.instead for mistake in mistakes.found) else given

@@ -21,7 +21,16 @@ def is_width(text: str) -> bool:
 
 
 def as_positions(value: Value, robot: Robot) -> Value:
-    """Return words of `armtree move` as the mapping that they mean; other values unchanged."""
+    """Return words of `armtree move`, or a list of angles, as the mapping that they mean.
+
+    Other values are unchanged.
+    """
+    if isinstance(value, Located) and isinstance(value.value, list):
+        joints = robot.actuated_in("arm") if "arm" in robot.groups else ()
+        names = [joint.name for joint in joints]
+        enough = len(names) == len(value.value)
+        items = dict(zip(names, value.value, strict=True)) if enough else {}
+        return replace(value, value=items) if items else value
     if not isinstance(value, Located) or not isinstance(value.value, str):
         return value
     pairs = dict(as_pairs(value.value))

@@ -28,7 +28,13 @@ from skills.motion import Body, MotionError, ToolQuery, shown
 from trees.errors import Correction, Mistake, Place
 from trees.reading.document import Located, nested
 from trees.reading.lines import left_out
-from trees.reading.literals import in_other_unit, in_radians, in_smaller_units, near_limit
+from trees.reading.literals import (
+    in_other_unit,
+    in_radians,
+    in_smaller_units,
+    near_limit,
+    renamed,
+)
 
 from .leaf import Leaf
 from .port_types import declaration
@@ -134,7 +140,8 @@ class SkillHooks:
                 instead = _nearest(leaf, robot, inputs, fault)
             if value and (name := suggested(str(fault))):
                 step = fault.location[-1] if isinstance(fault, SkillError) else ""
-                there = place.replaced(str(step), name)
+                is_key = place == value.label
+                there = renamed(str(step), name, value)[1] if is_key else None
                 instead = there or place.replaced(str(value.value), name)
             if value and isinstance(fault, BadTarget) and fault.location and not exchanged:
                 instead = self._other_pose(leaf, robot, inputs, fault, value) or instead

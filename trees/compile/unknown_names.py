@@ -20,6 +20,11 @@ from .move_words import as_positions, is_width
 from .values_by_port import as_mapping, fits
 
 TO_POSE = "move_joints"  # shipped subtree that moves to a pose
+# Shipped subtrees by their names in the languages of other robots.
+_OTHER_NAMES = {
+    **dict.fromkeys(("movej", "moveabsj", "ptp"), TO_POSE),
+    **dict.fromkeys(("movel", "movep", "lin"), "move_tool"),
+}
 
 
 def meant(
@@ -46,11 +51,18 @@ def meant(
             return text
     if begun:
         return _taking(spec.skill, spec.ports, library) if begun[1:] else begun[0]
-    for name, kind in skills.items():
-        if spec.skill.lower() in kind.synonyms:
-            return name
+    if name := _by_other_name(spec.skill, skills, subtrees):
+        return name
     near = closest(spec.skill, (*nodes(skills), *subtrees), 0.71)
     return near or (_taking(_first(spec.skill), spec.ports, library) if spec.ports else "")
+
+
+def _by_other_name(word: str, skills: Mapping[str, type[Skill]], subtrees: Collection[str]) -> str:
+    """Return the skill or subtree with this name in another program; empty if there is none."""
+    word = re.sub(r"_?(cmd|command|action|node|skill|step)$", "", word.lower())
+    named = (name for name, kind in skills.items() if word in kind.synonyms)
+    name = next(named, _OTHER_NAMES.get(word, ""))
+    return name if name in (*skills, *subtrees) else ""
 
 
 def target_pose(ports: Mapping[str, Value], poses: Collection[str]) -> Located | None:

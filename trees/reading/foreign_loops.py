@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from hardware.spelling import did_you_mean
 from trees.errors import Correction, Place
 
+from .corrected_nodes import comparison
 from .document import Located, nested, reference, scalar
 from .lines import key_block, replaced_block, rewritten
 from .literals import in_unit_of_key
@@ -132,7 +133,7 @@ def _read(
         right = place.replaced(place.brackets, Located(place, keys, place).as_yaml())
     else:
         node = _below(kind.name, lines) if lines else [f"{kind.name}: {child.as_yaml()}"]
-        beside = (f"{key}: {each.as_yaml()}" for key, each in options.items())
+        beside = (f"{key}: {comparison(each) or each.as_yaml()}" for key, each in options.items())
         right = replaced_block(place, [*node, *beside])
     return ForeignLoop(given[word].label, kind.name, why, keys, right if known else None)
 
@@ -209,7 +210,8 @@ def _beside_child(
 
         asked = Located(head.place, EXAMPLE_CONDITION, head.place)
         return f"{why}, not beside, and needs {condition}: the condition", {condition: asked}
-    named = isinstance(head.value, str) and condition and condition not in given
+    asks = isinstance(head.value, str) or _has_node(head)
+    named = asks and condition and condition not in given
     if word == condition or named:
         why = f"{why}, and {condition} in a line of its own"
         return kind.keywords[_DO] if _DO in given else why, {condition: head}

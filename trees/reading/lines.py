@@ -78,8 +78,10 @@ def in_node(place: Place, head: str) -> Correction | None:
     line, column = place.lines[place.line - 1], place.column - 1
     before, after = line[:column], line[column:]
     if not after.startswith("["):
-        if before.strip() == "-":
-            return None  # one `-` may be too many
+        if before.strip() == "-":  # above a single item, one `-` may be too many
+            lines = [f"  {line}" for line in block(place)]
+            several = len([line for line in lines if line.startswith("  - ")]) > 1
+            return replaced_block(place, [f"{head}:", *lines]) if several else None
         above = re.match(r"[\s-]*", place.lines[place.line - 2])
         if above and above.end() == column:  # its items are in the column of its key
             lines, indent = key_block(place), " " * (column + 2)

@@ -10,7 +10,7 @@ from hardware import DISPLAY_UNITS
 from hardware.printable import plural
 from hardware.spelling import choices, closest, did_you_mean, there_are
 from trees.declarations import ANY, LIST, UNITS, Declaration, type_fits, words
-from trees.errors import Mistake
+from trees.errors import Correction, Mistake, Place
 
 from .document import NO_CALCULATION, REFUSED, Located, StandIn, calculates, nested, reference
 from .lines import as_mapping, block, replaced_block
@@ -35,6 +35,7 @@ _CHOICES = {
     "not": "!=",
     "less": "<",
 }
+_DIRECTIONS = {"up": "[0, 0, 1]", "down": "[0, 0, -1]"}
 _SIGNS = str.maketrans({",": ".", "\u2212": "-", "\u2013": "-"})
 _FOREIGN_UNITS = {  # factor and unit of task files
     **dict.fromkeys(("in", "inch", "inches"), (25.4, "mm")),
@@ -57,8 +58,12 @@ _COUNTS = {
 }
 _UNIT_NAMES = {"grad": "deg", "\xb0": "deg", "milli": "m", "centi": "c", "zenti": "c"}
 
-# Units of time at the end of a key.
-_TIMES = {"ms", "msec", "milliseconds", "sec", "secs", "seconds", "minutes", "hours"}
+# Names of units at the end of a key, by the type.
+_IN_KEYS = {
+    "duration": {"ms", "msec", "milliseconds", "sec", "secs", "seconds", "minutes", "hours"},
+    "angle": {"deg", "degs", "degrees", "rad", "radians"},
+    "length": {"mm", "cm", "millimeters", "centimeters"},
+}
 
 _HOME = "home"  # the robot file may define it for `armtree home`
 
@@ -77,11 +82,19 @@ def measured(value: Located) -> str:
 
 
 def in_unit_of_key(key: str, value: Located) -> Located:
-    """Return a number without a unit in the unit of time that its key names, such as `msec`."""
+    """Return a number without a unit in the unit that its key names, such as `delay_msec`."""
     word = re.split("[_-]", key)[-1]
-    if not is_bare(value.value) or word not in _TIMES:
+    kind = next((kind for kind, names in _IN_KEYS.items() if word in names), "")
+    if not is_bare(value.value) or not kind:
         return value
-    return replace(value, value=f"{value.as_yaml()} {_unit(word, UNITS['duration'])}")
+    return replace(value, value=f"{value.as_yaml()} {_unit(word, UNITS[kind])}")
+
+
+def renamed(key: str, name: str, value: Located) -> tuple[Located, Correction | None]:
+    """Return a value in the unit of its key, and the line with another key above it."""
+    made, label = in_unit_of_key(key, value) if name else value, value.label
+    old, new = f"{key}: {value.as_yaml()}", f"{name}: {made.as_yaml()}"
+    return made, (made is not value and label.replaced(old, new)) or label.replaced(key, name)
 
 
 def in_smaller_units(value: object, unit: str) -> Iterator[tuple[str, float]]:
@@ -191,10 +204,7 @@ def fit(
         return _items(value, wanted, poses, wrong)
     if wanted.type == "positions":
         return _positions(value, poses, wrong)
-    if wanted.type in ("number", *UNITS):
-        fitted = _number(value, wanted.type, wrong)
-    else:
-        fitted = _plain(value, wanted, wrong)
+    fitted = _single(value, wanted, wrong)
     if isinstance(fitted, StandIn):
         return fitted
     if fitted is not None and (reason := _violation(fitted, wanted)):
@@ -215,6 +225,18 @@ def fit(
         wrong(value.place, f"{shown} {reason}{meant}", value.instead(right))
         return None
     return fitted
+
+
+def _single(value: Located, wanted: Declaration, wrong: Wrong) -> Any:
+    """Return a number, a quantity, a text or a boolean; None if the value is wrong."""
+    if wanted.type not in ("number", *UNITS):
+        return _plain(value, wanted, wrong)
+
+    def explained(place: Place, why: str, right: Correction | None = None) -> None:
+        more = f": {wanted.description}" if wanted.description and not right else ""
+        wrong(place, why + more, right)
+
+    return _number(value, wanted.type, explained)
 
 
 def _within_bounds(fitted: Any, value: Located, wanted: Declaration) -> str:
@@ -241,6 +263,8 @@ def _items(
         if not numbers and fit(value, one, poses, lambda *_: None) is not None:
             texts = re.split(r" *[,/|] *", str(value.value)) if one.type == "text" else []
             near = f"[{', '.join(texts) or value.as_yaml()}]"
+        if wanted.type == f"{LIST}number":
+            near = near or _DIRECTIONS.get(re.sub("wards?$", "", str(value.value)), "")
         form = f"; write {near or (example if numbers else '[a, b]')}"
         wrong(value.place, f"{value} is not {words(wanted.type)}{form}", value.instead(near))
         return None
@@ -381,8 +405,9 @@ def _computed(text: str) -> str:
 def _total(text: str, kind: str) -> str:
     """Return the total of several quantities, such as `1 min 30 s`; "" for other texts."""
     units, unit = UNITS.get(kind, {}), next(iter(UNITS.get(kind, {})), "")
-    found = re.findall(rf"{_NUMBER} ?([a-z]+)", text)
-    if len(found) < 2 or any(each not in units for _, each in found):
+    found = re.findall(rf"{_NUMBER} ?([a-z]+)(?:[, +]*$|[, +]+(?:and +)?)", text)
+    whole = re.fullmatch(rf"(?:{_NUMBER} ?[a-z]+[, +]*(?:and +)?)+", text)
+    if not whole or len(found) < 2 or any(each not in units for _, each in found):
         return ""
     return f"{sum(float(number) * units[each] for number, each in found):g} {unit}"
 

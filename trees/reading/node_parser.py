@@ -20,7 +20,7 @@ from .document import (
 )
 from .foreign_loops import EXAMPLES, is_amount, read_loop
 from .lines import added_below, as_mapping, block, key_block, replaced_block, rewritten
-from .literals import in_unit_of_key, measured
+from .literals import measured, renamed
 from .node_words import (
     FILES,
     begins_node,
@@ -40,6 +40,7 @@ _NODE = "a node"  # its name cannot be a name of a user's own
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 _WORDS = re.compile(r"[A-Za-z]+( [A-Za-z]+)+")
 # Words of other programs for the key `with`.
+_TAGS = {"Action", "Condition", "SubTree", "Decorator", "Control"}
 _WITH = ("args", "arguments", "params", "parameters", "ports", "inputs", "input", "values")
 
 
@@ -124,6 +125,15 @@ class NodeParser:
     def _in_other_words(self, value: Located, keys: Mapping[str, Located]) -> Mapping[str, Located]:
         """Report keys of other programs that say what a node is. Return the correct values."""
         place, given = value.place, {key: each for key, each in keys.items() if key != "name"}
+        inner = next(iter(given.values()), value) if len(given) == 1 else value
+        if given.keys() <= _TAGS and "ID" in nested(inner):  # in BehaviorTree.CPP
+            rest = dict(nested(inner))
+            named = rest.pop("ID")
+            ports = replace(inner, value=rest or None)
+            node = f"{named.value}: {ports.as_yaml()}" if rest else f"{named.value}"
+            why = f"a node begins with its own name: write {node}"
+            self._wrong(named.label, why, replaced_block(place, [node]))
+            return {f"{named.value}": ports}
         if given.keys() == {"type", "children"} and (kind := str(given["type"].value)) in kinds():
             below = key_block(given["children"].label)[1:]
             right = replaced_block(place, [f"{kind}:", *below]) if below else None
@@ -235,7 +245,14 @@ class NodeParser:
         if isinstance(value.value, str) and value.value.strip():
             return " ".join(value.value.split())
         why = "write a text here" if value.value is None else f"{value} is not a text"
-        self._wrong(value.place, f"{what}: {why}")
+        items = value.value if isinstance(value.value, list) else []
+        text, label = " ".join(str(item.value) for item in items), value.label
+        right = label.replaced(f"{what}:", f"{what}: What it does.") if not items else None
+        if text and (lines := key_block(label)):
+            begin = f"{' ' * (label.column - 1)}{lines[0].partition(':')[0]}"
+            line = f"{begin}: {replace(value, value=text).as_yaml()}"
+            right = Correction(line, label.line, len(lines))
+        self._wrong(value.place, f"{what}: {why}", right)
         return ""
 
     def wired(self, value: Located) -> Value:
@@ -255,6 +272,11 @@ class NodeParser:
 
     def _skill(self, place: Place, skill: str, keys: Mapping[str, Located]) -> TreeNode:
         inner = keys[skill]
+        around = {key: each for key, each in nested(inner).items() if key not in ("ID", "name")}
+        if len(around) == 1 and any(map(_is_control, around)):
+            right = replaced_block(place, key_block(next(iter(around.values())).label) or [skill])
+            self._wrong(place, f"no node {skill}; leave it out, but not the node below it", right)
+            return self.node(replace(inner, value=around))
         if isinstance(inner.value, list) and self._are_nodes(skill, inner.value):
             lists = [name for name, kind in kinds().items() if kind.many]
             kind = corrections((skill,), lists).get(skill, "") or synonyms().get(skill, "")
@@ -478,13 +500,10 @@ class NodeParser:
             elif not where:
                 there += "; it belongs in poses.yaml" if key == "poses" else "; leave it out"
             why = f"unknown key {key}; {where}{there}"
-            given, value = keys[key], in_unit_of_key(key, keys[key]) if near else keys[key]
-            right = label.replaced(key, near)
-            if value is not given:
-                old, keys = f"{key}: {given.as_yaml()}", {**keys, key: value}
-                right = label.replaced(old, f"{near}: {value.as_yaml()}")
+            self.spare |= {*names_within(keys[key])}
+            value, right = renamed(key, near, keys[key])
+            keys = {**keys, key: value} if near else keys
             self._wrong(label, why, right)
-            self.spare |= {*names_within(given)}
         return respell(keys, likely)
 
     def _shown(self, keys: Mapping[str, Located]) -> str:
@@ -507,6 +526,11 @@ class NodeParser:
         if not isinstance(value.value, dict):
             return {"": self.wired(value)}
         return {port: self.wired(item) for port, item in value.value.items()}
+
+
+def _is_control(key: str) -> bool:
+    """Return True if a key is a control node, here or in another program, and holds nodes."""
+    return key.lower() in kinds() or key in synonyms()
 
 
 def _other_option(kind: str, keys: Mapping[str, Located]) -> dict[str, str]:
