@@ -20,6 +20,7 @@ _OTHER_NAMES = {
     "joints": {"target", "pose", "position", "positions", "angles"},
     "point": {"target", "position", "xyz", "coordinates"},
     "duration": {"time", "delay"},
+    "turn": {"rpy"},
     "body": {"id", "object"},
     "size": {"dimensions", "scale"},
 }
@@ -126,6 +127,14 @@ def _outside(
         for name in (within.keys() & known.keys()) - given.keys():
             assert isinstance(value, Located)
             rest = {each: item for each, item in within.items() if each not in known}
+            if port not in known and not rest:  # such as `params: {duration: 2 s}`
+                rows = [f"{each}: {item.as_yaml()}" for each, item in within.items()]
+                text = "\n".join(f"{' ' * (value.label.column - 1)}{row}" for row in rows)
+                lines = key_block(value.label)
+                right = Correction(text, value.label.line, len(lines)) if lines else None
+                why = f"{port} is not a {what}; leave it out, but not what is below it"
+                mistakes.add(value.label, why, right)
+                return {**{each: found[each] for each in found if each != port}, **within}
             found[port], found[name] = replace(value, value=rest), within[name]
             why = f"{name} is a {what}; write it beside {port}"
             mistakes.add(within[name].label, why, in_braces(given, as_mapping(found).as_yaml()))

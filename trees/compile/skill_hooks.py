@@ -329,8 +329,9 @@ def _nearest(
     (place, value), given = _refused(leaf, fault), inputs.get(port)
     if value is None or not isinstance(given, Positions) or joint not in given:
         return None
-    if joint not in {each.name for each in robot.joints}:
-        for each in robot.actuated:
+    known = {each.name for each in robot.joints}
+    if joint not in known:
+        for each in robot.actuated if len(given.keys() - known) == 1 else ():
             pairs = ((each.name if name == joint else name, q) for name, q in given.items())
             now, at = {**inputs, port: Positions(pairs)}, (port, each.name)
             if each.name not in given and _accepts(leaf, robot, now, at):

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 _DO, _CHILD = "do", "child"
 _COUNT = re.compile("num_.*|max_.*|count")  # names of the number of rounds
 _AMOUNT = re.compile(r"[0-9.]+ ?([a-z]+)?")
-_RANGE = re.compile(r"(?:\w+ in )?range\(([0-9]+)\)")
+_RANGE = re.compile(r"(?:\w+ in )?(?:range\(|1\.\.+)([0-9]+)\)?")
 _EACH = re.compile(r"(\w+) in \[(.*)\]")
 _ITEM = "item"  # name of the value of a round, if the loop gives none
 EXAMPLES = {"integer": "3", "duration": "1 s"}  # example values of an option, by type

@@ -16,7 +16,9 @@ from .document import NO_CALCULATION, REFUSED, Located, StandIn, calculates, nes
 from .lines import as_mapping, block, replaced_block
 
 _NUMBER = r"([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)"
-_PRODUCT = re.compile(rf"([-+]?)(?:{_NUMBER}|pi) ?([*/]) ?(?:{_NUMBER}|pi)( ?[a-z]+)?")
+_FACTOR = r"(?:[0-9]+\.?[0-9]*|(?:math\.|np\.|M_)?(?:pi|PI)|\u03c0)"
+_PRODUCT = re.compile(rf"([-+]?)({_FACTOR})((?: ?[*/] ?{_FACTOR})+)( ?[a-z]+)?")
+_CONVERTED = re.compile(rf"(?:\w+\.)?\w*(?:deg|radians)\w*\({_NUMBER}\)")  # degrees in rad
 _QUANTITY = re.compile(rf"{_NUMBER} ?([A-Za-z\xb0]\S*)")
 _PYTHON: Mapping[str, tuple[type, ...]] = {
     "integer": (int,),
@@ -384,7 +386,7 @@ def _number(value: Located, kind: str, wrong: Wrong, finite: bool = True) -> flo
         if kind == "number" and (percent := re.fullmatch(rf"{_NUMBER} ?%", near)):
             near = f"{float(percent[1]) / 100:g}"
         amount = re.fullmatch(rf"{_NUMBER}( ?({'|'.join(UNITS.get(kind, ()))}))?", near)
-        _not(value, kind, near if near != plain and amount else "", wrong)
+        _not(value, kind, near if amount else "", wrong)  # equal texts are in quotes
         return None
     if finite and not math.isfinite(number):
         wrong(value.place, f"{value} is not finite")
@@ -393,13 +395,21 @@ def _number(value: Located, kind: str, wrong: Wrong, finite: bool = True) -> flo
 
 
 def _computed(text: str) -> str:
-    """Return the value of a product or quotient, such as `pi/4`, as text; "" for other texts."""
+    """Return the value of a calculation without names, such as `3*pi/4`; "" for other texts."""
+    if found := _CONVERTED.fullmatch(text):  # such as `math.radians(20)`
+        return f"{found[1]} deg"
     if not (found := _PRODUCT.fullmatch(text)):
         return ""
-    first, other = (math.pi if each is None else float(each) for each in found.group(2, 4))
-    if found[3] == "/" and not other:
-        return ""
-    return f"{found[1]}{first * other if found[3] == '*' else first / other:.6g}{found[5] or ''}"
+    total = _factor(found[2])
+    for sign, text in re.findall(rf"([*/]) ?({_FACTOR})", found[3]):
+        if sign == "/" and not _factor(text):
+            return ""
+        total = total * _factor(text) if sign == "*" else total / _factor(text)
+    return f"{found[1]}{total:.6g}{found[4] or ''}"
+
+
+def _factor(text: str) -> float:
+    return math.pi if re.search(r"pi|PI|\u03c0", text) else float(text)
 
 
 def _total(text: str, kind: str) -> str:
@@ -436,7 +446,9 @@ def _positions(
         return _pose(value, value.value, poses, wrong)
     items = value.value if isinstance(value.value, list) else []
     if items and all(str(item.value) in poses for item in items):
-        wrong(value.place, _one_pose([str(item.value) for item in items]))
+        names = [str(item.value) for item in items]
+        right = value.instead(names[0]) if len(names) == 1 else None
+        wrong(value.place, _one_pose(names), right)
         return None
     if items and all(isinstance(item.value, dict) for item in items):
         wrong(value.place, "joint values are a mapping, not a list", as_mapping(value))
@@ -450,6 +462,13 @@ def _positions(
     if not value.value:
         wrong(value.place, f"{value} names no joint")
         return None
+    lists = [item.value for item in value.value.values() if isinstance(item.value, list)]
+    if len(lists) == len(value.value) == 2 and len(lists[0]) == len(lists[1]):  # in ROS
+        pairs = {str(name.value): each for name, each in zip(*lists, strict=True)}
+        near = replace(value, value=pairs).as_yaml()
+        why = f"joint values are a mapping, not two lists; write {near}"
+        wrong(value.place, why, value.instead(near))
+        return None
     if _no_angles(value, value.value, poses, wrong):
         return None
     fitted = {
@@ -459,6 +478,8 @@ def _positions(
 
 
 def _one_pose(names: Sequence[str]) -> str:
+    if len(names) == 1:
+        return f"write {names[0]}, without brackets"
     return f"a node moves to one pose; write one node for each of {' and '.join(names)}"
 
 

@@ -125,15 +125,16 @@ class NodeParser:
     def _in_other_words(self, value: Located, keys: Mapping[str, Located]) -> Mapping[str, Located]:
         """Report keys of other programs that say what a node is. Return the correct values."""
         place, given = value.place, {key: each for key, each in keys.items() if key != "name"}
-        inner = next(iter(given.values()), value) if len(given) == 1 else value
-        if given.keys() <= _TAGS and "ID" in nested(inner):  # in BehaviorTree.CPP
-            rest = dict(nested(inner))
-            named = rest.pop("ID")
-            ports = replace(inner, value=rest or None)
-            node = f"{named.value}: {ports.as_yaml()}" if rest else f"{named.value}"
+        tagged = [nested(each) for tag, each in given.items() if tag in _TAGS and len(given) == 1]
+        inner = {**(tagged[0] if tagged else given)}
+        key = next((key for key in inner if key in ("ID", "type", "skill")), "")
+        if key and self.is_name(name := inner[key].value) and name[:1].isupper():
+            named = inner.pop(key)
+            ports = replace(named, value=inner or None)
+            node = f"{name}: {ports.as_yaml()}" if inner else name
             why = f"a node begins with its own name: write {node}"
             self._wrong(named.label, why, replaced_block(place, [node]))
-            return {f"{named.value}": ports}
+            return {name: ports}
         if given.keys() == {"type", "children"} and (kind := str(given["type"].value)) in kinds():
             below = key_block(given["children"].label)[1:]
             right = replaced_block(place, [f"{kind}:", *below]) if below else None
@@ -247,7 +248,8 @@ class NodeParser:
         why = "write a text here" if value.value is None else f"{value} is not a text"
         items = value.value if isinstance(value.value, list) else []
         text, label = " ".join(str(item.value) for item in items), value.label
-        right = label.replaced(f"{what}:", f"{what}: What it does.") if not items else None
+        near = f"{what}: What it does." if value.value is None else ""
+        right = label.replaced(f"{what}:", near)
         if text and (lines := key_block(label)):
             begin = f"{' ' * (label.column - 1)}{lines[0].partition(':')[0]}"
             line = f"{begin}: {replace(value, value=text).as_yaml()}"
