@@ -377,14 +377,16 @@ def _in_smaller_unit(
     port = str(error.location[0])
     declared, found = declaration(kind.input_ports()[port]), ""
     items = value.value if isinstance(value.value, list) and value.value else [value]
-    for text, factor in in_smaller_units(items[0].value, declared.unit):
+    joints = {joint.name: joint.unit for joint in robot.joints}
+    unit = joints.get(str(error.location[-1]), declared.unit)
+    for text, factor in in_smaller_units(items[0].value, unit):
         scaled = {**inputs, port: _scaled(inputs.get(port), factor)}
         numbers = [each.value * factor for each in items if isinstance(each.value, int | float)]
         # A position is not near the origin, where the arm stands. A size may be small.
         far = declared.least is None and max(map(abs, numbers)) <= robot.reach
         if (far or not found) and _accepts(leaf, robot, scaled, error.location):
             found = text.split()[1]
-    return (declared.unit, found) if found else None
+    return (unit, found) if found else None
 
 
 def _with_unit(value: Located, unit: str) -> str:

@@ -79,6 +79,8 @@ def measured(value: Located) -> str:
     if value.use:
         return value.declared if value.declared in UNITS else ""
     plain = value.value
+    if isinstance(plain, StandIn):
+        return plain.type if plain.type in UNITS else ""
     found = _QUANTITY.fullmatch(plain) if isinstance(plain, str) else None
     return next((kind for kind, units in UNITS.items() if found and found[2] in units), "")
 
@@ -471,9 +473,11 @@ def _positions(
         return None
     if _no_angles(value, value.value, poses, wrong):
         return None
-    fitted = {
-        joint: _number(item, "angle", wrong, finite=False) for joint, item in value.value.items()
+    # Only the compiler knows which joints slide.
+    kinds = {
+        j: "length" if measured(item) == "length" else "angle" for j, item in value.value.items()
     }
+    fitted = {j: _number(item, kinds[j], wrong, finite=False) for j, item in value.value.items()}
     return {joint: REFUSED if number is None else number for joint, number in fitted.items()}
 
 
