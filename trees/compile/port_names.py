@@ -50,7 +50,7 @@ def known_ports(
         likely |= {word: port for word in words if len(words) == 1}
     joints = {*joints} & given.keys() - known.keys()
     likely = {port: name for port, name in likely.items() if port not in joints}
-    unknown = [port for port in given if port not in known and port not in likely]
+    unknown = [port for port in given if port not in {*known, *likely, "diameter"}]
     needed = [port for port, each in known.items() if each.needed and port not in given]
     missing = [port for port in needed if port not in likely.values()]
     pairs = dict(zip(unknown, missing, strict=False))

@@ -233,7 +233,9 @@ class _Parser:
             if isinstance(self.root.value, str) and right != text:
                 why, row = f"a colon is missing after `{text.split()[0]}`", text.count("\n") + 1
                 self.mistakes.add_last(self.root.place, why, Correction(right, 1, row))
-            other = "XML" if str(self.root.value).startswith("<") else _other_file(self.root)
+            begun = str(self.root.value)
+            other = "XML" if begun.startswith("<") else _other_file(self.root)
+            other = "Python" if re.match(r"(import|from) \w", begun) else other
             hint = f"; this is {other}{hint}" if other else hint
             self._wrong(self.root.place, f"expected the keys {needed}{hint}")
         elif (other := _other_file(self.root)) and "tree" not in self._values:

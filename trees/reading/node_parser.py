@@ -40,6 +40,7 @@ _NODE = "a node"  # its name cannot be a name of a user's own
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 _WORDS = re.compile(r"[A-Za-z]+( [A-Za-z]+)+")
 # Words of other programs for the key `with`.
+_INCLUDE = {"include", "import", "include_tasks", "import_tasks", "file", "call", "run", "uses"}
 _TAGS = {"Action", "Condition", "SubTree", "Decorator", "Control"}
 _WITH = ("args", "arguments", "params", "parameters", "ports", "inputs", "input", "values")
 
@@ -145,6 +146,13 @@ class NodeParser:
             why = "a skill writes its result to the key at a port, such as answer: "
             self._wrong(label, f"there is no register: {why}${name}; `armtree skills` lists them")
             return {key: each for key, each in keys.items() if key != "register"}
+        file = next((f"{each.value}" for each in given.values()), "")
+        if len(given) == 1 and given.keys() <= _INCLUDE and file.endswith(".yaml"):
+            ((word, each),) = given.items()  # such as `include: open_gripper.yaml`
+            near = "task" if file[:1].isdecimal() else "subtree"
+            why = f"no key {word}{did_you_mean(near)}"
+            self._wrong(each.label, why, each.label.replaced(word, near))
+            return {near: each}
         heads_beside = [key for key in given if key != "with"]
         if len(heads_beside) != 1 or "with" not in given or not nested(given["with"]):
             return keys
@@ -224,6 +232,9 @@ class NodeParser:
             why = f"{what}: {value} is a text; leave out the quotes"
             self._wrong(value.place, why, value.instead(text))
             return int(text) if is_number(int(text)) else 0
+        if found := re.fullmatch(r"(\d+)_[\w-]+(\.ya?ml)?", text):
+            self._wrong(value.place, f"{why}{did_you_mean(found[1])}", value.instead(found[1]))
+            return int(found[1])
         if named:
             why += "; the key task has its number, and the key name its name" if text else ""
             return int(self._as_named(value, what, why, named))
