@@ -21,6 +21,10 @@ _OTHER_NAMES = {
     "point": {"target", "position", "xyz", "coordinates"},
     "duration": {"time", "delay"},
     "turn": {"rpy"},
+    "question": {"prompt", "message", "text"},
+    "choices": {"options", "answers"},
+    "position": {"pose", "xyz", "center", "location"},
+    "rotation": {"rpy", "orientation"},
     "body": {"id", "object"},
     "size": {"dimensions", "scale"},
 }

@@ -35,6 +35,7 @@ _POSES_KEYS = ("poses", "replaces", "grammar")
 _PARAMETERS = {"inputs", "params", "args", "arguments", "vars", "variables"}  # of other programs
 _OPTIONAL = ("parameters", "ports", "replaces", "retry", "grammar")
 _DECLARED_KEYS = ("type", "default", "min", "max", "choices", "description")
+_OTHER_KEYS = {"value": "default", "enum": "choices", "options": "choices"}  # of other programs
 # Types by the names that programming languages and people use.
 _OTHER_TYPES = {
     **dict.fromkeys(("degree", "degrees", "radian", "radians"), "angle"),
@@ -354,8 +355,9 @@ class _Parser:
         likely = corrections(values, known)
         for key in values.keys() & _PARAMETERS if "parameters" in known else ():
             likely |= {} if "parameters" in (*values, *likely.values()) else {key: "parameters"}
-        if "value" in values and "default" in {*known} - {*values, *likely.values()}:
-            likely["value"] = "default"
+        for key, other in _OTHER_KEYS.items():
+            if key in values and other in {*known} - {*values, *likely.values()}:
+                likely[key] = other
         unknown = [key for key in values if key not in {*known, *likely}]
         needed = [key for key in known if key not in {*_OPTIONAL, *values, *likely.values()}]
         if "tree" in known and len(unknown) == len(needed) == 1:

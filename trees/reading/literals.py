@@ -384,6 +384,7 @@ def _number(value: Located, kind: str, wrong: Wrong, finite: bool = True) -> flo
     else:
         near = _computed(str(plain)) or _total(str(plain), kind) or str(plain).translate(_SIGNS)
         near = re.sub(rf"^{_NUMBER} ?\.\.+ ?{_NUMBER}", r"\1", near)  # a range has no value
+        near = re.sub(rf"^([a-z]+) ?{_NUMBER}$", r"\2 \1", near)  # a unit before its number
         count, _, rest = near.partition(" ")
         near = f"{_COUNTS.get(count.lower(), count)} {rest}".rstrip()
         if (found := _QUANTITY.fullmatch(near)) and found[2] not in UNITS.get(kind, ()):

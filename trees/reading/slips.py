@@ -89,7 +89,7 @@ _FOREIGN: tuple[tuple[str, str | Callable[[re.Match[str]], str], str], ...] = (
     (r"(?<!\S)[\u2013\u2014\u2212](?= \w+:)", "-", "write the plain dash -"),
     (r"^(\s*)-(?=[A-Za-z{\[])", r"\1- ", "a space is missing after the `-`"),
     (r"^```.*", "", "leave out the ``` of Markdown"),
-    (r"^(\s*)([*+\u2022]|\d+[.)])(?= [A-Za-z{])", r"\1-",
+    (r"^(\s*)([*+\u2022\u2192\u25cf]|\d+[.)])(?= [A-Za-z{])", r"\1-",
      "every node of a list begins with a `-`"),
 )  # fmt: skip
 
@@ -117,7 +117,7 @@ _IN_ONE_LINE = "two keys of a node in one line need braces and a comma"
 _SLIPS = (
     (r"((?:text|question): )([@`][^'\"{}\[\],:#]*)(?=[,}]|$)", r'\1"\2"',
      r"a text that begins with a special character needs quotes"),
-    (r"((?:text|question): )([\w ]+: [\w .]+)(?=[,}]|$)", r'\1"\2"',
+    (r"((?:text|question): )([^'\"{}\[\],#$]+: [^'\"{}\[\],#]+)(?=[,}]|$)", r'\1"\2"',
      "a text with a colon needs quotes"),
     (r"([:,\[] *)(- +)(?=[\d.])", r"\1-", "no space follows the sign of a number"),
     (rf"([:,\[] *)((['\"]){_NUMBER}\3)(?= ?[a-z]+ *[,}}\]]| ?[a-z]+$)", r"\1\4",
@@ -135,7 +135,7 @@ _SLIPS = (
      r"write `$\3` for a parameter"),
     (rf"{_BEGIN}(\w+)\((\w+) ?[=:] ?([^()]*)\)$", r"\1\2: {\3: \4}", _CALL),
     (rf"{_BEGIN}(\w+)\(([^()=:]+)\)$", r"\1\2: \3", _CALL),
-    (r"((?:- |: ))(\w+)\(\)$", r"\1\2", r"write `\2`, without parentheses"),
+    (r"((?:- |: ))(\w+)\(\);?$", r"\1\2", r"write `\2`, without parentheses"),
     (rf"{_ITEM}{_FILE} with ([^{{}}]+)$", r"\1{\2, with: {\3}}", _IN_ONE_LINE),
     (rf"{_ITEM}{_FILE},?\s+(with: .*)$", r"\1{\2, \3}", _IN_ONE_LINE),
     (r"^([\s-]*[\w-]+: )((?=[a-z]|\w+: \{)(\w+): .*)$", r"\1{\2}",
