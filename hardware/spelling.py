@@ -40,9 +40,8 @@ def _by_similarity(word: str, known: Iterable[str]) -> list[tuple[float, str]]:
         matcher.set_seq1(other)
         similarity = matcher.ratio()
         turned = not word.isalnum() and sorted(other) == sorted(folded)  # such as `=>` for `>=`
-        digits = folded.lstrip(
-            folded[:1] if folded[:1].isalpha() else ""
-        )  # `1` or `J1` for `joint_1`
+        # `1` or `J1` for `joint_1`
+        digits = folded[1:] if folded[:1].isalpha() else folded
         short = digits.isdecimal() and other.startswith(folded.removesuffix(digits))
         numbered = short and other.removesuffix(digits).isalpha()
         if turned or numbered:

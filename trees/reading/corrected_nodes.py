@@ -8,7 +8,7 @@ from trees.errors import Correction, Place
 
 from .document import Located, nested
 from .lines import block, in_node, replaced_block
-from .node_words import begins_node
+from .node_words import FILES, begins_node, beside_keys
 
 _COMPARISON = re.compile(r"([\w$.-]+) *(==|!=|<=|>=|<|>) *([\w$.-]+)")
 
@@ -41,6 +41,20 @@ def node_instead(value: Located, in_turn: str) -> Correction | None:
         nodes = [_as_node(own), _as_node(keys[other])]
         return replaced_block(value.place, ["selector:", *(f"  - {node}" for node in nodes)])
     return None
+
+
+def apart(keys: Mapping[str, Located]) -> list[dict[str, Located]]:
+    """Return the nodes that share a mapping. `with` is of the subtree or task."""
+    nodes = list[dict[str, Located]]()
+    for key, each in keys.items():
+        files = [node for node in nodes if node.keys() & FILES.keys()]
+        if key == "with" and files:
+            files[-1][key] = each
+        elif nodes and (key in beside_keys() or not nodes[-1].keys() - beside_keys()):
+            nodes[-1][key] = each
+        else:
+            nodes.append({key: each})
+    return nodes
 
 
 def twice(value: Located, in_turn: str) -> tuple[Place, Correction | None] | None:

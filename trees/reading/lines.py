@@ -128,6 +128,17 @@ def as_mapping(value: Located) -> Correction | None:
     return Correction("\n".join(lines[begin:end]), begin + 1, end - begin)
 
 
+def as_one_text(value: Located) -> Correction | None:
+    """Return the lines of a key with a list of texts as one text; None for other values."""
+    items, label = value.value if isinstance(value.value, list) else [], value.label
+    text, lines = " ".join(str(item.value) for item in items), key_block(label)
+    if not text or not lines:
+        return None
+    begin = f"{' ' * (label.column - 1)}{lines[0].partition(':')[0]}"
+    line = f"{begin}: {replace(value, value=text).as_yaml()}"
+    return Correction(line, label.line, len(lines))
+
+
 def declared_above(place: Place, head: str, line: str) -> Correction | None:
     """Return a line below a top-level key. A missing key is added above the tree."""
     tops = {line.partition(":")[0]: row for row, line in enumerate(place.lines, 1)}

@@ -8,7 +8,7 @@ from typing import TypeGuard
 from hardware.spelling import corrections, did_you_mean, there_are
 from trees.errors import Correction, Mistakes, Place
 
-from .corrected_nodes import comparison, node_instead, twice
+from .corrected_nodes import apart, comparison, node_instead, twice
 from .document import (
     NO_CALCULATION,
     REFUSED,
@@ -19,13 +19,14 @@ from .document import (
     reference,
 )
 from .foreign_loops import EXAMPLES, is_amount, read_loop
-from .lines import added_below, as_mapping, block, key_block, replaced_block, rewritten
+from .lines import added_below, as_mapping, as_one_text, block, key_block, replaced_block, rewritten
 from .literals import measured, renamed
 from .node_words import (
     FILES,
     begins_node,
     beside_keys,
     heads,
+    holds_nodes,
     in_turn,
     keywords,
     kinds,
@@ -89,7 +90,7 @@ class NodeParser:
             return self._headed(value.place, loop.kind, loop.keys)
         skills = [key for key in rest if key[:1].isupper() or key in keywords()]
         if len(begun) == 1 and begun[0] in FILES and skills:
-            nodes = {in_turn(): [*map(_as_item, _apart(keys))]}
+            nodes = {in_turn(): [*map(_as_item, apart(keys))]}
             alone = not value.place.location.endswith("]")  # in a list, a `-` is missing
             named = begun[0] == rest[0] and skills[0] not in keywords()
             right = rewritten(value.place, nodes) if alone and named else None
@@ -257,14 +258,8 @@ class NodeParser:
         if isinstance(value.value, str) and value.value.strip():
             return " ".join(value.value.split())
         why = "write a text here" if value.value is None else f"{value} is not a text"
-        items = value.value if isinstance(value.value, list) else []
-        text, label = " ".join(str(item.value) for item in items), value.label
         near = f"{what}: What it does." if value.value is None else ""
-        right = label.replaced(f"{what}:", near)
-        if text and (lines := key_block(label)):
-            begin = f"{' ' * (label.column - 1)}{lines[0].partition(':')[0]}"
-            line = f"{begin}: {replace(value, value=text).as_yaml()}"
-            right = Correction(line, label.line, len(lines))
+        right = value.label.replaced(f"{what}:", near) or as_one_text(value)
         self._wrong(value.place, f"{what}: {why}", right)
         return ""
 
@@ -286,7 +281,7 @@ class NodeParser:
     def _skill(self, place: Place, skill: str, keys: Mapping[str, Located]) -> TreeNode:
         inner = keys[skill]
         around = {key: each for key, each in nested(inner).items() if key not in ("ID", "name")}
-        if len(around) == 1 and any(map(_is_control, around)):
+        if len(around) == 1 and any(map(holds_nodes, around)):
             right = replaced_block(place, key_block(next(iter(around.values())).label) or [skill])
             self._wrong(place, f"no node {skill}; leave it out, but not the node below it", right)
             return self.node(replace(inner, value=around))
@@ -370,7 +365,7 @@ class NodeParser:
             return self._items(inner.value)
         given = "" if inner.value is None or inner.value == [] else f", not {inner}"
         why = f"{kind} needs a list of nodes{given}: begin each with a `-`, below {kind}:"
-        parts, right = _apart(nested(inner)), None
+        parts, right = apart(nested(inner)), None
         nodes = [*map(_named_node, parts)]
         if len(parts) == 1 and parts[0].keys() - beside_keys():
             nodes = [nodes[0] or parts[0]]  # its name is misspelt
@@ -541,11 +536,6 @@ class NodeParser:
         return {port: self.wired(item) for port, item in value.value.items()}
 
 
-def _is_control(key: str) -> bool:
-    """Return True if a key is a control node, here or in another program, and holds nodes."""
-    return key.lower() in kinds() or key in synonyms()
-
-
 def _other_option(kind: str, keys: Mapping[str, Located]) -> dict[str, str]:
     """Return the only option that the only unknown key beside a control node may mean."""
     options = {} if kind in FILES else kinds()[kind].options
@@ -572,20 +562,6 @@ def as_node(keys: Mapping[str, Located]) -> str:
 def _as_item(node: Mapping[str, Located]) -> str:
     """Return a node as an item of a list, in braces if it has several keys."""
     return as_node(node)[1:-1] if len(node) == 1 else as_node(node)
-
-
-def _apart(keys: Mapping[str, Located]) -> list[dict[str, Located]]:
-    """Return the nodes that share a mapping. `with` is of the subtree or task."""
-    nodes = list[dict[str, Located]]()
-    for key, each in keys.items():
-        files = [node for node in nodes if node.keys() & FILES.keys()]
-        if key == "with" and files:
-            files[-1][key] = each
-        elif nodes and (key in beside_keys() or not nodes[-1].keys() - beside_keys()):
-            nodes[-1][key] = each
-        else:
-            nodes.append({key: each})
-    return nodes
 
 
 def _named_node(keys: dict[str, Located]) -> dict[str, Located]:
