@@ -40,7 +40,10 @@ def _by_similarity(word: str, known: Iterable[str]) -> list[tuple[float, str]]:
         matcher.set_seq1(other)
         similarity = matcher.ratio()
         turned = not word.isalnum() and sorted(other) == sorted(folded)  # such as `=>` for `>=`
-        numbered = word.isdecimal() and other.removesuffix(word).isalpha()  # `1` for `joint_1`
+        # `1` or `J1` for `joint_1`
+        digits = folded[1:] if folded[:1].isalpha() else folded
+        short = digits.isdecimal() and other.startswith(folded.removesuffix(digits))
+        numbered = short and other.removesuffix(digits).isalpha()
         if turned or numbered:
             similarity = 0.9
         elif other[:1] != folded[:1] and other not in folded and folded not in other:

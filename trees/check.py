@@ -26,6 +26,7 @@ from .build import refusals
 from .compile.arguments import wrong
 from .compile.compiler import CompiledTree, TreeCompiler
 from .compile.data_flow import short_name
+from .compile.move_words import wrong_units
 from .compile.port_types import declarations, known_skills
 from .compile.skill_hooks import RefusedInput
 from .declarations import Declaration
@@ -300,8 +301,10 @@ class _Checker:
         for name, joints in file.poses.items():
             place = file.labels[name].label
             known = Positions((j, q) for j, q in joints.items() if not isinstance(q, StandIn))
+            label = file.labels[name]
+            if wrong_units(label, robot, _ignore):
+                continue  # reported for every tree
             if errors := joint_errors(robot, known):
-                label = file.labels[name]
                 wrong += [self._refused(label, known, why) for why in errors]
                 continue
             leaders = ({joint.name for joint in robot.actuated_in(group)} for group in robot.groups)

@@ -208,6 +208,9 @@ def diff(one: Path, other: Path, output: Path | None, as_json: bool) -> None:
     with suppress(RecordingError, DescriptionError):  # of another program: without its robot
         known = {joint.name: joint for joint in restore_robot(Recording(one)).joints}
     lines = [both.first or f"all {len(both.runs[0].frames)} frames are the same"]
+    if all(run.joints for run in both.runs) and not both.joints:
+        arms = (", ".join(run.joints) for run in both.runs)
+        lines.append(f"two arms without a common joint: {' | '.join(arms)}")
     joints = {}
     for joint, (distance, time) in both.joints.items():
         words = known[joint].words(distance) if joint in known else f"{distance:.4f} rad"

@@ -199,7 +199,8 @@ SLIPS = [
     (f"{REACH}\n    - subtree: move_joints\n      {MOVE}", "with: &a {arm: upright, gripper: "
      "open}\n    - subtree: reach\n      with: *a", "9:13 *a is an alias of YAML, which is not "
      "allowed; write the value itself", f"      {REACH}"),
-    ("description: One mistake.", "description:", "3:1 description: write a text here", ""),
+    ("description: One mistake.", "description:", "3:1 description: write a text here",
+     "description: What it does."),
     ("- subtree: move", "- - subtree: move", "8:7 one `-` too many", "    - subtree: move_joints"),
     ("subtree: move_joints", "subtree: go", "8:16 joints is not a port of subtree go, but of "
      "subtree move_joints: write subtree: move_joints", "    - subtree: move_joints"),
@@ -556,7 +557,7 @@ def test_a_gripper_without_widths_takes_an_angle(tmp_path: Path) -> None:
     (tmp_path / "20_m.yaml").write_text(f"{TASK[: TASK.index('    - ')]}{node}")
     (mistake,) = check(load_robot(Path("so101")), None, [tmp_path / "20_m.yaml"]).mistakes
     assert mistake.message == (
-        "gripper: a task gives the angle of the joint of the gripper, not its width, such as "
+        "gripper: a task gives the position of the joint of the gripper, not its width, such as "
         "gripper: 0 rad"
     )
     assert _text(mistake) == "      with: {arm: ready, gripper: {gripper: 0 rad}}"

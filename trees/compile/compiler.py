@@ -23,7 +23,7 @@ from trees.reading.specs import ControlNode, Key, SkillNode, SubtreeNode, TreeNo
 from .arguments import MISSING
 from .data_flow import Keys
 from .leaf import Leaf
-from .move_words import as_positions, instead_of_width
+from .move_words import as_positions, instead_of_width, wrong_units
 from .port_names import known_ports
 from .port_types import (
     declaration,
@@ -118,7 +118,7 @@ class TreeCompiler:
         """
         file, tree, namespace = self._task, self._tree, self._tree.namespace
         self._sources.files[file.path.name] = file.text
-        self._sources.load_poses(self._mistakes)
+        self._sources.load_poses(self._mistakes, self._context.robot)
         tree.hooks.saved = self._sources.poses
         inputs = {name: each for name, each in file.parameters.items() if not each.output}
         within = {} if file.number is not None else {file.name: file.tree.place}
@@ -457,8 +457,10 @@ class TreeCompiler:
         pose = target_pose(given, self._sources.poses) if name == TO_POSE else None
         if pose and source and not given.keys() & source.parameters.keys():
             given = {"": pose}
-        if "" in given:
-            target = as_positions(given[""], self._context.robot)
+        whole = given.get("")
+        listed = isinstance(whole, Located) and isinstance(whole.value, list)
+        if whole and (name == TO_POSE or not listed):
+            target = as_positions(whole, self._context.robot)
             given = nested(target) if isinstance(target, Located) and nested(target) else given
         ports = by_port(given, source.parameters if source else {}, ("", ""), mistakes.add)
         ports = ports if any(mistake.instead for mistake in mistakes.found) else given
@@ -565,6 +567,10 @@ class TreeCompiler:
         if wanted.type == "positions" and (said := instead_of_width(value, self._context.robot)):
             wrong(*said)
             return None
+        each = value.value if isinstance(value.value, list) else [value]
+        positions = wanted.type.endswith("positions")
+        if positions and [item for item in each if wrong_units(item, self._context.robot, wrong)]:
+            return None
         poses, port = self._sources.poses, what.rpartition(".")[2]
         if value.value not in [*poses]:  # messages suggest joints and poses of the group `port`
             group = {*self._context.robot.groups.get(port, ())}
@@ -572,10 +578,8 @@ class TreeCompiler:
         fitted = fit(value, wanted, poses, wrong)
         if note := doubt(value, wanted, what):
             self._mistakes.notes.append(note)
-        if wanted.type.endswith("positions") and fitted is not None:
-            items = value.value if isinstance(value.value, list) else [value]
-            if any(isinstance(item.value, str) for item in items):
-                self._sources.use_poses()
+        if positions and fitted is not None and any(isinstance(i.value, str) for i in each):
+            self._sources.use_poses()
         return fitted
 
     def _known_ports(

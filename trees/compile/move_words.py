@@ -2,14 +2,15 @@
 
 import math
 import re
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 
 from hardware import BadPosition, Robot
-from trees.declarations import UNITS
+from trees.declarations import UNITS, Declaration
 from trees.errors import Correction, Place
 from trees.reading.document import Located, nested, scalar
-from trees.reading.literals import as_pairs
+from trees.reading.literals import as_pairs, fit, measured
 from trees.reading.specs import Value
 
 _WIDTH = re.compile(r"([0-9]*\.?[0-9]+) ?(mm|cm|m)")
@@ -21,7 +22,16 @@ def is_width(text: str) -> bool:
 
 
 def as_positions(value: Value, robot: Robot) -> Value:
-    """Return words of `armtree move` as the mapping that they mean; other values unchanged."""
+    """Return words of `armtree move`, or a list of angles, as the mapping that they mean.
+
+    Other values are unchanged.
+    """
+    if isinstance(value, Located) and isinstance(value.value, list):
+        joints = robot.actuated_in("arm") if "arm" in robot.groups else ()
+        names = [joint.name for joint in joints]
+        enough = len(names) == len(value.value)
+        items = dict(zip(names, value.value, strict=True)) if enough else {}
+        return replace(value, value=items) if items else value
     if not isinstance(value, Located) or not isinstance(value.value, str):
         return value
     pairs = dict(as_pairs(value.value))
@@ -51,6 +61,16 @@ def _at_width(width: str | float, robot: Robot) -> tuple[str, str] | None:
     return joint, f"{math.trunc(10 * math.degrees(angle)) / 10:g} deg"
 
 
+def wrong_units(value: Located, robot: Robot, wrong: Callable[..., None]) -> bool:
+    """Report lengths of joints that turn, and angles of joints that slide. Return True if any."""
+    kinds = {joint.name: "length" if joint.unit == "m" else "angle" for joint in robot.joints}
+    items = {joint: item for joint, item in nested(value).items() if joint in kinds}
+    strange = [j for j, item in items.items() if measured(item) not in ("", kinds[j])]
+    for joint in strange:
+        fit(items[joint], Declaration(kinds[joint]), {}, wrong)
+    return bool(strange)
+
+
 def instead_of_width(value: Located, robot: Robot) -> tuple[Place, str, Correction | None] | None:
     """Return the mistake of a width in place of joint positions, or as the one of the gripper.
 
@@ -62,13 +82,13 @@ def instead_of_width(value: Located, robot: Robot) -> tuple[Place, str, Correcti
         The place, the message and the correct line; None if no width is given.
     """
     joints = robot.actuated_in("gripper") if "gripper" in robot.groups else ()
-    names = {"gripper", *(joint.name for joint in joints)}
+    names = {"gripper", *(joint.name for joint in joints if joint.unit == "rad")}
     items = {value.label: (value, "")} if isinstance(value.value, str) else {}
     items |= {item.label: (item, name) for name, item in nested(value).items() if name in names}
     for item, name in items.values() if joints else ():
         text = str(item.value)
         if is_width(text):
-            why = "a task gives the angle of the joint of the gripper, not its width"
+            why = "a task gives the position of the joint of the gripper, not its width"
             is_so = ", such as"
             try:
                 if found := _at_width(text, robot):
@@ -88,4 +108,4 @@ def instead_of_width(value: Located, robot: Robot) -> tuple[Place, str, Correcti
 def _example(robot: Robot) -> tuple[str, str]:
     """Return the joint of a gripper without widths and its boot position, as texts."""
     joint, *_ = robot.actuated_in("gripper")
-    return joint.name, f"{joint.boot:g} rad"
+    return joint.name, f"{joint.boot:g} {joint.unit}"

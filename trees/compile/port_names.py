@@ -8,13 +8,26 @@ from trees.declarations import Declaration
 from trees.errors import Correction, Mistakes, Place
 from trees.reading.document import Located, nested
 from trees.reading.lines import key_block
-from trees.reading.literals import in_unit_of_key
-from trees.reading.specs import Value
+from trees.reading.literals import fit, renamed
+from trees.reading.specs import Key, Value
 
 from .values_by_port import as_mapping, in_braces
 
-# Ports by their names in MoveIt.
-_OTHER_PORTS = {"max_velocity_scaling_factor": "speed", "id": "body", "dimensions": "size"}
+# Names of ports in other programs.
+_OTHER_NAMES = {
+    "speed": {"max_velocity_scaling_factor", "velocity", "vel", "v"},
+    "text": {"message", "msg", "string", "content"},
+    "joints": {"target", "pose", "position", "positions", "angles"},
+    "point": {"target", "position", "xyz", "coordinates"},
+    "duration": {"time", "delay"},
+    "turn": {"rpy"},
+    "question": {"prompt", "message", "text"},
+    "choices": {"options", "answers"},
+    "position": {"pose", "xyz", "center", "location"},
+    "rotation": {"rpy", "orientation"},
+    "body": {"id", "object"},
+    "size": {"dimensions", "scale"},
+}
 
 
 def known_ports(
@@ -36,17 +49,20 @@ def known_ports(
     if what:
         given = _outside(_indented(given, known, mistakes), known, what, mistakes)
     likely = corrections(given, known)
-    for port, other in _OTHER_PORTS.items():
-        if port in given and other in known and other not in (*given, *likely.values()):
-            likely[port] = other
+    for port in known.keys() - {*given, *likely.values()}:
+        words = _OTHER_NAMES.get(port, set()) & given.keys() - {*known, *likely}
+        likely |= {word: port for word in words if len(words) == 1}
     joints = {*joints} & given.keys() - known.keys()
     likely = {port: name for port, name in likely.items() if port not in joints}
-    unknown = [port for port in given if port not in known and port not in likely]
+    unknown = [port for port in given if port not in {*known, *likely, "diameter"}]
     needed = [port for port, each in known.items() if each.needed and port not in given]
     missing = [port for port in needed if port not in likely.values()]
-    if len(unknown) == len(missing) and not any(closest(port, known) for port in unknown):
-        likely |= zip(unknown, missing, strict=True)
-    is_text = len(unknown) == len(missing) == 1 and known[missing[0]].type == "text"
+    pairs = dict(zip(unknown, missing, strict=False))
+    alone, equal = len(unknown) == len(missing) == 1, len(unknown) == len(missing)
+    fitting = alone or all(_may_take(known[port], given[word]) for word, port in pairs.items())
+    if equal and fitting and not any(closest(word, known) for word in unknown):
+        likely |= pairs
+    is_text = alone and known[missing[0]].type == "text"
     for port in given if what else ():
         if port not in known:
             label, name = given[port].label, likely.get(port, "")
@@ -56,9 +72,8 @@ def known_ports(
                 there = f"{port} is a joint; write it with its angle within {next(inner, '')}"
             instead, value = label.replaced(port, name), given[port]
             if name and isinstance(value, Located):
-                timed = in_unit_of_key(port, value)
-                old, given = f"{port}: {value.as_yaml()}", {**given, port: timed}
-                instead = label.replaced(old, f"{name}: {timed.as_yaml()}") or instead
+                value, instead = renamed(port, name, value)
+                given = {**given, port: value}
             if is_text and name == missing[0] and _edited(label, mistakes):  # a text with a colon
                 text = as_mapping({port: given[port]}).as_yaml()[1:-1]
                 quoted = Located(label, text, label).as_yaml()
@@ -67,6 +82,17 @@ def known_ports(
     named = {likely.get(port, port): value for port, value in given.items()}
     rest = [value for port, value in named.items() if port not in known]
     return {port: value for port, value in named.items() if port in known}, rest
+
+
+def _may_take(declared: Declaration, value: Value) -> bool:
+    """Return True if a port may take a value. Any name may be a pose."""
+    if isinstance(value, Key):
+        return True
+    if declared.type == "positions":
+        return isinstance(value.value, str | dict)
+    mistakes = Mistakes()
+    fit(value, declared, {}, mistakes.add)
+    return not mistakes.found
 
 
 def _indented(
@@ -105,6 +131,14 @@ def _outside(
         for name in (within.keys() & known.keys()) - given.keys():
             assert isinstance(value, Located)
             rest = {each: item for each, item in within.items() if each not in known}
+            if port not in known and not rest:  # such as `params: {duration: 2 s}`
+                rows = [f"{each}: {item.as_yaml()}" for each, item in within.items()]
+                text = "\n".join(f"{' ' * (value.label.column - 1)}{row}" for row in rows)
+                lines = key_block(value.label)
+                right = Correction(text, value.label.line, len(lines)) if lines else None
+                why = f"{port} is not a {what}; leave it out, but not what is below it"
+                mistakes.add(value.label, why, right)
+                return {**{each: found[each] for each in found if each != port}, **within}
             found[port], found[name] = replace(value, value=rest), within[name]
             why = f"{name} is a {what}; write it beside {port}"
             mistakes.add(within[name].label, why, in_braces(given, as_mapping(found).as_yaml()))

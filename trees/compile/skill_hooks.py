@@ -28,7 +28,13 @@ from skills.motion import Body, MotionError, ToolQuery, shown
 from trees.errors import Correction, Mistake, Place
 from trees.reading.document import Located, nested
 from trees.reading.lines import left_out
-from trees.reading.literals import in_other_unit, in_radians, in_smaller_units, near_limit
+from trees.reading.literals import (
+    in_other_unit,
+    in_radians,
+    in_smaller_units,
+    near_limit,
+    renamed,
+)
 
 from .leaf import Leaf
 from .port_types import declaration
@@ -134,7 +140,8 @@ class SkillHooks:
                 instead = _nearest(leaf, robot, inputs, fault)
             if value and (name := suggested(str(fault))):
                 step = fault.location[-1] if isinstance(fault, SkillError) else ""
-                there = place.replaced(str(step), name)
+                is_key = place == value.label
+                there = renamed(str(step), name, value)[1] if is_key else None
                 instead = there or place.replaced(str(value.value), name)
             if value and isinstance(fault, BadTarget) and fault.location and not exchanged:
                 instead = self._other_pose(leaf, robot, inputs, fault, value) or instead
@@ -322,8 +329,9 @@ def _nearest(
     (place, value), given = _refused(leaf, fault), inputs.get(port)
     if value is None or not isinstance(given, Positions) or joint not in given:
         return None
-    if joint not in {each.name for each in robot.joints}:
-        for each in robot.actuated:
+    known = {each.name for each in robot.joints}
+    if joint not in known:
+        for each in robot.actuated if len(given.keys() - known) == 1 else ():
             pairs = ((each.name if name == joint else name, q) for name, q in given.items())
             now, at = {**inputs, port: Positions(pairs)}, (port, each.name)
             if each.name not in given and _accepts(leaf, robot, now, at):
@@ -369,14 +377,16 @@ def _in_smaller_unit(
     port = str(error.location[0])
     declared, found = declaration(kind.input_ports()[port]), ""
     items = value.value if isinstance(value.value, list) and value.value else [value]
-    for text, factor in in_smaller_units(items[0].value, declared.unit):
+    joints = {joint.name: joint.unit for joint in robot.joints}
+    unit = joints.get(str(error.location[-1]), declared.unit)
+    for text, factor in in_smaller_units(items[0].value, unit):
         scaled = {**inputs, port: _scaled(inputs.get(port), factor)}
         numbers = [each.value * factor for each in items if isinstance(each.value, int | float)]
         # A position is not near the origin, where the arm stands. A size may be small.
         far = declared.least is None and max(map(abs, numbers)) <= robot.reach
         if (far or not found) and _accepts(leaf, robot, scaled, error.location):
             found = text.split()[1]
-    return (declared.unit, found) if found else None
+    return (unit, found) if found else None
 
 
 def _with_unit(value: Located, unit: str) -> str:

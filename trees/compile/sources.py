@@ -1,12 +1,16 @@
 """The source files of a tree: subtrees, other tasks and poses."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
+from hardware import Robot
 from hardware.spelling import there_are_numbers
 from trees.errors import FileError, Mistakes
 from trees.reading.grammar import TaskFile
 from trees.reading.library import Library, poses_of
 from trees.reading.specs import SubtreeNode
+
+from .move_words import wrong_units
 
 
 class _AnyPose(dict[str, Mapping[str, float]]):
@@ -39,8 +43,8 @@ class Sources:
         self.uncertain: set[str | int] = set()
         self.poses: Mapping[str, Mapping[str, float]] = {}
 
-    def load_poses(self, mistakes: Mistakes) -> None:
-        """Read all poses."""
+    def load_poses(self, mistakes: Mistakes, robot: Robot) -> None:
+        """Read all poses, and check the units of their values."""
         try:
             files, wrong = self._library.draft_poses()
         except FileError as error:
@@ -49,6 +53,11 @@ class Sources:
             return
         self.poses = poses_of(files)
         mistakes.take(wrong)
+        for file in files:
+            for name, pose in file.labels.items():
+                found = Mistakes()
+                wrong_units(pose, robot, found.add)
+                mistakes.take(replace(m, message=f"{name}: {m.message}") for m in found.found)
         if not wrong:
             _, self._pose_files = self._library.poses()
 

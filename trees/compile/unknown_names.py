@@ -19,7 +19,12 @@ from trees.reading.specs import SkillNode, SubtreeNode, Value
 from .move_words import as_positions, is_width
 from .values_by_port import as_mapping, fits
 
-TO_POSE = "move_joints"  # shipped subtree that moves to a pose
+TO_POSE, TO_POINT = "move_joints", "move_tool"  # shipped subtrees that move
+# Shipped subtrees by their names in the languages of other robots.
+_OTHER_NAMES = {
+    **dict.fromkeys(("movej", "moveabsj", "ptp"), TO_POSE),
+    **dict.fromkeys(("movel", "movep", "lin"), TO_POINT),
+}
 
 
 def meant(
@@ -36,21 +41,32 @@ def meant(
     text = value.value if isinstance(value, Located) else None
     if TO_POSE in _begun(_first(spec.skill), subtrees) and target_pose(spec.ports, poses):
         return TO_POSE
-    if isinstance(text, str):
-        target = text in poses or as_pairs(text) or is_width(text)
-        if target and TO_POSE in subtrees and (begun or is_width(text) or spec.skill == "pose"):
-            return TO_POSE
+    other = _by_other_name(spec, skills, subtrees)
+    if isinstance(text, str) and not other:
         if name := closest(f"{text}_{spec.skill}", subtrees, 0.85):
             return name  # such as `gripper: open`
+        target = text in poses or is_width(text) or (begun and as_pairs(text))
+        if target and TO_POSE in subtrees:
+            return TO_POSE
         if text in subtrees:
             return text
     if begun:
         return _taking(spec.skill, spec.ports, library) if begun[1:] else begun[0]
-    for name, kind in skills.items():
-        if spec.skill.lower() in kind.synonyms:
-            return name
+    if other:
+        return other
     near = closest(spec.skill, (*nodes(skills), *subtrees), 0.71)
     return near or (_taking(_first(spec.skill), spec.ports, library) if spec.ports else "")
+
+
+def _by_other_name(
+    spec: SkillNode, skills: Mapping[str, type[Skill]], subtrees: Collection[str]
+) -> str:
+    """Return the skill or subtree that a name or a point means in another program, or ""."""
+    word = re.sub(r"_?(cmd|command|action|node|skill|step)$", "", spec.skill.lower())
+    named = (name for name, kind in skills.items() if word in kind.synonyms)
+    to_point = TO_POINT if [*spec.ports] == ["x", "y", "z"] else ""
+    name = next(named, _OTHER_NAMES.get(word, to_point))
+    return name if name in (*skills, *subtrees) else ""
 
 
 def target_pose(ports: Mapping[str, Value], poses: Collection[str]) -> Located | None:

@@ -211,9 +211,11 @@ def _quantity(kind: str) -> Schema:
 
 
 def _positions() -> Schema:
-    angle = {"anyOf": [{"$ref": "#/definitions/angle"}, _KEY]}
+    position = {
+        "anyOf": [*({"$ref": f"#/definitions/{kind}"} for kind in ("angle", "length")), _KEY]
+    }
     return {
-        "anyOf": [{"type": "object", "additionalProperties": angle}, _NAME],
+        "anyOf": [{"type": "object", "additionalProperties": position}, _NAME],
         "description": "joint values by joint name, or the name of a pose",
     }
 

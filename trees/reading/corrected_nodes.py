@@ -8,7 +8,7 @@ from trees.errors import Correction, Place
 
 from .document import Located, nested
 from .lines import block, in_node, replaced_block
-from .node_words import begins_node
+from .node_words import FILES, begins_node, beside_keys
 
 _COMPARISON = re.compile(r"([\w$.-]+) *(==|!=|<=|>=|<|>) *([\w$.-]+)")
 
@@ -34,7 +34,27 @@ def node_instead(value: Located, in_turn: str) -> Correction | None:
         keys = {"if": keys["if"], "then": Located(value.place, beside, value.place)}
     if {"if", "then"} <= keys.keys() <= {"if", "then", "else"}:
         return replaced_block(value.place, _as_selector(keys))
+    other = next((key for key in ("on_failure", "except", "catch") if key in keys), "")
+    first = {key: each for key, each in keys.items() if key not in (other, "name")}
+    if other and len(first) == 1 and (begins_node(next(iter(first))) or "try" in first):
+        own = first.get("try", Located(value.place, first, value.place))
+        nodes = [_as_node(own), _as_node(keys[other])]
+        return replaced_block(value.place, ["selector:", *(f"  - {node}" for node in nodes)])
     return None
+
+
+def apart(keys: Mapping[str, Located]) -> list[dict[str, Located]]:
+    """Return the nodes that share a mapping. `with` is of the subtree or task."""
+    nodes = list[dict[str, Located]]()
+    for key, each in keys.items():
+        files = [node for node in nodes if node.keys() & FILES.keys()]
+        if key == "with" and files:
+            files[-1][key] = each
+        elif nodes and (key in beside_keys() or not nodes[-1].keys() - beside_keys()):
+            nodes[-1][key] = each
+        else:
+            nodes.append({key: each})
+    return nodes
 
 
 def twice(value: Located, in_turn: str) -> tuple[Place, Correction | None] | None:
@@ -68,6 +88,11 @@ def comparison(value: Located) -> str:
     return compare_node(f"${left}" if left.isidentifier() else left, sign, right)
 
 
+def _as_node(value: Located) -> str:
+    """Return a node or a list of nodes as one node in braces."""
+    return ("sequence: " if isinstance(value.value, list) else "") + value.as_yaml()
+
+
 def _as_selector(keys: Mapping[str, Located]) -> list[str]:
     """Return the lines of a selector that is equivalent to if, then and else."""
     from py_trees.ports import get_ports_registry  # slow to load
@@ -79,11 +104,7 @@ def _as_selector(keys: Mapping[str, Located]) -> list[str]:
             condition = f"{{{name}: {condition}}}"  # the text had only the ports
             break
     inverted = f"inverter: {condition}"
-    nodes = {
-        word: ("sequence: " if isinstance(keys[word].value, list) else "") + keys[word].as_yaml()
-        for word in ("then", "else")
-        if word in keys
-    }
+    nodes = {word: _as_node(keys[word]) for word in ("then", "else") if word in keys}
     if "else" not in nodes:
         return ["selector:", f"  - {inverted}", f"  - {nodes['then']}"]
     one = ["  - sequence:", f"      - {condition}", f"      - {nodes['then']}"]

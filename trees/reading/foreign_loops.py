@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from hardware.spelling import did_you_mean
 from trees.errors import Correction, Place
 
+from .corrected_nodes import comparison
 from .document import Located, nested, reference, scalar
 from .lines import key_block, replaced_block, rewritten
 from .literals import in_unit_of_key
@@ -22,7 +23,8 @@ if TYPE_CHECKING:
 _DO, _CHILD = "do", "child"
 _COUNT = re.compile("num_.*|max_.*|count")  # names of the number of rounds
 _AMOUNT = re.compile(r"[0-9.]+ ?([a-z]+)?")
-_RANGE = re.compile(r"(?:\w+ in )?range\(([0-9]+)\)")
+_RANGE = re.compile(r"(?:\w+ in )?(?:range\(|1\.\.+)([0-9]+)\)?")
+_COUNTED = re.compile(r"(\w+) ([0-9]+)(?: ?(?:times|x|rounds))?")
 _EACH = re.compile(r"(\w+) in \[(.*)\]")
 _ITEM = "item"  # name of the value of a round, if the loop gives none
 EXAMPLES = {"integer": "3", "duration": "1 s"}  # example values of an option, by type
@@ -69,7 +71,14 @@ def read_loop(place: Place, given: Mapping[str, Located]) -> ForeignLoop | None:
 
 
 def _with_do(given: Mapping[str, Located]) -> Mapping[str, Located]:
-    """Return values with `do` in place of another key for the child, such as `steps`."""
+    """Return values with `do` in place of another key for the child, such as `steps`.
+
+    The number in a key such as `repeat 3 times` is the value of its first word.
+    """
+    counted = _COUNTED.fullmatch(next(iter(given), ""))
+    if counted and len(given) == 1:
+        (child,) = given.values()
+        return {counted[1]: Located(child.label, int(counted[2]), child.label), _DO: child}
     words = [key for key in given if key in (_CHILD, *kinds()[in_turn()].synonyms)]
     if len(words) != 1 or _DO in given:
         return given
@@ -105,7 +114,7 @@ def _read(
     rest = {key: each for key, each in rest.items() if key not in options}
     if in_one:
         child, why = rest.pop(_DO), f"there is no {word}{did_you_mean(kind.name)}"
-        own = f"{word} has its node below it, and its options in its column"
+        own = f"{word} has one node below it, such as {in_turn()}, and its options in its column"
         why = {kind.condition: kind.keywords.get(_DO, ""), kind.name: own}.get(word, why)
     elif (_DO in rest and not kind.only_asks) or sum(map(begins_node, rest)) == 1:
         why, option = _beside_child(word, head, kind, {*given})
@@ -132,7 +141,7 @@ def _read(
         right = place.replaced(place.brackets, Located(place, keys, place).as_yaml())
     else:
         node = _below(kind.name, lines) if lines else [f"{kind.name}: {child.as_yaml()}"]
-        beside = (f"{key}: {each.as_yaml()}" for key, each in options.items())
+        beside = (f"{key}: {comparison(each) or each.as_yaml()}" for key, each in options.items())
         right = replaced_block(place, [*node, *beside])
     return ForeignLoop(given[word].label, kind.name, why, keys, right if known else None)
 
@@ -209,7 +218,8 @@ def _beside_child(
 
         asked = Located(head.place, EXAMPLE_CONDITION, head.place)
         return f"{why}, not beside, and needs {condition}: the condition", {condition: asked}
-    named = isinstance(head.value, str) and condition and condition not in given
+    asks = isinstance(head.value, str) or _has_node(head)
+    named = asks and condition and condition not in given
     if word == condition or named:
         why = f"{why}, and {condition} in a line of its own"
         return kind.keywords[_DO] if _DO in given else why, {condition: head}

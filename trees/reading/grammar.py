@@ -4,7 +4,7 @@ The compiler checks the names of skills and ports, not this module.
 """
 
 import re
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -35,6 +35,7 @@ _POSES_KEYS = ("poses", "replaces", "grammar")
 _PARAMETERS = {"inputs", "params", "args", "arguments", "vars", "variables"}  # of other programs
 _OPTIONAL = ("parameters", "ports", "replaces", "retry", "grammar")
 _DECLARED_KEYS = ("type", "default", "min", "max", "choices", "description")
+_OTHER_KEYS = {"value": "default", "enum": "choices", "options": "choices"}  # of other programs
 # Types by the names that programming languages and people use.
 _OTHER_TYPES = {
     **dict.fromkeys(("degree", "degrees", "radian", "radians"), "angle"),
@@ -52,6 +53,8 @@ _OTHER_FILES = {
     "hosts": "a playbook of Ansible",
     "joint_names": "a trajectory of ROS",
     "services": "a file of Docker Compose",
+    "launch": "a launch file of ROS",
+    "ros__parameters": "a file of parameters of ROS",
 }
 
 
@@ -231,12 +234,12 @@ class _Parser:
             if isinstance(self.root.value, str) and right != text:
                 why, row = f"a colon is missing after `{text.split()[0]}`", text.count("\n") + 1
                 self.mistakes.add_last(self.root.place, why, Correction(right, 1, row))
-            items = self.root.value if isinstance(self.root.value, list) else []
-            inner = {key for item in items for key in nested(item)}
-            other = "XML" if str(self.root.value).startswith("<") else _other_file(inner)
+            begun = str(self.root.value)
+            other = "XML" if begun.startswith("<") else _other_file(self.root)
+            other = "Python" if re.match(r"(import|from) \w", begun) else other
             hint = f"; this is {other}{hint}" if other else hint
             self._wrong(self.root.place, f"expected the keys {needed}{hint}")
-        elif (other := _other_file(self._values)) and "tree" not in self._values:
+        elif (other := _other_file(self.root)) and "tree" not in self._values:
             why = f"this is {other}, not a task; `armtree new` writes a task that runs"
             self._wrong(self.root.place, why)
             self._values = {}
@@ -352,8 +355,9 @@ class _Parser:
         likely = corrections(values, known)
         for key in values.keys() & _PARAMETERS if "parameters" in known else ():
             likely |= {} if "parameters" in (*values, *likely.values()) else {key: "parameters"}
-        if "value" in values and "default" in {*known} - {*values, *likely.values()}:
-            likely["value"] = "default"
+        for key, other in _OTHER_KEYS.items():
+            if key in values and other in {*known} - {*values, *likely.values()}:
+                likely[key] = other
         unknown = [key for key in values if key not in {*known, *likely}]
         needed = [key for key in known if key not in {*_OPTIONAL, *values, *likely.values()}]
         if "tree" in known and len(unknown) == len(needed) == 1:
@@ -525,8 +529,10 @@ class _Parser:
         return None
 
 
-def _other_file(keys: Collection[str]) -> str:
-    """Return what a file with these keys is; "" for a task file."""
+def _other_file(root: Located) -> str:
+    """Return what a file with this value is; "" for a task file."""
+    items = root.value if isinstance(root.value, list) else nested(root).values()
+    keys = {*nested(root), *(key for item in items for key in nested(item))}
     return next((what for key, what in _OTHER_FILES.items() if key in keys), "")
 
 

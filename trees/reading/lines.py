@@ -78,8 +78,10 @@ def in_node(place: Place, head: str) -> Correction | None:
     line, column = place.lines[place.line - 1], place.column - 1
     before, after = line[:column], line[column:]
     if not after.startswith("["):
-        if before.strip() == "-":
-            return None  # one `-` may be too many
+        if before.strip() == "-":  # above a single item, one `-` may be too many
+            lines = [f"  {line}" for line in block(place)]
+            several = len([line for line in lines if line.startswith("  - ")]) > 1
+            return replaced_block(place, [f"{head}:", *lines]) if several else None
         above = re.match(r"[\s-]*", place.lines[place.line - 2])
         if above and above.end() == column:  # its items are in the column of its key
             lines, indent = key_block(place), " " * (column + 2)
@@ -124,6 +126,17 @@ def as_mapping(value: Located) -> Correction | None:
         lines[row] = re.sub(r"^(\s*)-( +)", r"\1 \2", lines[row])
     begin, end = rows[0], rows[-1] + len(block(items[-1].place))
     return Correction("\n".join(lines[begin:end]), begin + 1, end - begin)
+
+
+def as_one_text(value: Located) -> Correction | None:
+    """Return the lines of a key with a list of texts as one text; None for other values."""
+    items, label = value.value if isinstance(value.value, list) else [], value.label
+    text, lines = " ".join(str(item.value) for item in items), key_block(label)
+    if not text or not lines:
+        return None
+    begin = f"{' ' * (label.column - 1)}{lines[0].partition(':')[0]}"
+    line = f"{begin}: {replace(value, value=text).as_yaml()}"
+    return Correction(line, label.line, len(lines))
 
 
 def declared_above(place: Place, head: str, line: str) -> Correction | None:

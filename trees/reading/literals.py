@@ -10,13 +10,15 @@ from hardware import DISPLAY_UNITS
 from hardware.printable import plural
 from hardware.spelling import choices, closest, did_you_mean, there_are
 from trees.declarations import ANY, LIST, UNITS, Declaration, type_fits, words
-from trees.errors import Mistake
+from trees.errors import Correction, Mistake, Place
 
 from .document import NO_CALCULATION, REFUSED, Located, StandIn, calculates, nested, reference
 from .lines import as_mapping, block, replaced_block
 
 _NUMBER = r"([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)"
-_PRODUCT = re.compile(rf"([-+]?)(?:{_NUMBER}|pi) ?([*/]) ?(?:{_NUMBER}|pi)( ?[a-z]+)?")
+_FACTOR = r"(?:[0-9]+\.?[0-9]*|(?:math\.|np\.|M_)?(?:pi|PI)|\u03c0)"
+_PRODUCT = re.compile(rf"([-+]?)({_FACTOR})((?: ?[*/] ?{_FACTOR})+)( ?[a-z]+)?")
+_CONVERTED = re.compile(rf"(?:\w+\.)?\w*(?:deg|radians)\w*\({_NUMBER}\)")  # degrees in rad
 _QUANTITY = re.compile(rf"{_NUMBER} ?([A-Za-z\xb0]\S*)")
 _PYTHON: Mapping[str, tuple[type, ...]] = {
     "integer": (int,),
@@ -35,6 +37,7 @@ _CHOICES = {
     "not": "!=",
     "less": "<",
 }
+_DIRECTIONS = {"up": "[0, 0, 1]", "down": "[0, 0, -1]"}
 _SIGNS = str.maketrans({",": ".", "\u2212": "-", "\u2013": "-"})
 _FOREIGN_UNITS = {  # factor and unit of task files
     **dict.fromkeys(("in", "inch", "inches"), (25.4, "mm")),
@@ -57,8 +60,12 @@ _COUNTS = {
 }
 _UNIT_NAMES = {"grad": "deg", "\xb0": "deg", "milli": "m", "centi": "c", "zenti": "c"}
 
-# Units of time at the end of a key.
-_TIMES = {"ms", "msec", "milliseconds", "sec", "secs", "seconds", "minutes", "hours"}
+# Names of units at the end of a key, by the type.
+_IN_KEYS = {
+    "duration": {"ms", "msec", "milliseconds", "sec", "secs", "seconds", "minutes", "hours"},
+    "angle": {"deg", "degs", "degrees", "rad", "radians"},
+    "length": {"mm", "cm", "millimeters", "centimeters"},
+}
 
 _HOME = "home"  # the robot file may define it for `armtree home`
 
@@ -72,16 +79,26 @@ def measured(value: Located) -> str:
     if value.use:
         return value.declared if value.declared in UNITS else ""
     plain = value.value
+    if isinstance(plain, StandIn):
+        return plain.type if plain.type in UNITS else ""
     found = _QUANTITY.fullmatch(plain) if isinstance(plain, str) else None
     return next((kind for kind, units in UNITS.items() if found and found[2] in units), "")
 
 
 def in_unit_of_key(key: str, value: Located) -> Located:
-    """Return a number without a unit in the unit of time that its key names, such as `msec`."""
+    """Return a number without a unit in the unit that its key names, such as `delay_msec`."""
     word = re.split("[_-]", key)[-1]
-    if not is_bare(value.value) or word not in _TIMES:
+    kind = next((kind for kind, names in _IN_KEYS.items() if word in names), "")
+    if not is_bare(value.value) or not kind:
         return value
-    return replace(value, value=f"{value.as_yaml()} {_unit(word, UNITS['duration'])}")
+    return replace(value, value=f"{value.as_yaml()} {_unit(word, UNITS[kind])}")
+
+
+def renamed(key: str, name: str, value: Located) -> tuple[Located, Correction | None]:
+    """Return a value in the unit of its key, and the line with another key above it."""
+    made, label = in_unit_of_key(key, value) if name else value, value.label
+    old, new = f"{key}: {value.as_yaml()}", f"{name}: {made.as_yaml()}"
+    return made, (made is not value and label.replaced(old, new)) or label.replaced(key, name)
 
 
 def in_smaller_units(value: object, unit: str) -> Iterator[tuple[str, float]]:
@@ -191,10 +208,7 @@ def fit(
         return _items(value, wanted, poses, wrong)
     if wanted.type == "positions":
         return _positions(value, poses, wrong)
-    if wanted.type in ("number", *UNITS):
-        fitted = _number(value, wanted.type, wrong)
-    else:
-        fitted = _plain(value, wanted, wrong)
+    fitted = _single(value, wanted, wrong)
     if isinstance(fitted, StandIn):
         return fitted
     if fitted is not None and (reason := _violation(fitted, wanted)):
@@ -215,6 +229,18 @@ def fit(
         wrong(value.place, f"{shown} {reason}{meant}", value.instead(right))
         return None
     return fitted
+
+
+def _single(value: Located, wanted: Declaration, wrong: Wrong) -> Any:
+    """Return a number, a quantity, a text or a boolean; None if the value is wrong."""
+    if wanted.type not in ("number", *UNITS):
+        return _plain(value, wanted, wrong)
+
+    def explained(place: Place, why: str, right: Correction | None = None) -> None:
+        more = f": {wanted.description}" if wanted.description and not right else ""
+        wrong(place, why + more, right)
+
+    return _number(value, wanted.type, explained)
 
 
 def _within_bounds(fitted: Any, value: Located, wanted: Declaration) -> str:
@@ -241,6 +267,8 @@ def _items(
         if not numbers and fit(value, one, poses, lambda *_: None) is not None:
             texts = re.split(r" *[,/|] *", str(value.value)) if one.type == "text" else []
             near = f"[{', '.join(texts) or value.as_yaml()}]"
+        if wanted.type == f"{LIST}number":
+            near = near or _DIRECTIONS.get(re.sub("wards?$", "", str(value.value)), "")
         form = f"; write {near or (example if numbers else '[a, b]')}"
         wrong(value.place, f"{value} is not {words(wanted.type)}{form}", value.instead(near))
         return None
@@ -277,11 +305,14 @@ def _as_items(value: Located) -> str:
     if found := next((each for each in axes if [*nested(each)] == ["x", "y", "z"]), None):
         return Located(value.place, [*nested(found).values()], value.label).as_yaml()
     text = inner[0].value if isinstance(inner, list) and len(inner) == 1 else inner
+    text = re.sub(r"(?<=\d) ?[x\xd7] ?(?=\d)", " ", text) if isinstance(text, str) else text
     items = (
         re.findall(rf"{_NUMBER}(?: ?([a-z]+))?(?=[\s,]|$)", text) if isinstance(text, str) else []
     )
     if len(items) != 3:
         return ""
+    if items[2][1] and not items[0][1] + items[1][1]:  # such as `30x30x20 mm`
+        items = [(number, items[2][1]) for number, _ in items]
     return f"[{', '.join(f'{number} {unit}'.rstrip() for number, unit in items)}]"
 
 
@@ -353,6 +384,7 @@ def _number(value: Located, kind: str, wrong: Wrong, finite: bool = True) -> flo
     else:
         near = _computed(str(plain)) or _total(str(plain), kind) or str(plain).translate(_SIGNS)
         near = re.sub(rf"^{_NUMBER} ?\.\.+ ?{_NUMBER}", r"\1", near)  # a range has no value
+        near = re.sub(rf"^([a-z]+) ?{_NUMBER}$", r"\2 \1", near)  # a unit before its number
         count, _, rest = near.partition(" ")
         near = f"{_COUNTS.get(count.lower(), count)} {rest}".rstrip()
         if (found := _QUANTITY.fullmatch(near)) and found[2] not in UNITS.get(kind, ()):
@@ -360,7 +392,7 @@ def _number(value: Located, kind: str, wrong: Wrong, finite: bool = True) -> flo
         if kind == "number" and (percent := re.fullmatch(rf"{_NUMBER} ?%", near)):
             near = f"{float(percent[1]) / 100:g}"
         amount = re.fullmatch(rf"{_NUMBER}( ?({'|'.join(UNITS.get(kind, ()))}))?", near)
-        _not(value, kind, near if near != plain and amount else "", wrong)
+        _not(value, kind, near if amount else "", wrong)  # equal texts are in quotes
         return None
     if finite and not math.isfinite(number):
         wrong(value.place, f"{value} is not finite")
@@ -369,20 +401,29 @@ def _number(value: Located, kind: str, wrong: Wrong, finite: bool = True) -> flo
 
 
 def _computed(text: str) -> str:
-    """Return the value of a product or quotient, such as `pi/4`, as text; "" for other texts."""
+    """Return the value of a calculation without names, such as `3*pi/4`; "" for other texts."""
+    if found := _CONVERTED.fullmatch(text):  # such as `math.radians(20)`
+        return f"{found[1]} deg"
     if not (found := _PRODUCT.fullmatch(text)):
         return ""
-    first, other = (math.pi if each is None else float(each) for each in found.group(2, 4))
-    if found[3] == "/" and not other:
-        return ""
-    return f"{found[1]}{first * other if found[3] == '*' else first / other:.6g}{found[5] or ''}"
+    total = _factor(found[2])
+    for sign, text in re.findall(rf"([*/]) ?({_FACTOR})", found[3]):
+        if sign == "/" and not _factor(text):
+            return ""
+        total = total * _factor(text) if sign == "*" else total / _factor(text)
+    return f"{found[1]}{total:.6g}{found[4] or ''}"
+
+
+def _factor(text: str) -> float:
+    return math.pi if re.search(r"pi|PI|\u03c0", text) else float(text)
 
 
 def _total(text: str, kind: str) -> str:
     """Return the total of several quantities, such as `1 min 30 s`; "" for other texts."""
     units, unit = UNITS.get(kind, {}), next(iter(UNITS.get(kind, {})), "")
-    found = re.findall(rf"{_NUMBER} ?([a-z]+)", text)
-    if len(found) < 2 or any(each not in units for _, each in found):
+    found = re.findall(rf"{_NUMBER} ?([a-z]+)(?:[, +]*$|[, +]+(?:and +)?)", text)
+    whole = re.fullmatch(rf"(?:{_NUMBER} ?[a-z]+[, +]*(?:and +)?)+", text)
+    if not whole or len(found) < 2 or any(each not in units for _, each in found):
         return ""
     return f"{sum(float(number) * units[each] for number, each in found):g} {unit}"
 
@@ -411,7 +452,9 @@ def _positions(
         return _pose(value, value.value, poses, wrong)
     items = value.value if isinstance(value.value, list) else []
     if items and all(str(item.value) in poses for item in items):
-        wrong(value.place, _one_pose([str(item.value) for item in items]))
+        names = [str(item.value) for item in items]
+        right = value.instead(names[0]) if len(names) == 1 else None
+        wrong(value.place, _one_pose(names), right)
         return None
     if items and all(isinstance(item.value, dict) for item in items):
         wrong(value.place, "joint values are a mapping, not a list", as_mapping(value))
@@ -425,15 +468,26 @@ def _positions(
     if not value.value:
         wrong(value.place, f"{value} names no joint")
         return None
+    lists = [item.value for item in value.value.values() if isinstance(item.value, list)]
+    if len(lists) == len(value.value) == 2 and len(lists[0]) == len(lists[1]):  # in ROS
+        pairs = {str(name.value): each for name, each in zip(*lists, strict=True)}
+        near = replace(value, value=pairs).as_yaml()
+        why = f"joint values are a mapping, not two lists; write {near}"
+        wrong(value.place, why, value.instead(near))
+        return None
     if _no_angles(value, value.value, poses, wrong):
         return None
-    fitted = {
-        joint: _number(item, "angle", wrong, finite=False) for joint, item in value.value.items()
+    # Only the compiler knows which joints slide.
+    kinds = {
+        j: "length" if measured(item) == "length" else "angle" for j, item in value.value.items()
     }
+    fitted = {j: _number(item, kinds[j], wrong, finite=False) for j, item in value.value.items()}
     return {joint: REFUSED if number is None else number for joint, number in fitted.items()}
 
 
 def _one_pose(names: Sequence[str]) -> str:
+    if len(names) == 1:
+        return f"write {names[0]}, without brackets"
     return f"a node moves to one pose; write one node for each of {' and '.join(names)}"
 
 

@@ -8,7 +8,7 @@ from typing import TypeGuard
 from hardware.spelling import corrections, did_you_mean, there_are
 from trees.errors import Correction, Mistakes, Place
 
-from .corrected_nodes import comparison, node_instead, twice
+from .corrected_nodes import apart, comparison, node_instead, twice
 from .document import (
     NO_CALCULATION,
     REFUSED,
@@ -19,13 +19,14 @@ from .document import (
     reference,
 )
 from .foreign_loops import EXAMPLES, is_amount, read_loop
-from .lines import added_below, as_mapping, block, key_block, replaced_block, rewritten
-from .literals import in_unit_of_key, measured
+from .lines import added_below, as_mapping, as_one_text, block, key_block, replaced_block, rewritten
+from .literals import measured, renamed
 from .node_words import (
     FILES,
     begins_node,
     beside_keys,
     heads,
+    holds_nodes,
     in_turn,
     keywords,
     kinds,
@@ -40,6 +41,8 @@ _NODE = "a node"  # its name cannot be a name of a user's own
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 _WORDS = re.compile(r"[A-Za-z]+( [A-Za-z]+)+")
 # Words of other programs for the key `with`.
+_INCLUDE = {"include", "import", "include_tasks", "import_tasks", "file", "call", "run", "uses"}
+_TAGS = {"Action", "Condition", "SubTree", "Decorator", "Control"}
 _WITH = ("args", "arguments", "params", "parameters", "ports", "inputs", "input", "values")
 
 
@@ -87,7 +90,7 @@ class NodeParser:
             return self._headed(value.place, loop.kind, loop.keys)
         skills = [key for key in rest if key[:1].isupper() or key in keywords()]
         if len(begun) == 1 and begun[0] in FILES and skills:
-            nodes = {in_turn(): [*map(_as_item, _apart(keys))]}
+            nodes = {in_turn(): [*map(_as_item, apart(keys))]}
             alone = not value.place.location.endswith("]")  # in a list, a `-` is missing
             named = begun[0] == rest[0] and skills[0] not in keywords()
             right = rewritten(value.place, nodes) if alone and named else None
@@ -124,6 +127,16 @@ class NodeParser:
     def _in_other_words(self, value: Located, keys: Mapping[str, Located]) -> Mapping[str, Located]:
         """Report keys of other programs that say what a node is. Return the correct values."""
         place, given = value.place, {key: each for key, each in keys.items() if key != "name"}
+        tagged = [nested(each) for tag, each in given.items() if tag in _TAGS and len(given) == 1]
+        inner = {**(tagged[0] if tagged else given)}
+        key = next((key for key in inner if key in ("ID", "type", "skill")), "")
+        if key and self.is_name(name := inner[key].value) and name[:1].isupper():
+            named = inner.pop(key)
+            ports = replace(named, value=inner or None)
+            node = f"{name}: {ports.as_yaml()}" if inner else name
+            why = f"a node begins with its own name: write {node}"
+            self._wrong(named.label, why, replaced_block(place, [node]))
+            return {name: ports}
         if given.keys() == {"type", "children"} and (kind := str(given["type"].value)) in kinds():
             below = key_block(given["children"].label)[1:]
             right = replaced_block(place, [f"{kind}:", *below]) if below else None
@@ -134,6 +147,13 @@ class NodeParser:
             why = "a skill writes its result to the key at a port, such as answer: "
             self._wrong(label, f"there is no register: {why}${name}; `armtree skills` lists them")
             return {key: each for key, each in keys.items() if key != "register"}
+        file = next((f"{each.value}" for each in given.values()), "")
+        if len(given) == 1 and given.keys() <= _INCLUDE and file.endswith(".yaml"):
+            ((word, each),) = given.items()  # such as `include: open_gripper.yaml`
+            near = "task" if file[:1].isdecimal() else "subtree"
+            why = f"no key {word}{did_you_mean(near)}"
+            self._wrong(each.label, why, each.label.replaced(word, near))
+            return {near: each}
         heads_beside = [key for key in given if key != "with"]
         if len(heads_beside) != 1 or "with" not in given or not nested(given["with"]):
             return keys
@@ -213,6 +233,9 @@ class NodeParser:
             why = f"{what}: {value} is a text; leave out the quotes"
             self._wrong(value.place, why, value.instead(text))
             return int(text) if is_number(int(text)) else 0
+        if found := re.fullmatch(r"(\d+)_[\w-]+(\.ya?ml)?", text):
+            self._wrong(value.place, f"{why}{did_you_mean(found[1])}", value.instead(found[1]))
+            return int(found[1])
         if named:
             why += "; the key task has its number, and the key name its name" if text else ""
             return int(self._as_named(value, what, why, named))
@@ -235,7 +258,9 @@ class NodeParser:
         if isinstance(value.value, str) and value.value.strip():
             return " ".join(value.value.split())
         why = "write a text here" if value.value is None else f"{value} is not a text"
-        self._wrong(value.place, f"{what}: {why}")
+        near = f"{what}: What it does." if value.value is None else ""
+        right = value.label.replaced(f"{what}:", near) or as_one_text(value)
+        self._wrong(value.place, f"{what}: {why}", right)
         return ""
 
     def wired(self, value: Located) -> Value:
@@ -255,6 +280,11 @@ class NodeParser:
 
     def _skill(self, place: Place, skill: str, keys: Mapping[str, Located]) -> TreeNode:
         inner = keys[skill]
+        around = {key: each for key, each in nested(inner).items() if key not in ("ID", "name")}
+        if len(around) == 1 and any(map(holds_nodes, around)):
+            right = replaced_block(place, key_block(next(iter(around.values())).label) or [skill])
+            self._wrong(place, f"no node {skill}; leave it out, but not the node below it", right)
+            return self.node(replace(inner, value=around))
         if isinstance(inner.value, list) and self._are_nodes(skill, inner.value):
             lists = [name for name, kind in kinds().items() if kind.many]
             kind = corrections((skill,), lists).get(skill, "") or synonyms().get(skill, "")
@@ -335,7 +365,7 @@ class NodeParser:
             return self._items(inner.value)
         given = "" if inner.value is None or inner.value == [] else f", not {inner}"
         why = f"{kind} needs a list of nodes{given}: begin each with a `-`, below {kind}:"
-        parts, right = _apart(nested(inner)), None
+        parts, right = apart(nested(inner)), None
         nodes = [*map(_named_node, parts)]
         if len(parts) == 1 and parts[0].keys() - beside_keys():
             nodes = [nodes[0] or parts[0]]  # its name is misspelt
@@ -478,13 +508,10 @@ class NodeParser:
             elif not where:
                 there += "; it belongs in poses.yaml" if key == "poses" else "; leave it out"
             why = f"unknown key {key}; {where}{there}"
-            given, value = keys[key], in_unit_of_key(key, keys[key]) if near else keys[key]
-            right = label.replaced(key, near)
-            if value is not given:
-                old, keys = f"{key}: {given.as_yaml()}", {**keys, key: value}
-                right = label.replaced(old, f"{near}: {value.as_yaml()}")
+            self.spare |= {*names_within(keys[key])}
+            value, right = renamed(key, near, keys[key])
+            keys = {**keys, key: value} if near else keys
             self._wrong(label, why, right)
-            self.spare |= {*names_within(given)}
         return respell(keys, likely)
 
     def _shown(self, keys: Mapping[str, Located]) -> str:
@@ -535,20 +562,6 @@ def as_node(keys: Mapping[str, Located]) -> str:
 def _as_item(node: Mapping[str, Located]) -> str:
     """Return a node as an item of a list, in braces if it has several keys."""
     return as_node(node)[1:-1] if len(node) == 1 else as_node(node)
-
-
-def _apart(keys: Mapping[str, Located]) -> list[dict[str, Located]]:
-    """Return the nodes that share a mapping. `with` is of the subtree or task."""
-    nodes = list[dict[str, Located]]()
-    for key, each in keys.items():
-        files = [node for node in nodes if node.keys() & FILES.keys()]
-        if key == "with" and files:
-            files[-1][key] = each
-        elif nodes and (key in beside_keys() or not nodes[-1].keys() - beside_keys()):
-            nodes[-1][key] = each
-        else:
-            nodes.append({key: each})
-    return nodes
 
 
 def _named_node(keys: dict[str, Located]) -> dict[str, Located]:

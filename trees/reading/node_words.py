@@ -29,6 +29,11 @@ def begins_node(key: str) -> bool:
     return key in heads() or key[:1].isupper()
 
 
+def holds_nodes(key: str) -> bool:
+    """Return True if a key is a control node, here or in another program."""
+    return key.lower() in kinds() or key in synonyms()
+
+
 def heads() -> tuple[str, ...]:
     """Return the keys that begin a node, except for the names of skills."""
     return (*kinds(), *FILES)

@@ -73,6 +73,7 @@ def edits_near(lines: tuple[str, ...], spots: Sequence[Spot], is_yaml: bool) -> 
         yield from _indent_edits(lines, row)
 
 
+_OUTSIDE = r'(?=(?:[^"]*"[^"]*")*[^"]*$)'  # outside a text in double quotes
 # Slips that people repeat in all lines: pattern, replacement and message.
 _FOREIGN: tuple[tuple[str, str | Callable[[re.Match[str]], str], str], ...] = (
     ("\t", "  ", "tabs cannot indent; use spaces"),
@@ -80,13 +81,15 @@ _FOREIGN: tuple[tuple[str, str | Callable[[re.Match[str]], str], str], ...] = (
     ("\xa0", " ", "this is a non-breaking space; write an ordinary one"),
     ("[\u201c\u201d\u201e]", '"', 'write the plain quote "'),
     ("[\u2018\u2019\u201a]", "'", "write the plain quote '"),
-    ("[\uff08-\uff1d\uff3b\uff3d\uff5b\uff5d]", lambda found: chr(ord(found[0]) - 0xFEE0),
+    (f"[\uff08-\uff1d\uff3b\uff3d\uff5b\uff5d]{_OUTSIDE}",
+     lambda found: chr(ord(found[0]) - 0xFEE0),
      "this is a sign of full width; write the plain one"),
     (r"^(\s*(?:- )?[A-Za-z_]\w*) *=(?= *[^\s=])", r"\1:",
      "a colon separates a key from its value, not `=`"),
     (r"(?<!\S)[\u2013\u2014\u2212](?= \w+:)", "-", "write the plain dash -"),
     (r"^(\s*)-(?=[A-Za-z{\[])", r"\1- ", "a space is missing after the `-`"),
-    (r"^(\s*)([*+\u2022]|\d+[.)])(?= [A-Za-z{])", r"\1-",
+    (r"^```.*", "", "leave out the ``` of Markdown"),
+    (r"^(\s*)([*+\u2022\u2192\u25cf]|\d+[.)])(?= [A-Za-z{])", r"\1-",
      "every node of a list begins with a `-`"),
 )  # fmt: skip
 
@@ -114,7 +117,7 @@ _IN_ONE_LINE = "two keys of a node in one line need braces and a comma"
 _SLIPS = (
     (r"((?:text|question): )([@`][^'\"{}\[\],:#]*)(?=[,}]|$)", r'\1"\2"',
      r"a text that begins with a special character needs quotes"),
-    (r"((?:text|question): )([\w ]+: [\w .]+)(?=[,}]|$)", r'\1"\2"',
+    (r"((?:text|question): )([^'\"{}\[\],#$]+: [^'\"{}\[\],#]+)(?=[,}]|$)", r'\1"\2"',
      "a text with a colon needs quotes"),
     (r"([:,\[] *)(- +)(?=[\d.])", r"\1-", "no space follows the sign of a number"),
     (rf"([:,\[] *)((['\"]){_NUMBER}\3)(?= ?[a-z]+ *[,}}\]]| ?[a-z]+$)", r"\1\4",
@@ -132,7 +135,7 @@ _SLIPS = (
      r"write `$\3` for a parameter"),
     (rf"{_BEGIN}(\w+)\((\w+) ?[=:] ?([^()]*)\)$", r"\1\2: {\3: \4}", _CALL),
     (rf"{_BEGIN}(\w+)\(([^()=:]+)\)$", r"\1\2: \3", _CALL),
-    (r"((?:- |: ))(\w+)\(\)$", r"\1\2", r"write `\2`, without parentheses"),
+    (r"((?:- |: ))(\w+)\(\);?$", r"\1\2", r"write `\2`, without parentheses"),
     (rf"{_ITEM}{_FILE} with ([^{{}}]+)$", r"\1{\2, with: {\3}}", _IN_ONE_LINE),
     (rf"{_ITEM}{_FILE},?\s+(with: .*)$", r"\1{\2, \3}", _IN_ONE_LINE),
     (r"^([\s-]*[\w-]+: )((?=[a-z]|\w+: \{)(\w+): .*)$", r"\1{\2}",
@@ -156,6 +159,9 @@ _SLIPS = (
     (r"(: [\w-]+)(:)$", r"\1", r"leave out the `\2` at the end"),
     (r"()(;)", ",", "a comma separates values, not `;`"),
     (r"(: *[-+]?\d+)(,)(?=\d)", r"\1.", "a point begins the decimals, not a comma"),
+    (r"([}\]])( ?(?:deg|rad|mm|cm|m|s|ms))(?= *[,}\]]|$)", r"\1",
+     "each number has its own unit; leave out this one"),
+    (r"^()([A-Z]\w*(?: [\w',-]+)+[:.!]?)$", r"# \2", "a comment begins with #"),
     (rf"(: )({_AMOUNT}(, *{_AMOUNT})+)(?=[,}}]|$)", r"\1[\2]", "a list needs brackets"),
     (rf"(: )({_TEXT}(,{_TEXT})+)(?=[,}}])", r'\1"\2"', "a text with a comma needs quotes"),
     (rf"(: )([A-Za-z]+: {_TEXT}|[A-Z][\w ]*: [\w .]+)(?=[,}}])", r'\1"\2"',

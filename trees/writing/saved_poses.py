@@ -155,15 +155,12 @@ def pose_text(robot: Robot, positions: Mapping[str, float]) -> str:
 
 
 def _written(joint: Joint, q: float) -> str:
-    """Return a position to a hundredth of a degree or mm; exactly if that exceeds a limit.
-
-    The position of a prismatic joint is in m without a unit, which is what task files accept.
-    """
+    """Return a position to a hundredth of a degree or mm; exactly if that exceeds a limit."""
     scale, unit = DISPLAY_UNITS[joint.unit]
     near = round(scale * q, 2) / scale
     if not joint.lower <= near <= joint.upper:
         return repr(q)
-    return f"{scale * near:z.7g} {unit}" if joint.unit == "rad" else f"{near:z.7g}"
+    return f"{scale * near:z.7g} {unit}"
 
 
 def _rewrite(path: Path, text: str, new: str, name: str) -> None:

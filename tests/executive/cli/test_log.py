@@ -1,5 +1,6 @@
 """`armtree log`, in this process."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -8,7 +9,8 @@ from click.testing import CliRunner
 from armtree import EXAMPLES
 from executive.cli.main import cli
 from logs import Goal
-from tests.logs.test_run import record
+from logs.records.records import Sent
+from tests.logs.test_run import RUNS, record
 from tests.logs.writing.test_compaction import run_journal
 
 
@@ -53,6 +55,20 @@ def test_diff_prints_degrees_if_the_recording_has_the_robot(tmp_path: Path) -> N
         "at most 0.0000 rad, at"
         in CliRunner().invoke(cli, ["log", "diff", foreign, foreign]).output
     )
+
+
+def test_diff_says_that_two_runs_are_of_two_arms(tmp_path: Path) -> None:
+    of_other_arm = [
+        replace(each, joints=tuple(f"other_{name}" for name in each.joints))
+        if isinstance(each, Sent)
+        else each
+        for each in RUNS["ok"]
+    ]
+    record(tmp_path / "other.mcap", of_other_arm)
+    run_journal(tmp_path / "one.mcap")
+    pair = [str(tmp_path / name) for name in ("one.mcap", "other.mcap")]
+    said = CliRunner().invoke(cli, ["log", "diff", *pair]).output
+    assert "two arms without a common joint: joint_1" in said
 
 
 @pytest.mark.slow

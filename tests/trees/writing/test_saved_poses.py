@@ -139,7 +139,7 @@ def test_positions_are_written_for_people(tmp_path: Path) -> None:
     names = [joint.name for joint in robot.actuated_in("arm")][:2]
     positions = {names[0]: -3.8e-18, names[1]: radians(0.024723), finger.name: 0.0152500001}
     assert pose_text(robot, positions) == (
-        f"{{{names[0]}: 0 deg, {names[1]}: 0.02 deg, {finger.name}: 0.01525}}"
+        f"{{{names[0]}: 0 deg, {names[1]}: 0.02 deg, {finger.name}: 15.25 mm}}"
     )
     assert pose_text(robot, {names[0]: -2.9}) == f"{{{names[0]}: -2.9}}"  # -166.158 deg
 
