@@ -9,7 +9,7 @@ import subprocess
 import sys
 import termios
 import threading
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Self
@@ -27,6 +27,7 @@ class PseudoTerminal:
         arguments: The command.
         environment: Further variables of its environment.
         script: What bash runs, with job control; `"$@"` is the command.
+        program: How armtree is started.
     """
 
     def __init__(
@@ -35,6 +36,7 @@ class PseudoTerminal:
         *arguments: str,
         environment: Mapping[str, str] = MappingProxyType({}),
         script: str = "",
+        program: Sequence[str] = ARMTREE,
     ) -> None:
         self._keys, slave = pty.openpty()
         self.resize(24, 80)
@@ -42,7 +44,7 @@ class PseudoTerminal:
         kept = {k: v for k, v in os.environ.items() if k not in sized and "ARMTREE" not in k}
         shell = ["bash", "-mc", script, "bash"] if script else []
         self.process = subprocess.Popen(
-            ["setsid", "--ctty", *shell, *ARMTREE, *arguments],  # so Ctrl-C and a hang-up arrive
+            ["setsid", "--ctty", *shell, *program, *arguments],  # so Ctrl-C and a hang-up arrive
             stdin=slave,
             stdout=slave,
             stderr=slave,
