@@ -17,7 +17,6 @@ from httpcore import AsyncConnectionPool
 from executive.api.schemas import RECORDING_NAME
 from executive.client.asynchronous import AsyncClient
 from executive.client.transport import ANSWER_TIMEOUT, Address, transport_errors
-from executive.errors import ServerSilent
 from hardware import RealClock
 
 from .errors import FleetError, FleetMissing
@@ -236,9 +235,9 @@ async def fetch_recording(
 
     Raises:
         UnknownJob: No job has that id.
-        FleetError: The job has no recording, the server refuses the request, the file exists, or
-            it is larger than 1 GiB.
-        ClientError: The server of the arm does not answer, or takes more than 300 s.
+        FleetError: The job has no recording, the server refuses the request or needs more than
+            300 s, the file exists, or it is larger than 1 GiB.
+        ClientError: The server of the arm does not answer.
     """
     found = await client.job(identity)
     result = found.result if isinstance(found, JobRecord) else None
@@ -254,7 +253,10 @@ async def fetch_recording(
         async with asyncio.timeout(_FETCH_SECONDS):
             await _fetch(url, request, path)
     except TimeoutError as error:
-        raise ServerSilent(url, _FETCH_SECONDS, True, began=True) from error
+        raise FleetError(
+            f"{url} does not give the file within {_FETCH_SECONDS:g} s; copy {result.recording} "
+            f"from the machine of {found.arm}"
+        ) from error
     return path
 
 
