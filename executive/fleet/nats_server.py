@@ -31,7 +31,7 @@ from .connection import (
 from .errors import FleetMissing, FleetUnsafe, NotStarted, check_name
 from .values import PRIORITIES
 
-_START_SECONDS = 10.0
+_START_SECONDS, _LOCK_SECONDS, _RETRY_SECONDS = 10.0, 3.0, 0.02
 _OWN_KEY = "supervisor.nkey"  # file in the data folder; new at each start
 _MOST = 2**20  # largest file of keys [bytes]
 _LAST_LINES = 3  # number of characters of its log in an error
@@ -71,8 +71,8 @@ class NatsOptions:
         Raises:
             FleetUnsafe: Other machines could connect without encryption or without keys.
             FleetMissing: There is no nats-server.
-            NotStarted: Another program listens at this address, or one file for TLS is missing.
-        FileNotFoundError: A file for TLS does not exist.
+            NotStarted: One file for TLS is missing.
+            FileNotFoundError: A file for TLS does not exist.
         """
         local = self.address in ("127.0.0.1", "::1", "localhost")
         if not local and not (self.certificate and self.key and self.nkeys):
@@ -82,18 +82,6 @@ class NatsOptions:
         for path in filter(None, (self.certificate, self.key)):
             path.stat()  # nats-server would name its own configuration instead
         _program()
-        family = socket.AF_INET6 if ":" in self.address else socket.AF_INET
-        with socket.socket(family) as probe:
-            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            try:
-                probe.bind((self.address, self.port))
-            except OSError as error:
-                where = f"{self.address} port {self.port}"
-                raise NotStarted(
-                    f"nats-server cannot listen on {where}: {error.strerror}. If the NATS server "
-                    f"of a fleet runs there, --use {self.url} adds the supervisor and the page; "
-                    "else choose another port with --nats-port, and another folder with --data"
-                ) from error
 
 
 def make_key(path: Path) -> str:
@@ -136,11 +124,13 @@ def nats_server(options: NatsOptions, clock: Clock) -> Iterator["subprocess.Pope
 
     Raises:
         FleetUnsafe, FleetMissing: As of `NatsOptions.check`.
-        NotStarted: It ends, or does not answer in time, or another one uses the data folder.
+        NotStarted: It ends, or does not answer in time, or another program uses the data folder or
+            the address.
     """
     options.check()
     options.data.mkdir(mode=0o700, parents=True, exist_ok=True)
-    with _locked(options.data) as lock:
+    with _locked(options.data, clock) as lock:
+        _check_address(options)
         token = _token(options.data / "token")
         configuration = options.data / "nats-server.json"  # JSON is valid in its format
         _write_private(configuration, json.dumps(_configuration(options, token), indent=1))
@@ -171,23 +161,50 @@ def nats_server(options: NatsOptions, clock: Clock) -> Iterator["subprocess.Pope
 
 
 @contextmanager
-def _locked(folder: Path) -> Iterator[int]:
+def _locked(folder: Path, clock: Clock) -> Iterator[int]:
     """Lock a data folder: a second NATS server there would damage the stored jobs.
 
-    The first one inherits the lock, and holds it until it ends.
+    The first one inherits the lock, and holds it until it ends. It ends soon after a killed fleet.
 
     Raises:
         NotStarted: Another NATS server uses the folder.
     """
+    end, pause = clock.now() + _LOCK_SECONDS, clock.signal()
     with (folder / "lock").open("wb") as stream:
-        try:
-            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            raise NotStarted(
-                f"the NATS server of another fleet uses the data folder {folder}; end that fleet, "
-                "or choose another folder with --data"
-            ) from error
+        while True:
+            try:
+                fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except BlockingIOError as error:
+                if clock.now() >= end:
+                    raise NotStarted(
+                        f"a NATS server uses the data folder {folder}, and its jobs are there. End "
+                        "that fleet first, or name its URL with --use. A second fleet needs its "
+                        "own --data, --nats-port and --http-port"
+                    ) from error
+            with pause:
+                pause.wait(clock.now() + _RETRY_SECONDS)
         yield stream.fileno()
+
+
+def _check_address(options: NatsOptions) -> None:
+    """Check that no other program listens at the address of a server.
+
+    Raises:
+        NotStarted: Another program listens there.
+    """
+    family = socket.AF_INET6 if ":" in options.address else socket.AF_INET
+    with socket.socket(family) as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((options.address, options.port))
+        except OSError as error:
+            where = f"{options.address} port {options.port}"
+            raise NotStarted(
+                f"nats-server cannot listen on {where}: {error.strerror}. If the NATS server "
+                f"of a fleet runs there, --use {options.url} adds the supervisor and the page; "
+                "else choose another port with --nats-port, and another folder with --data"
+            ) from error
 
 
 # Python of a process that becomes another program. The system sends it SIGTERM if its parent dies.
@@ -309,7 +326,7 @@ def _wait_until_ready(
             return
         except OSError:
             with pause:
-                pause.wait(clock.now() + 0.02)
+                pause.wait(clock.now() + _RETRY_SECONDS)
     last = " ".join(log.read_text(errors="replace").splitlines()[-_LAST_LINES:])
     why = "does not answer" if process.poll() is None else "has ended"
     process.kill()

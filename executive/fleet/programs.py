@@ -75,7 +75,7 @@ def up(options: NatsOptions, http_port: int) -> None:
 
     async def main() -> None:
         async with _signals() as ended:
-            with web.listen(http_port) as listener, nats_server(options, RealClock()) as process:
+            with nats_server(options, RealClock()) as process, web.listen(http_port) as listener:
                 logger.info("The fleet is at %s, its data in %s", options.url, options.data)
                 credentials = own_credentials(options)
                 watching = asyncio.create_task(_supervise(options.url, listener, credentials))

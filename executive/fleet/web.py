@@ -1,6 +1,7 @@
 """The page of a fleet, and its figures for Prometheus: over HTTP, for this machine only."""
 
 import logging
+import os
 import socket
 from collections import Counter as Counts
 from collections.abc import Iterator, Mapping, Sequence
@@ -47,8 +48,9 @@ def listen(port: int) -> socket.socket:
     try:
         return socket.create_server((ADDRESS, port))
     except OSError as error:
+        why = os.strerror(error.errno or 0)  # the words of the error name the address again
         raise NotStarted(
-            f"the page of the fleet cannot listen on {ADDRESS} port {port}: {error.strerror}; "
+            f"the page of the fleet cannot listen on {ADDRESS} port {port}: {why}; "
             "choose another port with --http-port, or 0 for any free one"
         ) from error
 

@@ -3,6 +3,7 @@
 import hmac
 import json
 import logging
+import os
 import socket
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from contextlib import asynccontextmanager
@@ -164,7 +165,8 @@ def listen(port: int) -> socket.socket:
     try:
         return socket.create_server((ADDRESS, port))
     except OSError as error:
-        words = f"cannot listen on {ADDRESS} port {port}: {error.strerror}; give another port"
+        why = os.strerror(error.errno or 0)  # the words of the error name the address again
+        words = f"cannot listen on {ADDRESS} port {port}: {why}; give another port"
         raise AddressInUse(words) from error
 
 

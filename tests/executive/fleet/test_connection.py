@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import fcntl
 import socket
 import subprocess
 import sys
@@ -12,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from executive.fleet import programs
 from executive.fleet.connection import open_fleet
 from executive.fleet.errors import FleetError, FleetUnreachable, NotStarted
 from executive.fleet.nats_server import NatsOptions, nats_server
@@ -119,8 +121,9 @@ def test_an_attempt_to_reconnect_that_fails_leaves_no_socket_open(tmp_path: Path
     asyncio.run(main())
 
 
-def test_a_data_folder_has_one_nats_server(tmp_path: Path) -> None:
+def test_a_data_folder_has_one_nats_server(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A second one would damage the jobs of the first."""
+    monkeypatch.setattr("executive.fleet.nats_server._LOCK_SECONDS", 0.0)
     options = NatsOptions(tmp_path / "fleet", port=free_port())
 
     async def main() -> None:
@@ -129,12 +132,30 @@ def test_a_data_folder_has_one_nats_server(tmp_path: Path) -> None:
 
     with nats_server(options, RealClock()):
         second = replace(options, port=free_port())
-        with pytest.raises(NotStarted, match="--data"), nats_server(second, RealClock()):
-            pass
+        with pytest.raises(NotStarted, match=r"its jobs are there\. End that fleet first"):
+            programs.up(second, options.port)  # also if the port of the page is used
         with pytest.raises(FileNotFoundError, match="of the caller"):
             asyncio.run(main())
     with nats_server(second, RealClock()):
         pass
+
+
+def test_a_fleet_that_was_killed_starts_again_though_its_nats_server_is_still_ending(
+    tmp_path: Path,
+) -> None:
+    options = NatsOptions(tmp_path, port=free_port())
+    with (tmp_path / "lock").open("wb") as lock, socket.create_server(("", options.port)) as port:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+
+        def end() -> None:
+            port.close()
+            lock.close()
+
+        ending = threading.Timer(0.1, end)
+        ending.start()
+        with nats_server(options, RealClock()) as process:
+            assert process.poll() is None
+        ending.join()
 
 
 _HOLDS_A_SERVER = """

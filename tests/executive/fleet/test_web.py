@@ -12,6 +12,7 @@ from starlette.testclient import TestClient
 
 from executive.fleet import web
 from executive.fleet.connection import GONE
+from executive.fleet.errors import NotStarted
 from executive.fleet.fleet_client import ArmRow
 from executive.fleet.values import Member, Presence
 from tests.support.servers.browsing import is_accessible, shows
@@ -98,6 +99,12 @@ def test_a_fleet_that_does_not_answer_is_named(requests: TestClient, stored: Sto
         answer = requests.get("/arms")
         assert answer.status_code == 503
         assert "NATS server does not answer" in answer.text
+
+
+def test_a_port_that_is_used_is_named_once() -> None:
+    used = pytest.raises(NotStarted, match=r"\d: Address already in use; ")
+    with web.listen(0) as listener, used:
+        web.listen(listener.getsockname()[1])
 
 
 @pytest.fixture
