@@ -307,7 +307,7 @@ async def open_fleet(
 
 
 class _Connection(Nats):
-    """A connection of nats-py that ends if another program answers."""
+    """A connection of nats-py that ends if another program answers, and reads until then."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -321,6 +321,11 @@ class _Connection(Nats):
             raise
         except _CONFUSED as error:
             raise nats.errors.Error("another program answers there") from error
+
+    async def _process_pong(self) -> None:
+        # The library would stop reading if the caller no longer waits for this answer.
+        with suppress(asyncio.InvalidStateError):
+            await super()._process_pong()
 
 
 class _Parser(Parser):

@@ -47,7 +47,7 @@ class JobRequests:
             self._inbox = None
         # An early empty answer: the NATS server refuses the request.
         early = loop.time() - begin < _ANSWER_SECONDS
-        if early and not (found or self._withdrawn):
+        if early and not (found or self._forgotten.is_set()):
             await asyncio.sleep(_ANSWER_SECONDS)
         return found
 

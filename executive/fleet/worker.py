@@ -176,7 +176,7 @@ class Worker:
         return "ending" if self._ending.is_set() else self._held
 
     async def reconnected(self) -> None:
-        """Request a job again, because the NATS server has forgotten the request."""
+        """Request a job again: a reconnect, or a stop of the queue, has ended the last request."""
         self._changed.set()
         self._requests.repeat()
 
@@ -580,7 +580,7 @@ class Worker:
         self._held, self._stops = "", None  # before the wait, in which a new stop may come
         with suppress(ClientError):
             await self._status()  # earlier stops hold it no longer
-        self._changed.set()
+        await self.reconnected()
         return {}
 
     async def _cancel(self, request: Msg) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from executive.fleet import programs
 from executive.fleet.connection import open_fleet
 from executive.fleet.errors import FleetError, FleetUnreachable, NotStarted
 from executive.fleet.nats_server import NatsOptions, nats_server
+from executive.fleet.values import Member
 from hardware import RealClock
 from tests.support.servers.cuttable_proxy import CuttableProxy
 from tests.support.servers.free_port import free_port
@@ -96,6 +97,21 @@ def test_another_program_that_answers_ends_a_connection(pieces: tuple[bytes, byt
 
     asyncio.run(main())
     assert sent < 2**25
+
+
+def test_an_answer_that_is_waited_for_no_more_leaves_the_connection_alive(tmp_path: Path) -> None:
+    options = NatsOptions(tmp_path / "fleet", port=free_port())
+
+    async def main() -> None:
+        async with open_fleet(options.url, "person") as fleet:
+            given_up = asyncio.get_running_loop().create_future()
+            given_up.cancel()
+            await fleet.nats._send_ping(given_up)  # as a flush that is canceled before its answer
+            async with asyncio.timeout(3):
+                assert await fleet.values(Member) == {}
+
+    with nats_server(options, RealClock()):
+        asyncio.run(main())
 
 
 def test_an_attempt_to_reconnect_that_fails_leaves_no_socket_open(tmp_path: Path) -> None:

@@ -139,6 +139,27 @@ def test_an_idle_arm_that_is_stopped_by_hand_takes_no_jobs(url: str) -> None:
     asyncio.run(main())
 
 
+def test_a_job_of_a_short_stop_starts_with_the_resume(
+    url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The NATS server does not answer a request that waited while its queue was held."""
+    monkeypatch.setattr("executive.fleet.worker._SPREAD", (0.5, 0.5))  # longer than the stop
+
+    async def main() -> None:
+        async with joined(url, SimulatedArm(duration=0.0)) as client:
+            while not (
+                await client._fleet.stream.consumer_info(JOBS, consumer_of("bench", "normal"))
+            ).num_waiting:
+                continue
+            await client.stop()
+            job = await client.send(1, "bench", {})
+            await client.resume()
+            async with asyncio.timeout(5):
+                assert (await ended(client, job)).state == "SUCCEEDED"
+
+    asyncio.run(main())
+
+
 def test_the_supervisor_logs_once_that_jobs_wait_for_held_arms(
     url: str, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
