@@ -3,9 +3,9 @@
 import json
 import logging
 import sys
-from collections.abc import Callable, Coroutine, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -22,6 +22,7 @@ from .terminal.streams import LogPrinter, echo, echo_result
 if TYPE_CHECKING:
     from executive.fleet.confirmation import Confirmation
     from executive.fleet.fleet_client import FleetClient
+    from executive.fleet.programs import Act
     from executive.fleet.values import Job, JobRecord
 
 _HERE = f"nats://{ADDRESS}:{NATS_PORT}"
@@ -31,11 +32,11 @@ _JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON: an obj
 _FLEET = option("fleet", "url", default=_HERE)
 
 
-def _run(url: str, act: "Callable[[FleetClient], Coroutine[Any, Any, None]]") -> None:
-    """Connect to the fleet, and call a function with the client."""
+def _run(url: str, act: "Act", interrupted: "Act | None" = None) -> None:
+    """Connect to the fleet, and call a function with the client, and another one after Ctrl-C."""
     from executive.fleet.programs import run
 
-    run(url, act)
+    run(url, act, interrupted)
 
 
 def _print_log() -> None:
@@ -225,26 +226,28 @@ def send(
 
     from .support.server_goals import parameters
 
+    sending: list[asyncio.Task[Job]] = []
     ended: list[JobRecord] = []
 
     async def act(client: "FleetClient") -> None:
         limits = (start_within, end_within)
-        job = await client.send(task, pool, parameters(settings), identity, priority, *limits)
+        send = client.send(task, pool, parameters(settings), identity, priority, *limits)
+        sending.append(asyncio.create_task(send))
+        job = await asyncio.shield(sending[0])
         echo_result(as_json, {"event": "queued", "job": job.identity}, job.identity)
-        try:
-            if why := (await client.waiting()).get(pool):
-                echo(why, err=True)
-            if wait:
-                async for record in client.wait(job.identity):
-                    _print_record(record, as_json)
-                    ended[:] = [record]
-        except asyncio.CancelledError:  # Ctrl-C
-            if wait:
-                record, _ = await client.cancel(job.identity)
+        if why := (await client.waiting()).get(pool):
+            echo(why, err=True)
+        if wait:
+            async for record in client.wait(job.identity):
                 _print_record(record, as_json)
-            raise
+                ended[:] = [record]
 
-    _run(url, act)
+    async def interrupted(client: "FleetClient") -> None:
+        for each in sending if wait else ():
+            record, _ = await client.cancel((await each).identity)
+            _print_record(record, as_json)
+
+    _run(url, act, interrupted)
     if ended and ended[0].result:
         sys.exit(exit_status(ended[0].result.code))
 

@@ -363,7 +363,8 @@ class FleetClient:
         await connection.flush()
         members = await self._fleet.values(Member)
         wanted = {arm for arm in members if not whom or {arm, arm.partition(".")[0]} & {*whom}}
-        if unknown := {each for each in whom if not any(_names(each, arm) for arm in members)}:
+        known = {*members, *found}  # an arm may answer and leave
+        if unknown := {each for each in whom if not any(_names(each, arm) for arm in known)}:
             names = ", ".join(sorted(unknown))
             raise FleetError(f"no arm or pool is called {names}; `armtree fleet ls` lists them")
         left |= wanted - found.keys()

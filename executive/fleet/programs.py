@@ -40,6 +40,8 @@ except ModuleNotFoundError as error:
         raise
     raise FleetMissing("nats-py") from error
 
+Act = Callable[[FleetClient], Coroutine[Any, Any, None]]
+
 logger = logging.getLogger(__name__)
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -48,8 +50,13 @@ _FETCH_SECONDS = 300.0  # longest time to fetch a recording [s]
 _MOST_FETCHED = 2**30  # largest recording that is fetched [bytes]
 
 
-def run(url: str, act: Callable[[FleetClient], Coroutine[Any, Any, None]]) -> None:
+def run(url: str, act: Act, interrupted: Act | None = None) -> None:
     """Connect to a fleet, and call a function with its client.
+
+    Args:
+        url: URL of the fleet.
+        act: The function. Ctrl-C ends it.
+        interrupted: Called afterwards.
 
     Raises:
         FleetError: The fleet cannot be reached, or it refuses the request.
@@ -57,7 +64,16 @@ def run(url: str, act: Callable[[FleetClient], Coroutine[Any, Any, None]]) -> No
 
     async def main() -> None:
         async with open_fleet(url, "armtree") as fleet:
-            await act(FleetClient(fleet, RealClock()))
+            acting = asyncio.create_task(act(client := FleetClient(fleet, RealClock())))
+            try:
+                await asyncio.wait((acting,))
+            except asyncio.CancelledError:
+                await end_all(acting)
+                await asyncio.gather(acting, return_exceptions=True)
+                if interrupted:
+                    await interrupted(client)
+                raise
+            acting.result()
 
     asyncio.run(main())
 

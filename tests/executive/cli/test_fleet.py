@@ -9,6 +9,7 @@ import threading
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import click
 import pytest
@@ -16,6 +17,7 @@ import pytest
 from executive.api.outcome import Cause, Ending, GoalState
 from executive.cli.fleet import fleet
 from executive.cli.terminal.fleet_tables import arms_table, job_row, job_text, top
+from executive.fleet import fleet_client
 from executive.fleet.fleet_client import ArmRow, FleetClient
 from executive.fleet.programs import run
 from executive.fleet.values import Job, JobRecord, Member, Presence, from_bytes, to_bytes
@@ -118,15 +120,53 @@ def test_ctrl_c_cancels_a_job_that_is_waited_for(
     assert "CANCELED   task 0 on bench.0" in capsys.readouterr().out
 
 
+def test_ctrl_c_also_cancels_a_job_that_is_being_sent(
+    url: str,
+    interruptible: None,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    publish = fleet_client.publish
+
+    async def interrupt(*sent: Any) -> bool:
+        repeated = await publish(*sent)
+        os.kill(os.getpid(), signal.SIGINT)
+        await asyncio.sleep(0.01)  # the signal arrives before the answer
+        return repeated
+
+    async def is_served(*_: object) -> bool:
+        return True
+
+    monkeypatch.setattr(fleet_client, "publish", interrupt)
+    monkeypatch.setattr(FleetClient, "_is_served", is_served)
+    with pytest.raises(click.Abort):
+        fleet.main(["send", "0", "--wait", "--fleet", url], standalone_mode=False)
+    assert "CANCELED   task 0 on no arm" in capsys.readouterr().out
+
+
+def test_ctrl_c_ends_a_command_though_a_library_loses_the_first_cancel(
+    url: str, interruptible: None
+) -> None:
+    async def act(_: FleetClient) -> None:
+        asyncio.get_running_loop().call_soon(os.kill, os.getpid(), signal.SIGINT)
+        try:
+            await asyncio.Event().wait()
+        except asyncio.CancelledError:
+            await asyncio.Event().wait()
+
+    with pytest.raises(KeyboardInterrupt):
+        run(url, act)
+
+
 def test_top_prints_lines_to_a_pipe(url: str, capsys: pytest.CaptureFixture[str]) -> None:
     async def read(client: FleetClient) -> None:
-        with pytest.raises(TimeoutError):
-            async with asyncio.timeout(0.2):
-                await top(client)
+        showing = asyncio.create_task(top(client))
+        while not (printed := capsys.readouterr().out):
+            await asyncio.sleep(0)
+        showing.cancel()
+        assert printed.startswith("0 queued\n")
 
     run(url, read)
-    first, *_ = capsys.readouterr().out.splitlines()
-    assert first == "0 queued"
 
 
 def test_a_stop_of_an_empty_fleet_says_so(url: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -13,6 +13,7 @@ from tests.support.servers.free_port import free_port
 @pytest.fixture
 def options(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> NatsOptions:
     monkeypatch.setattr("executive.fleet.worker._SPREAD", (0.0, 0.0))  # no test has many arms
+    monkeypatch.setattr("executive.fleet.connection._RETRY_SECONDS", 0.1)
     return NatsOptions(tmp_path / "fleet", port=free_port())
 
 
