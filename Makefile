@@ -126,11 +126,13 @@ $(GROOT): tests/peers/build_behaviortree tests/peers/behaviortree.cpp tests/peer
 
 # ROS 2 from its wheels, and the messages of armtree. Without them, their tests report that they are
 # skipped.
-$(ROS2): .ci/lock-ros2.txt executive/ros2/install $(wildcard executive/ros2/arduinobot_msgs/*.* executive/ros2/arduinobot_msgs/*/*) | $(READY)
+$(ROS2) $(JAZZY): executive/ros2/install $(wildcard executive/ros2/arduinobot_msgs/*.* executive/ros2/arduinobot_msgs/*/*)
+
+$(ROS2): .ci/lock-ros2.txt | $(READY)
 	executive/ros2/install $(CURDIR)/$(VENV)/bin/python $(CURDIR)/$(VENV)/ros2 .ci/lock-ros2.txt
 	@touch $@
 
-$(JAZZY): .ci/lock-jazzy.txt executive/ros2/install | $(READY)
+$(JAZZY): .ci/lock-jazzy.txt | $(READY)
 	executive/ros2/install $(CURDIR)/$(VENV)/bin/python $(CURDIR)/$(VENV)/jazzy .ci/lock-jazzy.txt
 	@touch $@
 

@@ -44,6 +44,7 @@ from .errors import (
     FleetRefused,
     FleetUnreachable,
     UntrustedFleet,
+    without_login,
 )
 from .values import PRIORITIES, Job, JobRecord, Member, Presence, from_bytes
 
@@ -411,7 +412,7 @@ class _Watch:
 
     def why(self, error: BaseException) -> FleetError:
         """Return the error of armtree for an error of nats-py."""
-        return _why(self._url, error, [*self._told])
+        return _why(without_login(self._url), error, [*self._told])
 
 
 def _why(url: str, error: BaseException, told: Sequence[Exception]) -> FleetError:

@@ -2,12 +2,19 @@
 
 import re
 from collections.abc import Sequence
+from urllib.parse import urlsplit
 
 from hardware import ArmtreeError
 
 from .confirmation import Confirmation
 
 _NAME = re.compile(r"[A-Za-z0-9_-]{1,32}")
+
+
+def without_login(url: str) -> str:
+    """Return a URL without user name and password, for logs and errors."""
+    parts = urlsplit(url)
+    return parts._replace(netloc=parts.netloc.rpartition("@")[2]).geturl()
 
 
 class FleetError(ArmtreeError):

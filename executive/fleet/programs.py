@@ -19,7 +19,7 @@ from executive.client.asynchronous import AsyncClient
 from executive.client.transport import ANSWER_TIMEOUT, Address, transport_errors
 from hardware import RealClock
 
-from .errors import FleetError, FleetMissing
+from .errors import FleetError, FleetMissing, without_login
 from .worker_process import FleetPlace
 
 try:
@@ -180,13 +180,14 @@ async def join(server: str, place: FleetPlace, page: str, child: bool) -> None:
         FleetRefused: The fleet refuses the credentials.
     """
     url, known = place.url, list[Worker]()
+    shown = without_login(url)
 
     async def changed(up: bool) -> None:
         if up:
-            logger.info("Fleet: connected again to %s", url)
+            logger.info("Fleet: connected again to %s", shown)
         else:
             logger.warning(
-                "Fleet: %s is gone; the arm finishes its job, and this program reconnects", url
+                "Fleet: %s is gone; the arm finishes its job, and this program reconnects", shown
             )
         if up and known:
             await known[0].reconnected()
@@ -198,7 +199,7 @@ async def join(server: str, place: FleetPlace, page: str, child: bool) -> None:
         ):
             worker = Worker(fleet, client, place.pool, place.name, RealClock(), page)
             known[:] = [worker]
-            logger.info("Fleet: this arm is %s in %s", worker.arm, url)
+            logger.info("Fleet: this arm is %s in %s", worker.arm, shown)
             await worker.run()
 
     in_order = True

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from hardware import Clock, RealClock
 
-from .errors import BadName, FleetError, check_name
+from .errors import BadName, FleetError, check_name, without_login
 
 logger = logging.getLogger(__name__)
 
@@ -61,20 +61,22 @@ def worker_of(place: FleetPlace, server: str, token: str, page: str) -> Iterator
         token: Token of the server.
         page: URL of the page of the server, for other machines.
     """
-    words = ["--server", server, "--fleet", place.url, "--pool", place.pool, "--name", place.name]
-    command = ["fleet", "join", *words, "--page", page]
+    words = ["--server", server, "--pool", place.pool, "--name", place.name, "--page", page]
+    command = ["fleet", "join", *words]
+    by_hand = ["armtree", *command, "--fleet", without_login(place.url)]
 
     def start() -> "subprocess.Popen[bytes]":
         return subprocess.Popen(
             [sys.executable, "-P", "-m", "executive", *command, "--child"],
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
-            env={**os.environ, "ARMTREE_TOKEN": token},
+            # Every user of this machine can read the words of a command.
+            env={**os.environ, "ARMTREE_TOKEN": token, "ARMTREE_FLEET": place.url},
             start_new_session=True,  # Ctrl-C is for this process, which ends the worker in order
         )
 
     clock = RealClock()
-    running = RunningWorker(start, shlex.join(["armtree", *command]), clock)
+    running = RunningWorker(start, shlex.join(by_hand), clock)
     clock.spawn(running.keep, "fleet worker")
     try:
         yield

@@ -36,7 +36,7 @@ RECORD = JobRecord(JOB, "bench.arm-7", "http://arm:8765", "b" * 32, 2)
     ("words", "status", "said"),
     [
         ("ls --fleet http://arm:4222", 2, "not the URL of a fleet, such as nats://127.0.0.1:4222"),
-        ("ls --fleet nats://127.0.0.1:9", 13, "[fleet.unreachable]"),
+        ("ls --fleet nats://lab:secret@127.0.0.1:9", 13, "no fleet answers at nats://127.0.0.1:9:"),
         ("send 0 --id 12", 2, "is not the id of a goal"),
         ("up --bind 0.0.0.0", 2, "--bind 0.0.0.0 would let other machines move every arm"),
         ("up --bind 0.0.0.0 --tls-cert c --tls-key k", 2, "[fleet.unsafe]"),

@@ -5,10 +5,11 @@ import logging
 import os
 import subprocess
 import threading
+from queue import Queue
 
 import pytest
 
-from executive.fleet.worker_process import RunningWorker
+from executive.fleet.worker_process import FleetPlace, RunningWorker, worker_of
 from hardware import RealClock
 
 
@@ -59,6 +60,20 @@ def test_a_worker_that_cannot_be_started_is_started_later(
         "FLEET: the worker cannot be started ([Errno 11] Resource temporarily unavailable); it "
         "starts again in 0.04 s",
     ]
+
+
+def test_the_password_of_a_fleet_is_in_no_command(monkeypatch: pytest.MonkeyPatch) -> None:
+    begun, url = Queue[tuple[list[str], dict[str, str]]](), "nats://lab:secret@bench.example"
+
+    def start(command: list[str], env: dict[str, str], **_: object) -> None:
+        begun.put((command, env))
+        raise BlockingIOError
+
+    monkeypatch.setattr(subprocess, "Popen", start)
+    with worker_of(FleetPlace(url, "bench", "0"), "http://arm", "token", "http://arm"):
+        command, environment = begun.get(timeout=10)
+    assert "secret" not in " ".join(command)
+    assert environment["ARMTREE_FLEET"] == url
 
 
 def test_a_server_can_end_while_its_worker_cannot_be_started(
