@@ -117,6 +117,7 @@ class Acceptor:
     def _answer(
         self, connection: socket.socket, stop: QuickStop, stopped: asyncio.Future[CancelResult]
     ) -> None:
+        stop.log()
         if connection not in self._stopping:
             return  # the connection was closed
         self._leave(connection)

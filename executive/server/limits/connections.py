@@ -6,7 +6,6 @@ does not read, and processes all data at its arrival.
 
 import asyncio
 import json
-import logging
 import os
 import re
 import socket
@@ -29,8 +28,6 @@ from executive.server.security import AccessRules, is_authenticated
 
 from .fair_queue import CHUNK, FairQueue
 from .quick_stop import QuickStop
-
-logger = logging.getLogger(__name__)
 
 MAX_HEAD = 8 * 1024  # largest head of a request [bytes]
 MAX_HEAD_LINES = 100  # largest number of lines in a head; parsing a line takes 5 us
@@ -272,8 +269,7 @@ class HttpConnection(_QueuedProtocol, H11Protocol):
 
     def _answer_stop(self, stop: QuickStop, stopped: asyncio.Future[CancelResult]) -> None:
         self.stopping = False
-        if stop.client:
-            logger.info("Received a stop from %s", stop.client)
+        stop.log()
         if self.transport.is_closing():
             return
         self.transport.write(stop.answer(stopped))

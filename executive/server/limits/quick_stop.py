@@ -4,6 +4,7 @@ A flood of stops therefore delays the next one little.
 """
 
 import asyncio
+import logging
 import re
 from dataclasses import dataclass
 from typing import Self
@@ -16,6 +17,8 @@ from executive.api.outcome import CancelResult
 from executive.errors import Forbidden
 from executive.server.errors import failure
 from executive.server.security import SECURITY_HEADERS, AccessRules, client_of
+
+logger = logging.getLogger(__name__)
 
 MAX_HEAD = 2 * 1024  # largest head [bytes]
 MAX_LINES = 30  # largest number of lines of a head; browsers send 15
@@ -65,6 +68,11 @@ class QuickStop:
         keeps = keeps and head.end() + int(length) == len(data)
         client = client_of(headers) if rules.has_token(headers) else ""
         return cls(headers.get("origin"), keeps, client)
+
+    def log(self) -> None:
+        """Log the name of the client."""
+        if self.client:
+            logger.info("Received a stop from %s", self.client)
 
     def answer(self, stopped: asyncio.Future[CancelResult]) -> bytes:
         """Return the answer in the form of the application's answer."""

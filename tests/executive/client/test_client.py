@@ -56,10 +56,12 @@ def test_recordings_name_the_client(serve: Serve, caplog: pytest.LogCaptureFixtu
         arm.result(goal)
         assert [each["task"] for each in arm.recordings(task=10)] == [10]
         served.ask("GET", "/api/session", headers={"user-agent": "robot/1"})
+        served.ask("POST", "/api/stop", headers={"user-agent": "robot/2"})  # a new connection
     for words in (
         f"Executing the goal for task 10 ({goal}) from robot/1\t(me)",
         f"POST /api/goals/{goal}/pause from robot/1\t(me)",
         "Received a stop from robot/1\t(me)",
+        "Received a stop from robot/2",
     ):
         assert words in lines
     assert not any("GET" in line for line in lines)
