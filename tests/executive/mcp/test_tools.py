@@ -204,6 +204,8 @@ def test_only_a_person_answers_a_question(serve: Serve, mode: str) -> None:
 
     async def declined(caller: Caller) -> None:
         assert "EXECUTING" in await caller.good("run_task", task="ask", wait_s=0.3)
+        while not caller.asked:  # the task may not have asked yet
+            assert "EXECUTING" in await caller.good("goal_state", wait_s=0.3)
         assert caller.asked == ["The task asks: Free?"]
 
     drive(Caller(server, "", mode), declined)
