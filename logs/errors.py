@@ -149,10 +149,10 @@ class RecordingError(LogError, ValueError):
 class RecordingEmpty(RecordingError):
     """A recording has no message yet, or was cut off before its first one."""
 
-    hint = "read it again later"
+    hint = "if a run writes it, read it again later; if not, delete it"
 
     def __init__(self, path: Path) -> None:
-        super().__init__(path, "has no message yet; its run has just begun, or was killed then")
+        super().__init__(path, f"has no message yet; {self.hint}")
 
 
 class RecordingKept(RecordingError):
