@@ -197,14 +197,22 @@ def test_a_port_that_is_missing_is_logged_once(
         raise PortMissing("board", [])
 
     monkeypatch.setattr(arm.link, "open", missing)
-    prepare(arm.executive)
+    prepare(arm.executive, stops=0)
     assert arm.executive.status().arm is State.INACTIVE
     assert len([each for each in caplog.records if each.levelno >= logging.ERROR]) == 1
 
 
+def test_a_stop_while_a_server_starts_leaves_the_arm_inactive(server: RigMaker) -> None:
+    """As Ctrl-C does."""
+    arm = server(active=False, activate=True)
+    arm.executive.cancel()
+    prepare(arm.executive, stops=0)
+    assert (arm.executive.status().arm, arm.opened) == (State.INACTIVE, 0)
+
+
 def test_loaded_objects_are_excluded_from_garbage_collection(server: RigMaker) -> None:
     gc.unfreeze()
-    prepare(server(active=False, activate=True).executive)
+    prepare(server(active=False, activate=True).executive, stops=0)
     assert gc.get_freeze_count() > 0
     gc.unfreeze()
 

@@ -11,7 +11,7 @@ from urllib.parse import urlencode
 
 from executive.api import PORT
 from executive.cli.terminal.streams import LogPrinter, echo
-from executive.errors import PoseUnconfirmed
+from executive.errors import PoseUnconfirmed, SentBeforeStop
 from executive.executive import Executive
 from executive.fleet.worker_process import FleetPlace, worker_of
 from executive.goals.questions import Questions
@@ -55,11 +55,12 @@ def serve(setup: Setup, listen: ListenOptions, fleet: FleetPlace | None = None) 
         with recorded_log(executive):  # everything except the token and the link
             logger.info("%s", port_line(executive))
             executive.start()
+            stops = executive.status().stops
             with closing(executive):
                 interrupts.on_cancel(lambda: _leave(executive, interrupts))
                 server.start()
                 _announce(server, executive, listen)
-                clock.spawn(lambda: prepare(executive), "prepare")
+                clock.spawn(lambda: prepare(executive, stops), "prepare")
                 page = listen.page(server.port)
                 with worker_of(fleet, server.url, server.token, page) if fleet else nullcontext():
                     interrupts.wait()
@@ -93,13 +94,18 @@ def _leave(executive: Executive, interrupts: Interrupts) -> None:
     interrupts.end()
 
 
-def prepare(executive: Executive) -> None:
-    """Configure the arm, and activate it if the set-up demands it. Errors are logged."""
+def prepare(executive: Executive, stops: int) -> None:
+    """Configure the arm, and activate it if the set-up demands it. Errors are logged.
+
+    Args:
+        executive: It owns the arm.
+        stops: Number of stops so far. The arm is not activated after a further one.
+    """
     try:
         executive.arm_to("configure")
         if executive.setup.activate:
-            executive.arm_to("activate")
-    except (PoseUnconfirmed, TransitionRefused, LogError) as error:
+            executive.arm_to("activate", stops=stops)
+    except (PoseUnconfirmed, SentBeforeStop, TransitionRefused, LogError) as error:
         logger.error("%s", error)
     except HardwareError as error:
         logger.debug("%s", error)  # the arm has logged the error
