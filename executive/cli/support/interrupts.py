@@ -1,8 +1,8 @@
 """Handles signals during a run, also that of `armtree stop`."""
 
-import atexit
 import os
 import signal
+import sys
 import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -33,7 +33,7 @@ class Interrupts:
     r"""The first signal cancels the run. The second one, or Ctrl-\, ends the process.
 
     Before `on_cancel`, the first signal raises KeyboardInterrupt in the main thread: it may read
-    thousands of files then.
+    thousands of files then. If it is not Ctrl-C, the context raises SystemExit with its status.
 
     A signal counts as the second one if it comes at least `_AGAIN` seconds after the first, also
     after the context. A hang-up never does: the kernel and the shell of a closed terminal each send
@@ -52,6 +52,7 @@ class Interrupts:
         self._last, self._clock = last, clock or RealClock()
         self._cancel: Callable[[], None] | None = None
         self._canceled = self._raised = False
+        self._status = INTERRUPTED_EXIT  # exit status after KeyboardInterrupt
         self._signaled: float | None = None  # time of the first signal [s]; a STOP is none
         self._lock, self._ended = threading.Lock(), threading.Event()
 
@@ -69,18 +70,18 @@ class Interrupts:
         self._thread = self._clock.spawn(self._handle_signals, "signals")
         return self
 
-    def __exit__(self, *raised: object) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *raised: object) -> None:
         self._raised = True
         os.write(self._writer, bytes([_END]))
         self._thread.join()
         for number, handler in self._handlers.items():
             late = self._signaled is not None and number in _SIGNALS
             signal.signal(number, self._handle_late if late else handler)
-        if self._signaled is not None:
-            atexit.register(_ignore_signals)
         signal.set_wakeup_fd(self._wakeup)
         os.close(self._reader)
         os.close(self._writer)
+        if kind is KeyboardInterrupt and self._status != INTERRUPTED_EXIT:
+            sys.exit(self._status)
 
     def on_cancel(self, cancel: Callable[[], None]) -> None:
         """Call a function on another thread at the first signal, even if it has arrived."""
@@ -114,18 +115,18 @@ class Interrupts:
                 self._start_cancel()
             elif number == signal.SIGQUIT or self._is_second(number):
                 last_words(self._last)
-                end_process(INTERRUPTED_EXIT)
+                end_process(_status(number))
             elif number == STOP and not self._canceled:
                 self._start_cancel()
 
     def _raise(self, number: int, frame: FrameType | None) -> None:
         if self._cancel is None and not self._raised:
-            self._raised = True
+            self._raised, self._status = True, _status(number)
             raise KeyboardInterrupt
 
     def _handle_late(self, number: int, frame: FrameType | None) -> None:
         if self._is_second(number):
-            end_process(INTERRUPTED_EXIT)
+            end_process(_status(number))
 
     def _is_second(self, number: int) -> bool:
         if self._signaled is None or number not in (signal.SIGINT, signal.SIGTERM):
@@ -143,10 +144,9 @@ def _do_nothing(number: int, frame: FrameType | None) -> None:
     """Let Python write the signal to the pipe."""
 
 
-def _ignore_signals() -> None:
-    """Keep signals from killing a process without its exit status: Python removes its handlers."""
-    for number in _SIGNALS:
-        signal.signal(number, signal.SIG_IGN)
+def _status(number: int) -> int:
+    """Return the exit status of a command that a signal ends, as a shell reports it."""
+    return INTERRUPTED_EXIT if number == signal.SIGQUIT else 128 + number
 
 
 def _hangup_ignored(number: signal.Signals) -> bool:

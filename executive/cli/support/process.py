@@ -1,8 +1,10 @@
 """This process: its priority, and its end."""
 
+import atexit
 import gc
 import os
 import posix
+import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -21,6 +23,13 @@ _OWN = os.getpid()
 _END = "would end armtree without a result; raise an exception"
 _LEAVE = "would take armtree away from its files; give whole paths instead"
 _FORBIDDEN = {"_exit": _END, "execv": _END, "execve": _END, "chdir": _LEAVE, "fchdir": _LEAVE}
+
+
+@atexit.register  # the command line imports this file first, so Python calls this function last
+def _ignore_signals() -> None:
+    """Keep the exit status: Python removes its handlers next, and then a signal would kill it."""
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)
 
 
 @contextmanager

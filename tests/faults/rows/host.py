@@ -460,7 +460,7 @@ def stuck_validation(scene: Scene) -> None:
     server.signal(signal.SIGTERM)
     time.sleep(scene.random.uniform(0.6, 1.2))  # noqa: TID251, a second one counts after 0.5 s
     server.signal(signal.SIGTERM)
-    scene.ended(server, 130)
+    scene.ended(server, 143)
     client.wait()
 
 
