@@ -10,7 +10,7 @@ import tempfile
 import threading
 import weakref
 from collections import OrderedDict
-from collections.abc import Callable, Hashable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence, Set
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cached_property
@@ -99,8 +99,11 @@ class RecordingFolder:
     def rows(self, query: RecordingFilter) -> list[Json]:
         """Return the recordings of a query, newest name first."""
         purge(self._folder, utc_ns(self._clock) / 1e9 - UNDO)
-        found: list[Json] = []
-        for name in sorted(self._names(), reverse=True):
+        found, names = list[Json](), sorted(self._names(), reverse=True)
+        paths = {self._folder / name for name in names}
+        self._rows.keep(paths)
+        self._indexed.keep(paths)
+        for name in names:
             if query.before and name >= query.before:
                 continue
             with suppress(FileNotFoundError):  # the file was just deleted
@@ -234,7 +237,7 @@ class RecordingFolder:
         path = self.path(name)
         readable = self._readable(path)
         try:
-            return cache.get((_version(readable), *more), lambda: make(readable))
+            return cache.get((readable, *more), _version(readable), lambda: make(readable))
         except logs.RecordingError as error:
             raise logs.RecordingError(path, str(error).replace(f"{readable}: ", "")) from error
 
@@ -244,7 +247,7 @@ class RecordingFolder:
         Raises:
             RecordingError: The recording cannot be read.
         """
-        if self._indexed.get(_version(path), lambda: _has_index(path)):
+        if self._indexed.get(path, _version(path), lambda: _has_index(path)):
             return path
         if path.stat().st_size > MAX_COPY:
             raise logs.RecordingError(
@@ -275,7 +278,7 @@ class RecordingFolder:
         return [name for name in names if not is_server_recording(Path(name))][:MAX_FILES]
 
     def _row(self, path: Path) -> Json:
-        return self._rows.get(_version(path), lambda: _summary(path))
+        return self._rows.get(path, _version(path), lambda: _summary(path))
 
 
 class _Cache(Generic[T]):
@@ -287,22 +290,28 @@ class _Cache(Generic[T]):
 
     def __init__(self, size: int) -> None:
         self._size, self._lock = size, threading.RLock()
-        self._values: OrderedDict[Hashable, T] = OrderedDict()
+        self._values: OrderedDict[Hashable, tuple[Hashable, T]] = OrderedDict()
 
-    def get(self, key: Hashable, make: Callable[[], T]) -> T:
-        """Return the value of a key. Makes a missing value first; only one is made at a time."""
+    def get(self, key: Hashable, version: Hashable, make: Callable[[], T]) -> T:
+        """Return the value of a key. Makes a missing or old one first; only one at a time."""
         with self._lock:
-            if key not in self._values:
-                self._values[key] = make()
+            if key not in self._values or self._values[key][0] != version:
+                self._values[key] = version, make()
             self._values.move_to_end(key)
             while len(self._values) > self._size:
                 self._values.popitem(last=False)
-            return self._values[key]
+            return self._values[key][1]
+
+    def keep(self, keys: Set[Hashable]) -> None:
+        """Remove the values of all other keys."""
+        with self._lock:
+            for key in self._values.keys() - keys:
+                del self._values[key]
 
     def values(self) -> "list[T]":
         """Return all values."""
         with self._lock:
-            return [*self._values.values()]
+            return [value for _, value in self._values.values()]
 
 
 @contextmanager
@@ -320,7 +329,7 @@ def _changing(path: Path) -> Iterator[None]:
 
 def _version(path: Path) -> Hashable:
     facts = path.stat()
-    return path, facts.st_mtime_ns, facts.st_size, facts.st_mode
+    return facts.st_mtime_ns, facts.st_size, facts.st_mode
 
 
 def _summary(path: Path) -> Json:

@@ -11,7 +11,7 @@ from mcap.writer import IndexType, Writer
 
 from executive.server.playback import recording_list as folder_of_recordings
 from executive.server.playback.recording_list import RecordingFilter, RecordingFolder
-from hardware import SimulatedClock
+from hardware import RealClock, SimulatedClock
 from logs.writing.compaction import Copy
 from logs.writing.recovery import recover
 from tests.support.recordings.alterations import records_of
@@ -38,6 +38,19 @@ def rows(served: Served, query: str = "") -> list[dict[str, Any]]:
 
 def ends(window: dict[str, Any]) -> list[dict[str, Any]]:
     return [each for each in window["events"] if each["event"] == "status"]
+
+
+def test_rows_of_deleted_and_changed_files_are_not_kept(tmp_path: Path) -> None:
+    """A server runs for weeks, and its page lists the recording that is being written."""
+    folder, kept = RecordingFolder(tmp_path, RealClock()), tmp_path / "kept.mcap"
+    (tmp_path / "deleted.mcap").touch()
+    for text in ("1", "22", "333"):
+        kept.write_text(text)
+        folder.rows(RecordingFilter())
+    (tmp_path / "deleted.mcap").unlink()
+    listed = folder.rows(RecordingFilter())
+    assert [row["bytes"] for row in listed] == [3]
+    assert folder._rows.values() == listed
 
 
 def test_recordings_are_listed_and_found(serve: Serve) -> None:
