@@ -40,8 +40,8 @@ def kill(scene: Scene) -> None:
 @row(
     "kill-9-early",
     "`kill -9` of a run while it starts, while the board boots, or while it plans",
-    "the next run on this board is done; nothing of the first one is left but a recording that"
-    " holds or is recovered",
+    "the next run on this board is done; of the first one, only a recording is left, which holds or"
+    " is recovered, and a lock file that the next `armtree stop` removes",
     times=6,
 )
 def kill_early(scene: Scene) -> None:
@@ -60,6 +60,10 @@ def kill_early(scene: Scene) -> None:
     until("its processes end", lambda: not run.family())
     again = scene.run("21", board=board)
     scene.ended(again, 0, what=f"after a kill while it {phase}")
+    scene.armtree("stop").wait()
+    left = [each.name for each in scene.folder.glob("armtree/*")]
+    left += [each.name for each in scene.folder.glob("recordings/*") if each.suffix != ".mcap"]
+    scene.check(not left, f"{left} is left")
     scene.verified(0, 10)
 
 
@@ -75,7 +79,7 @@ def skill_exits(scene: Scene) -> None:
     task = "task: 24\nname: leave\ndescription: Leave.\ntree:\n  leave: {}\n"
     (call,) = scene.share(CALLS)
     kinds = {
-        "function": (_FUNCTION.format(call), 11, "leave"),
+        "function": (_FUNCTION.format(call), 11, "leave: SystemExit"),
         "class": (_CLASS.format(call), 11, "leave.on_start"),
         "module": (f"{call}\n", 3, "leave.py"),
         "fork": (_FUNCTION.format(_FORKING), 0, ""),

@@ -291,8 +291,8 @@ def watchers(server: Server) -> float:
     "many-goals",
     "1,000 goals, one right after the other; every 50th moves the arm",
     "all succeed, and memory grows little after 200 of them; in the end the server has as many"
-    " descriptors as before the first one, and at most 8 threads more than after 200, those of its"
-    " pools",
+    " descriptors as before the first one, and at most 3 threads more than after 200, the last of"
+    " its pools",
     limit=10,
     unit="MiB",
     times=1,
@@ -316,7 +316,7 @@ def many_goals(scene: Scene) -> None:
     memory, threads = server.memory(), server.threads()
     for _ in range(8):
         batch()
-    until("threads end", lambda: server.threads() <= threads + 8)
+    until("threads end", lambda: server.threads() <= threads + 3)
     until("descriptors are closed", lambda: server.descriptors() <= descriptors)
     scene.figure(server.memory() - memory)
     scene.check(board.ask("state")["angles"] == [90, 90, 90, 0], "it ends elsewhere")

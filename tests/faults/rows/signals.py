@@ -41,7 +41,8 @@ def signals(scene: Scene) -> None:
 @row(
     "signals-early",
     "SIGINT, SIGTERM or SIGHUP at a random time from the start of the command to its first motion",
-    "it ends, with exit status 7 or that of the signal, or by the signal itself, without a traceback",
+    "it ends, with exit status 7 or that of the signal, or by the signal itself, without a"
+    " traceback",
     limit=3,
     unit="s",
     times=6,
@@ -167,6 +168,7 @@ def kill_children(scene: Scene) -> None:
         result = server.result(goal)
         scene.check(result["code"] in ("ok", "plan.worker_died"), f"a goal ends {result['code']}")
     scene.succeeds(server, "the last goal")
+    scene.check(scene.injections, "no child process was killed")
     server.signal(signal.SIGINT)
     scene.ended(server, 0)
     scene.recovered(0)

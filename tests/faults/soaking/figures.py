@@ -4,12 +4,12 @@ import dataclasses
 import statistics
 from collections.abc import Sequence
 
-# How much a figure may grow: MiB, or a number. Pools start threads late.
+# How much a figure may grow: MiB, or a number. Pools start their last threads late.
 FLAT = {
     "memory": 10.0,
     "family": 20.0,
     "descriptors": 2,
-    "threads": 8,
+    "threads": 3,
     "processes": 0,
 }
 WARM = 0.25  # of the samples are left out: caches fill, results are kept for a while
