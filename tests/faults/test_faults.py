@@ -1,5 +1,6 @@
 """The faults of the quick selection, and the comparison of a board's log with a recording."""
 
+import dataclasses
 import json
 import math
 import os
@@ -255,3 +256,10 @@ def sample(descriptors: int) -> Sample:
 )
 def test_a_figure_that_grows_in_a_soak_is_found(descriptors: list[int], found: list[str]) -> None:
     assert growth([sample(each) for each in descriptors]) == found
+
+
+@pytest.mark.parametrize(("rounds", "found"), [(15, []), (8, ["threads grows from 22 to 27"])])
+def test_a_leak_of_a_thread_per_200_goals_is_found_in_a_soak(rounds: int, found: list[str]) -> None:
+    """A round has about 25 goals. Pools start at most 3 threads after the first quarter."""
+    samples = [dataclasses.replace(sample(22), threads=20 + n // rounds) for n in range(60)]
+    assert growth(samples) == found
