@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 from logs.errors import RecordingError, RecordingInUse
 from logs.records.file_format import INVALID, MAGIC, MAX_RECORD
+from logs.records.records import RunRecord
 
 from .file_state import being_written
 from .mcap_records import HEAD, BadRecord, Decoder, damage
@@ -117,6 +118,29 @@ class IndexedRecording(Recording):
             tables = {topic: _table(stream, at) for topic, at in chunk.indexes.items()}
             place = chunk.offset + HEAD.size + len(body)
             return OpenChunk(self, tables, decoder, decoder.unpacked_chunk(body, place), place)
+
+    def in_topics(self, topics: Collection[str]) -> Iterator[RunRecord]:
+        """Yield the records on some topics, in file order. Unpacks only the chunks with them.
+
+        Raises:
+            RecordingError: A chunk is damaged, or a record cannot be decoded.
+        """
+        decoder = Decoder()
+        for chunk in self.with_topic(topics):
+            yield from self.grouped(self.open(chunk, decoder).messages(topics))
+
+    def count(self, topic: str) -> int:
+        """Return the number of messages on a topic, from the statistics at the end of the file.
+
+        Raises:
+            RecordingError: The file has no statistics.
+        """
+        if (statistics := self._summary.statistics) is None:
+            raise RecordingError(self.path, "has no statistics; type armtree log recover FILE")
+        channels, counts = self._summary.channels, statistics.channel_message_counts
+        return sum(
+            n for id_, n in counts.items() if id_ in channels and channels[id_].topic == topic
+        )
 
     def with_topic(self, topics: Collection[str]) -> tuple[Chunk, ...]:
         """Return the chunks with a message on one of these topics."""
