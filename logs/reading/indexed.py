@@ -17,6 +17,7 @@ from .file_state import being_written
 from .mcap_records import HEAD, BadRecord, Decoder, damage
 from .reader import Message
 from .recording import Recording
+from .tolerant_reader import summary_is_valid
 
 if TYPE_CHECKING:
     from mcap.summary import Summary
@@ -268,23 +269,30 @@ def _table(stream: BinaryIO, at: int) -> bytes:
 
 
 def _check_summary(stream: BinaryIO) -> None:
-    """Check the lengths in a summary, because mcap reads any length, and reads on in a hole.
+    """Check the lengths and the checksum of a summary.
+
+    mcap reads any length, reads on in a hole, and skips the checksum.
 
     Args:
         stream: The file; positioned at its beginning afterwards.
 
     Raises:
-        BadRecord: A length or an opcode is invalid. The function may also raise the exceptions of
-            `damage`.
+        BadRecord: A length, an opcode or the checksum is invalid. The function may also raise the
+            exceptions of `damage`.
     """
+    from mcap.records import Footer
+
     end = stream.seek(-_FOOTER.size - len(MAGIC), os.SEEK_END)
-    *_, at, _, _ = _FOOTER.unpack(stream.read(_FOOTER.size))
+    _, _, at, offsets, crc = _FOOTER.unpack(stream.read(_FOOTER.size))
+    footer = Footer(at, offsets, crc)
     while 0 < at < end:
         stream.seek(at)
         opcode, length = HEAD.unpack(stream.read(HEAD.size))
         if opcode == INVALID or length > MAX_RECORD:
             raise BadRecord(f"opcode {opcode} of {length} bytes in the summary")
         at += HEAD.size + length
+    if not summary_is_valid(footer, stream):
+        raise BadRecord("a summary whose checksum is wrong")
     stream.seek(0)
 
 

@@ -166,7 +166,7 @@ def test_a_list_decodes_no_frame(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert decoded == ["/goal", "/result"]
 
 
-@pytest.mark.parametrize("part", ["chunk", "end"])
+@pytest.mark.parametrize("part", ["chunk", "summary", "end"])
 def test_a_list_reads_all_of_a_damaged_recording(tmp_path: Path, part: str) -> None:
     path = tmp_path / "run.mcap"
     record(path, RUNS["ok"])
@@ -174,7 +174,8 @@ def test_a_list_reads_all_of_a_damaged_recording(tmp_path: Path, part: str) -> N
     if part == "end":
         del data[-20:]
     else:
-        data[IndexedRecording(path).chunks[0].offset + 100] ^= 1
+        at = -60 if part == "summary" else IndexedRecording(path).chunks[0].offset + 100
+        data[at] ^= 1
     path.write_bytes(data)
     assert listing(path) == overview(path)
     assert not listing(path).complete
