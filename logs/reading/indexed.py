@@ -11,11 +11,13 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 from logs.errors import RecordingError, RecordingInUse
 from logs.records.file_format import INVALID, MAGIC, MAX_RECORD
+from logs.records.records import RunRecord
 
 from .file_state import being_written
 from .mcap_records import HEAD, BadRecord, Decoder, damage
 from .reader import Message
 from .recording import Recording
+from .tolerant_reader import summary_is_valid
 
 if TYPE_CHECKING:
     from mcap.summary import Summary
@@ -117,6 +119,29 @@ class IndexedRecording(Recording):
             tables = {topic: _table(stream, at) for topic, at in chunk.indexes.items()}
             place = chunk.offset + HEAD.size + len(body)
             return OpenChunk(self, tables, decoder, decoder.unpacked_chunk(body, place), place)
+
+    def in_topics(self, topics: Collection[str]) -> Iterator[RunRecord]:
+        """Yield the records on some topics, in file order. Unpacks only the chunks with them.
+
+        Raises:
+            RecordingError: A chunk is damaged, or a record cannot be decoded.
+        """
+        decoder = Decoder()
+        for chunk in self.with_topic(topics):
+            yield from self.grouped(self.open(chunk, decoder).messages(topics))
+
+    def count(self, topic: str) -> int:
+        """Return the number of messages on a topic, from the statistics at the end of the file.
+
+        Raises:
+            RecordingError: The file has no statistics.
+        """
+        if (statistics := self._summary.statistics) is None:
+            raise RecordingError(self.path, "has no statistics; type armtree log recover FILE")
+        channels, counts = self._summary.channels, statistics.channel_message_counts
+        return sum(
+            n for id_, n in counts.items() if id_ in channels and channels[id_].topic == topic
+        )
 
     def with_topic(self, topics: Collection[str]) -> tuple[Chunk, ...]:
         """Return the chunks with a message on one of these topics."""
@@ -244,23 +269,30 @@ def _table(stream: BinaryIO, at: int) -> bytes:
 
 
 def _check_summary(stream: BinaryIO) -> None:
-    """Check the lengths in a summary, because mcap reads any length, and reads on in a hole.
+    """Check the lengths and the checksum of a summary.
+
+    mcap reads any length, reads on in a hole, and skips the checksum.
 
     Args:
         stream: The file; positioned at its beginning afterwards.
 
     Raises:
-        BadRecord: A length or an opcode is invalid. The function may also raise the exceptions of
-            `damage`.
+        BadRecord: A length, an opcode or the checksum is invalid. The function may also raise the
+            exceptions of `damage`.
     """
+    from mcap.records import Footer
+
     end = stream.seek(-_FOOTER.size - len(MAGIC), os.SEEK_END)
-    *_, at, _, _ = _FOOTER.unpack(stream.read(_FOOTER.size))
+    _, _, at, offsets, crc = _FOOTER.unpack(stream.read(_FOOTER.size))
+    footer = Footer(at, offsets, crc)
     while 0 < at < end:
         stream.seek(at)
         opcode, length = HEAD.unpack(stream.read(HEAD.size))
         if opcode == INVALID or length > MAX_RECORD:
             raise BadRecord(f"opcode {opcode} of {length} bytes in the summary")
         at += HEAD.size + length
+    if not summary_is_valid(footer, stream):
+        raise BadRecord("a summary whose checksum is wrong")
     stream.seek(0)
 
 

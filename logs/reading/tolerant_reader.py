@@ -114,10 +114,10 @@ class TolerantReader:
                 self.valid = place
                 yield record
         ended &= stream.read(len(MAGIC)) == MAGIC
-        self.intact = ended and _summary_is_valid(record, stream)
+        self.intact = ended and summary_is_valid(record, stream)
 
 
-def _summary_is_valid(footer: "Footer", stream: BinaryIO) -> bool:
+def summary_is_valid(footer: "Footer", stream: BinaryIO) -> bool:
     """Return True if the checksum of the summary is right. mcap's stream reader skips it."""
     left = stream.seek(0, os.SEEK_END) - len(MAGIC) - _CRC_BYTES - footer.summary_start
     if left < 0 or not footer.summary_crc:

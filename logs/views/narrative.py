@@ -1,13 +1,15 @@
 """A recording in words: an overview, and a narrative line by line."""
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from hardware.printable import plural, wire_text
+from logs.errors import RecordingError, RecordingInUse
 from logs.reading.file_state import being_written
+from logs.reading.indexed import IndexedRecording
 from logs.reading.recording import Recording
 from logs.records.conversions import LATE
 from logs.records.file_format import RECOVERED
@@ -32,38 +34,26 @@ _FREQUENT = Sent | Received | Measured | LeaderState | Feedback
 
 
 @dataclass(frozen=True, slots=True)
-class Overview:
-    """A summary of a recording.
+class Listing:
+    """A recording in a list.
 
     Attributes:
         path: The file.
         bytes: Its size [bytes].
-        messages: Number of messages.
-        complete: True if it has its end and is undamaged.
+        complete: True if it has its end, and what was read of it is undamaged.
         written: True if it is being written.
         goal: The goal; None in a recording without a goal, such as a server's own.
         result: The result of that goal, or None.
         frames: Number of frames sent, including holds.
-        holds: Number of holds.
-        late: Number of frames by lateness, in steps of 0.01 ms [ms].
-        planning: Planning time of the last plan, by group [ms].
-        notes: Notes by name, such as `versions`.
-        files: Names of the attachments.
     """
 
     path: Path
     bytes: int
-    messages: int
     complete: bool
     written: bool
     goal: Goal | None
     result: Result | None
     frames: int
-    holds: int
-    late: Counter[float]
-    planning: dict[str, float]
-    notes: dict[str, dict[str, str]]
-    files: tuple[str, ...]
 
     @property
     def waited(self) -> float:
@@ -78,6 +68,27 @@ class Overview:
         if self.result:
             return self.result.state
         return "NO END" if self.goal else "-"
+
+
+@dataclass(frozen=True, slots=True)
+class Overview(Listing):
+    """A summary of a recording, of which every byte was read.
+
+    Attributes:
+        messages: Number of messages.
+        holds: Number of holds.
+        late: Number of frames by lateness, in steps of 0.01 ms [ms].
+        planning: Planning time of the last plan, by group [ms].
+        notes: Notes by name, such as `versions`.
+        files: Names of the attachments.
+    """
+
+    messages: int
+    holds: int
+    late: Counter[float]
+    planning: dict[str, float]
+    notes: dict[str, dict[str, str]]
+    files: tuple[str, ...]
 
     def to_json(self) -> dict[str, Any]:
         """Return the summary as `docs/output.schema.json` describes it."""
@@ -108,6 +119,35 @@ class Overview:
         }
 
 
+def listing(path: Path) -> Listing:
+    """Read what a list shows of a recording: by its index, without its frames.
+
+    A recording without an index, or with a damaged one, is read to its end.
+
+    Raises:
+        RecordingError: The recording cannot be read.
+    """
+    try:
+        recording = IndexedRecording(path)
+        goal, result = _goal_and_result(recording.in_topics(("/goal", "/result")))
+        frames = recording.count("/joint_states")
+    except (RecordingInUse, RecordingError):
+        return overview(path)
+    return Listing(path, path.stat().st_size, True, False, goal, result, frames)
+
+
+def _goal_and_result(records: Iterable[RunRecord]) -> tuple[Goal | None, Result | None]:
+    goal: Goal | None = None
+    result: Result | None = None
+    for record in records:
+        match record:
+            case Goal() if not record.elsewhere:
+                goal = record
+            case Result() if goal:
+                result = record
+    return goal, result
+
+
 def overview(path: Path) -> Overview:
     """Summarise a recording.
 
@@ -115,16 +155,13 @@ def overview(path: Path) -> Overview:
         RecordingError: The recording cannot be read.
     """
     recording = Recording(path)
-    goal: Goal | None = None
-    result: Result | None = None
+    about: list[RunRecord] = []
     late: Counter[float] = Counter()
     frames, holds, planning = 0, 0, {}
     for record in recording.records(Goal, Result, Sent, Plan):
         match record:
-            case Goal() if not record.elsewhere:
-                goal = record
-            case Result() if goal:
-                result = record
+            case Goal() | Result():
+                about.append(record)
             case Plan():
                 planning[record.group] = sum(record.milliseconds.values())
             case Sent():
@@ -132,15 +169,16 @@ def overview(path: Path) -> Overview:
                 holds += record.hold
                 if record.scheduled is not None:
                     late[round((record.time - record.scheduled) * 1e3, 2)] += 1
+    goal, result = _goal_and_result(about)
     return Overview(
         path,
         path.stat().st_size,
-        recording.messages,
         recording.complete,
         not recording.complete and being_written(path),
         goal,
         result,
         frames,
+        recording.messages,
         holds,
         late,
         planning,

@@ -1,8 +1,8 @@
 """Reading recordings."""
 
 import re
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
+from dataclasses import fields, replace
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ import pytest
 
 from logs import (
     LogLine,
+    Message,
     Recording,
     RecordingError,
     RecordingTruncated,
@@ -20,9 +21,10 @@ from logs import (
     read,
     table,
 )
+from logs.reading.indexed import IndexedRecording
 from logs.reading.reader import MAX_BYTES
 from logs.reading.tolerant_reader import TolerantReader
-from logs.views.narrative import overview
+from logs.views.narrative import Listing, listing, overview
 from tests.logs.test_run import RUNS, plan, record
 
 DUE = (0.0, 1.0, None)
@@ -139,6 +141,44 @@ def test_an_overview_reads_the_file_once(tmp_path: Path, monkeypatch: pytest.Mon
     found = overview(path)
     assert (found.messages, found.complete, found.files) == (whole.messages, True, ("task.yaml",))
     assert given < total + 10  # the head is read before
+
+
+@pytest.mark.parametrize("run", RUNS)
+def test_a_list_shows_what_an_overview_finds(tmp_path: Path, run: str) -> None:
+    path = tmp_path / "run.mcap"
+    record(path, RUNS[run])
+    found, whole = listing(path), overview(path)
+    assert type(found) is Listing
+    assert found == Listing(*(getattr(whole, each.name) for each in fields(Listing)))
+
+
+def test_a_list_decodes_no_frame(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path, decoded = tmp_path / "run.mcap", []
+    record(path, RUNS["ok"])
+    original = IndexedRecording.record
+
+    def noted(self: IndexedRecording, messages: Sequence[Message]) -> Any:
+        decoded.append(messages[0].topic)
+        return original(self, messages)
+
+    monkeypatch.setattr(Recording, "record", noted)
+    assert listing(path).frames
+    assert decoded == ["/goal", "/result"]
+
+
+@pytest.mark.parametrize("part", ["chunk", "summary", "end"])
+def test_a_list_reads_all_of_a_damaged_recording(tmp_path: Path, part: str) -> None:
+    path = tmp_path / "run.mcap"
+    record(path, RUNS["ok"])
+    data = bytearray(path.read_bytes())
+    if part == "end":
+        del data[-20:]
+    else:
+        at = -60 if part == "summary" else IndexedRecording(path).chunks[0].offset + 100
+        data[at] ^= 1
+    path.write_bytes(data)
+    assert listing(path) == overview(path)
+    assert not listing(path).complete
 
 
 def test_a_summary_whose_channel_lost_its_schema_is_damage(tmp_path: Path) -> None:
