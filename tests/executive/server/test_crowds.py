@@ -134,7 +134,7 @@ def test_stops_that_come_together_share_one(serve: Serve, monkeypatch: pytest.Mo
 def test_a_stop_is_answered_if_streams_take_all_connections(
     serve: Serve, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(connections, "MAX_CONNECTIONS", 2)
+    monkeypatch.setattr("executive.server.server.MAX_CONNECTIONS", 2)
     served = serve(rosbridge=True)
     own = f"host: 127.0.0.1:{served.server.port}"
     watch = ("GET /api/events HTTP/1.1", own, "")
@@ -151,7 +151,7 @@ def test_a_stop_is_answered_if_streams_take_all_connections(
 def test_the_websocket_that_is_idle_for_longest_makes_room(
     serve: Serve, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(connections, "MAX_CONNECTIONS", 4)
+    monkeypatch.setattr("executive.server.server.MAX_CONNECTIONS", 4)
     served = serve(rosbridge=True)
     subscribe = Frame(Opcode.TEXT, b'{"op": "subscribe", "topic": "/joint_states"}').serialize(
         mask=True

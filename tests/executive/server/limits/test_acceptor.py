@@ -133,7 +133,7 @@ def test_a_request_of_a_client_that_sends_no_more_is_answered(
 def test_if_too_many_wait_the_oldest_is_closed(
     serve: Serve, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(connections, "MAX_CONNECTIONS", 4)
+    monkeypatch.setattr("executive.server.server.MAX_CONNECTIONS", 4)
     served, watch = serve(), Watch(monkeypatch)
     with contextlib.ExitStack() as stack:
         with watch.hold(served):
@@ -146,7 +146,7 @@ def test_if_too_many_wait_the_oldest_is_closed(
 def test_a_connection_that_follows_does_not_close_that_of_a_stop(
     serve: Serve, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(connections, "MAX_CONNECTIONS", 1)
+    monkeypatch.setattr("executive.server.server.MAX_CONNECTIONS", 1)
     served, watch = serve(), Watch(monkeypatch)
     own = f"host: 127.0.0.1:{served.server.port}"
     with contextlib.ExitStack() as stack:
@@ -179,7 +179,7 @@ def test_a_connection_that_stays_silent_is_closed(
 def test_silent_connections_do_not_close_a_later_one_that_has_sent_data(
     serve: Serve, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(connections, "MAX_CONNECTIONS", 4)
+    monkeypatch.setattr("executive.server.server.MAX_CONNECTIONS", 4)
     served, watch = serve(), Watch(monkeypatch)
     lines = ("GET /api/health HTTP/1.1", f"host: 127.0.0.1:{served.server.port}", "", "")
     with contextlib.ExitStack() as stack:
@@ -193,7 +193,7 @@ def test_silent_connections_do_not_close_a_later_one_that_has_sent_data(
 def test_older_connections_with_half_a_request_do_not_close_that_of_a_stop_whose_data_comes_later(
     serve: Serve, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(connections, "MAX_CONNECTIONS", 4)
+    monkeypatch.setattr("executive.server.server.MAX_CONNECTIONS", 4)
     served, watch = serve(), Watch(monkeypatch)
     own = f"host: 127.0.0.1:{served.server.port}"
     with contextlib.ExitStack() as stack:
@@ -209,7 +209,7 @@ def test_older_connections_with_half_a_request_do_not_close_that_of_a_stop_whose
 def test_a_connection_that_ended_makes_room_before_an_older_silent_one(
     serve: Serve, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(connections, "MAX_CONNECTIONS", 2)
+    monkeypatch.setattr("executive.server.server.MAX_CONNECTIONS", 2)
     served, watch, accepted = serve(), Watch(monkeypatch), threading.Event()
     own = f"host: 127.0.0.1:{served.server.port}"
     with contextlib.ExitStack() as stack:
@@ -296,7 +296,7 @@ class Hold:
 def test_connections_that_ended_make_room_before_one_that_waits_to_be_processed(
     serve: Serve, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(connections, "MAX_CONNECTIONS", 4)
+    monkeypatch.setattr("executive.server.server.MAX_CONNECTIONS", 4)
     served = serve()
     own = f"host: 127.0.0.1:{served.server.port}"
     with contextlib.ExitStack() as stack:
