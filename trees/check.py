@@ -80,8 +80,8 @@ def check(robot: Robot, folder: Path | None, files: Sequence[Path] = ()) -> Find
         findings.mistakes = _mistakes(error)
         return findings
     libraries = {id(library): library for _, library, _ in jobs}.values()
+    named = {path.resolve() for path in files}
     for library in libraries:
-        named = {path.resolve() for path in files}
         findings.mistakes += [
             m for m in library.mistakes if not files or m.place.path.resolve() in named
         ]
