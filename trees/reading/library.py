@@ -50,6 +50,12 @@ _HEAD = re.compile(r"^[\"']?(task|subtree)[\"']?: *(\w{0,99})", re.MULTILINE)
 POSES = "poses.yaml"
 
 
+@cache
+def _kept(draft: Callable[[Path, str], Draft], path: Path, text: str) -> Draft:
+    """Read a file that ships once: nearly every tree uses some of them."""
+    return draft(path, text)
+
+
 def with_robot(folder: Path, robot: str) -> tuple[Path, ...]:
     """Return a folder of task files, and its subfolder for a robot, if there is one."""
     own = folder / robot
@@ -211,9 +217,9 @@ class Library:
         return next(n for n in count(number) if n not in taken)
 
     def _draft(self, source: int | str, path: Path) -> Draft:
-        return (draft_subtree if isinstance(source, str) else draft_task)(
-            path, self._text_of(source, path)
-        )
+        draft = draft_subtree if isinstance(source, str) else draft_task
+        text = self._text_of(source, path)
+        return _kept(draft, path, text) if path.parent in self.shipped else draft(path, text)
 
     def _text_of(self, source: int | str, path: Path) -> str:
         """Return the text of a task or subtree.
