@@ -48,9 +48,12 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
-    """The whole suite takes every core; what is picked out runs right here, where -s works."""
+    """What is picked out runs right here, where -s works. The whole suite takes every core.
+
+    Its tests wait for about half of their time, so one more process makes it a sixth shorter.
+    """
     whole = all(map(os.path.isdir, config.option.file_or_dir)) and not config.option.keyword
-    return len(os.sched_getaffinity(0)) if whole else 0
+    return len(os.sched_getaffinity(0)) + 1 if whole else 0
 
 
 R = TypeVar("R")

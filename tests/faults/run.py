@@ -5,6 +5,7 @@ Ends with 1 if a row does not hold. README.md says how to write a row.
 
 import argparse
 import concurrent.futures
+import contextlib
 import dataclasses
 import functools
 import importlib
@@ -237,10 +238,15 @@ def examined(
         except KeyboardInterrupt:
             for each in (pool, waiting):
                 each.shutdown(wait=False, cancel_futures=True)
-            INTERRUPTED.set()  # what runs ends all that it has started
             raise
     done.update((one.name, work(one, times)) for one, times in chosen if one.alone)
     return [done[one.name] for one, _ in chosen]
+
+
+def interrupt(*_: object) -> None:
+    """End what runs, with all that it has started."""
+    INTERRUPTED.set()  # Python drops an exception that is raised during a fork
+    raise KeyboardInterrupt
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -276,8 +282,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if not chosen:
         parser.error("no row is left; --list lists them")
     begin, folder = time.monotonic(), Path(tempfile.mkdtemp(prefix="armtree-faults-"))
-    # As Ctrl-C. Without it, SIGTERM would leave servers and boards running.
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, interrupt)
     sys.stdout.write(f"seed {given.seed}, folder {folder}, {described()}\n{line(HEADER)}\n")
     try:
         with Machine() as machine:
@@ -297,7 +303,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    try:
-        sys.exit(main())
-    except KeyboardInterrupt:
-        sys.exit(130)
+    with contextlib.suppress(KeyboardInterrupt):
+        status = main()
+    sys.exit(130 if INTERRUPTED.is_set() else status)
