@@ -72,7 +72,6 @@ def execute(
                     setup,
                     operator=Terminal(_to_errors if as_json else _prompt(view)),
                     subscriber=partial(_show, view, start, verbose),
-                    report=view.put,
                 )
             )
         except (HardwareError, TreeError) as error:

@@ -51,6 +51,13 @@ def test_a_wrong_move_opens_no_port(
     assert list(folder.glob("*.mcap")) == []
 
 
+def test_a_recovered_recording_is_reported_once(folder: Path) -> None:
+    recording = folder / "20260101T000000.000Z-1.mcap"
+    recording.touch()
+    out, error = type_command(folder, "move", "9", "9", "9m", "--port", "virtual")[1:]
+    assert (out + error).count(f"{recording.name}: was empty and is removed") == 1
+
+
 def test_only_what_the_arm_has_is_offered(folder: Path) -> None:
     """This arm has one pose and no gripper."""
     status, out, _ = type_command(folder, "move", "foldd", "--robot", str(DATA / "endless.toml"))
