@@ -169,7 +169,7 @@ class NoSuchRecording(RecordingError):
 
     def __init__(self, folder: Path, why: str) -> None:
         why += "" if why.endswith("?") else "."
-        more = "`armtree log ls` lists the recordings; in another folder, give FOLDER/latest"
+        more = "`armtree log ls` lists the recordings; latest:TASK is the last run of a task"
         super().__init__(folder, f"{why} {more}")
 
 

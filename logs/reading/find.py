@@ -88,7 +88,7 @@ def find_recording(given: str, folder: Path) -> Path:
         case [name]:
             return folder / name
         case []:
-            near = suggestion(begin, [LATEST, *there])
+            near = suggestion(begin, [LATEST, *there]) if len(begin) > 1 else ""
             why = (
                 f"no recording here begins with {begin}{near}" if there else "no recording is here"
             )
