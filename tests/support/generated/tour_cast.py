@@ -1,7 +1,7 @@
 """Two pictures of one run, for README and site: what a terminal shows, and its plot.
 
 `python -m tests.support.generated.tour_cast` runs `armtree run 1` and `armtree log plot`. It writes
-`tour.svg` and `run.png` in `docs/pages/assets/`. Look at them afterwards.
+`tour.svg` and `run.svg` in `docs/pages/assets/`. Look at them afterwards.
 """
 
 import subprocess
@@ -94,4 +94,4 @@ def _row(line: str, row: int) -> str:
 
 
 if __name__ == "__main__":
-    (ASSETS / "tour.svg").write_text(svg(shots(ASSETS / "run.png")))
+    (ASSETS / "tour.svg").write_text(svg(shots(ASSETS / "run.svg")))
