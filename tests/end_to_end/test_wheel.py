@@ -27,8 +27,15 @@ pytestmark = pytest.mark.slow
 
 def call(*command: str | Path, folder: Path, status: int = 0, longest: float = 120.0) -> str:
     """Run a command for at most `longest` [s], and return what it printed."""
+    variables = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
     done = subprocess.run(
-        command, check=False, cwd=folder, capture_output=True, text=True, timeout=longest
+        command,
+        check=False,
+        cwd=folder,
+        env=variables,
+        capture_output=True,
+        text=True,
+        timeout=longest,
     )
     assert done.returncode == status, done.stdout + done.stderr
     return done.stdout + done.stderr
