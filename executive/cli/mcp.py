@@ -6,8 +6,6 @@ from pathlib import Path
 
 import click
 
-from executive.api.codes import INTERRUPTED_EXIT
-
 from .settings import Whole, option
 from .support.command_group import command
 from .support.options import robot_option
@@ -71,7 +69,7 @@ def mcp(port: int | None, allow_move: bool, robot: Path | None, server: str) -> 
     for number in (signal.SIGINT, signal.SIGTERM):
         # A thread that reads standard input never ends by itself. The server of the arm detects the
         # end of the connections, and cancels the goals.
-        signal.signal(number, lambda *_: end_process(INTERRUPTED_EXIT))
+        signal.signal(number, lambda number, _: end_process(128 + number))
     asyncio.run(serve_http(make, server, listener) if listener else serve_stdio(make()))
 
 

@@ -1,5 +1,8 @@
-"""`armtree mcp` without its packages."""
+"""`armtree mcp` without its packages, and its end."""
 
+import asyncio
+import contextlib
+import signal
 import sys
 
 import pytest
@@ -17,3 +20,16 @@ def test_without_its_packages_the_command_says_how_to_install_them(
     result = CliRunner().invoke(cli, ["mcp"])
     assert result.exit_code == 2
     assert "install the wheel again with [mcp] behind its name" in result.output
+
+
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_signal_ends_the_command_with_its_exit_status(
+    monkeypatch: pytest.MonkeyPatch, number: signal.Signals, status: int
+) -> None:
+    monkeypatch.setattr("executive.cli.mcp.end_process", sys.exit)  # in place of this process
+    monkeypatch.setattr(asyncio, "run", lambda work: (work.close(), signal.raise_signal(number)))
+    with contextlib.ExitStack() as stack:
+        for each in (signal.SIGINT, signal.SIGTERM):
+            stack.callback(signal.signal, each, signal.getsignal(each))
+        result = CliRunner().invoke(cli, ["mcp", "--server", "http://127.0.0.1:1"])
+    assert result.exit_code == status
