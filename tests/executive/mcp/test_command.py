@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 import signal
 import sys
+from collections.abc import Coroutine
 
 import pytest
 from click.testing import CliRunner
@@ -27,7 +28,12 @@ def test_a_signal_ends_the_command_with_its_exit_status(
     monkeypatch: pytest.MonkeyPatch, number: signal.Signals, status: int
 ) -> None:
     monkeypatch.setattr("executive.cli.mcp.end_process", sys.exit)  # in place of this process
-    monkeypatch.setattr(asyncio, "run", lambda work: (work.close(), signal.raise_signal(number)))
+
+    def run(work: Coroutine[None, None, None]) -> None:
+        work.close()
+        signal.raise_signal(number)
+
+    monkeypatch.setattr(asyncio, "run", run)
     with contextlib.ExitStack() as stack:
         for each in (signal.SIGINT, signal.SIGTERM):
             stack.callback(signal.signal, each, signal.getsignal(each))
