@@ -29,7 +29,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 sys.path[0] = str(ROOT)  # in place of this folder
 
-from tests.faults.machine import Busy, Machine  # noqa: E402
+from tests.faults.machine import Busy, measured  # noqa: E402
 from tests.faults.process import INTERRUPTED  # noqa: E402
 from tests.faults.row import Row, Scene, inject, verify  # noqa: E402
 
@@ -44,8 +44,8 @@ class Finding:
     """What came of a row. Figures are in its unit.
 
     Attributes:
-        delay: By how much an idle program woke too late meanwhile, 99th percentile [ms].
-        slowdown: Runnable threads per processor meanwhile, at least 1.
+        delay: By how much an idle program woke too late before, 99th percentile [ms].
+        slowdown: Runnable threads per processor before, at least 1.
         means: By which means the fault was injected, if that depends on the machine.
     """
 
@@ -74,8 +74,11 @@ def rows() -> list[Row]:
     return [each for one in modules for each in vars(one).values() if isinstance(each, Row)]
 
 
-def examine(one: Row, times: int, seed: int, folder: Path, keep: bool, machine: Machine) -> Finding:
-    """Inject a row's fault so often, at times that follow from the seed, the row and the number."""
+def examine(one: Row, times: int, seed: int, folder: Path, keep: bool, busy: Busy) -> Finding:
+    """Inject a row's fault so often, at times that follow from the seed, the row and the number.
+
+    `busy` is of the machine before the first fault.
+    """
     begin = time.monotonic()
     scenes = [
         inject(one, folder / f"{one.name}-{number}", f"{seed} {one.name}", number)
@@ -84,15 +87,15 @@ def examine(one: Row, times: int, seed: int, folder: Path, keep: bool, machine: 
     if asked := [scene for scene in scenes if scene.verdicts]:
         verifying = dataclasses.replace(one, inject=functools.partial(verify, asked))
         scenes.append(inject(verifying, folder / f"{one.name}-verify", ""))
-    end = time.monotonic()
+    seconds = time.monotonic() - begin
     for scene in scenes:
         if not (keep and scene.problems):
             shutil.rmtree(scene.folder, ignore_errors=True)
-    return found(one, scenes, end - begin, machine.between(begin, end))
+    return found(one, scenes, seconds, busy)
 
 
 def allowed(limit: float | None, unit: str, busy: Busy) -> float:
-    """The limit on a machine so busy: a reaction may be later, and work may take longer.
+    """The limit on a machine that was so busy: a reaction is later, and work takes longer.
 
     At most it is doubled. A row that needs more says nothing, and does not hold.
     """
@@ -211,13 +214,16 @@ def examined(
     folder: Path,
     keep: bool,
     jobs: int,
-    machine: Machine,
 ) -> list[Finding]:
-    """Examine the rows, some at the same time, and print each when it is done."""
+    """Examine the rows, some at the same time, and print each when it is done.
+
+    The machine is measured while no row runs. The main thread, which a signal interrupts, starts
+    no row itself: it could be interrupted between the start of a process and the note of it.
+    """
     printing = threading.Lock()
 
-    def work(one: Row, times: int) -> Finding:
-        finding = examine(one, times, seed, folder, keep, machine)
+    def work(one: Row, times: int, busy: Busy) -> Finding:
+        finding = examine(one, times, seed, folder, keep, busy)
         with printing:
             sys.stdout.write(line(cells(finding)).rstrip() + "\n")
             for words in (*(f"by {each}" for each in finding.means), *finding.problems[:5]):
@@ -228,18 +234,21 @@ def examined(
     done: dict[str, Finding] = {}
     kind = concurrent.futures.ThreadPoolExecutor
     with kind(jobs) as pool, kind(1) as waiting:
-        together = [
-            (waiting if each[0].waits else pool).submit(work, *each)
-            for each in chosen
-            if not each[0].alone
-        ]
         try:
+            busy = measured()
+            together = [
+                (waiting if each[0].waits else pool).submit(work, *each, busy)
+                for each in chosen
+                if not each[0].alone
+            ]
             done.update((future.result().row, future.result()) for future in together)
+            for one, times in chosen:
+                if one.alone:
+                    done[one.name] = pool.submit(work, one, times, measured()).result()
         except KeyboardInterrupt:
             for each in (pool, waiting):
                 each.shutdown(wait=False, cancel_futures=True)
             raise
-    done.update((one.name, work(one, times)) for one, times in chosen if one.alone)
     return [done[one.name] for one, _ in chosen]
 
 
@@ -286,8 +295,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         signal.signal(number, interrupt)
     sys.stdout.write(f"seed {given.seed}, folder {folder}, {described()}\n{line(HEADER)}\n")
     try:
-        with Machine() as machine:
-            findings = examined(chosen, given.seed, folder, given.keep, given.jobs, machine)
+        findings = examined(chosen, given.seed, folder, given.keep, given.jobs)
     finally:
         if not any(folder.iterdir()):
             folder.rmdir()

@@ -26,7 +26,7 @@ from typing import Any
 ROOT = Path(__file__).parents[2]
 sys.path[0] = str(ROOT)  # in place of this folder
 
-from tests.faults.machine import Busy, Machine  # noqa: E402
+from tests.faults.machine import Busy, measured  # noqa: E402
 from tests.faults.process import Hang, until  # noqa: E402
 from tests.faults.run import PAGE, SOAK, allowed, described, percentile_99  # noqa: E402
 from tests.faults.soaking import person  # noqa: E402
@@ -163,7 +163,7 @@ class Soak:
         return sample
 
     def judge_stops(self, busy: Busy) -> None:
-        """It is a problem if stops took too long for a machine so busy."""
+        """It is a problem if stops took too long for a machine that was so busy before."""
         most = allowed(STOP_MS, "ms", busy)
         if self.site.stops and (p99 := 1000 * percentile_99(self.site.stops)) > most:
             self.site.problem(f"of the stops, 1 % took {p99:.0f} ms; the limit is {most:.0f} ms")
@@ -261,13 +261,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = parser.parse_args(arguments)
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # as Ctrl-C
     folder = Path(tempfile.mkdtemp(prefix="armtree-soak-"))
+    busy = measured()
     site = Site(folder, given.seed)
     soak = Soak(site, given.seed)
     say(f"seed {given.seed}, folder {folder}, {site.words}")
     say(header())
     end = soak.begin + 60 * (given.minutes or HOUR)
     reported = 0
-    machine = Machine()
     try:
         person.works(site)
         while site.server.popen.poll() is None:
@@ -277,12 +277,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
             reported = len(site.problems)
             if time.monotonic() > end:
                 break
-        busy = machine.between(soak.begin, time.monotonic())
         site.problems += growth(soak.samples)
         soak.judge_stops(busy)
         soak.end()
     finally:
-        machine.close()
         site.scene.finish()
     found = report(soak, busy)
     if given.page or given.minutes is None:

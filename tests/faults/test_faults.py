@@ -2,8 +2,8 @@
 
 import dataclasses
 import json
-import math
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -13,11 +13,11 @@ from pathlib import Path
 
 import pytest
 
-from tests.faults.machine import Busy, Machine
+from tests.faults.machine import Busy, measured
 from tests.faults.process import kill, processes, until, variables_of
 from tests.faults.row import Row, Scene, compare, inject, verify
 from tests.faults.rows.host import shifts
-from tests.faults.run import PAGE, found, main, promised, rows
+from tests.faults.run import PAGE, SOAK, examined, found, main, promised, rows
 from tests.faults.soaking.figures import Sample, growth
 
 PROGRAM = Path(__file__).with_name("run.py")
@@ -160,12 +160,31 @@ def test_one_command_verifies_the_recordings_of_a_row(tmp_path: Path) -> None:
 
 
 def test_a_machine_is_measured() -> None:
-    begin = time.monotonic()
-    with Machine() as machine:
-        until("samples", lambda: machine.between(begin, math.inf).delay)
-    busy = machine.between(begin, math.inf)
+    busy = measured()
+    assert busy.delay > 0.0
     assert busy.slowdown >= 1.0
-    assert machine.between(0.0, begin) == Busy(0.0, 1.0)
+
+
+def test_a_fault_does_not_extend_its_own_limit(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The machine is busy only while the fault is injected."""
+    order = list[str]()
+
+    def measure() -> Busy:
+        order.append("measured")
+        return Busy(0.0, 1.0)
+
+    def inject(scene: Scene) -> None:
+        order.append(scene.folder.name)
+        scene.figure(51.0)
+
+    monkeypatch.setattr("tests.faults.run.measured", measure)
+    one = Row("a", "b", "c", inject, limit=50, unit="ms")
+    alone = dataclasses.replace(one, name="d", alone=True)
+    findings = examined([(alone, 2), (one, 1)], 1, tmp_path, keep=False, jobs=1)
+    assert [each.held for each in findings] == [False, False]
+    assert order == ["measured", "a-0", "measured", "d-0", "d-1"]
 
 
 @pytest.mark.parametrize("part", [["--only", "limits"], ["--times", "1"], ["--quick"]])
@@ -179,7 +198,11 @@ def test_the_page_lists_the_rows_that_there_are() -> None:
     """`make faults` writes the page."""
     text, head = PAGE.read_text(), PROGRAM.with_name("page.md").read_text()
     assert text.startswith(head), "run `make faults`: tests/faults/page.md has changed"
-    lines = [line[2:].split(" | ") for line in text.splitlines() if line.startswith("| `")]
+    first, _, header, _, *table = text.removeprefix(head).partition(SOAK)[0].strip().splitlines()
+    words = r"rows, seed \d+, \d+ minutes, \d+ cores, \w+ [\d.]+, load average [\d.]+\."
+    assert re.fullmatch(f"{len(table)} {words}", first), "the page has what no program has written"
+    assert header.startswith("| row |")
+    lines = [line[2:].split(" | ") for line in table]
     listed = [
         (name, fault.partition("; here by ")[0], promise, limit)
         for name, fault, promise, _times, _held, limit, *_ in lines
