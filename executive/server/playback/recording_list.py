@@ -100,9 +100,8 @@ class RecordingFolder:
         """Return the recordings of a query, newest name first."""
         purge(self._folder, utc_ns(self._clock) / 1e9 - UNDO)
         found, names = list[Json](), sorted(self._names(), reverse=True)
-        paths = {self._folder / name for name in names}
-        self._rows.keep(paths)
-        self._indexed.keep(paths)
+        self._rows.keep(set(names))
+        self._indexed.keep(set(names))
         for name in names:
             if query.before and name >= query.before:
                 continue
@@ -247,7 +246,7 @@ class RecordingFolder:
         Raises:
             RecordingError: The recording cannot be read.
         """
-        if self._indexed.get(path, _version(path), lambda: _has_index(path)):
+        if self._indexed.get(path.name, _version(path), lambda: _has_index(path)):
             return path
         if path.stat().st_size > MAX_COPY:
             raise logs.RecordingError(
@@ -278,7 +277,7 @@ class RecordingFolder:
         return [name for name in names if not is_server_recording(Path(name))][:MAX_FILES]
 
     def _row(self, path: Path) -> Json:
-        return self._rows.get(path, _version(path), lambda: _summary(path))
+        return self._rows.get(path.name, _version(path), lambda: _summary(path))
 
 
 class _Cache(Generic[T]):
