@@ -7,6 +7,7 @@ import re
 import signal
 import subprocess
 import sys
+import threading
 import time
 from functools import partial
 from pathlib import Path
@@ -185,6 +186,19 @@ def test_a_fault_does_not_extend_its_own_limit(
     findings = examined([(alone, 2), (one, 1)], 1, tmp_path, keep=False, jobs=1)
     assert [each.held for each in findings] == [False, False]
     assert order == ["measured", "a-0", "measured", "d-0", "d-1"]
+
+
+@pytest.mark.parametrize("alone", [False, True])
+def test_no_row_runs_on_the_thread_that_a_signal_interrupts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, alone: bool
+) -> None:
+    """There, a signal may come after a process has started, and before the row knows it."""
+    threads = list[threading.Thread]()
+    monkeypatch.setattr("tests.faults.run.measured", lambda: Busy(0.0, 1.0))
+    one = Row("a", "b", "c", lambda _: threads.append(threading.current_thread()), alone=alone)
+    examined([(one, 1)], 1, tmp_path, keep=False, jobs=1)
+    assert len(threads) == 1
+    assert threading.main_thread() not in threads
 
 
 @pytest.mark.parametrize("part", [["--only", "limits"], ["--times", "1"], ["--quick"]])
