@@ -15,7 +15,6 @@ one a line, and answers each with a line of JSON:
 | `reset` | boot, as after the reset button |
 | `unplug` | close the pseudo-terminal; the port's name points nowhere |
 | `replug NAME` | a new pseudo-terminal; the port has this name now |
-| `watch` | count `starved` from now on |
 """
 
 import binascii
@@ -72,7 +71,7 @@ class Board:
             start_new_session=True,  # Linux schedules sessions apart from each other
         )
         self.pid = self._process.pid
-        self.starved = 0.0  # as of `ask`, known after `close` [s]
+        self.starved = 0.0  # the longest time that it did not run, known after `close` [s]
         self.ask("state")
 
     def ask(self, command: str) -> dict[str, Any]:
@@ -85,8 +84,7 @@ class Board:
         `reached` [deg] is where the servos are now, on their way to `angles`.
         `turned` [s, monotonic] is when a servo turned last. `harmed` [s, monotonic] is when
         `damage` changed a byte, or `mute` first withheld an answer; None until then. `starved` [s]
-        is the longest time that the program of the board did not run, from its start or the last
-        `watch` on.
+        is the longest time that the program of the board did not run.
         """
         assert self._process.stdin
         assert self._process.stdout
@@ -331,9 +329,6 @@ class Terminal:
 
     def do_damage(self, index: str) -> None:
         self.damage = int(index)
-
-    def do_watch(self, _: str) -> None:
-        self.starved = 0.0
 
     def do_reset(self, _: str) -> None:
         self.reset()
