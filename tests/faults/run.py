@@ -148,7 +148,7 @@ def found(one: Row, scenes: Iterable[Scene], seconds: float, busy: Busy) -> Find
 
 
 def figure(value: float | None, unit: str) -> str:
-    return "" if value is None else f"{value:.3g} {unit}".strip()
+    return "" if value is None else f"{float(f'{value:.3g}'):g} {unit}".strip()
 
 
 def cells(each: Finding) -> list[str]:
