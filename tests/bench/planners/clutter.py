@@ -3,7 +3,7 @@
 C. Chamzas et al., "MotionBenchMaker: a tool to generate and benchmark motion planning datasets",
 RA-L 2022. The problems are those that VAMP is measured with, from a checkout of its repository.
 Every motion is checked each millisecond with the exact shapes. The other planners get the first
-problems of each scene; they pad the bodies, not the arm's meshes.
+problems of each scene. For them, the bodies are padded by the whole margin.
 """
 
 import json
@@ -192,7 +192,7 @@ def score(folder: Path, count: int, into: Path, clock: Clock | None = None) -> C
 def for_peers(folder: Path, count: int, into: Path) -> Iterator[Problem]:
     """Yield the first problems of each scene for the other planners.
 
-    They get the larger margin, without padding of the arm's meshes.
+    They get the larger margin, as padding of the bodies.
     """
     robot = panda(folder, MARGINS[0], into)
     for each in clutter(folder, count):

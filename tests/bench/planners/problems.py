@@ -42,8 +42,8 @@ class Problem:
         world: Bodies around it.
         pairs: Start and goal of each query, only the arm's joints [rad].
         timeout: Longest time for a query [s].
-        boxes: True if the other planners get bounding boxes in place of meshes; else the meshes,
-            which are not padded.
+        boxes: True if the other planners get bounding boxes in place of meshes; False if they get
+            the meshes, and the world is padded by the whole margin.
     """
 
     name: str
