@@ -39,7 +39,7 @@ from skills.motion.collision.checker import CollisionChecker
 from skills.motion.collision.planning_scene import PlanningScene
 from skills.motion.planner import Planner
 from tests.bench.planners.problems import Problem
-from tests.bench.planners.reference_checker import Array, ticks
+from tests.bench.planners.reference.reference_checker import Array, ticks
 
 _SHARES = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5)  # of the margin; planning proves half of it
 MARGINS = (0.005, 0.002)  # the second one if the first one forbids an end of the motion [m]

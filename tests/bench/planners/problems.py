@@ -11,8 +11,8 @@ from hardware import Robot, load_robot
 from skills.motion import EMPTY, Body, Box, Query, World
 from skills.motion.collision.checker import CollisionChecker
 from skills.motion.collision.planning_scene import PlanningScene
-from tests.bench.planners.padded import padded
-from tests.bench.planners.reference_checker import ReferenceChecker
+from tests.bench.planners.reference.padded import padded
+from tests.bench.planners.reference.reference_checker import ReferenceChecker
 from tests.support.arms.robots import foreign, robot_of
 
 Array = NDArray[np.float64]

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from skills.motion import Body, Box, World
-from tests.bench.planners.padded import padded
-from tests.bench.planners.reference_checker import ReferenceChecker
+from tests.bench.planners.reference.padded import padded
+from tests.bench.planners.reference.reference_checker import ReferenceChecker
 from tests.support.arms.robots import foreign
 
 _SIDE = 0.04  # of the beam, from the axis of the upright arm [m]
