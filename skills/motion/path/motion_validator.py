@@ -2,7 +2,7 @@
 
 It corresponds to OMPL's MotionValidator. A path is checked at sample points. Bounds on the travel
 of every pair of links prove that the path between the samples is free; see
-`robot_model/lever_arms.py`.
+`robot_model/motion_bounds.py`.
 """
 
 from collections.abc import Callable, Iterable, Iterator

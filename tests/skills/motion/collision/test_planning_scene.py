@@ -28,7 +28,7 @@ from skills.motion.collision.checker import CollisionChecker
 from skills.motion.collision.planning_scene import PlanningScene, part_of
 from skills.motion.planner import Planner
 from skills.motion.robot_model.geometry import corners
-from skills.motion.robot_model.lever_arms import floor_lever_arms
+from skills.motion.robot_model.motion_bounds import floor_lever_arms
 from tests.support.arms.robots import pair_file
 
 Array = NDArray[np.float64]
