@@ -136,31 +136,20 @@ class Planner:
                     self._endpoints.check_free(rows, others, contacts)
                 else:
                     contacts, others = None, checker
-            validator = self._validator(query, checker, group, start, deadline)
+            margin = self._robot.collision.margin
+            validator = MotionValidator(
+                checker=checker,
+                group=group,
+                start=start,
+                margin=margin + query.spare,
+                guaranteed=0.5 * margin + query.spare,
+                deadline=deadline,
+            )
             if contacts is None:
                 return _plan(query, validator, points, watch)
             with others.within(deadline):
-                apart = self._validator(query, others, group, start, deadline)
+                apart = dataclasses.replace(validator, checker=others)
                 return _plan_out(query, contacts, apart, validator, points, watch)
-
-    def _validator(
-        self,
-        query: Query,
-        checker: CollisionChecker,
-        group: JointGroup,
-        start: Array,
-        deadline: Deadline,
-    ) -> MotionValidator:
-        margin = self._robot.collision.margin
-        return MotionValidator(
-            checker=checker,
-            group=group,
-            start=start,
-            lever_arms=checker.scene.lever_arms[:, group.columns],
-            margin=margin + query.spare,
-            guaranteed=0.5 * margin + query.spare,
-            deadline=deadline,
-        )
 
     def verify(self, request: Verify) -> None:
         """Check a motion as the board will play it: along straight lines from row to row.

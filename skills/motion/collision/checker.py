@@ -226,9 +226,8 @@ class CollisionChecker:
         near = near[self._narrow.collisions(q[near], pair, margin, stop=False)]
         for row in near.tolist():
             self._check()
-            distance = self._distances.closer(q[row], pair, least)
-            if distance is not None:
-                return row, self._contact(pair, distance)
+            if closer := self._distances.below(q[row], least, pair):
+                return row, self._contact(pair, closer[pair])
         return None
 
     def _contact(self, pair: int, distance: float) -> Contact:

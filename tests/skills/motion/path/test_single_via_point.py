@@ -56,7 +56,6 @@ def validator_of(
         checker=CollisionChecker(scene),
         group=group,
         start=np.zeros(4),
-        lever_arms=scene.lever_arms[:, group.columns],
         margin=margin,
         guaranteed=0.5 * margin,
         deadline=Deadline(clock, timeout),
