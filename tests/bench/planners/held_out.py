@@ -64,8 +64,7 @@ def checked(robot: Robot, scenes: int, seed: int) -> Iterator[Checked]:
     planner, columns = Planner(robot), _columns(robot)
     for number in range(scenes):
         random = np.random.default_rng((seed, number))
-        world = _world(robot, random)
-        checker = IndependentChecker(robot, world)
+        world, checker = _scene(robot, random)
         poses = _free(robot, checker, random)
         start = next(poses)
         for k in range(_GOALS):
@@ -114,6 +113,15 @@ def _free(
     while True:
         rows = _draw(robot, random, 50)
         yield from rows[~checker.hits(rows, robot.collision.margin)]
+
+
+def _scene(robot: Robot, random: np.random.Generator) -> tuple[World, IndependentChecker]:
+    """Return bodies that leave the arm some room, and a checker for them."""
+    while True:
+        world = _world(robot, random)
+        checker = IndependentChecker(robot, world)
+        if not checker.hits(_draw(robot, random, 200), robot.collision.margin).all():
+            return world, checker
 
 
 def _world(robot: Robot, random: np.random.Generator) -> World:
