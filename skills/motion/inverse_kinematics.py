@@ -38,7 +38,7 @@ from skills.motion.world import Vector
 
 from .robot_model.joint_group import JointGroup
 from .robot_model.robot_model import RobotModel
-from .robot_model.tool_turn import axes_across, turn_tolerance, turned
+from .robot_model.roll_pitch_yaw import axes_across, turn_tolerance, turned
 
 # The budget is a number of descents, not a time, so equal queries give equal answers.
 _FIRST_SEEDS = 16  # starting points of the first round, with the current configuration

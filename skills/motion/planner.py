@@ -11,8 +11,8 @@ times the path; a timed motion does not leave its path:
     time       trapezoidal profile on a line, TOPP-RA on a curve
 
 A motion may start in a slight contact, if the robot file allows this, and may not deepen it. If the
-straight line would, or is not free, a short way out comes first. To a goal in the contact there is
-none: the links in contact are then left out of all stages, and checked at the end.
+straight line would, or is not free, the motion first leaves the contact. If the goal is in the
+contact too, all stages ignore the links in contact, and a check of the finished plan follows.
 
 `Planner.reach` solves inverse kinematics; `rest`, `carry` and `verify` answer the other requests.
 """
@@ -34,14 +34,14 @@ from .collision.start_contacts import StartContacts
 from .deadline import Deadline, Stopwatch
 from .errors import BadQuery, ContactDeepened, MotionCollides, StartInCollision, TooLong
 from .inverse_kinematics import solve_ik
-from .path.barrier import check_passable
-from .path.bend import find_bend, find_corner
 from .path.blend import blend
+from .path.disconnection_proof import check_passable
 from .path.motion_validator import MotionValidator
 from .path.motion_verification import first_deeper, verify_contacts, verify_rows
+from .path.retraction import lines_leave_or_keep, retract
 from .path.rrt_connect import find_paths
 from .path.shortcut import shortcut
-from .path.way_out import find_way_out, lines_leave_or_keep
+from .path.single_via_point import find_bend, find_corner
 from .query import Answer, Carry, Query, Reached, Request, Rest, ToolQuery, Verify, check_types
 from .robot_model.joint_group import JointGroup
 from .robot_model.robot_model import RobotModel
@@ -136,31 +136,20 @@ class Planner:
                     self._endpoints.check_free(rows, others, contacts)
                 else:
                     contacts, others = None, checker
-            validator = self._validator(query, checker, group, start, deadline)
+            margin = self._robot.collision.margin
+            validator = MotionValidator(
+                checker=checker,
+                group=group,
+                start=start,
+                margin=margin + query.spare,
+                guaranteed=0.5 * margin + query.spare,
+                deadline=deadline,
+            )
             if contacts is None:
                 return _plan(query, validator, points, watch)
             with others.within(deadline):
-                apart = self._validator(query, others, group, start, deadline)
+                apart = dataclasses.replace(validator, checker=others)
                 return _plan_out(query, contacts, apart, validator, points, watch)
-
-    def _validator(
-        self,
-        query: Query,
-        checker: CollisionChecker,
-        group: JointGroup,
-        start: Array,
-        deadline: Deadline,
-    ) -> MotionValidator:
-        margin = self._robot.collision.margin
-        return MotionValidator(
-            checker=checker,
-            group=group,
-            start=start,
-            lever_arms=checker.scene.lever_arms[:, group.columns],
-            margin=margin + query.spare,
-            guaranteed=0.5 * margin + query.spare,
-            deadline=deadline,
-        )
 
     def verify(self, request: Verify) -> None:
         """Check a motion as the board will play it: along straight lines from row to row.
@@ -326,13 +315,13 @@ def _plan_out(
 
     Raises:
         Barred, NoPath, TooLong, PlanTimeout: A stage failed.
-        ContactDeepened: The motion would deepen a contact, and there is no way out of it.
+        ContactDeepened: The motion would deepen a contact, and no retraction from it was found.
     """
     out = None
     with watch.stage("contacts"):
         direct = lines_leave_or_keep(contacts, others, points)
         if not direct and every.free_points(points[1:]).all():
-            out = find_way_out(contacts, others, every, points[0])
+            out = retract(contacts, others, every, points[0])
     if out is None:
         plan = _plan(query, others, points, watch)
     else:

@@ -7,7 +7,7 @@ margin.
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import cached_property
+from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -68,7 +68,10 @@ class CollisionChecker:
 
     def __init__(self, scene: PlanningScene) -> None:
         self.scene = scene
-        self._deadline: Deadline | None = None
+        # A method as callback would be a reference cycle. The megabytes of an old scene would then
+        # stay until Python's garbage collector runs.
+        self._deadlines = list[Deadline]()
+        self._check = partial(_check_all, self._deadlines)
         self.pairs = frozenset(range(len(scene.hulls.collisionPairs)))
         self._data = scene.kinematics.createData()
 
@@ -109,15 +112,11 @@ class CollisionChecker:
         Raises:
             PlanTimeout: A check inside the block passes the deadline.
         """
-        self._deadline = deadline
+        self._deadlines.append(deadline)
         try:
             yield
         finally:
-            self._deadline = None
-
-    def _check(self) -> None:
-        if self._deadline:
-            self._deadline.check()
+            self._deadlines.pop()
 
     def first_collision(
         self, configurations: ArrayLike, margin: float, pairs: frozenset[int] | None = None
@@ -227,9 +226,8 @@ class CollisionChecker:
         near = near[self._narrow.collisions(q[near], pair, margin, stop=False)]
         for row in near.tolist():
             self._check()
-            distance = self._distances.closer(q[row], pair, least)
-            if distance is not None:
-                return row, self._contact(pair, distance)
+            if closer := self._distances.below(q[row], least, pair):
+                return row, self._contact(pair, closer[pair])
         return None
 
     def _contact(self, pair: int, distance: float) -> Contact:
@@ -358,3 +356,8 @@ class CollisionChecker:
             value = float(configurations[row, column])
             raise NotFinite(f"row {row}", model.joints[column], value)
         return model.coordinates(configurations).T
+
+
+def _check_all(deadlines: list[Deadline]) -> None:
+    for deadline in deadlines:
+        deadline.check()

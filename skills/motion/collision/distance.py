@@ -78,40 +78,24 @@ class SignedDistance:
                 return found, nearest
         raise AssertionError("shapes have a finite distance")
 
-    def below(self, q: Array, most: float) -> dict[int, float]:
+    def below(self, q: Array, most: float, only: int | None = None) -> dict[int, float]:
         """Return the distances of links that are closer than a distance, by pair of `scene.hulls`.
 
         Args:
             q: Coordinates of pinocchio (nq,).
             most: The distance [m].
+            only: The only pair to measure. Default: all.
         """
-        found = dict[int, float]()
-        for k in np.flatnonzero(self._hull_distances(q) < most).tolist():
-            distance = self._closer(k, most, math.inf)
+        near, found = self._hull_distances(q) < most, dict[int, float]()
+        if only is not None:
+            near &= np.array(self._hull_pairs) == only
+        for k in np.flatnonzero(near).tolist():
+            distance = self._overlap(k, most)
+            if distance == math.inf and most > 0.0:
+                distance = self._gap(k, most)
             if distance < found.get(self._hull_pairs[k], most):
                 found[self._hull_pairs[k]] = distance
         return found
-
-    def closer(self, q: Array, pair: int, least: float) -> float | None:
-        """Return the distance of two links if it is less than a distance, else None.
-
-        Args:
-            q: Coordinates of pinocchio (nq,).
-            pair: Their pair of `scene.hulls`.
-            least: The distance [m].
-        """
-        bounds = self._hull_distances(q)
-        shapes = np.flatnonzero((np.array(self._hull_pairs) == pair) & (bounds < least)).tolist()
-        nearest = min((self._closer(k, least, least) for k in shapes), default=math.inf)
-        return nearest if nearest < least else None
-
-    def _closer(self, pair: int, most: float, enough: float) -> float:
-        """Return the distance if it is less than `most` [m]; else any value that is not less.
-
-        The search for a depth ends early if the result cannot be less than `enough`.
-        """
-        distance = self._overlap(pair, enough)
-        return self._gap(pair, most) if distance == math.inf and most > 0.0 else distance
 
     def _hull_distances(self, q: Array) -> Array:
         """Place all shapes, and return the distance of the hulls of each pair of `scene.exact`."""

@@ -16,7 +16,7 @@ from hardware import CollisionRules, Robot
 from skills.motion.arrays import Array, Mask
 from skills.motion.errors import BadWorld
 from skills.motion.robot_model.geometry import EnclosedVolume
-from skills.motion.robot_model.lever_arms import travel_bounds
+from skills.motion.robot_model.motion_bounds import travel_bounds
 from skills.motion.robot_model.robot_model import RobotModel
 from skills.motion.world import EMPTY, Body, Box, Cylinder, Mesh, Sphere, World
 
@@ -63,7 +63,7 @@ class PlanningScene:
         hull_links: Link or body of each hull, or `floor`.
         volumes: Volume inside each mesh of `exact`, by the mesh's index.
         lever_arms: Bounds on the travel of each pair of `hulls` per unit of each actuated joint
-            (P, A) [m/rad]; see `lever_arms`.
+            (P, A) [m/rad]; see `motion_bounds`.
 
     Raises:
         ModelUnusable: pinocchio cannot read the URDF.

@@ -2,12 +2,12 @@
 
 It corresponds to OMPL's MotionValidator. A path is checked at sample points. Bounds on the travel
 of every pair of links prove that the path between the samples is free; see
-`robot_model/lever_arms.py`.
+`robot_model/motion_bounds.py`.
 """
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -44,8 +44,6 @@ class MotionValidator:
         checker: Checks configurations.
         group: The group.
         start: All actuated joints at the start (A,) [rad].
-        lever_arms: Bounds on the travel of each pair of links per unit of the group's joints
-            (P, J) [m/rad].
         margin: Distance to keep at each sample [m].
         guaranteed: Distance that is proved along the whole path, also between samples [m].
         deadline: Deadline of the query.
@@ -54,10 +52,15 @@ class MotionValidator:
     checker: CollisionChecker
     group: JointGroup
     start: Array
-    lever_arms: Array
     margin: float
     guaranteed: float
     deadline: Deadline
+
+    @cached_property
+    def lever_arms(self) -> Array:
+        """Bounds on the travel of each pair of links per unit of the group's joints [m/rad]."""
+        lever_arms: Array = self.checker.scene.lever_arms[:, self.group.columns]
+        return lever_arms
 
     @property
     def step(self) -> float:

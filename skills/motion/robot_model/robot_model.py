@@ -16,7 +16,7 @@ from skills.motion.errors import BadWorld, ModelUnusable, shown
 from skills.motion.validation import MAX_MAGNITUDE, is_number
 
 from .geometry import EnclosedVolume, convex_hull
-from .lever_arms import LeverArms, floor_lever_arms, joint_axes, lever_arms
+from .motion_bounds import LeverArms, floor_lever_arms, joint_axes, lever_arms
 
 # Joints that move, and collision shapes, of a robot that is planned for within seconds.
 _MAX_MOVING, _MAX_SHAPES = 100, 1000

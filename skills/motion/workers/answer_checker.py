@@ -17,7 +17,7 @@ from skills.motion.arrays import Array, joint_positions
 from skills.motion.errors import MotionError, shown
 from skills.motion.query import Carry, Query, Reached, Request, Rest, Result, ToolQuery, Verify
 from skills.motion.robot_model.joint_group import JointGroup
-from skills.motion.robot_model.tool_turn import axes_across, turn_tolerance, turned
+from skills.motion.robot_model.roll_pitch_yaw import axes_across, turn_tolerance, turned
 from skills.motion.trajectory.curve import Curve
 from skills.motion.trajectory.plan import Plan
 from skills.motion.trajectory.time_law import TimeLaw

@@ -3,7 +3,7 @@
 C. Chamzas et al., "MotionBenchMaker: a tool to generate and benchmark motion planning datasets",
 RA-L 2022. The problems are those that VAMP is measured with, from a checkout of its repository.
 Every motion is checked each millisecond with the exact shapes. The other planners get the first
-problems of each scene; they pad the bodies, not the arm's meshes.
+problems of each scene. For them, the bodies are padded by the whole margin.
 """
 
 import json
@@ -39,7 +39,7 @@ from skills.motion.collision.checker import CollisionChecker
 from skills.motion.collision.planning_scene import PlanningScene
 from skills.motion.planner import Planner
 from tests.bench.planners.problems import Problem
-from tests.bench.planners.reference_checker import Array, ticks
+from tests.bench.planners.reference.reference_checker import Array, ticks
 
 _SHARES = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5)  # of the margin; planning proves half of it
 MARGINS = (0.005, 0.002)  # the second one if the first one forbids an end of the motion [m]
@@ -192,7 +192,7 @@ def score(folder: Path, count: int, into: Path, clock: Clock | None = None) -> C
 def for_peers(folder: Path, count: int, into: Path) -> Iterator[Problem]:
     """Yield the first problems of each scene for the other planners.
 
-    They get the larger margin, without padding of the arm's meshes.
+    They get the larger margin, as padding of the bodies.
     """
     robot = panda(folder, MARGINS[0], into)
     for each in clutter(folder, count):

@@ -20,9 +20,9 @@ from skills.motion.collision.planning_scene import PlanningScene
 from skills.motion.planner import Planner
 from skills.motion.timing.time_parameterization import time_curve
 from skills.motion.trajectory.curve import Curve
-from tests.bench.planners.padded import padded
 from tests.bench.planners.problems import Problem
-from tests.bench.planners.reference_checker import TICK, ReferenceChecker, excess, ticks
+from tests.bench.planners.reference.padded import padded
+from tests.bench.planners.reference.reference_checker import TICK, ReferenceChecker, excess, ticks
 
 Array = NDArray[np.float64]
 SCRIPTS = Path(__file__).parent / "peers"
@@ -33,6 +33,7 @@ PEERS = {
     "mplib": "mplib==0.2.1",
     "drake": "drake==1.51.1",
     "ruckig": "ruckig==0.19.4",
+    "vamp_planner": "vamp-planner==0.6.4 toppra==0.6.10",
 }
 _LEFT = 0.3  # share of the margin that the other planners' steps prove
 _PATIENCE = 300.0  # for all queries of a problem [s]
@@ -143,7 +144,7 @@ def installed(name: str, home: Path, tell: Tell) -> Path | None:
     tell(f"{name}: installing into {venv}\n")
     for command in (
         [sys.executable, "-m", "venv", str(venv)],
-        [str(venv / "bin" / "pip"), "install", "--quiet", PEERS[name]],
+        [str(venv / "bin" / "pip"), "install", "--quiet", *PEERS[name].split()],
     ):
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode:
@@ -163,6 +164,7 @@ def _plain(problem: Problem) -> dict[str, object]:
     return {
         "urdf": description.urdf,
         "srdf": description.srdf,
+        "bodies": [body.name for body in problem.world.bodies],
         "joints": description.joints,
         "checked": sorted(sorted(pair) for pair in description.checked),
         "tip": _tip(description.urdf),

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from skills.motion import EndInCollision, Plan, Query, Rest
 from skills.motion.planner import Planner
-from tests.bench.planners.padded import padded
 from tests.bench.planners.problems import Problem
-from tests.bench.planners.reference_checker import ReferenceChecker, excess, ticks
+from tests.bench.planners.reference.padded import padded
+from tests.bench.planners.reference.reference_checker import ReferenceChecker, excess, ticks
 
 Array = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from skills.motion.collision.checker import CollisionChecker
 from skills.motion.collision.planning_scene import PlanningScene
 from tests.bench.planners import mesh_arms
 from tests.bench.planners.problems import Problem
-from tests.bench.planners.reference_checker import Array
+from tests.bench.planners.reference.reference_checker import Array
 from tests.support.arms.real_arms import ROBOTS
 from tests.support.arms.robots import foreign
 

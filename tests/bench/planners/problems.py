@@ -11,8 +11,8 @@ from hardware import Robot, load_robot
 from skills.motion import EMPTY, Body, Box, Query, World
 from skills.motion.collision.checker import CollisionChecker
 from skills.motion.collision.planning_scene import PlanningScene
-from tests.bench.planners.padded import padded
-from tests.bench.planners.reference_checker import ReferenceChecker
+from tests.bench.planners.reference.padded import padded
+from tests.bench.planners.reference.reference_checker import ReferenceChecker
 from tests.support.arms.robots import foreign, robot_of
 
 Array = NDArray[np.float64]
@@ -42,8 +42,8 @@ class Problem:
         world: Bodies around it.
         pairs: Start and goal of each query, only the arm's joints [rad].
         timeout: Longest time for a query [s].
-        boxes: True if the other planners get bounding boxes in place of meshes; else the meshes,
-            which are not padded.
+        boxes: True if the other planners get bounding boxes in place of meshes; False if they get
+            the meshes, and the world is padded by the whole margin.
     """
 
     name: str

@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 
+import numpy as np
+
 from hardware import RealClock, Robot
 from skills.motion import (
     EMPTY,
@@ -24,7 +26,6 @@ from skills.motion.planner import Planner
 from tests.bench.planners.problems import POST
 
 EASY = Query("arm", (0.0, 0.0, 0.0, 0.0), (-1.4, -0.6, -0.07))
-ROUND = Query("arm", (0.3, -0.6, 0.3, 0.0), (-1.4, -0.6, -0.07), world=POST)
 _NAN, _INF = float("nan"), float("inf")
 _REST = 1.0  # pause before a search that is canceled; a new standby process loads meanwhile [s]
 POISON = (
@@ -155,21 +156,30 @@ def _refused(pool: Pool, query: Query) -> float:
 
 
 def growth_mb(robot: Robot, count: int) -> float:
-    """Return the growth of a worker's memory over `count` plans, one in ten with a bend [MB]."""
+    """Return the growth of a worker's memory over `count` different plans [MB]."""
+    random = np.random.default_rng(1)
     with closing(warm_pool(robot)) as pool:
-        _plans(pool, count // 10)
+        _plans(pool, robot, random, count // 10)
         worker = pool._slots[0].process
         assert worker
         before = _resident(worker.pid)
-        _plans(pool, count)
+        _plans(pool, robot, random, count)
         assert pool._slots[0].process is worker
         return _resident(worker.pid) - before
 
 
-def _plans(pool: Pool, count: int) -> None:
-    for seed in range(count):
-        query = EASY if seed % 10 else dataclasses.replace(ROUND, seed=seed)
-        assert isinstance(ask(pool, query), Plan)
+def _plans(pool: Pool, robot: Robot, random: np.random.Generator, count: int) -> None:
+    """Plan between random configurations; every tenth plan is in a new world."""
+    arm, world, plans = robot.actuated_in("arm"), POST, 0
+    lower, upper = np.array([(joint.lower, joint.upper) for joint in arm]).T
+    while plans < count:
+        start, goal = random.uniform(lower, upper, (2, len(arm))).tolist()
+        whole = (*start, *robot.boot_pose[len(arm) :])
+        query = Query("arm", whole, tuple(goal), plans, 10.0, world=world)
+        plans += isinstance(ask(pool, query), Plan)
+        if not plans % 10:
+            x, y = (0.12 + 0.02 * random.uniform(size=2)).tolist()
+            world = World((dataclasses.replace(POST.bodies[0], position=(x, y, 0.15)),))
 
 
 def _resident(pid: int) -> float:

@@ -1,7 +1,6 @@
 """Commercial arms with meshes: six and seven axes, sliding fingers, continuous joints."""
 
 import dataclasses
-from itertools import combinations
 
 import coal
 import numpy as np
@@ -27,15 +26,14 @@ from skills.motion.inverse_kinematics import ToolChain
 from skills.motion.planner import Planner
 from skills.motion.robot_model.joint_group import JointGroup
 from skills.motion.robot_model.robot_model import RobotModel
+from tests.support.arms.independent_checker import IndependentChecker
 from tests.support.arms.real_arms import FILES, real
 from tests.support.arms.robots import free_poses
 
 pytestmark = pytest.mark.slow
 
 Array = NDArray[np.float64]
-POST = Box((0.1, 0.1, 1.2))
-POST_AT = (0.35, 0.35, 0.4)
-POSTS = World((Body("post", POST, POST_AT),))
+POSTS = World((Body("post", Box((0.1, 0.1, 1.2)), (0.35, 0.35, 0.4)),))
 
 
 @pytest.fixture(scope="module", params=FILES)
@@ -48,52 +46,10 @@ def planner(robot: Robot) -> Planner:
     return Planner(robot)
 
 
-class ReferenceChecker:
-    """Finds contacts from the URDF, with pinocchio only."""
-
-    def __init__(self, robot: Robot) -> None:
-        self.robot, urdf = robot, str(robot.urdf)
-        self.model = pin.buildModelFromUrdf(urdf)  # followers have coordinates of their own
-        self.data = self.model.createData()
-        folders = [str(folder) for folder in robot.urdf.parents]
-        kind = pin.GeometryType.COLLISION
-        self.shapes = pin.buildGeomFromUrdf(self.model, urdf, kind, None, folders)
-        post = pin.SE3(np.eye(3), np.array(POST_AT))
-        self.shapes.addGeometryObject(pin.GeometryObject("post", 0, 0, post, coal.Box(*POST.size)))
-        objects = self.shapes.geometryObjects
-        for i, j in combinations(range(len(objects)), 2):
-            names = {self.model.frames[objects[k].parentFrame].name for k in (i, j)}
-            moves = objects[i].parentJoint != objects[j].parentJoint
-            if moves and (objects[j].name == "post" or names not in robot.collision.allowed):
-                self.shapes.addCollisionPair(pin.CollisionPair(i, j))
-        self.pool = pin.GeometryPool(self.model, self.shapes, 1)
-
-    def coordinates(self, rows: Array) -> Array:
-        """Converts configurations (N, A) to pinocchio's coordinates (nq, N)."""
-        own = dict(zip([joint.name for joint in self.robot.actuated], rows.T, strict=True))
-        q = np.zeros((self.model.nq, len(rows)), order="F")
-        for joint in self.robot.joints:
-            values = own[joint.mimic.leader] if joint.mimic else own[joint.name]
-            if joint.mimic:
-                values = joint.mimic.multiplier * values + joint.mimic.offset
-            place = self.model.joints[self.model.getJointId(joint.name)]
-            both = np.array([np.cos(values), np.sin(values)]) if place.nq == 2 else values[None]
-            q[place.idx_q : place.idx_q + place.nq] = both
-        return q
-
-    def hits(self, rows: Array) -> Array:
-        """True for each row in which something touches (N,)."""
-        q = self.coordinates(rows)
-        return np.array(pin.computeCollisionsInParallel(1, self.pool, q, True, False), bool)
-
-
 def test_random_pairs_near_a_post(robot: Robot, planner: Planner) -> None:
     """Plans are free each millisecond and keep the limits. Some are not straight."""
-    reference, checker, bent = (
-        ReferenceChecker(robot),
-        CollisionChecker(PlanningScene(robot, POSTS)),
-        0,
-    )
+    reference, bent = IndependentChecker(robot, POSTS), 0
+    checker = CollisionChecker(PlanningScene(robot, POSTS))
     poses = free_poses(robot, 24, 1, checker)
     own = [i for i, j in enumerate(robot.actuated) if j in robot.actuated_in("arm")]
     for start, goal in zip(poses[::2], poses[1::2], strict=True):
@@ -115,13 +71,13 @@ def test_the_reference_finds_the_collisions_that_the_planner_reports(robot: Robo
     upper = [min(joint.upper, np.pi) for joint in robot.actuated]
     rows = draw.uniform(lower, upper, (100, len(lower)))
     refused = [checker.first_collision([row], 0.0) == 0 for row in rows]
-    assert ReferenceChecker(robot).hits(rows).tolist() == refused
+    assert IndependentChecker(robot, POSTS).hits(rows).tolist() == refused
     assert 2 < sum(refused) < 98
 
 
 def test_a_body_inside_a_link_is_in_collision(robot: Robot, planner: Planner) -> None:
     """A small sphere in the solid middle of each moving mesh."""
-    reference, start, found = ReferenceChecker(robot), np.array([robot.boot_pose]), 0
+    reference, start, found = IndependentChecker(robot, POSTS), np.array([robot.boot_pose]), 0
     q = reference.coordinates(start)[:, 0]
     placed = reference.shapes.createData()
     pin.updateGeometryPlacements(reference.model, reference.data, reference.shapes, placed, q)

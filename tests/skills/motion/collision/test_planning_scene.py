@@ -1,6 +1,8 @@
 """Robot model and planning scene: contacts, mimic joints, and bounds on travel."""
 
 import dataclasses
+import gc
+import weakref
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -26,7 +28,7 @@ from skills.motion.collision.checker import CollisionChecker
 from skills.motion.collision.planning_scene import PlanningScene, part_of
 from skills.motion.planner import Planner
 from skills.motion.robot_model.geometry import corners
-from skills.motion.robot_model.lever_arms import floor_lever_arms
+from skills.motion.robot_model.motion_bounds import floor_lever_arms
 from tests.support.arms.robots import pair_file
 
 Array = NDArray[np.float64]
@@ -53,6 +55,20 @@ def test_first_collision_is_the_first(checker: CollisionChecker) -> None:
     assert checker.first_collision([free] * 1500 + [hit], 0.005) == 1500
     assert checker.first_collision([free], 0.005) is None
     assert checker.first_collision(np.empty((0, 4)), 0.005) is None
+
+
+def test_old_scenes_are_freed_without_the_garbage_collector(robot: Robot) -> None:
+    """Each holds megabytes of pinocchio and coal, which Python's garbage collector cannot see."""
+    planner, scenes = Planner(robot), list[weakref.ref[PlanningScene]]()
+    gc.disable()
+    try:
+        for k in range(8):
+            world = World((Body("block", Box((0.03, 0.03, 0.1)), (0.25, 0.001 * k, 0.05)),))
+            planner.plan(Query("arm", (0.0,) * 4, (-1.4, -0.6, -0.07), world=world))
+            scenes.append(weakref.ref(planner._checkers[world, frozenset()].scene))
+        assert [scene() is None for scene in scenes] == [True] * 5 + [False] * 3
+    finally:
+        gc.enable()
 
 
 def test_the_ends_of_pairs_are_those_of_pinocchio_also_in_a_part(robot: Robot) -> None:

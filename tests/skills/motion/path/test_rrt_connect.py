@@ -29,7 +29,6 @@ def validator() -> MotionValidator:
         checker=CollisionChecker(scene),
         group=group,
         start=np.zeros(len(ROBOT.actuated)),
-        lever_arms=scene.lever_arms[:, group.columns],
         margin=margin,
         guaranteed=0.5 * margin,
         deadline=Deadline(RealClock(), 60.0),

@@ -7,7 +7,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from skills.motion import Plan
-from tests.bench.planners.padded import Description
+from tests.bench.planners.reference.padded import Description
 
 Array = NDArray[np.float64]
 TICK = 0.001  # [s]

@@ -10,8 +10,8 @@ from skills.motion import Body, Box, MotionError, Plan, PlanTimeout, Query, Worl
 from skills.motion.collision.checker import CollisionChecker
 from skills.motion.collision.planning_scene import PlanningScene
 from skills.motion.deadline import Deadline
-from skills.motion.path.bend import find_bend, find_corner
 from skills.motion.path.motion_validator import MotionValidator
+from skills.motion.path.single_via_point import find_bend, find_corner
 from skills.motion.planner import Planner
 from skills.motion.robot_model.joint_group import JointGroup
 
@@ -56,7 +56,6 @@ def validator_of(
         checker=CollisionChecker(scene),
         group=group,
         start=np.zeros(4),
-        lever_arms=scene.lever_arms[:, group.columns],
         margin=margin,
         guaranteed=0.5 * margin,
         deadline=Deadline(clock, timeout),

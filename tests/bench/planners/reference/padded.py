@@ -1,8 +1,10 @@
-"""The same arm and world for planners without a margin: every shape is padded by half of it.
+"""The same arm and world for planners without a margin: their shapes are padded.
 
 Two shapes that are padded by half a margin each touch when the originals are a margin apart, or
-slightly more at corners. So all planners keep the same distance. Joints outside the arm are fixed
-at zero, bodies and the floor are links, and a mesh is its bounding box or is not padded.
+slightly more at corners. A URDF cannot pad a mesh. Therefore a mesh is its bounding box, or the arm
+is not padded and the world is padded by the whole margin. Then all planners keep the same distance
+to the world; between two links of the arm, the others keep none. Joints outside the arm are fixed
+at zero. Bodies and the floor are links.
 """
 
 from collections.abc import Iterator
@@ -39,13 +41,20 @@ class Description:
 
 
 def padded(
-    robot: Robot, world: World, padding: float | None = None, boxes: bool = True
+    robot: Robot, world: World, margin: float | None = None, boxes: bool = True
 ) -> Description:
-    """Return the arm and world, padded by half the robot's margin or by another distance [m].
+    """Return the arm and world, padded so that both touch when they are a margin apart.
 
-    Without `boxes`, meshes stay meshes, and are not padded.
+    Args:
+        robot: The arm.
+        world: Bodies around it.
+        margin: Distance to keep. Default: the robot's [m].
+        boxes: True to pad arm and world by half of it each; each mesh is then its bounding box.
+            False to pad only the world.
     """
-    grow = 0.5 * robot.collision.margin if padding is None else padding
+    margin = robot.collision.margin if margin is None else margin
+    own = 0.5 * margin if boxes else 0.0
+    rest = margin - own
     root = Xml.parse(robot.urdf).getroot()
     arm = tuple(joint.name for joint in robot.actuated_in("arm"))
     for joint in root.findall("joint"):
@@ -56,15 +65,15 @@ def padded(
         for geometry in link.iterfind("collision/geometry"):
             mesh = geometry.find("mesh")
             if mesh is None or boxes:
-                _grow(geometry, robot.urdf, grow)
+                _grow(geometry, robot.urdf, own)
             else:
                 mesh.set("filename", str(find_mesh(robot.urdf, mesh.get("filename", ""))))
     for body in world.bodies:
-        _add(root, body, grow)
+        _add(root, body, rest)
     if robot.collision.floor is not None:
         deep = 0.5
         place = (0.0, 0.0, robot.collision.floor - 0.5 * deep)
-        _add(root, Body(FLOOR, Box((4.0, 4.0, deep)), place), grow)
+        _add(root, Body(FLOOR, Box((4.0, 4.0, deep)), place), rest)
     checked = frozenset(_checked(PlanningScene(robot, world)))
     urdf = Xml.tostring(root, encoding="unicode")
     return Description(urdf, _srdf(root, arm, checked), arm, checked)

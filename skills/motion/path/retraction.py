@@ -1,4 +1,7 @@
-"""The way out of the contacts in which a motion starts, in steps of one or two joints."""
+"""Retraction: moves an arm out of the contacts in which a motion starts.
+
+Each step moves one or two joints, and takes the links in contact further apart.
+"""
 
 import math
 from itertools import combinations, pairwise
@@ -27,18 +30,21 @@ def lines_leave_or_keep(contacts: StartContacts, others: MotionValidator, points
     return lines and first_deeper(contacts, others.full(points)) is None
 
 
-def find_way_out(
+def retract(
     contacts: StartContacts, others: MotionValidator, every: MotionValidator, start: Array
 ) -> Array | None:
-    """Return points whose lines from the start leave all contacts (K, J) [rad], or None.
+    """Return waypoints after the start, at the last of which no links are in contact.
 
-    The lines deepen no contact. At the last point, all links keep the margin.
+    The lines between the waypoints are free, and deepen no contact.
 
     Args:
         contacts: Contacts of the start.
         others: Checks all other pairs of links.
         every: Checks all pairs of links.
         start: The start (J,) [rad].
+
+    Returns:
+        The waypoints (K, J) [rad], or None if there are none within `_MAX_STEPS` steps.
 
     Raises:
         PlanTimeout: The deadline passed.

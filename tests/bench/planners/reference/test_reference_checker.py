@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from tests.bench.planners.padded import Description
-from tests.bench.planners.reference_checker import ReferenceChecker
+from tests.bench.planners.reference.padded import Description
+from tests.bench.planners.reference.reference_checker import ReferenceChecker
 
 _LINK = '<link name="{}"><collision><origin xyz="{} 0 0"/><geometry><box size="0.1 0.1 0.1"/>'
 _LINKS = ("base", -1.0), ("first", 0.0), ("second", 1.0)

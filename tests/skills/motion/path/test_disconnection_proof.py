@@ -9,7 +9,7 @@ import pytest
 
 from hardware import CollisionRules, Robot, load_robot
 from skills.motion import Barred, Body, Box, MotionError, NoPath, PlanTimeout, Query, World
-from skills.motion.path import barrier
+from skills.motion.path import disconnection_proof
 from skills.motion.planner import Planner
 from tests.support.arms.robots import foreign, pair_file, robot_of
 
@@ -137,7 +137,7 @@ def test_no_search_finds_a_barred_path(rolling: Robot, monkeypatch: pytest.Monke
     """Compares the proof with the result of a search."""
     planner, random, results = Planner(rolling), np.random.default_rng(1), list[tuple[bool, bool]]()
     lower, upper = [-2.9, -6.28, -2.5, -2.9, -2.0, -2.9], [2.9, 6.28, 2.5, 2.9, 2.0, 2.9]
-    check, barred = barrier.check_passable, list[bool]()
+    check, barred = disconnection_proof.check_passable, list[bool]()
 
     def noted(*arguments: object) -> None:
         try:

@@ -13,7 +13,7 @@ from skills.motion.inverse_kinematics import ToolChain
 from skills.motion.planner import Planner
 from skills.motion.robot_model.joint_group import JointGroup
 from skills.motion.robot_model.robot_model import RobotModel
-from skills.motion.robot_model.tool_turn import axes_across, turned
+from skills.motion.robot_model.roll_pitch_yaw import axes_across, turned
 from skills.motion.workers.answer_checker import AnswerChecker
 from skills.motion.workers.messages import InvalidMessage
 from tests.support.arms.robots import foreign

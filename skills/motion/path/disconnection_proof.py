@@ -3,7 +3,8 @@
 If only one joint moves two links against each other, their distance depends only on that joint. On
 every path, a joint with limits passes all positions between its start and its goal. A continuous
 joint passes these or all the others. If the two links are too close at one of these positions,
-there is no path. A sampling-based search cannot prove this.
+there is no path. A sampling-based search cannot prove this. (Proofs for other cases: J. Basch, L.
+J. Guibas, D. Hsu and A. T. Nguyen, "Disconnection proofs for motion planning", ICRA 2001.)
 """
 
 import numpy as np

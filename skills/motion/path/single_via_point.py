@@ -1,10 +1,10 @@
-"""A path with a single bend or corner around an obstacle, tried before the search.
+"""A path through a single via point around an obstacle, tried before the search.
 
-It is faster to find than a searched path, and mostly shorter. The candidate via points are a
-low-discrepancy sequence: they cover the joint space around both ends evenly, and are not random.
-They are tried in the order of their path lengths. A fast filter first drops candidates that
-collide. It checks only a few pairs of links: the pairs that collide on the straight line, and the
-pairs that collided on a tried bend.
+The path has a bend or a corner there. It is faster to find than a searched path, and mostly
+shorter. The candidate via points are a low-discrepancy sequence: they cover the joint space around
+both ends evenly, and are not random. They are tried in the order of their path lengths. A fast
+filter first drops candidates that collide. It checks only a few pairs of links: the pairs that
+collide on the straight line, and the pairs that collided on a tried bend.
 """
 
 from functools import lru_cache
