@@ -203,12 +203,48 @@ def test_only_a_person_answers_a_question(serve: Serve, mode: str) -> None:
     drive(Caller(server, "yes", mode), answered)
 
     async def declined(caller: Caller) -> None:
-        assert "EXECUTING" in await caller.good("run_task", task="ask", wait_s=0.3)
-        while not caller.asked:  # the task may not have asked yet
-            assert "EXECUTING" in await caller.good("goal_state", wait_s=0.3)
+        # One call, because a call that ends withdraws its question, and the next one asks again.
+        running = asyncio.create_task(caller.bad("run_task", task="ask"))
+        while not caller.asked:
+            await asyncio.sleep(0)
+        assert "It waits for a person: Free? yes/no" in await caller.good("goal_state")
+        await caller.good("stop")
+        assert "task 14 CANCELED" in await running
         assert caller.asked == ["The task asks: Free?"]
 
     drive(Caller(server, "", mode), declined)
+
+
+@pytest.mark.parametrize("mode", ERAS)
+def test_a_person_answers_a_question_during_a_later_call(serve: Serve, mode: str) -> None:
+    server = make_server(serve().server.url)
+
+    async def act(caller: Caller) -> None:
+        assert "It waits for a person: Free?" in await caller.good("run_task", task="ask")
+        later = Caller(server, "yes", mode)
+        async with later.client:
+            assert "task 14 SUCCEEDED" in await later.good("goal_state", wait_s=50)
+        assert later.asked == ["The task asks: Free?"]
+
+    drive(Caller(server, None, mode), act)
+
+
+@pytest.mark.parametrize("mode", ERAS)
+def test_the_first_of_two_answers_counts(serve: Serve, mode: str) -> None:
+    served = serve()
+
+    class Late(Caller):
+        async def _elicit(self, context: object, params: Any) -> ElicitResult:
+            async with AsyncClient(served.server.url) as person:
+                (question,) = await person.questions()
+                await person.answer(question.question_id, "yes")
+                await person.result(served.executive.goals()[-1].identity)
+            return await super()._elicit(context, params)
+
+    async def act(caller: Caller) -> None:
+        assert "task 14 SUCCEEDED" in await caller.good("run_task", task="ask")
+
+    drive(Late(make_server(served.server.url), "no", mode), act)
 
 
 @pytest.mark.parametrize("mode", ERAS)
