@@ -9,6 +9,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
+from nats.js.api import ConsumerInfo
 from nats.js.errors import KeyWrongLastSequenceError, NotFoundError
 
 from executive.api import strict_json
@@ -154,7 +155,14 @@ class FleetClient:
 
     async def pools(self) -> dict[str, int]:
         """Return the number of unclaimed jobs of each pool that an arm has ever joined."""
-        return await self._fleet.pools()
+        found = list[ConsumerInfo]()
+        while infos := await self._fleet.stream.consumers_info(JOBS, offset=len(found)):
+            found += infos  # an answer has a limited number of consumers
+        jobs = Counter[str]()
+        for each in found:
+            number = (each.num_pending or 0) + (each.num_ack_pending or 0)
+            jobs[(each.name or "").rpartition("-")[0]] += number
+        return jobs
 
     async def waiting(self) -> dict[str, str]:
         """Return the reason why jobs wait, by pool, except for pools with a ready or busy arm."""
@@ -385,7 +393,7 @@ class FleetClient:
 
     async def _hold_queues(self, whom: Sequence[str], hold: bool) -> None:
         """Hold the queues of whole pools, also for arms that are not connected now."""
-        pools = await self._fleet.pools()
+        pools = await self.pools()
         for pool in pools.keys() & {*whom} if {*whom} else pools:
             for priority in PRIORITIES:
                 name = consumer_of(pool, priority)
