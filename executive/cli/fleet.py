@@ -73,7 +73,7 @@ def fleet() -> None:
     metavar="ADDRESS",
     default=ADDRESS,
     show_default=True,
-    help="Address to listen on. Another one than this machine's own needs the next three options.",
+    help="Address to listen on. One for other machines needs TLS and --nkeys.",
 )
 @click.option(
     "--nats-port",
@@ -105,7 +105,7 @@ def fleet() -> None:
     "--nkeys",
     metavar="FILE",
     type=PATH,
-    help="Public keys that may connect: lines such as `operator UABC...` or `arm UDEF...`.",
+    help="Public keys that may connect: lines with `operator KEY` or `arm KEY POOL.NAME`.",
 )
 def up(
     data: Path,

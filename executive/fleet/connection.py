@@ -417,7 +417,9 @@ def _why(url: str, error: BaseException, told: Sequence[Exception]) -> FleetErro
         return UntrustedFleet(url, why.verify_message)
     if isinstance(why, nats.errors.UnexpectedEOF):  # may come before `closed`
         return FleetUnreachable(url, _LOST)
-    return FleetUnreachable(url, str(why) or type(why).__name__)
+    number = getattr(why, "errno", None) or 0  # negative for a name that has no address
+    said = os.strerror(number) if number > 0 else getattr(why, "strerror", None) or str(why)
+    return FleetUnreachable(url, said or type(why).__name__)
 
 
 async def _open(connection: Nats, lasting: bool) -> Fleet:
