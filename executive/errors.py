@@ -260,7 +260,7 @@ class AddressInUse(ServerError):
     """Another program listens at that address."""
 
     code = "server.address_in_use"
-    hint = "end that program, or give --tcp-port"
+    hint = "end that program, or choose another port"
 
 
 class RequestError(ArmtreeError):
