@@ -464,7 +464,8 @@ def test_over_http_a_client_needs_the_token_of_the_server(serve: Serve) -> None:
         async def call(
             headers: dict[str, str], name: str, mode: str = "auto", **arguments: Any
         ) -> str:
-            async with httpx2.AsyncClient(headers=headers) as http:
+            # Without TLS, so it need not read certificates, which is slow.
+            async with httpx2.AsyncClient(headers=headers, verify=False) as http:
                 caller = Caller(streamable_http_client(url, http_client=http), mode=mode)
                 async with caller.client:
                     return words(await caller.call(name, **arguments))
@@ -477,7 +478,7 @@ def test_over_http_a_client_needs_the_token_of_the_server(serve: Serve) -> None:
                 why = "the token is wrong" if "Bearer x" in wrong.values() else "needs the token of"
                 assert why in refused.partition("[request.token]")[0]
             assert (await call(wrong, "stop")).startswith("stopped")
-        async with httpx2.AsyncClient() as http:
+        async with httpx2.AsyncClient(verify=False) as http:
             for headers, status in (
                 ({"host": "evil.example"}, 421),
                 ({"origin": "http://evil.example"}, 403),
