@@ -123,13 +123,11 @@ def up(
     serves a page with all arms, for this machine. By default only programs of this user on this
     machine can connect to the fleet.
     """
-    from executive.fleet.programs import NatsOptions, supervise, up as run_up
+    from executive.fleet.programs import NatsOptions, up as run_up
 
     _print_log()
-    if existing:
-        supervise(existing, http_port)
-    else:
-        run_up(NatsOptions(data, address, port, tls_cert, tls_key, nkeys), http_port)
+    own = NatsOptions(data, address, port, tls_cert, tls_key, nkeys)
+    run_up(existing or own.url, http_port, None if existing else own)
 
 
 @fleet.command()

@@ -7,7 +7,7 @@ import os
 import re
 import ssl
 from collections import deque
-from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequence
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
 from datetime import datetime
@@ -397,29 +397,21 @@ class _Watch:
         return bool(self._canceled and self._user and self._user.uncancel() == 0)
 
     def why(self, error: BaseException) -> FleetError:
-        """Return the error of armtree for an error of nats-py."""
-        return _why(without_login(self._url), error, [*self._told])
+        """Return the error of armtree for an error of nats-py.
 
-
-def _why(url: str, error: BaseException, told: Sequence[Exception]) -> FleetError:
-    """Return the error of armtree for an error of nats-py.
-
-    Args:
-        url: URL of the fleet.
-        error: The error.
-        told: Earlier message of the NATS server, such as a refusal.
-    """
-    words = [str(each) for each in (error, *told)]
-    if any(re.search("authorization|permissions", each, re.IGNORECASE) for each in words):
-        return FleetRefused(url)
-    why = told[-1] if told else error
-    if isinstance(why, ssl.SSLCertVerificationError):
-        return UntrustedFleet(url, why.verify_message)
-    if isinstance(why, nats.errors.UnexpectedEOF):  # may come before `closed`
-        return FleetUnreachable(url, _LOST)
-    number = getattr(why, "errno", None) or 0  # negative for a name that has no address
-    said = os.strerror(number) if number > 0 else getattr(why, "strerror", None) or str(why)
-    return FleetUnreachable(url, said or type(why).__name__)
+        An earlier message of the NATS server, such as a refusal, says more.
+        """
+        url, words = without_login(self._url), [str(each) for each in (error, *self._told)]
+        if any(re.search("authorization|permissions", each, re.IGNORECASE) for each in words):
+            return FleetRefused(url)
+        why = self._told[-1] if self._told else error
+        if isinstance(why, ssl.SSLCertVerificationError):
+            return UntrustedFleet(url, why.verify_message)
+        if isinstance(why, nats.errors.UnexpectedEOF):  # may come before `closed`
+            return FleetUnreachable(url, _LOST)
+        number = getattr(why, "errno", None) or 0  # negative for a name that has no address
+        said = os.strerror(number) if number > 0 else getattr(why, "strerror", None) or str(why)
+        return FleetUnreachable(url, said or type(why).__name__)
 
 
 async def _open(connection: Nats, lasting: bool) -> Fleet:

@@ -99,9 +99,7 @@ def make_key(path: Path) -> str:
     import nkeys
 
     seed = nkeys.encode_seed(os.urandom(32), nkeys.PREFIX_BYTE_USER)
-    handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-    with os.fdopen(handle, "wb") as stream:
-        stream.write(seed)
+    _write_private(path, seed.decode(), os.O_EXCL)
     public: bytes = nkeys.from_seed(bytearray(seed)).public_key
     return public.decode()
 
@@ -315,8 +313,8 @@ def _token(path: Path) -> str:
     return path.read_text().strip()
 
 
-def _write_private(path: Path, text: str) -> None:
-    handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NOFOLLOW, 0o600)
+def _write_private(path: Path, text: str, if_exists: int = os.O_TRUNC) -> None:
+    handle = os.open(path, os.O_WRONLY | os.O_CREAT | if_exists | os.O_NOFOLLOW, 0o600)
     with os.fdopen(handle, "w") as stream:
         stream.write(text)
 

@@ -6,11 +6,9 @@ import os
 import re
 import signal
 import socket
-import subprocess
 import sys
 from collections.abc import Callable, Coroutine, Mapping
-from contextlib import suppress
-from functools import partial
+from contextlib import nullcontext, suppress
 from pathlib import Path
 from typing import Any
 
@@ -80,77 +78,49 @@ def run(url: str, act: Act, interrupted: Act | None = None) -> None:
     asyncio.run(main())
 
 
-def up(options: NatsOptions, http_port: int) -> None:
-    """Run nats-server, the supervisor and the page until a signal arrives.
-
-    Args:
-        options: Address, data folder and users of nats-server.
-        http_port: TCP port of the page; 0 for any free one.
-
-    Raises:
-        FleetError: nats-server cannot start, or it ended.
-    """
-
-    def check(process: "subprocess.Popen[bytes]") -> None:
-        if (status := process.poll()) is not None:
-            raise FleetError(
-                f"nats-server has ended with status {status}; its log is "
-                f"{options.data / 'nats-server.log'}. Start it again: armtree fleet up"
-            )
-        if not options.data.is_dir():
-            raise FleetError(
-                f"the data folder {options.data} is gone, and a job there would be lost, so the "
-                "fleet ends. Start it again: armtree fleet up"
-            )
-
-    async def main() -> None:
-        ended = _signals()
-        with nats_server(options, RealClock()) as process, web.listen(http_port) as listener:
-            logger.info("The fleet is at %s, its data in %s", options.url, options.data)
-            credentials = own_credentials(options)
-            await _serve(options.url, listener, credentials, ended, partial(check, process))
-
-    asyncio.run(main())
-
-
-def supervise(url: str, http_port: int) -> None:
-    """Run the supervisor and the page of a fleet whose NATS server runs, until a signal arrives.
+def up(url: str, http_port: int, own: NatsOptions | None = None) -> None:
+    """Run the supervisor and the page of a fleet until a signal arrives.
 
     Args:
         url: URL of the NATS server.
         http_port: TCP port of the page; 0 for any free one.
+        own: Options of the NATS server, to run it during that time; None if it runs already.
 
     Raises:
-        FleetError: Another program listens on that port.
+        FleetError: nats-server cannot start, or it ended, or another program has the port.
     """
 
     async def main() -> None:
         ended = _signals()
-        with web.listen(http_port) as listener:
-            await _serve(url, listener, None, ended)
+        with (
+            nats_server(own, RealClock()) if own else nullcontext() as process,
+            web.listen(http_port) as listener,
+        ):
+            if own:
+                logger.info("The fleet is at %s, its data in %s", url, own.data)
+            credentials = own_credentials(own) if own else None
+            watching = asyncio.create_task(_supervise(url, listener, credentials))
+            try:
+                while not ended.is_set():
+                    with suppress(TimeoutError):
+                        async with asyncio.timeout(_RETRY_SECONDS):
+                            await ended.wait()
+                    if watching.done():
+                        watching.result()  # raises the errors of bugs
+                    if own and process and (status := process.poll()) is not None:
+                        raise FleetError(
+                            f"nats-server has ended with status {status}; its log is "
+                            f"{own.data / 'nats-server.log'}. Start it again: armtree fleet up"
+                        )
+                    if own and not own.data.is_dir():
+                        raise FleetError(
+                            f"the data folder {own.data} is gone, and a job there would be lost, "
+                            "so the fleet ends. Start it again: armtree fleet up"
+                        )
+            finally:
+                await end_all(watching)
 
     asyncio.run(main())
-
-
-async def _serve(
-    url: str,
-    listener: socket.socket,
-    credentials: Mapping[str, Any] | None,
-    ended: asyncio.Event,
-    check: Callable[[], None] = lambda: None,
-) -> None:
-    """Run the supervisor and the page until `ended` is set, or `check` raises an error."""
-    watching = asyncio.create_task(_supervise(url, listener, credentials))
-    try:
-        while not ended.is_set():
-            with suppress(TimeoutError):
-                async with asyncio.timeout(_RETRY_SECONDS):
-                    await ended.wait()
-            if watching.done():
-                watching.result()  # raises the errors of bugs
-            check()
-    finally:
-        await end_all(watching)
 
 
 async def _supervise(

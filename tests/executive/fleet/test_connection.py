@@ -164,7 +164,7 @@ def test_a_data_folder_has_one_nats_server(tmp_path: Path, monkeypatch: pytest.M
     with nats_server(options, RealClock()):
         second = replace(options, port=free_port())
         with pytest.raises(NotStarted, match=r"its jobs are there\. End that fleet first"):
-            programs.up(second, options.port)  # also if the port of the page is used
+            programs.up(second.url, options.port, second)  # also if the port of the page is used
         with pytest.raises(FileNotFoundError, match="of the caller"):
             asyncio.run(main())
     with nats_server(second, RealClock()):
