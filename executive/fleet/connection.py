@@ -182,19 +182,6 @@ class Fleet:
             return None
         return from_bytes(kind, entry.value), entry.revision or 0
 
-    async def queued(self, identity: str) -> Job | None:
-        """Return a job of the queue, or None if it is not queued.
-
-        Raises:
-            BadJob: The job is malformed.
-        """
-        wanted = job_subject("*", "*", identity)
-        try:
-            found = await self.stream.get_msg(JOBS, 1, wanted, direct=True, next=True)
-        except NotFoundError:
-            return None
-        return from_bytes(Job, found.data)
-
     async def age(self, message: Msg, job: Job) -> float:
         """Return the time since a job was sent, by the clock of the NATS server [s].
 

@@ -211,11 +211,14 @@ class FleetClient:
 
         Raises:
             UnknownJob: No job has that id.
+            BadJob: The job is malformed.
         """
         if found := await self._fleet.get(JobRecord, identity):
             return found[0]
-        if job := await self._fleet.queued(identity):
-            return job
+        with suppress(NotFoundError):
+            subject = job_subject("*", "*", identity)
+            queued = await self._fleet.stream.get_msg(JOBS, 1, subject, direct=True, next=True)
+            return from_bytes(Job, queued.data)
         if found := await self._fleet.get(JobRecord, identity):  # an arm has claimed it meanwhile
             return found[0]
         raise UnknownJob(identity)
