@@ -9,8 +9,8 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
-from nats.js.api import ConsumerInfo
-from nats.js.errors import KeyWrongLastSequenceError, NotFoundError
+from nats.js.api import ConsumerInfo, RawStreamMsg
+from nats.js.errors import APIError, KeyWrongLastSequenceError, NotFoundError
 
 from executive.api import strict_json
 from executive.api.outcome import GoalState
@@ -216,12 +216,19 @@ class FleetClient:
         if found := await self._fleet.get(JobRecord, identity):
             return found[0]
         with suppress(NotFoundError):
-            subject = job_subject("*", "*", identity)
-            queued = await self._fleet.stream.get_msg(JOBS, 1, subject, direct=True, next=True)
-            return from_bytes(Job, queued.data)
+            return from_bytes(Job, (await self._message(identity)).data)
         if found := await self._fleet.get(JobRecord, identity):  # an arm has claimed it meanwhile
             return found[0]
         raise UnknownJob(identity)
+
+    async def _message(self, identity: str) -> RawStreamMsg:
+        """Return the message of a queued job.
+
+        Raises:
+            NotFoundError: No such job is queued.
+        """
+        subject = job_subject("*", "*", identity)
+        return await self._fleet.stream.get_msg(JOBS, 1, subject, direct=True, next=True)
 
     async def wait(self, identity: str) -> AsyncIterator[JobRecord]:
         """Yield the record of a job when it is claimed, and when it has ended."""
@@ -253,6 +260,9 @@ class FleetClient:
             record = JobRecord(known, "", "", "", now, result=result, ended_ns=now)
             try:
                 await self._fleet.jobs.create(identity, to_bytes(record))
+                with suppress(APIError):  # else the next arm that receives it drops it
+                    message = await self._message(identity)
+                    await self._fleet.stream.delete_msg(JOBS, message.seq or 0)
                 return record, False
             except KeyWrongLastSequenceError:
                 known = await self.job(identity)  # an arm has claimed it meanwhile

@@ -94,6 +94,8 @@ def test_the_queue_has_priorities_deadlines_and_cancel(url: str) -> None:
             assert (await client.queued())[0] == 5
             canceled, _ = await client.cancel(gone.identity)
             assert (canceled.state, canceled.arm) == ("CANCELED", "")
+            assert (await client.queued())[0] == 4
+            assert await client.pools() == {"bench": 4}
             arm.duration = 0.0
             canceled, had_ended = await client.cancel(first.identity)
             assert (canceled.state, had_ended) == ("CANCELED", False)
