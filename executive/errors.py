@@ -10,6 +10,7 @@ from hardware import ArmtreeError, HardwareError, WriteRefused
 from logs import goal_title
 from trees import FileError
 
+from .api.codes import LOST
 from .api.outcome import Cause, Outcome
 
 _LONGEST = 300  # largest number of characters of a refusal, because it may quote the client
@@ -259,7 +260,7 @@ class AddressInUse(ServerError):
     """Another program listens at that address."""
 
     code = "server.address_in_use"
-    hint = "end that program, or give --tcp-port"
+    hint = "end that program, or choose another port"
 
 
 class RequestError(ArmtreeError):
@@ -450,7 +451,7 @@ class ClientError(ArmtreeError):
 class ServerUnreachable(ClientError, ConnectionError):
     """No server answers."""
 
-    code = "server.unreachable"
+    code = LOST
     hint = "`armtree serve` starts a server; --server URL or ARMTREE_SERVER names another one"
 
     def __init__(self, url: str, why: str) -> None:

@@ -14,7 +14,7 @@ import logs
 from hardware import ArmtreeError, InternalError, host_limit
 from hardware.printable import plural
 
-from .codes import OK
+from .codes import LOST, OK
 
 T = TypeVar("T")
 
@@ -172,7 +172,7 @@ class Outcome(Ending):
         """Return the outcome in words, with its hint and its recording on further lines."""
         state = f"{self.state.name} ({self.duration:.2f} s, {plural(self.frames, 'frame')})"
         if self.state is GoalState.ABORTED and not (self.duration or self.recording):
-            state = "not started"
+            state = "lost" if self.code == LOST else "not started"
         text = f"{logs.goal_title(self.task)} {state}: {self.cause or self.message}"
         text += f"\n  -> {self.hint}" if self.hint else ""
         return f"{text}\n  recording {self.recording}" if self.recording else text

@@ -73,7 +73,7 @@ def fleet() -> None:
     metavar="ADDRESS",
     default=ADDRESS,
     show_default=True,
-    help="Address to listen on. Another one than this machine's own needs the next three options.",
+    help="Address to listen on. One for other machines needs TLS and --nkeys.",
 )
 @click.option(
     "--nats-port",
@@ -105,7 +105,7 @@ def fleet() -> None:
     "--nkeys",
     metavar="FILE",
     type=PATH,
-    help="Public keys that may connect: lines such as `operator UABC...` or `arm UDEF...`.",
+    help="Public keys that may connect: lines with `operator KEY` or `arm KEY POOL.NAME`.",
 )
 def up(
     data: Path,
@@ -123,13 +123,11 @@ def up(
     serves a page with all arms, for this machine. By default only programs of this user on this
     machine can connect to the fleet.
     """
-    from executive.fleet.programs import NatsOptions, supervise, up as run_up
+    from executive.fleet.programs import NatsOptions, up as run_up
 
     _print_log()
-    if existing:
-        supervise(existing, http_port)
-    else:
-        run_up(NatsOptions(data, address, port, tls_cert, tls_key, nkeys), http_port)
+    own = NatsOptions(data, address, port, tls_cert, tls_key, nkeys)
+    run_up(existing or own.url, http_port, None if existing else own)
 
 
 @fleet.command()
@@ -239,23 +237,23 @@ def send(
             echo(why, err=True)
         if wait:
             async for record in client.wait(job.identity):
-                _print_record(record, as_json)
+                _print_job(record, as_json)
                 ended[:] = [record]
 
     async def interrupted(client: "FleetClient") -> None:
         for each in sending if wait else ():
             record, _ = await client.cancel((await each).identity)
-            _print_record(record, as_json)
+            _print_job(record, as_json)
 
     _run(url, act, interrupted)
     if ended and ended[0].result:
         sys.exit(exit_status(ended[0].result.code))
 
 
-def _print_record(record: "JobRecord", as_json: bool) -> None:
-    from .terminal.fleet_tables import record_row, record_text
+def _print_job(found: "Job | JobRecord", as_json: bool) -> None:
+    from .terminal.fleet_tables import job_row, job_text
 
-    echo_result(as_json, record_row(record), record_text(record))
+    echo_result(as_json, job_row(found), job_text(found))
 
 
 @fleet.command()
@@ -269,7 +267,7 @@ def cancel(url: str, as_json: bool, identity: str) -> None:
         record, had_ended = await client.cancel(identity)
         if had_ended:
             echo("the job had ended before the cancel", err=True)
-        _print_record(record, as_json)
+        _print_job(record, as_json)
 
     _run(url, act)
 
@@ -301,7 +299,6 @@ def ls(url: str, as_json: bool) -> None:
 @_FLEET
 def jobs(url: str, as_json: bool, identity: str, last: int) -> None:
     """List the jobs, the newest last, or show JOB."""
-    from .terminal.fleet_tables import job_row, job_text
 
     async def act(client: "FleetClient") -> None:
         found: list[JobRecord | Job] = []
@@ -313,7 +310,7 @@ def jobs(url: str, as_json: bool, identity: str, last: int) -> None:
             found += await client.records()
             found += queued
         for each in found[-last:]:
-            echo_result(as_json, job_row(each), job_text(each))
+            _print_job(each, as_json)
 
     _run(url, act)
 

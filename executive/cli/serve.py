@@ -86,6 +86,8 @@ def serve(
 
     from .support.run_server import serve as run_server
 
+    if not fleet_url and (name or pool != POOL):
+        raise click.UsageError("--name and --pool need --fleet URL")
     listen = ListenOptions(
         address=address,
         port=tcp_port,

@@ -6,8 +6,8 @@ import logging
 import os
 import re
 import ssl
-from collections import Counter, deque
-from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequence
+from collections import deque
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
 from datetime import datetime
@@ -22,7 +22,6 @@ from nats.aio.msg import Msg
 from nats.js import JetStreamContext
 from nats.js.api import (
     ConsumerConfig,
-    ConsumerInfo,
     DiscardPolicy,
     KeyValueConfig,
     RePublish,
@@ -117,7 +116,6 @@ class Fleet:
     """The data of a fleet on its NATS server.
 
     Attributes:
-        url: URL of the NATS server.
         nats: The connection.
         stream: JetStream of the server.
         members: Bucket of `Member`, by arm.
@@ -125,7 +123,6 @@ class Fleet:
         jobs: Bucket of `JobRecord`, by identity. Creating a record claims the job.
     """
 
-    url: str
     nats: Nats
     stream: JetStreamContext
     members: KeyValue
@@ -185,19 +182,6 @@ class Fleet:
             return None
         return from_bytes(kind, entry.value), entry.revision or 0
 
-    async def queued(self, identity: str) -> Job | None:
-        """Return a job of the queue, or None if it is not queued.
-
-        Raises:
-            BadJob: The job is malformed.
-        """
-        wanted = job_subject("*", "*", identity)
-        try:
-            found = await self.stream.get_msg(JOBS, 1, wanted, direct=True, next=True)
-        except NotFoundError:
-            return None
-        return from_bytes(Job, found.data)
-
     async def age(self, message: Msg, job: Job) -> float:
         """Return the time since a job was sent, by the clock of the NATS server [s].
 
@@ -216,17 +200,6 @@ class Fleet:
             return (now - message.metadata.timestamp).total_seconds()
         except (strict_json.NotJson, KeyError, TypeError, ValueError) as error:
             raise nats.errors.Error(f"no time in an answer about {consumer}: {error}") from error
-
-    async def pools(self) -> dict[str, int]:
-        """Return the number of unclaimed jobs of each pool that an arm has ever joined."""
-        found = list[ConsumerInfo]()
-        while infos := await self.stream.consumers_info(JOBS, offset=len(found)):
-            found += infos  # an answer has a limited number of consumers
-        jobs = Counter[str]()
-        for each in found:
-            number = (each.num_pending or 0) + (each.num_ack_pending or 0)
-            jobs[(each.name or "").rpartition("-")[0]] += number
-        return jobs
 
     async def add_consumers(self, pool: str) -> bool:
         """Make the consumers of a pool, unless they exist. Return True if a stop holds them."""
@@ -290,7 +263,7 @@ async def open_fleet(
     try:
         try:
             await connection.connect(url, **options)
-            fleet = await _open(connection, url, lasting)
+            fleet = await _open(connection, lasting)
         except OSError as error:
             raise watch.why(error) from error
         yield fleet  # the caller may raise its own OSError, such as of a file
@@ -395,7 +368,7 @@ class _Watch:
         """Report that the connection is back, after its stream and buckets exist."""
         self._told.clear()
         self._logged = None
-        await _open(self._connection, self._url, self._lasting)  # a restart loses buckets in memory
+        await _open(self._connection, self._lasting)  # a restart loses buckets in memory
         if self._changed:
             await self._changed(True)
 
@@ -411,30 +384,24 @@ class _Watch:
         return bool(self._canceled and self._user and self._user.uncancel() == 0)
 
     def why(self, error: BaseException) -> FleetError:
-        """Return the error of armtree for an error of nats-py."""
-        return _why(without_login(self._url), error, [*self._told])
+        """Return the error of armtree for an error of nats-py.
+
+        An earlier message of the NATS server, such as a refusal, says more.
+        """
+        url, words = without_login(self._url), [str(each) for each in (error, *self._told)]
+        if any(re.search("authorization|permissions", each, re.IGNORECASE) for each in words):
+            return FleetRefused(url)
+        why = self._told[-1] if self._told else error
+        if isinstance(why, ssl.SSLCertVerificationError):
+            return UntrustedFleet(url, why.verify_message)
+        if isinstance(why, nats.errors.UnexpectedEOF):  # may come before `closed`
+            return FleetUnreachable(url, _LOST)
+        number = getattr(why, "errno", None) or 0  # negative for a name that has no address
+        said = os.strerror(number) if number > 0 else getattr(why, "strerror", None) or str(why)
+        return FleetUnreachable(url, said or type(why).__name__)
 
 
-def _why(url: str, error: BaseException, told: Sequence[Exception]) -> FleetError:
-    """Return the error of armtree for an error of nats-py.
-
-    Args:
-        url: URL of the fleet.
-        error: The error.
-        told: Earlier message of the NATS server, such as a refusal.
-    """
-    words = [str(each) for each in (error, *told)]
-    if any(re.search("authorization|permissions", each, re.IGNORECASE) for each in words):
-        return FleetRefused(url)
-    why = told[-1] if told else error
-    if isinstance(why, ssl.SSLCertVerificationError):
-        return UntrustedFleet(url, why.verify_message)
-    if isinstance(why, nats.errors.UnexpectedEOF):  # may come before `closed`
-        return FleetUnreachable(url, _LOST)
-    return FleetUnreachable(url, str(why) or type(why).__name__)
-
-
-async def _open(connection: Nats, url: str, lasting: bool) -> Fleet:
+async def _open(connection: Nats, lasting: bool) -> Fleet:
     """Return the fleet of a connection. Make its stream and buckets unless they exist."""
     stream = connection.jetstream(timeout=_ANSWER_SECONDS)
     while True:
@@ -453,7 +420,7 @@ async def _open(connection: Nats, url: str, lasting: bool) -> Fleet:
         KeyValue(name=name, stream=f"KV_{name}", pre=f"$KV.{name}.", js=stream, direct=True)
         for name in (MEMBERS, RECORDS, ALIVE)
     )
-    return Fleet(url, connection, stream, members, alive, jobs)
+    return Fleet(connection, stream, members, alive, jobs)
 
 
 async def _make(stream: JetStreamContext) -> None:
@@ -486,7 +453,7 @@ def _credentials(url: str) -> dict[str, Any]:
     found: dict[str, Any] = {}
     parts = urlsplit(url)
     if key := os.environ.get("ARMTREE_FLEET_NKEY"):
-        found["nkeys_seed_str"] = _seed("ARMTREE_FLEET_NKEY", key)
+        found["nkeys_seed_str"] = _seed(key)
     elif not parts.username:
         # Read for each attempt, because the server may start later than this program.
         found["token"] = lambda: os.environ.get("ARMTREE_FLEET_TOKEN") or _own_token(url)
@@ -500,8 +467,8 @@ def _credentials(url: str) -> dict[str, Any]:
     return found
 
 
-def _seed(variable: str, key: str) -> str:
-    """Return the private key of the file that an environment variable names."""
+def _seed(key: str) -> str:
+    """Return the private key of a file."""
     import nkeys
 
     try:
@@ -509,7 +476,7 @@ def _seed(variable: str, key: str) -> str:
         nkeys.from_seed(bytearray(seed))
     except (OSError, ValueError, nkeys.NkeysError) as error:
         why = getattr(error, "strerror", None) or error
-        raise BadCredentials(variable, key, why) from error
+        raise BadCredentials("ARMTREE_FLEET_NKEY", key, why) from error
     return seed.decode()
 
 

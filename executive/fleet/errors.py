@@ -52,11 +52,14 @@ class UntrustedFleet(FleetError):
     """The certificate of the NATS server is not trusted."""
 
     code = "fleet.untrusted"
-    hint = "set ARMTREE_FLEET_CA to the file of its certificate, or of the one that signed it"
+    hint = (
+        "set ARMTREE_FLEET_CA to the file of its certificate, or of the one that signed it, and "
+        "use a name of the certificate in the URL"
+    )
 
     def __init__(self, url: str, why: str) -> None:
         super().__init__(
-            f"the certificate of the fleet at {url} is not trusted: {why}; {self.hint}"
+            f"the certificate of the fleet at {url} is not trusted: {why.rstrip('.')}; {self.hint}"
         )
 
 

@@ -9,7 +9,8 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
-from nats.js.errors import KeyWrongLastSequenceError, NotFoundError
+from nats.js.api import ConsumerInfo, RawStreamMsg
+from nats.js.errors import APIError, KeyWrongLastSequenceError, NotFoundError
 
 from executive.api import strict_json
 from executive.api.outcome import GoalState
@@ -154,7 +155,14 @@ class FleetClient:
 
     async def pools(self) -> dict[str, int]:
         """Return the number of unclaimed jobs of each pool that an arm has ever joined."""
-        return await self._fleet.pools()
+        found = list[ConsumerInfo]()
+        while infos := await self._fleet.stream.consumers_info(JOBS, offset=len(found)):
+            found += infos  # an answer has a limited number of consumers
+        jobs = Counter[str]()
+        for each in found:
+            number = (each.num_pending or 0) + (each.num_ack_pending or 0)
+            jobs[(each.name or "").rpartition("-")[0]] += number
+        return jobs
 
     async def waiting(self) -> dict[str, str]:
         """Return the reason why jobs wait, by pool, except for pools with a ready or busy arm."""
@@ -203,14 +211,24 @@ class FleetClient:
 
         Raises:
             UnknownJob: No job has that id.
+            BadJob: The job is malformed.
         """
         if found := await self._fleet.get(JobRecord, identity):
             return found[0]
-        if job := await self._fleet.queued(identity):
-            return job
+        with suppress(NotFoundError):
+            return from_bytes(Job, (await self._message(identity)).data)
         if found := await self._fleet.get(JobRecord, identity):  # an arm has claimed it meanwhile
             return found[0]
         raise UnknownJob(identity)
+
+    async def _message(self, identity: str) -> RawStreamMsg:
+        """Return the message of a queued job.
+
+        Raises:
+            NotFoundError: No such job is queued.
+        """
+        subject = job_subject("*", "*", identity)
+        return await self._fleet.stream.get_msg(JOBS, 1, subject, direct=True, next=True)
 
     async def wait(self, identity: str) -> AsyncIterator[JobRecord]:
         """Yield the record of a job when it is claimed, and when it has ended."""
@@ -242,6 +260,9 @@ class FleetClient:
             record = JobRecord(known, "", "", "", now, result=result, ended_ns=now)
             try:
                 await self._fleet.jobs.create(identity, to_bytes(record))
+                with suppress(APIError):  # else the next arm that receives it drops it
+                    message = await self._message(identity)
+                    await self._fleet.stream.delete_msg(JOBS, message.seq or 0)
                 return record, False
             except KeyWrongLastSequenceError:
                 known = await self.job(identity)  # an arm has claimed it meanwhile
@@ -385,7 +406,7 @@ class FleetClient:
 
     async def _hold_queues(self, whom: Sequence[str], hold: bool) -> None:
         """Hold the queues of whole pools, also for arms that are not connected now."""
-        pools = await self._fleet.pools()
+        pools = await self.pools()
         for pool in pools.keys() & {*whom} if {*whom} else pools:
             for priority in PRIORITIES:
                 name = consumer_of(pool, priority)

@@ -34,7 +34,7 @@ from .values import PRIORITIES
 _START_SECONDS, _LOCK_SECONDS, _RETRY_SECONDS = 10.0, 3.0, 0.02
 _OWN_KEY = "supervisor.nkey"  # file in the data folder; new at each start
 _MOST = 2**20  # largest file of keys [bytes]
-_LAST_LINES = 3  # number of characters of its log in an error
+_LAST_LINES = 3  # number of lines of its log in an error
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,10 +59,16 @@ class NatsOptions:
     nkeys: Path | None = None
 
     @property
+    def host(self) -> str:
+        """Address for clients on this machine."""
+        found = {"0.0.0.0": "127.0.0.1", "localhost": "127.0.0.1", "::": "::1"}
+        return found.get(self.address, self.address)
+
+    @property
     def url(self) -> str:
         """URL for clients on this machine."""
         scheme = "tls" if self.certificate else "nats"
-        host = {"0.0.0.0": "127.0.0.1", "::": "[::1]"}.get(self.address, self.address)
+        host = f"[{self.host}]" if ":" in self.host else self.host
         return f"{scheme}://{host}:{self.port}"
 
     def check(self) -> None:
@@ -93,9 +99,7 @@ def make_key(path: Path) -> str:
     import nkeys
 
     seed = nkeys.encode_seed(os.urandom(32), nkeys.PREFIX_BYTE_USER)
-    handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-    with os.fdopen(handle, "wb") as stream:
-        stream.write(seed)
+    _write_private(path, seed.decode(), os.O_EXCL)
     public: bytes = nkeys.from_seed(bytearray(seed)).public_key
     return public.decode()
 
@@ -309,8 +313,8 @@ def _token(path: Path) -> str:
     return path.read_text().strip()
 
 
-def _write_private(path: Path, text: str) -> None:
-    handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NOFOLLOW, 0o600)
+def _write_private(path: Path, text: str, if_exists: int = os.O_TRUNC) -> None:
+    handle = os.open(path, os.O_WRONLY | os.O_CREAT | if_exists | os.O_NOFOLLOW, 0o600)
     with os.fdopen(handle, "w") as stream:
         stream.write(text)
 
@@ -319,10 +323,9 @@ def _wait_until_ready(
     options: NatsOptions, process: "subprocess.Popen[bytes]", log: Path, clock: Clock
 ) -> None:
     end, pause = clock.now() + _START_SECONDS, clock.signal()
-    address = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(options.address, options.address)
     while process.poll() is None and clock.now() < end:
         try:
-            socket.create_connection((address, options.port), 1).close()
+            socket.create_connection((options.host, options.port), 1).close()
             return
         except OSError:
             with pause:

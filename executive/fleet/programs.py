@@ -7,8 +7,8 @@ import re
 import signal
 import socket
 import sys
-from collections.abc import AsyncIterator, Callable, Coroutine, Mapping
-from contextlib import asynccontextmanager, suppress
+from collections.abc import Callable, Coroutine, Mapping
+from contextlib import nullcontext, suppress
 from pathlib import Path
 from typing import Any
 
@@ -78,68 +78,47 @@ def run(url: str, act: Act, interrupted: Act | None = None) -> None:
     asyncio.run(main())
 
 
-def up(options: NatsOptions, http_port: int) -> None:
-    """Run nats-server, the supervisor and the page until a signal arrives.
-
-    Args:
-        options: Address, data folder and users of nats-server.
-        http_port: TCP port of the page; 0 for any free one.
-
-    Raises:
-        FleetError: nats-server cannot start, or it ended.
-    """
-
-    async def main() -> None:
-        async with _signals() as ended:
-            with nats_server(options, RealClock()) as process, web.listen(http_port) as listener:
-                logger.info("The fleet is at %s, its data in %s", options.url, options.data)
-                credentials = own_credentials(options)
-                watching = asyncio.create_task(_supervise(options.url, listener, credentials))
-                try:
-                    while not ended.is_set():
-                        with suppress(TimeoutError):
-                            async with asyncio.timeout(_RETRY_SECONDS):
-                                await ended.wait()
-                        if watching.done():
-                            watching.result()  # raises the errors of bugs
-                        if (status := process.poll()) is not None:
-                            raise FleetError(
-                                f"nats-server has ended with status {status}; its log is "
-                                f"{options.data / 'nats-server.log'}. Start it again: armtree "
-                                "fleet up"
-                            )
-                        if not options.data.is_dir():
-                            raise FleetError(
-                                f"the data folder {options.data} is gone, and a job there would be "
-                                "lost, so the fleet ends. Start it again: armtree fleet up"
-                            )
-                finally:
-                    await end_all(watching)
-
-    asyncio.run(main())
-
-
-def supervise(url: str, http_port: int) -> None:
-    """Run the supervisor and the page of a fleet whose NATS server runs, until a signal arrives.
+def up(url: str, http_port: int, own: NatsOptions | None = None) -> None:
+    """Run the supervisor and the page of a fleet until a signal arrives.
 
     Args:
         url: URL of the NATS server.
         http_port: TCP port of the page; 0 for any free one.
+        own: Options of the NATS server, to run it during that time; None if it runs already.
 
     Raises:
-        FleetError: Another program listens on that port.
+        FleetError: nats-server cannot start, or it ended, or another program has the port.
     """
 
     async def main() -> None:
-        async with _signals() as ended:
-            with web.listen(http_port) as listener:
-                watching = asyncio.create_task(_supervise(url, listener, None))
-                ending = asyncio.create_task(ended.wait())
-                tasks = watching, ending
-                await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-                if watching.done():
-                    watching.result()  # raises the errors of bugs
-                await end_all(*tasks)
+        ended = _signals()
+        with (
+            nats_server(own, RealClock()) if own else nullcontext() as process,
+            web.listen(http_port) as listener,
+        ):
+            if own:
+                logger.info("The fleet is at %s, its data in %s", url, own.data)
+            credentials = own_credentials(own) if own else None
+            watching = asyncio.create_task(_supervise(url, listener, credentials))
+            try:
+                while not ended.is_set():
+                    with suppress(TimeoutError):
+                        async with asyncio.timeout(_RETRY_SECONDS):
+                            await ended.wait()
+                    if watching.done():
+                        watching.result()  # raises the errors of bugs
+                    if own and process and (status := process.poll()) is not None:
+                        raise FleetError(
+                            f"nats-server has ended with status {status}; its log is "
+                            f"{own.data / 'nats-server.log'}. Start it again: armtree fleet up"
+                        )
+                    if own and not own.data.is_dir():
+                        raise FleetError(
+                            f"the data folder {own.data} is gone, and a job there would be lost, "
+                            "so the fleet ends. Start it again: armtree fleet up"
+                        )
+            finally:
+                await end_all(watching)
 
     asyncio.run(main())
 
@@ -210,28 +189,27 @@ async def join(server: str, place: FleetPlace, page: str, child: bool) -> None:
         asyncio.get_running_loop().remove_reader(sys.stdin.fileno())
         ended.set()
 
-    async with _signals() as ended:
-        if child:
-            asyncio.get_running_loop().add_reader(sys.stdin.fileno(), parent_ended)
-        serving = asyncio.create_task(serve())
-        ending = asyncio.create_task(ended.wait())
-        await asyncio.wait((serving, ending), return_when=asyncio.FIRST_COMPLETED)
-        ending.cancel()
-        if known:
-            known[0].end(in_order)
-        else:
-            await end_all(serving)
-        with suppress(asyncio.CancelledError):
-            await serving
+    ended = _signals()
+    if child:
+        asyncio.get_running_loop().add_reader(sys.stdin.fileno(), parent_ended)
+    serving = asyncio.create_task(serve())
+    ending = asyncio.create_task(ended.wait())
+    await asyncio.wait((serving, ending), return_when=asyncio.FIRST_COMPLETED)
+    ending.cancel()
+    if known:
+        known[0].end(in_order)
+    else:
+        await end_all(serving)
+    with suppress(asyncio.CancelledError):
+        await serving
 
 
-@asynccontextmanager
-async def _signals() -> AsyncIterator[asyncio.Event]:
-    """Yield an event that a signal sets."""
+def _signals() -> asyncio.Event:
+    """Return an event that a signal sets."""
     ended, loop = asyncio.Event(), asyncio.get_running_loop()
     for number in _SIGNALS:
         loop.add_signal_handler(number, ended.set)
-    yield ended
+    return ended
 
 
 async def fetch_recording(

@@ -122,7 +122,7 @@ class Calls:
         )
 
     async def goal_state(self, goal_id: str = "", wait_s: float = 0.0) -> str:
-        goal = await self._goal(goal_id)
+        goal = await self._goal(goal_id or str(self._person.state.get("goal", "")))
         if wait_s and not goal.outcome:
             with self._waits.one():
                 goal = await follow(self._client, goal.identity, self._person, wait_s)
@@ -204,15 +204,10 @@ class Calls:
 
     async def _end_of(self, send: Send, wait: float) -> GoalStatus:
         """Send a goal, unless this call repeats an earlier one, and follow it."""
-        person = self._person
-        if state := person.state:
-            goal_id = str(state["goal"])
-            if person.answer is not None:
-                await self._client.answer(str(state["question"]), person.answer)
-        else:
-            goal_id = await self._held.send(self._connect, send)
+        known = self._person.state.get("goal")
+        goal_id = str(known) if known else await self._held.send(self._connect, send)
         try:
-            return await follow(self._client, goal_id, person, wait)
+            return await follow(self._client, goal_id, self._person, wait)
         except asyncio.CancelledError:
             self._held.release(goal_id)
             raise

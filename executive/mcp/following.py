@@ -41,7 +41,7 @@ class Waits:
 
 
 async def follow(client: AsyncClient, goal_id: str, person: Person, wait: float) -> GoalStatus:
-    """Follow a goal: report its progress, and put its questions to the person.
+    """Follow a goal: report its progress, put its questions to the person, and pass the answers on.
 
     Args:
         client: Client of the server.
@@ -58,6 +58,8 @@ async def follow(client: AsyncClient, goal_id: str, person: Person, wait: float)
         ClientError: The server does not answer any more.
     """
     run = _Run(client, goal_id, person)
+    if question := person.state.get("question"):
+        await run.answer(question, person.answer)
     try:
         async with (
             asyncio.timeout(wait),
@@ -134,9 +136,13 @@ class _Run:
         }
         text = f"The task asks: {question.text}"
         words = await self._person.ask(text, question.choices, state)
+        await self.answer(question.question_id, words)
+
+    async def answer(self, question_id: str, words: str | None) -> None:
+        """Answer a question, unless the person has given no answer."""
         if words is not None:
             with suppress(ClientError):  # another person has answered first
-                await self._client.answer(question.question_id, words)
+                await self._client.answer(question_id, words)
 
     def close(self) -> None:
         """Withdraw open questions."""

@@ -166,7 +166,7 @@ def listen(port: int) -> socket.socket:
         return socket.create_server((ADDRESS, port))
     except OSError as error:
         why = os.strerror(error.errno or 0)  # the words of the error name the address again
-        words = f"cannot listen on {ADDRESS} port {port}: {why}; give another port"
+        words = f"cannot listen on {ADDRESS} port {port}: {why}; choose another port with --http"
         raise AddressInUse(words) from error
 
 

@@ -33,7 +33,7 @@ READY = {
     "armtree mcp --http": "Clients connect to",
     "armtree ros2": "connected to http",
     "armtree serve": "is ready to take commands",
-    "--fleet": "this arm is bench.arm-7",
+    "--fleet": "this arm is bench.arm-",
 }
 HOLD = "ip link set lo up && echo up && exec cat"
 
@@ -104,8 +104,9 @@ def test_the_fleet(terminals: Terminals) -> None:
     printed = {line: terminals.type(line) for line in typed("how_to/fleet.md")}
     assert "SUCCEEDED" in printed["armtree fleet send pick --pool bench --wait"]
     assert "arm-7" in printed["armtree fleet ls"]
+    assert "arm-8" in printed["armtree fleet ls"]
     assert "bench.arm-7 stop confirmed" in " ".join(printed["armtree fleet stop"].split())
-    assert terminals.interrupt() == [0, 0]
+    assert terminals.interrupt() == [0, 0, 0]
 
 
 def test_the_node_of_ros_2(terminals: Terminals) -> None:

@@ -15,42 +15,30 @@ if TYPE_CHECKING:
     from executive.fleet.fleet_client import ArmRow, FleetClient
 
 
-def record_row(record: JobRecord) -> dict[str, Any]:
-    """Return the record of a job as a JSON object."""
-    plain = to_json(record) | {"state": record.state, "result": None}
-    if result := record.result:
-        plain["result"] = result.to_json() | {"hint": result.hint}
-    return {**job_row(plain.pop("job")), **plain}
-
-
 def job_row(found: Job | JobRecord) -> dict[str, Any]:
     """Return a job, or its record, as a JSON object."""
-    if isinstance(found, JobRecord):
-        return record_row(found)
     plain = to_json(found)
-    return {"job": plain.pop("identity"), "state": "QUEUED", **plain}
+    if isinstance(found, Job):
+        return {"job": plain.pop("identity"), "state": "QUEUED", **plain}
+    result = found.result and found.result.to_json() | {"hint": found.result.hint}
+    return {**job_row(plain.pop("job")), **plain, "state": found.state, "result": result}
 
 
 def job_text(found: Job | JobRecord) -> str:
-    """Return a job, or its record, as a line."""
-    if isinstance(found, JobRecord):
-        return record_text(found)
-    return f"{found.identity}  QUEUED     task {found.task} for {found.pool}, {found.priority}"
-
-
-def record_text(record: JobRecord) -> str:
-    """Return the record of a job as a line, with its hint and its recording on further lines."""
-    result, arm = record.result, record.arm or "no arm"
-    text = f"{record.job.identity}  {record.state:<9}  task {record.job.task} on {arm}"
+    """Return a job, or its record, as a line, with its hint and its recording on further lines."""
+    if isinstance(found, Job):
+        return f"{found.identity}  QUEUED     task {found.task} for {found.pool}, {found.priority}"
+    result, arm = found.result, found.arm or "no arm"
+    text = f"{found.job.identity}  {found.state:<9}  task {found.job.task} on {arm}"
     if result is None:
         return text
     text += f" ({result.duration:.2f} s, {plural(result.frames, 'frame')})"
-    if record.late:
+    if found.late:
         text += ", reported after it was given up"
     if result.code != "ok":
         text += f"\n  {result.message} [{result.code}]"
         text += f"\n  -> {result.hint}" if result.hint else ""
-    return f"{text}\n  recording {result.recording} on {record.url}" if result.recording else text
+    return f"{text}\n  recording {result.recording} on {found.url}" if result.recording else text
 
 
 def arms_table(rows: "Sequence[ArmRow]") -> list[str]:

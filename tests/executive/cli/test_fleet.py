@@ -36,7 +36,16 @@ RECORD = JobRecord(JOB, "bench.arm-7", "http://arm:8765", "b" * 32, 2)
     ("words", "status", "said"),
     [
         ("ls --fleet http://arm:4222", 2, "not the URL of a fleet, such as nats://127.0.0.1:4222"),
-        ("ls --fleet nats://lab:secret@127.0.0.1:9", 13, "no fleet answers at nats://127.0.0.1:9:"),
+        (
+            "ls --fleet nats://lab:secret@127.0.0.1:9",
+            13,
+            "no fleet answers at nats://127.0.0.1:9: Connection refused. Start one",
+        ),
+        (
+            "ls --fleet nats://[::1]:9",
+            13,
+            "no fleet answers at nats://[::1]:9: Connection refused.",
+        ),
         ("send 0 --id 12", 2, "is not the id of a goal"),
         ("up --bind 0.0.0.0", 2, "--bind 0.0.0.0 would let other machines move every arm"),
         ("up --bind 0.0.0.0 --tls-cert c --tls-key k", 2, "[fleet.unsafe]"),
@@ -48,6 +57,13 @@ def test_what_is_refused(words: str, status: int, said: str, tmp_path: Path) -> 
     found, _, errors = typed(tmp_path, "fleet", *words.split())
     assert found == status, errors
     assert said in " ".join(errors.split())
+
+
+@pytest.mark.parametrize("words", ["--name arm-7", "--pool bench"])
+def test_a_place_in_no_fleet_is_refused(words: str, tmp_path: Path) -> None:
+    status, _, errors = typed(tmp_path, "serve", "--port", "virtual", *words.split())
+    assert status == 2
+    assert "--name and --pool need --fleet URL" in errors
 
 
 @pytest.mark.parametrize("command", ["ls", "jobs", "top", "stop"])

@@ -57,6 +57,21 @@ def test_the_token_is_sent_only_to_the_address_of_the_server(
     assert (options.data / "token").read_bytes() not in heads[0]
 
 
+@pytest.mark.parametrize("address", ["::1", "localhost"])
+def test_a_fleet_on_another_address_of_this_machine_has_a_url(
+    address: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))  # it has the token
+
+    async def connect() -> None:
+        async with open_fleet(options.url, "person") as fleet:
+            assert await fleet.values(Member) == {}
+
+    options = NatsOptions(tmp_path / "fleet", address, free_port())
+    with nats_server(options, RealClock()):
+        asyncio.run(connect())
+
+
 _INFO = b'INFO {"server_id": "x", "headers": true, "max_payload": 1048576}\r\n'
 _HELLO = _INFO + b"PONG\r\n"
 
@@ -149,7 +164,7 @@ def test_a_data_folder_has_one_nats_server(tmp_path: Path, monkeypatch: pytest.M
     with nats_server(options, RealClock()):
         second = replace(options, port=free_port())
         with pytest.raises(NotStarted, match=r"its jobs are there\. End that fleet first"):
-            programs.up(second, options.port)  # also if the port of the page is used
+            programs.up(second.url, options.port, second)  # also if the port of the page is used
         with pytest.raises(FileNotFoundError, match="of the caller"):
             asyncio.run(main())
     with nats_server(second, RealClock()):

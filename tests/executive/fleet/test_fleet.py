@@ -94,6 +94,8 @@ def test_the_queue_has_priorities_deadlines_and_cancel(url: str) -> None:
             assert (await client.queued())[0] == 5
             canceled, _ = await client.cancel(gone.identity)
             assert (canceled.state, canceled.arm) == ("CANCELED", "")
+            assert (await client.queued())[0] == 4
+            assert await client.pools() == {"bench": 4}
             arm.duration = 0.0
             canceled, had_ended = await client.cancel(first.identity)
             assert (canceled.state, had_ended) == ("CANCELED", False)
@@ -367,10 +369,15 @@ def test_a_command_ends_if_the_nats_server_dies(options: NatsOptions) -> None:
         asyncio.run(main())
 
 
-def test_the_end_of_a_connection_is_told_in_plain_words() -> None:
+def test_the_end_of_a_connection_is_told_in_plain_words(url: str) -> None:
     """A command may see it before the library calls the connection closed."""
-    error = nats.errors.UnexpectedEOF()
-    assert "the connection was lost." in str(connection._why("nats://lab", error, [error]))
+
+    async def main() -> None:
+        async with open_fleet(url, "test"):
+            raise nats.errors.UnexpectedEOF
+
+    with pytest.raises(FleetUnreachable, match=r"the connection was lost\."):
+        asyncio.run(main())
 
 
 def test_wrong_jobs_are_refused_at_once(url: str) -> None:

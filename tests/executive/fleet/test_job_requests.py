@@ -13,7 +13,7 @@ from nats.js import JetStreamContext
 from nats.js.api import ConsumerInfo
 
 from executive.fleet.connection import GONE, JOBS, Fleet, consumer_of, job_subject, open_fleet
-from executive.fleet.fleet_client import publish
+from executive.fleet.fleet_client import FleetClient, publish
 from executive.fleet.job_requests import JobRequests
 from executive.fleet.nats_server import NatsOptions, nats_server
 from executive.fleet.values import Job
@@ -107,7 +107,7 @@ def test_all_pools_are_known_however_many_there_are(
     async def main() -> None:
         async with requesting(tmp_path) as (fleet, _):
             await fleet.add_consumers("pool-2")
-            assert await fleet.pools() == {"bench": 0, "pool-2": 0}
+            assert await FleetClient(fleet, CLOCK).pools() == {"bench": 0, "pool-2": 0}
 
     asyncio.run(main())
 

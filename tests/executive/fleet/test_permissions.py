@@ -118,14 +118,16 @@ def test_a_fleet_with_tls_needs_its_certificate_and_a_key(
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     monkeypatch.setattr("executive.fleet.connection._CLOSE_SECONDS", 0.1)
 
-    async def connect() -> None:
-        async with asyncio.timeout(10), open_fleet(options.url, "bench.0"):
+    async def connect(url: str = options.url) -> None:
+        async with asyncio.timeout(10), open_fleet(url, "bench.0"):
             pass
 
     with nats_server(options, CLOCK):
         with pytest.raises(UntrustedFleet, match="ARMTREE_FLEET_CA"):
             asyncio.run(connect())
         monkeypatch.setenv("ARMTREE_FLEET_CA", str(certificate))
+        with pytest.raises(UntrustedFleet, match=r"'localhost'; .* name of the certificate"):
+            asyncio.run(connect(f"tls://localhost:{options.port}"))
         with pytest.raises(FleetRefused):
             asyncio.run(connect())
         monkeypatch.setenv("ARMTREE_FLEET_NKEY", str(tmp_path / "arm.nkey"))

@@ -154,7 +154,7 @@ def test_the_fleet_ends_with_its_nats_server_and_with_its_data(
     monkeypatch.setattr(programs, "own_credentials", lambda _: {})
     monkeypatch.setattr(programs, "_supervise", supervise)
     with pytest.raises(FleetError, match=why):
-        programs.up(NatsOptions(tmp_path / folder), 0)
+        programs.up("nats://127.0.0.1:9", 0, NatsOptions(tmp_path / folder))
 
 
 def test_a_failure_of_the_supervisor_ends_the_fleet(
@@ -167,9 +167,9 @@ def test_a_failure_of_the_supervisor_ends_the_fleet(
     monkeypatch.setattr(programs, "nats_server", lambda *_: nullcontext())
     monkeypatch.setattr(programs, "_supervise", supervise)
     with pytest.raises(ValueError, match="a bug"):
-        programs.up(NatsOptions(tmp_path), 0)
+        programs.up("nats://127.0.0.1:9", 0, NatsOptions(tmp_path))
     with pytest.raises(ValueError, match="a bug"):
-        programs.supervise("nats://127.0.0.1:9", 0)
+        programs.up("nats://127.0.0.1:9", 0)
 
 
 def test_a_recording_replaces_no_file(arm: HTTPServer, tmp_path: Path) -> None:
