@@ -34,7 +34,7 @@ class Guards:
     following_s: float = 0.03
     stall_effort: float = 0.9
     stall_a: float = 0.2
-    stall_deg: float = 2.0
+    stall_deg: float = 0.3
     stall_s: float = 0.08
     grips: str = CLOSING
     grip_effort: float = 0.6

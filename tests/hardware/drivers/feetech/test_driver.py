@@ -15,6 +15,7 @@ from hardware import (
     BoardLink,
     CommandSent,
     DescriptionError,
+    Faulted,
     FrameSent,
     HardwareError,
     Measured,
@@ -369,7 +370,7 @@ def test_a_higher_rate_asks_more_often_and_moves_no_faster(tmp_path: Path) -> No
 def test_a_fault_of_a_servo_ends_the_motion(
     tmp_path: Path, fault: Fault, error: type[HardwareError], words: str
 ) -> None:
-    with rig(tmp_path, fault) as made:
+    with rig(tmp_path, fault, guards="stall_effort = 2") as made:  # no joint counts as stalled
         made.arm.activate()
         with pytest.raises(error, match=words):
             raise made.play(PICK, 60.0) or AssertionError("it ended well")
@@ -388,6 +389,19 @@ def test_a_blocked_joint_no_longer_pushes_after_the_fault(tmp_path: Path) -> Non
             assert servo.get("goal_position") == pytest.approx(servo.position, abs=15)
             assert servo.get("torque_enable")
         assert abs(made.bus.servos[0].get("goal_position") - made.bus.servos[0].position) <= 1
+
+
+@pytest.mark.parametrize("speed", [6, 30, 54])
+def test_a_blocked_joint_is_stalled_soon_at_every_speed(tmp_path: Path, speed: float) -> None:
+    """Before its servo is overloaded after 0.5 s, and lets the joint go."""
+    with rig(tmp_path, Fault("block", 1, 2.0)) as made:
+        made.arm.activate()
+        goal = (-math.radians(speed) * 1.5, *HOME[1:])
+        made.wait(1.7 - made.clock.now())
+        assert isinstance(made.play(goal, 1.5), JointStalled)
+        made.wait(0.1)
+        (stalled,) = [event.time for event in made.events if isinstance(event, Faulted)]
+        assert stalled - 2.0 < 0.15
 
 
 @pytest.mark.parametrize("series", ["sts", "scs"])
