@@ -70,14 +70,20 @@ def _mesh_name(path: Path, data: bytes) -> str:
     return f"{sha256(data).hexdigest()[:12]}_{path.name}"
 
 
-def robot_note(robot: Robot, meshes: RobotMeshes) -> dict[str, str]:
-    """Return the note that names the robot's attachments and the firmware's values."""
+def robot_note(robot: Robot, files: Mapping[str, bytes], meshes: RobotMeshes) -> dict[str, str]:
+    """Return the note that names the robot's attachments and the firmware's values.
+
+    Args:
+        robot: The robot.
+        files: Contents of its files, by name.
+        meshes: Its meshes.
+    """
     figures = {name: _plain(value) for name, value in _figures(robot).items()}
-    files = {"calibration": robot.calibration.name} if robot.calibration else {}
-    return files | {
+    named = {"calibration": robot.calibration.name} if robot.calibration else {}
+    return named | {
         "file": robot.path.name,
         "urdf": robot.urdf.name,
-        "sha256": _digest(*(path.read_bytes() for path in robot.files)),
+        "sha256": _digest(*files.values()),
         "firmware": json.dumps(figures),
         "meshes": json.dumps(dict(meshes.names)),
         "meshes_left_out": meshes.left_out,

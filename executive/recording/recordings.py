@@ -65,6 +65,8 @@ class Recordings:
         configuration: Mapping[str, str],
     ) -> None:
         self._folder, self._robot, self._clock = folder, robot, clock
+        # Read now: a file that is edited before the first run is not that of the robot.
+        self._robot_files = {path.name: path.read_bytes() for path in robot.files}
         self._watch, self._failed = watch, failed
         self._configuration = configuration
         self._recorder: logs.Recorder | None = None
@@ -320,17 +322,15 @@ class Recordings:
 
     @cached_property
     def _robot_items(self) -> tuple[str, list[logs.Attachment], list[logs.Note]]:
-        """Return the URDF, the robot's files and the notes. They are read once."""
-        robot = self._robot
-        files = [
-            logs.Attachment(path.name, "text/plain", path.read_bytes()) for path in robot.files
-        ]
+        """Return the URDF, the robot's files and the notes. They are made once."""
+        files = self._robot_files
+        attached = [logs.Attachment(name, "text/plain", data) for name, data in files.items()]
         notes = [
-            logs.Note("robot", robot_note(robot, self._robot_meshes)),
+            logs.Note("robot", robot_note(self._robot, files, self._robot_meshes)),
             logs.Note("configuration", dict(self._configuration)),
             logs.Note("versions", versions()),
         ]
-        return robot.urdf.read_text(), files, notes
+        return files[self._robot.urdf.name].decode(), attached, notes
 
     def _attach_meshes(self, meshes: Mapping[str, logs.Attachment]) -> None:
         if self._recorder:

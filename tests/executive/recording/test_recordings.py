@@ -4,6 +4,7 @@ import errno
 import gc
 import logging
 import os
+import re
 import shutil
 import signal
 import threading
@@ -22,9 +23,10 @@ from executive.cli.support.log_handler import LogHandler
 from executive.goals.goal import Goal
 from executive.goals.mailbox import Mailbox
 from executive.recording import recordings
+from executive.recording.archive import restore_robot
 from executive.replay.verification import verify
 from executive.replay.verify_frames import result_difference
-from hardware import RealClock, Robot, State, StateChanged
+from hardware import RealClock, Robot, State, StateChanged, load_robot
 from logs.reading.file_state import being_written, is_complete
 from logs.views.narrative import narrative, overview
 from logs.views.run_figure import _outcome
@@ -382,3 +384,22 @@ def test_a_result_counts_the_frames_before_it_whenever_they_come(
     found.close()
     for path in paths:
         assert result_difference(list(logs.Recording(path).records())) == ""
+
+
+def test_an_edit_of_the_robot_file_before_a_run_changes_no_recording(
+    tmp_path: Path, robot: Robot
+) -> None:
+    """The run plans with the margin that was read before."""
+    for path in robot.files:
+        shutil.copy(path, tmp_path)
+    file, clock = tmp_path / robot.path.name, RealClock()
+    before = load_robot(file)
+    found = recordings.Recordings(tmp_path, before, clock, lambda _: None, lambda _: None, {})
+    file.write_text(re.sub("margin_m *=.*", "margin_m = 0.04", file.read_text()))
+    goal = Goal(f"{1:032x}", 1, {}, clock.now(), 0, Mailbox(clock))
+    found.open(goal.status, "pick", 1, {}, {})
+    recording = Path(found.path)
+    found.goal_ended()
+    found.close()
+    assert restore_robot(logs.Recording(recording)).collision == before.collision
+    assert load_robot(file).collision.margin == 0.04
