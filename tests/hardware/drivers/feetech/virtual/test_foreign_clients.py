@@ -20,8 +20,8 @@ BAUD = 1_000_000
 IDS = [1, 2, 3, 4, 5, 6]
 STARTS = {servo: 2000 + servo for servo in IDS}
 PATIENCE = 60.0  # longer than anything here takes [s]
-# Longest wait of a client for an answer. By default two of them wait 34 and 50 ms, in which a busy
-# machine may not run the virtual bus at all. It answers within 1 ms if it runs.
+# Longest wait of a client for an answer. The defaults of two of them, 34 and 50 ms, are enough for
+# the virtual bus, which answers within 1 ms. A busy machine may not run it, or the client, so long.
 ANSWER = 0.5  # [s]
 
 
