@@ -106,7 +106,7 @@ def test_a_robot_that_is_not_one_leaves_the_rest(open_page: Open, page_server: S
 
     def prepare(tab: Tab) -> None:
         tab.route("**/api/meshes/*", lambda route: route.fulfill(body=header + bytes(60)))
-        tab.route("**/api/robot", spoil)
+        tab.route("**/robot", spoil)
 
     tab = open_page(prepare=prepare, webgl=True)
     tab.locator("#arm canvas").wait_for()
