@@ -92,6 +92,7 @@ def test_who_runs_a_task_sees_it(open_page: Open, page_server: Served) -> None:
     shows(tab, "#shown", "^task 11 nothing, recorded$")
     tab.click(f"{task('10 wait')} summary")
     tab.click(f"{task('10 wait')} button:text-is('Run')")
+    expect(tab, "#goal-state").to_have_role("status")  # a screen reader says it
     expect(tab, "#shown").to_have_text("")
     shows(tab, "#running", "^wait$")
     shows(tab, "#runs .run", "^task 10 wait.*running")
