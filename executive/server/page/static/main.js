@@ -274,6 +274,7 @@ async function deleteRecording(name) {
   if (!recording) return;
   try {
     await runs.delete(recording);
+    if (location.hash.includes(name)) history.replaceState(null, "", location.pathname);
     shown.follow();
   } catch (error) {
     player.say(error);

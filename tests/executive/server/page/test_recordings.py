@@ -323,6 +323,7 @@ def test_what_is_done_with_a_recording(open_page: Open, page_server: Served) -> 
     expect(tab, "#runs-note button").to_be_focused()
     tab.locator("#player").wait_for(state="hidden")
     assert not (folder / name).exists()
+    assert name not in tab.url  # which the next stream would open
     is_accessible(tab)
     tab.keyboard.press("Enter")
     shows(tab, "#runs-note", "^Restored task 0 home")
